@@ -1,0 +1,1 @@
+"""A Gymnasium environment for tracking people from a moving robot camera, with exact truth."""

@@ -1,0 +1,91 @@
+"""The one tree of errors, and how an error helps.
+
+Every message says what was given, what is allowed, and the nearest valid name. The command line prints the
+message in one line and leaves with exit code 2; it never shows a traceback for a wrong input.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+
+class PftrackError(Exception):
+    """Base of every error that a user's input can cause."""
+
+
+class UnknownNameError(PftrackError):
+    """A name that is not in a registry (scenario, tracker, controller, axis)."""
+
+    def __init__(self, kind: str, given: object, allowed: Iterable[str]) -> None:
+        names = sorted(allowed)
+        listed = ", ".join(names) if names else "none"
+        super().__init__(f"unknown {kind} {given!r}{did_you_mean(str(given), names)} (known: {listed})")
+        self.kind = kind
+        self.given = given
+        self.allowed = names
+
+    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, object, list[str]]]:
+        # Errors cross process boundaries in vector environments: rebuild from the constructor's arguments.
+        return (type(self), (self.kind, self.given, self.allowed))
+
+
+class BoxError(PftrackError, ValueError):
+    """A box that is no box: NaN, infinite, negative size, or not four numbers."""
+
+
+class ImageError(PftrackError, ValueError):
+    """An image that is not `(H, W, 3)` uint8, or that changed its size within a sequence."""
+
+
+class ParameterError(PftrackError, ValueError):
+    """A parameter outside what it may be."""
+
+
+class CommandError(PftrackError, ValueError):
+    """A robot command that is not four finite numbers."""
+
+
+class ScenarioError(PftrackError):
+    """Everything that is wrong with one scenario, every problem at once.
+
+    Args:
+        source: The scenario's name or path, as the user knows it.
+        problems: One line each: path of the key, value given, what is allowed, nearest valid key.
+    """
+
+    def __init__(self, source: str, problems: Sequence[str]) -> None:
+        count = len(problems)
+        head = f"{source}: {count} problem{'s' if count != 1 else ''} in this scenario"
+        super().__init__("\n".join([head, *(f"  {line}" for line in problems)]))
+        self.source = source
+        self.problems = tuple(problems)
+
+    def __reduce__(self) -> tuple[type[ScenarioError], tuple[str, tuple[str, ...]]]:
+        return (type(self), (self.source, self.problems))
+
+
+class SequenceError(PftrackError):
+    """A recorded sequence that cannot be read: no folder, no images, no truth, counts that differ."""
+
+
+class RunError(PftrackError):
+    """A run folder that cannot be written or read."""
+
+
+class RenderError(PftrackError):
+    """No OpenGL library could draw, with the remedy for each that was tried."""
+
+
+class TrackerError(PftrackError):
+    """A tracker that cannot be made or used as asked."""
+
+
+def did_you_mean(given: str, allowed: Iterable[str]) -> str:
+    """The suggestion to append to a message, or an empty string when no name is near.
+
+    >>> did_you_mean("ko2021", ["ko2012", "stay"])
+    "; did you mean 'ko2012'?"
+    """
+    near = difflib.get_close_matches(given, list(allowed), n=1, cutoff=0.5)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -1,0 +1,108 @@
+"""From pydantic's findings to lines a person can act on: path, value given, what is allowed, nearest key."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any, cast
+
+from pydantic import ValidationError
+
+from pftrack_sim.errors import did_you_mean
+from pftrack_sim.scenario.model import ResolvedScenario
+from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
+
+
+def problems(error: ValidationError, tree: Tree) -> Iterator[str]:
+    """One line for each finding.
+
+    Args:
+        error: What pydantic found in `tree`.
+        tree: The tree that was validated, ranges already replaced.
+    """
+    for found in error.errors(include_url=False):
+        path = _path_in(tree, found["loc"])
+        kind = found["type"]
+        given = found.get("input")
+        context = found.get("ctx", {})
+        if kind == "extra_forbidden":
+            allowed = _allowed_keys(path[:-1], tree)
+            yield (
+                f"{dotted(path)}: unknown key (value {_short(given)}){did_you_mean(str(path[-1]), allowed)} "
+                f"(allowed: {', '.join(allowed)})"
+            )
+        elif kind == "missing":
+            yield f"{dotted(path)}: required key is missing"
+        elif kind == "literal_error":
+            allowed = [word.strip("' ") for word in str(context["expected"]).replace(" or ", ", ").split(", ")]
+            near = did_you_mean(str(given), allowed)
+            yield f"{dotted(path)}: got {_short(given)}{near} (allowed: {', '.join(allowed)})"
+        elif kind == "union_tag_invalid":
+            allowed = [word.strip("' ") for word in str(context["expected_tags"]).split(", ")]
+            tag = context["tag"]
+            yield f"{dotted(path)}.kind: got {tag!r}{did_you_mean(str(tag), allowed)} (allowed: {', '.join(allowed)})"
+        elif kind == "union_tag_not_found":
+            yield f"{dotted(path)}.kind: required key is missing (it says which kind of table this is)"
+        else:
+            message = found["msg"].removeprefix("Value error, ")
+            message = message[:1].lower() + message[1:]
+            yield f"{dotted(path) or 'scenario'}: got {_short(given)}: {message}"
+
+
+def _path_in(tree: object, loc: Sequence[str | int]) -> KeyPath:
+    """The path of keys, without the tags that pydantic puts in for the alternatives of a union."""
+    path: list[str | int] = []
+    node = tree
+    for position, part in enumerate(loc):
+        last = position == len(loc) - 1
+        if isinstance(node, Mapping):
+            table = cast("Mapping[str | int, object]", node)
+            if part in table:
+                node = table[part]
+            elif not last or table.get("kind") == part:
+                continue
+        elif isinstance(node, (list, tuple)) and isinstance(part, int):
+            items = cast("Sequence[object]", node)
+            node = items[part] if part < len(items) else None
+        path.append(part)
+    return tuple(path)
+
+
+@cache
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of a scenario without ranges."""
+    return ResolvedScenario.model_json_schema()
+
+
+def _allowed_keys(path: KeyPath, tree: object) -> list[str]:
+    """Keys that the table at `path` may have; for a union, those of the alternative its `kind` picks."""
+    schema = json_schema()
+    node: Any = schema
+    value: Any = tree
+    for part in path:
+        node = _resolved(node, schema, value)
+        node = node.get("items", {}) if isinstance(part, int) else node.get("properties", {}).get(part, {})
+        value = value[part]
+    return sorted(_resolved(node, schema, value).get("properties", {}))
+
+
+def _resolved(node: Any, schema: dict[str, Any], value: Any) -> Any:
+    while True:
+        if "$ref" in node:
+            node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
+        elif "discriminator" in node:
+            kind = cast("Mapping[str, Any]", value).get("kind") if isinstance(value, Mapping) else None
+            reference = node["discriminator"]["mapping"].get(kind)
+            if reference is None:
+                return {}
+            node = {"$ref": reference}
+        else:
+            return node
+
+
+def _short(value: object) -> str:
+    if isinstance(value, float) and math.isfinite(value):
+        return f"{value:g}"
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,260 @@
+"""What a scenario says once every range has been drawn: concrete numbers, validated, frozen.
+
+The unit of every number is in its key. Angles are degrees here (`_deg`) and radians in code. World frame: z up,
+x forward at the robot's start. These classes are also the JSON Schema that editors complete keys from.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Point: TypeAlias = tuple[float, float]
+"""x, y on the ground [m], world frame."""
+
+Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
+Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
+NotNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
+
+
+class Section(BaseModel):
+    """Base of every table: unknown keys are errors, values never change."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="null")
+
+
+class Place(Section):
+    """Where it happens."""
+
+    kind: Literal["plaza", "corridor", "warehouse", "street"] = Field(description="Which scenery is built.")
+    clutter: Share = Field(default=1.0, description="Share of the place's loose furniture that is put out.")
+
+
+class StillRoute(Section):
+    """The robot stands still."""
+
+    kind: Literal["still"]
+    start_m: Point = Field(default=(0.0, 0.0), description="Where it stands.")
+    heading_deg: float = Field(default=0.0, description="Which way it faces; 0 is +x, counter-clockwise.")
+
+
+class WaypointRoute(Section):
+    """The robot drives through points, then stops."""
+
+    kind: Literal["waypoints"]
+    points_m: Annotated[tuple[Point, ...], Field(min_length=2)] = Field(description="Points to drive through.")
+    speed_m_s: Positive = Field(default=0.8, description="Cruising speed.")
+
+
+class TrailRoute(Section):
+    """The robot drives along the target's own path, keeping a distance behind it."""
+
+    kind: Literal["trail"]
+    distance_m: Positive = Field(default=3.5, description="Distance kept behind the target, along its path.")
+    offset_m: float = Field(default=0.0, description="Sideways offset from the target's path; positive is left.")
+
+
+class BesideRoute(Section):
+    """The robot drives beside the target, parallel to its path, so that the background sweeps past."""
+
+    kind: Literal["beside"]
+    distance_m: Positive = Field(default=3.0, description="Sideways distance from the target's path.")
+    side: Literal["left", "right"] = Field(default="right", description="On which side of the target the robot drives.")
+    lead_m: float = Field(default=0.0, description="How far ahead of the target along its path; negative is behind.")
+
+
+Route: TypeAlias = Annotated[StillRoute | WaypointRoute | TrailRoute | BesideRoute, Field(discriminator="kind")]
+
+
+class Robot(Section):
+    """The differential-drive robot that carries the camera, and its script in open-loop episodes."""
+
+    route: Route
+    gaze: Literal["target", "forward"] = Field(
+        default="target",
+        description="'target': the head turns lazily after the target, as an operator would; 'forward': fixed.",
+    )
+    max_speed_m_s: Positive = Field(default=1.6, description="Fastest forward speed of the drive.")
+    max_turn_deg_s: Positive = Field(default=90.0, description="Fastest turn rate of the drive.")
+    max_pan_deg_s: Positive = Field(default=120.0, description="Fastest pan rate of the head.")
+    max_tilt_deg_s: Positive = Field(default=60.0, description="Fastest tilt rate of the head.")
+
+
+class Camera(Section):
+    """The camera on the robot's mast."""
+
+    width_px: Annotated[int, Field(ge=16, le=4096)] = Field(default=640, description="Image width.")
+    height_px: Annotated[int, Field(ge=16, le=4096)] = Field(default=480, description="Image height.")
+    fovy_deg: Annotated[float, Field(ge=5.0, le=130.0)] = Field(default=50.0, description="Vertical field of view.")
+    rate_hz: Annotated[float, Field(ge=1.0, le=250.0)] = Field(default=30.0, description="Frames per second.")
+    height_m: Annotated[float, Field(ge=0.3, le=3.0)] = Field(default=1.25, description="Height of the optical centre.")
+    mount: Literal["front", "left", "right"] = Field(default="front", description="Which way the camera looks at rest.")
+    tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = Field(
+        default=0.0, description="Tilt at rest; positive looks up."
+    )
+
+
+class Jitter(Section):
+    """Vibration of the camera on its mount, on top of what the drive itself produces.
+
+    Band-limited Gaussian motion: independent roll, pitch, yaw and x, y, z, each with the RMS given.
+    """
+
+    angular_rms_deg: NotNegative = Field(default=0.0, description="RMS of each of roll, pitch and yaw.")
+    translational_rms_mm: NotNegative = Field(default=0.0, description="RMS along each of x, y and z.")
+    band_hz: tuple[Positive, Positive] = Field(default=(1.0, 12.0), description="Lowest and highest frequency.")
+
+    @model_validator(mode="after")
+    def _band_is_ordered(self) -> Jitter:
+        if self.band_hz[0] >= self.band_hz[1]:
+            raise ValueError(f"band_hz must be [low, high] with low < high, got {list(self.band_hz)}")
+        return self
+
+
+class JitterAxis(Jitter):
+    """The stress axis: `severity` times the typical vibration, added to the scenario's own."""
+
+    severity: NotNegative = Field(
+        default=0.0, description="0: the base scenario to the bit; 1: typical; 2: twice that."
+    )
+    angular_rms_deg: NotNegative = Field(default=0.35, description="RMS of each of roll, pitch and yaw at severity 1.")
+    translational_rms_mm: NotNegative = Field(default=4.0, description="RMS along each of x, y and z at severity 1.")
+
+
+class Axes(Section):
+    """Stress axes. Severity 0 leaves the scenario as it is."""
+
+    jitter: JitterAxis = JitterAxis()
+
+
+class Sensor(Section):
+    """From the light in the image plane to numbers."""
+
+    psf_sigma_px: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
+        default=0.5,
+        description="Blur of the lens: standard deviation of its point-spread function; 0 is a perfect lens.",
+    )
+    multisamples: Literal[0, 2, 4, 8] = Field(
+        default=0, description="Anti-aliasing samples per pixel of the colour image."
+    )
+
+
+class LightStep(Section):
+    """A sudden change."""
+
+    kind: Literal["step"]
+    at_s: NotNegative = Field(description="When.")
+    ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(description="Change of the light in stops; -1 halves it.")
+    lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change.")
+
+
+class LightRamp(Section):
+    """A gradual change."""
+
+    kind: Literal["ramp"]
+    from_s: NotNegative = Field(description="When it begins.")
+    to_s: NotNegative = Field(description="When it is complete.")
+    ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(description="Change of the light in stops; -1 halves it.")
+    lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change.")
+
+    @model_validator(mode="after")
+    def _ends_after_it_begins(self) -> LightRamp:
+        if self.from_s >= self.to_s:
+            raise ValueError(f"to_s must be later than from_s, got from_s={self.from_s:g}, to_s={self.to_s:g}")
+        return self
+
+
+LightChange: TypeAlias = Annotated[LightStep | LightRamp, Field(discriminator="kind")]
+
+
+class Lights(Section):
+    """Sun, sky and lamps of the place, and how they change."""
+
+    shadows: bool = Field(default=True, description="Whether the main light casts shadows.")
+    ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(default=0.0, description="All light, in stops; -1 halves it.")
+    sun_azimuth_deg: float = Field(default=40.0, description="Where the sun stands; 0 is +x, counter-clockwise.")
+    sun_elevation_deg: Annotated[float, Field(ge=5.0, le=90.0)] = Field(default=48.0, description="Height of the sun.")
+    schedule: tuple[LightChange, ...] = Field(default=(), description="Changes over time; their stops add up.")
+
+
+class Target(Section):
+    """The person to track."""
+
+    path_m: Annotated[tuple[Point, ...], Field(min_length=2)] = Field(
+        description="Points the target walks through; corners are rounded. It stops at the last one."
+    )
+    speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=1.25, description="Walking speed.")
+    height_m: Annotated[float, Field(ge=1.4, le=2.1)] = Field(default=1.74, description="Body height.")
+
+
+class Distractors(Section):
+    """Other people who walk about."""
+
+    count: Annotated[int, Field(ge=0, le=12)] = Field(default=3, description="How many.")
+    similarity: Share = Field(
+        default=0.2, description="Likeness of their clothes to the target's; 1 is the same clothes."
+    )
+    speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=1.2, description="Mean walking speed.")
+
+
+class Occluder(Section):
+    """Something that comes between the camera and the target, when asked and for as long as asked.
+
+    The target's centre line is behind it from `at_s` to `at_s + duration_s`.
+    """
+
+    kind: Literal["pillar", "wall", "boxes", "walker"] = Field(
+        description="'pillar': full height; 'wall': low, covers the legs upwards; 'boxes': a stack; 'walker': a person."
+    )
+    at_s: NotNegative = Field(description="When the target's centre line goes behind it.")
+    duration_s: Positive = Field(default=1.0, description="How long the centre line stays behind it.")
+    share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        default=1.0, description="Share of the target's height that a wall or boxes cover."
+    )
+    depth: Annotated[float, Field(ge=0.2, le=0.9)] = Field(
+        default=0.6, description="Where it stands on the line from the camera (0) to the target (1)."
+    )
+    similarity: Share = Field(default=0.0, description="Likeness of a walker's clothes to the target's.")
+
+
+class Follow(Section):
+    """What following well means in `Follow-v0`."""
+
+    distance_m: Positive = Field(default=3.0, description="Wanted distance to the target.")
+    distance_limit_m: Positive = Field(default=3.0, description="Error of distance at which the reward reaches 0.")
+    bearing_limit_deg: Annotated[float, Field(gt=0.0, le=180.0)] = Field(
+        default=45.0, description="Error of bearing at which the reward reaches 0."
+    )
+    lost_after_s: Positive = Field(
+        default=3.0, description="The episode ends when the target is out of view this long."
+    )
+
+
+class ResolvedScenario(Section):
+    """One episode's scenario: every range drawn.
+
+    `Scenario.resolve(seed)` makes it.
+    """
+
+    version: Annotated[int, Field(ge=1)] = Field(
+        default=1, description="Raised when frames or truth of the scenario change."
+    )
+    title: str = Field(description="One line for lists.")
+    duration_s: Positive = Field(default=12.0, description="Length of an episode.")
+    place: Place
+    robot: Robot
+    camera: Camera = Camera()
+    sensor: Sensor = Sensor()
+    jitter: Jitter = Jitter()
+    axes: Axes = Axes()
+    lights: Lights = Lights()
+    target: Target
+    distractors: Distractors = Distractors()
+    occluders: tuple[Occluder, ...] = Field(default=(), description="Occlusions to happen, each at its time.")
+    follow: Follow = Follow()
+
+    @property
+    def frame_count(self) -> int:
+        """Frames in one episode, at least 2: one to be shown the target, one to find it in."""
+        return max(2, round(self.duration_s * self.camera.rate_hz))

@@ -1,0 +1,88 @@
+"""Ranges in a scenario: any value may be drawn per seed instead of written down.
+
+    speed_m_s = {uniform = [1.1, 1.4]}      a real number between the two
+    count     = {integer = [2, 5]}          a whole number, both ends included
+    side      = {choice = ["left", "right"]}
+
+Each draw has a stream of its own, named after its key: adding a range changes no other draw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeAlias, cast
+
+from pftrack_sim.streams import stream
+
+Tree: TypeAlias = dict[str, Any]
+KeyPath: TypeAlias = tuple[str | int, ...]
+
+KINDS = ("uniform", "integer", "choice")
+
+
+def dotted(path: KeyPath) -> str:
+    """`("occluders", 0, "at_s")` as `occluders.0.at_s`."""
+    return ".".join(str(part) for part in path)
+
+
+def is_range(value: object) -> bool:
+    """Whether a value of a tree is a range."""
+    if not isinstance(value, Mapping):
+        return False
+    table = cast("Mapping[str, object]", value)
+    return len(table) == 1 and next(iter(table)) in KINDS
+
+
+def draw(value: Mapping[str, Any], seed: int, path: KeyPath) -> object:
+    """One value of a well-formed range, from the stream of its key."""
+    kind, given = next(iter(value.items()))
+    given = cast("list[Any]", given)
+    rng = stream(seed, "scenario", dotted(path))
+    if kind == "uniform":
+        return rng.uniform(float(given[0]), float(given[1]))
+    if kind == "integer":
+        return int(rng.integers(int(given[0]), int(given[1]), endpoint=True))
+    return given[int(rng.integers(len(given)))]
+
+
+def problem(value: Mapping[str, Any]) -> str | None:
+    """What is wrong with how a range is written, or None."""
+    kind, given = next(iter(value.items()))
+    if not isinstance(given, Sequence) or isinstance(given, str) or len(cast("Sequence[object]", given)) == 0:
+        return f"{kind} needs a list, got {given!r}"
+    items = cast("Sequence[object]", given)
+    if kind == "choice":
+        return None
+    wanted = (int,) if kind == "integer" else (int, float)
+    if len(items) != 2 or not all(isinstance(item, wanted) and not isinstance(item, bool) for item in items):
+        noun = "whole numbers" if kind == "integer" else "numbers"
+        return f"{kind} needs [low, high], two {noun}, got {list(items)!r}"
+    low, high = cast("tuple[float, float]", tuple(items))
+    if not low <= high:
+        return f"{kind} needs low <= high, got {list(items)!r}"
+    return None
+
+
+def walk(tree: object, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Mapping[str, Any]]]:
+    """Every range in a tree with the path of its key."""
+    if is_range(tree):
+        yield path, cast("Mapping[str, Any]", tree)
+    elif isinstance(tree, Mapping):
+        for key, value in cast("Mapping[str, object]", tree).items():
+            yield from walk(value, (*path, key))
+    elif isinstance(tree, (list, tuple)):
+        for index, value in enumerate(cast("Sequence[object]", tree)):
+            yield from walk(value, (*path, index))
+
+
+def replaced(tree: object, values: Mapping[KeyPath, object], path: KeyPath = ()) -> Any:
+    """A copy of a tree with the values at some paths replaced."""
+    if path in values:
+        return values[path]
+    if isinstance(tree, Mapping):
+        table = cast("Mapping[str, object]", tree)
+        return {key: replaced(value, values, (*path, key)) for key, value in table.items()}
+    if isinstance(tree, (list, tuple)):
+        items = cast("Sequence[object]", tree)
+        return [replaced(value, values, (*path, index)) for index, value in enumerate(items)]
+    return tree
