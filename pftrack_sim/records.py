@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -93,6 +93,21 @@ class Truth:
         }
         for key, shape in shapes.items():
             object.__setattr__(self, key, frozen_array(getattr(self, key), shape))
+
+    def __eq__(self, other: object) -> bool:
+        """Same numbers everywhere, NaN equal to NaN: what two runs of one seed must give."""
+        if not isinstance(other, Truth):
+            return NotImplemented
+        pairs = ((getattr(self, one.name), getattr(other, one.name)) for one in fields(self))
+        return all(
+            np.array_equal(mine, theirs, equal_nan=isinstance(mine, (float, np.ndarray))) for mine, theirs in pairs
+        )
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def __reduce__(self) -> tuple[type[Truth], tuple[Any, ...]]:
+        # Through the constructor, so that arrays are read-only on the other side of a process boundary too.
+        return Truth, tuple(getattr(self, one.name) for one in fields(self))
 
     @property
     def scored(self) -> bool:

@@ -1,0 +1,62 @@
+"""A recorded sequence: images read when asked for, boxes known from the start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.errors import SequenceError
+from pftrack_sim.records import Image, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedSequence:
+    """Images in a folder with a box for each.
+
+    Attributes:
+        name: Name of the folder.
+        paths: `N` image files in order.
+        truth: `(N, 4)` boxes x, y, w, h [px], read-only; NaN rows where there is no truth. The first row has one.
+    """
+
+    name: str
+    paths: tuple[Path, ...]
+    truth: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "truth", frozen_array(self.truth, (len(self.paths), 4)))
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def image(self, index: int) -> Image:
+        """Read one image.
+
+        Args:
+            index: From 0 to N - 1.
+
+        Returns:
+            `(H, W, 3)` uint8 RGB.
+
+        Raises:
+            IndexError: There is no such frame.
+            SequenceError: The file cannot be read as an image.
+        """
+        if not 0 <= index < len(self):
+            raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
+        path = self.paths[index]
+        try:
+            data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+        except OSError as error:
+            raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
+        try:
+            bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+        except cv2.error:
+            bgr = None
+        if bgr is None:
+            raise SequenceError(f"{path}: is not an image, or it is damaged")
+        return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)  # pyright: ignore[reportReturnType]

@@ -1,0 +1,174 @@
+"""Sequences in OTB layout: right ones in every spelling, wrong ones with one clear line."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim.errors import SequenceError
+from pftrack_sim.formats import read_sequence
+
+BOXES = ["1,1,10,20", "3,4,10.5,20", "5,6,11,21"]
+
+
+def write(folder: Path, lines: list[str] | str | None = None, *, first: int = 1, count: int = 3) -> Path:
+    (folder / "img").mkdir(parents=True)
+    for index in range(count):
+        image = np.zeros((24, 32, 3), np.uint8)
+        image[:, :, 2] = 50 * (index + 1)  # OpenCV writes BGR: this is red
+        cv2.imwrite(str(folder / f"img/{index + first:04d}.png"), image)
+    text = "\n".join(lines) + "\n" if isinstance(lines, list) else lines
+    (folder / "groundtruth_rect.txt").write_text("\n".join(BOXES) + "\n" if text is None else text)
+    return folder
+
+
+def test_boxes_are_moved_to_our_convention(tmp_path: Path):
+    sequence = read_sequence(write(tmp_path / "walk"))
+    assert sequence.name == "walk"
+    assert len(sequence) == 3
+    assert sequence.truth.tolist() == [[0, 0, 10, 20], [2, 3, 10.5, 20], [4, 5, 11, 21]]
+    assert not sequence.truth.flags.writeable
+
+
+def test_images_are_read_when_asked_for_as_rgb(tmp_path: Path):
+    sequence = read_sequence(str(write(tmp_path / "walk")))
+    (tmp_path / "walk/img/0002.png").unlink()
+    image = sequence.image(2)
+    assert image.shape == (24, 32, 3)
+    assert image.dtype == np.uint8
+    assert (image == [150, 0, 0]).all()
+    with pytest.raises(SequenceError, match=r"0002\.png: cannot be read"):
+        sequence.image(1)
+
+
+@pytest.mark.parametrize("index", [-1, 3])
+def test_there_is_no_such_frame(tmp_path: Path, index: int):
+    with pytest.raises(IndexError, match="frames 0 to 2"):
+        read_sequence(write(tmp_path / "walk")).image(index)
+
+
+@pytest.mark.parametrize("separator", [",", "\t", " ", ", ", "  ", " ,\t"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n", ""])
+def test_every_separator_is_read(tmp_path: Path, separator: str, ending: str):
+    folder = write(tmp_path / "walk", "")
+    lines = [separator.join(line.split(",")) for line in BOXES]
+    (folder / "groundtruth_rect.txt").write_bytes(((ending or "\n").join(lines) + ending).encode())
+    assert read_sequence(folder).truth.tolist()[1] == [2, 3, 10.5, 20]
+
+
+def test_a_byte_order_mark_and_blank_lines_at_the_end_do_no_harm(tmp_path: Path):
+    folder = write(tmp_path / "walk", "")
+    (folder / "groundtruth_rect.txt").write_bytes(b"\xef\xbb\xbf" + "\n".join(BOXES).encode() + b"\n\n  \n")
+    assert len(read_sequence(folder)) == 3
+
+
+@pytest.mark.parametrize("none", ["NaN,NaN,NaN,NaN", "nan nan nan nan", "0,0,0,0", "5,5,-3,4", "5,5,3,0", "1,2,NaN,4"])
+def test_no_truth_becomes_nan(tmp_path: Path, none: str):
+    truth = read_sequence(write(tmp_path / "walk", [BOXES[0], none, BOXES[2]])).truth
+    assert np.isnan(truth[1]).all()
+    assert np.isfinite(truth[[0, 2]]).all()
+
+
+def test_the_sequence_starts_at_the_first_frame_with_truth(tmp_path: Path):
+    sequence = read_sequence(write(tmp_path / "walk", ["NaN,NaN,NaN,NaN", *BOXES[1:]]))
+    assert len(sequence) == 2
+    assert sequence.paths[0].name == "0002.png"
+    assert sequence.truth[0].tolist() == [2, 3, 10.5, 20]
+    assert sequence.image(0)[0, 0, 0] == 100
+
+
+def test_numbers_may_start_anywhere_and_are_sorted_as_numbers(tmp_path: Path):
+    folder = write(tmp_path / "walk", first=9999)
+    assert [path.name for path in read_sequence(folder).paths] == ["9999.png", "10000.png", "10001.png"]
+
+
+def test_other_files_beside_the_images_do_no_harm(tmp_path: Path):
+    folder = write(tmp_path / "walk")
+    for name in (".DS_Store", "._0001.png", "Thumbs.db", "notes.txt"):
+        (folder / "img" / name).write_text("")
+    assert len(read_sequence(folder)) == 3
+
+
+def gone(folder: Path) -> None:
+    for path in sorted(folder.rglob("*"), reverse=True):
+        path.rmdir() if path.is_dir() else path.unlink()
+    folder.rmdir()
+
+
+def empty(folder: Path) -> None:
+    gone(folder)
+    folder.mkdir()
+
+
+def a_file(folder: Path) -> None:
+    gone(folder)
+    folder.write_text("")
+
+
+def no_images(folder: Path) -> None:
+    for path in (folder / "img").iterdir():
+        path.unlink()
+
+
+def no_image_folder(folder: Path) -> None:
+    no_images(folder)
+    (folder / "img").rmdir()
+
+
+def truth(text: str | bytes) -> Callable[[Path], None]:
+    raw = text.encode() if isinstance(text, str) else text
+    return lambda folder: (folder / "groundtruth_rect.txt").write_bytes(raw) and None
+
+
+def rename(old: str, new: str) -> Callable[[Path], None]:
+    return lambda folder: (folder / old).rename(folder / new) and None
+
+
+BROKEN: dict[str, tuple[Callable[[Path], object], str]] = {
+    "no folder": (gone, "walk: no such folder"),
+    "a file": (a_file, "walk: is not a folder"),
+    "an empty folder": (empty, "walk: no layout of a sequence that is known here (otb: a folder img/ of numbered"),
+    "no images": (no_images, "img: no images"),
+    "no image folder": (no_image_folder, "img: no such folder"),
+    "no truth": (rename("groundtruth_rect.txt", "gt.txt"), "groundtruth_rect.txt: no such file"),
+    "empty truth": (truth(""), "groundtruth_rect.txt: is empty"),
+    "blank truth": (truth("\n \n"), "groundtruth_rect.txt: is empty"),
+    "binary truth": (truth(b"\xff\xfe\x00\x01"), "groundtruth_rect.txt: is not a text file"),
+    "words": (
+        truth("1,1,5,5\n1,2,3,four\n1,1,5,5\n"),
+        "groundtruth_rect.txt, line 2: expected four numbers x, y, w, h",
+    ),
+    "three numbers": (truth("1,1,5,5\n1,1,5,5\n1,2,3\n"), "line 3: expected four numbers"),
+    "five numbers": (truth("1,1,5,5,9\n1,1,5,5\n1,1,5,5\n"), "line 1: expected four numbers"),
+    "a blank line between": (truth("1,1,5,5\n\n1,1,5,5\n"), "line 2: expected four numbers"),
+    "infinite": (truth("1,1,5,5\n1,1,inf,5\n1,1,5,5\n"), "line 2: expected finite numbers"),
+    "no box anywhere": (truth("NaN,NaN,NaN,NaN\n" * 3), "groundtruth_rect.txt: no frame has a box"),
+    "fewer boxes": (truth("1,1,5,5\n" * 2), "walk: 3 images in img/ but 2 boxes in groundtruth_rect.txt"),
+    "more boxes": (truth("1,1,5,5\n" * 4), "walk: 3 images in img/ but 4 boxes in groundtruth_rect.txt"),
+    "a number missing": (rename("img/0002.png", "img/0004.png"), "image 2 is missing between 0001.png and 0003.png"),
+    "a number twice": (rename("img/0003.png", "img/2.png"), "0002.png and 2.png have the same number"),
+    "no number": (rename("img/0002.png", "img/two.png"), "two.png: an image's name must be its number"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_sequence_gives_one_clear_line(tmp_path: Path, case: str):
+    folder = write(tmp_path / "walk")
+    harm, words = BROKEN[case]
+    harm(folder)
+    with pytest.raises(SequenceError, match=re.escape(words)) as caught:
+        read_sequence(folder)
+    assert str(folder) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("data", [b"", b"no image", b"\x89PNG\r\n\x1a\n"])
+def test_a_damaged_image_is_named(tmp_path: Path, data: bytes):
+    folder = write(tmp_path / "walk")
+    (folder / "img/0002.png").write_bytes(data)
+    sequence = read_sequence(folder)
+    with pytest.raises(SequenceError, match=r"0002\.png: is not an image"):
+        sequence.image(1)

@@ -1,0 +1,89 @@
+"""Scores by hand."""
+
+import dataclasses
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+from pftrack_sim import score
+from pftrack_sim.errors import ParameterError
+
+NAN = [math.nan] * 4
+TRUTH = np.array([[0, 0, 10, 10], [0, 0, 10, 10], [0, 0, 10, 10], NAN, [0, 0, 10, 10], [0, 0, 10, 10]])
+SAID = np.array([[0, 0, 10, 10], [5, 0, 10, 10], [0, 0, 10, 5], [0, 0, 10, 10], NAN, [100, 0, 10, 10]])
+SCORED = np.array([True, True, True, False, True, True])
+MS = [100.0, 1, 2, 3, 4, 5]
+
+
+def test_overlaps_by_hand():
+    assert np.allclose(score.overlaps(SAID, TRUTH), [1, 1 / 3, 1 / 2, 0, 0, 0], rtol=0, atol=1e-12)
+
+
+def test_no_overlap_is_above_one():
+    box = [[55.57339453, 55.57339453, 1.0, 200.47253705]]
+    assert score.overlaps(box, box).tolist() == [1.0]
+
+
+def test_centre_errors_by_hand():
+    assert np.array_equal(score.centre_errors(SAID, TRUTH), [0, 5, 2.5, math.nan, math.inf, 100], equal_nan=True)
+
+
+def test_summary_by_hand():
+    overlap, error = score.overlaps(SAID, TRUTH), score.centre_errors(SAID, TRUTH)
+    summary = score.summarise(overlap, error, SCORED, MS)
+    assert summary.frames == 4
+    assert summary.mean_overlap == pytest.approx((1 / 3 + 1 / 2) / 4)
+    assert summary.success == 0.25  # an overlap of exactly 0.5 counts
+    assert summary.precision == 0.5
+    assert summary.centre_error_median_px == pytest.approx((5 + 100) / 2)
+    assert summary.ms_median == 3
+    assert summary.as_dict() == dataclasses.asdict(summary)
+
+
+def test_the_given_box_does_not_count_even_when_it_comes_late():
+    scored = np.array([False, False, True, True])
+    summary = score.summarise([0.0, 0.0, 1.0, 0.4], [9.0, 9, 0, 30], scored, [1.0, 1, 50, 7])
+    assert (summary.frames, summary.mean_overlap, summary.precision, summary.ms_median) == (1, 0.4, 0.0, 7.0)
+
+
+@pytest.mark.parametrize("scored", [[], [True], [False, False]])
+def test_nothing_scored_is_nan_without_a_warning(scored: list[bool]):
+    values = np.ones(len(scored))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        summary = score.summarise(values, values, np.array(scored, dtype=bool), values)
+    assert summary.frames == 0
+    assert all(math.isnan(value) for key, value in summary.as_dict().items() if key != "frames")
+
+
+def test_edges_of_the_thresholds():
+    assert score.success_rate([0.5, 0.4999, 1.0, 0.0]) == 0.5
+    assert score.success_rate([0.5, 0.7], threshold=0.7) == 0.5
+    assert score.precision([20.0, 20.001, 0.0, math.nan, math.inf]) == 0.4
+    assert math.isnan(score.success_rate([]))
+    assert math.isnan(score.precision([]))
+
+
+def test_arguments_are_not_edited():
+    truth, said, scored = TRUTH.copy(), SAID.copy(), SCORED.copy()
+    overlap, error = score.overlaps(said, truth), score.centre_errors(said, truth)
+    score.summarise(overlap, error, scored, MS)
+    assert np.array_equal(truth, TRUTH, equal_nan=True)
+    assert np.array_equal(said, SAID, equal_nan=True)
+    assert np.array_equal(scored, SCORED)
+
+
+def test_no_frames_at_all():
+    none = np.empty((0, 4))
+    assert score.overlaps(none, none).shape == score.centre_errors(none, none).shape == (0,)
+
+
+def test_shapes_that_do_not_fit_are_refused():
+    with pytest.raises(ParameterError, match=r"\(2, 4\) and \(3, 4\)"):
+        score.overlaps(np.zeros((2, 4)), np.zeros((3, 4)))
+    with pytest.raises(ParameterError, match="shape"):
+        score.centre_errors(np.zeros(4), np.zeros(4))
+    with pytest.raises(ParameterError, match="one number per frame"):
+        score.summarise([1.0], [1.0, 2.0], [True], [1.0])
