@@ -1,0 +1,38 @@
+"""Colour as code images: each channel's value divided into bins."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+HUE_COUNT = 180  # OpenCV's 8-bit hue is in steps of two degrees
+
+
+def rgb_codes(image: NDArray[np.uint8], bin_count: int) -> NDArray[np.uint8]:
+    """`(H, W, 3)` bins of red, green and blue.
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB.
+        bin_count: Bins per channel, at most 256.
+    """
+    return cv2.LUT(image, _table(256, bin_count))  # pyright: ignore[reportReturnType]
+
+
+def hsv_codes(image: NDArray[np.uint8], bin_count: int) -> NDArray[np.uint8]:
+    """`(H, W, 3)` bins of hue, saturation and value (Ko et al. 2012, section 2.1).
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB.
+        bin_count: Bins per channel, at most 256; hue's 180 steps are spread over all of them.
+    """
+    hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV)
+    channels = [_table(HUE_COUNT, bin_count), _table(256, bin_count), _table(256, bin_count)]
+    tables = np.stack(channels, axis=-1)[None]  # OpenCV takes a row of 256 three-channel pixels
+    return cv2.LUT(hsv, tables)  # pyright: ignore[reportReturnType]
+
+
+def _table(value_count: int, bin_count: int) -> NDArray[np.uint8]:
+    """`(256,)` bin of each value."""
+    values = np.minimum(np.arange(256), value_count - 1)
+    return (values * bin_count // value_count).astype(np.uint8)

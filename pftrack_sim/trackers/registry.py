@@ -1,0 +1,145 @@
+"""Trackers by name: ours, those of installed packages, and any `package.module:factory`.
+
+A factory is called as `factory(seed=..., preset=..., **params)` and returns a `records.Tracker`. Installed packages
+announce theirs in the entry-point group `pftrack_sim.trackers`; a name of ours cannot be taken.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from pftrack_sim.errors import ParameterError, PftrackError, TrackerError, UnknownNameError, did_you_mean
+from pftrack_sim.records import Tracker
+
+GROUP = "pftrack_sim.trackers"
+PRESETS = ("default", "paper")
+"""`paper`: the printed values and nothing else; `default`: the best values found since."""
+
+
+@dataclass(frozen=True)
+class _Known:
+    factory: str  # imported when it is made, not before: numba alone would double the time to import this package
+    description: str
+
+
+_OURS = {
+    "ko2012": _Known(
+        "pftrack_sim.trackers.ko2012:make", "Ko, Nam & Kwak 2012: particle filter on HSV colour and CS-LBP texture"
+    ),
+    "opencv-mil": _Known("pftrack_sim.trackers.opencv:make_mil", "OpenCV's TrackerMIL: multiple-instance learning"),
+    "oracle": _Known("pftrack_sim.trackers.yardsticks:make_oracle", "told the truth, says the truth"),
+    "stay": _Known("pftrack_sim.trackers.yardsticks:make_stay", "the first box for ever"),
+}
+
+
+def names() -> list[str]:
+    """Every name `make` knows, sorted: ours and those of installed packages."""
+    return sorted({*_OURS, *_installed()})
+
+
+def describe(name: str) -> str:
+    """What a tracker is, in one line.
+
+    Args:
+        name: One of `names()`.
+
+    Raises:
+        UnknownNameError: No such tracker.
+    """
+    if name in _OURS:
+        return _OURS[name].description
+    installed = _installed()
+    if name not in installed:
+        raise UnknownNameError("tracker", name, names())
+    return f"installed tracker {installed[name].value}"
+
+
+def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) -> Tracker:
+    """Make a tracker.
+
+    Args:
+        name: One of `names()`, or `package.module:factory`.
+        seed: Root seed, >= 0. The tracker draws from its stream `"tracker"` only.
+        preset: `"default"` or `"paper"`; trackers that have only one set of values take both.
+        params: Parameters of the tracker.
+
+    Raises:
+        UnknownNameError: No such tracker.
+        ParameterError: An unknown preset or parameter, or a value that is not allowed.
+        TrackerError: A third party's factory that cannot be loaded, fails, or makes something else.
+    """
+    try:
+        root = operator.index(seed)
+    except TypeError:
+        raise ParameterError(f"seed must be a whole number >= 0, got {seed!r}") from None
+    if root < 0:
+        raise ParameterError(f"seed must be a whole number >= 0, got {seed!r}")
+    if name in _OURS:
+        return _load(name, _OURS[name].factory)(seed=root, preset=preset, **params)
+    installed = _installed()
+    if name in installed:
+        spelled = installed[name].value
+    elif ":" in name:
+        spelled = name
+    else:
+        raise UnknownNameError("tracker", name, names())
+    return _call(name, _load(name, spelled), root, preset, params)
+
+
+def _installed() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=GROUP) if point.name not in _OURS}
+
+
+def _load(name: str, spelled: str) -> Callable[..., Any]:
+    """The factory behind `package.module:factory`."""
+    module_name, _, attribute = spelled.partition(":")
+    module_name, attribute = module_name.strip(), attribute.partition("[")[0].strip()
+    if not module_name or not attribute:
+        raise TrackerError(f"tracker {name!r} cannot be loaded: expected package.module:factory")
+    try:
+        found: Any = importlib.import_module(module_name)
+    except Exception as error:
+        raise TrackerError(f"tracker {name!r} cannot be loaded: {type(error).__name__}: {error}") from error
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            near = did_you_mean(part, [one for one in dir(found) if not one.startswith("_")])
+            raise TrackerError(f"tracker {name!r} cannot be loaded: {module_name} has no {attribute!r}{near}")
+        found = getattr(found, part)
+    if not callable(found):
+        raise TrackerError(f"tracker {name!r} cannot be loaded: {spelled} is no factory, it cannot be called")
+    return found
+
+
+def _call(name: str, factory: Callable[..., Any], seed: int, preset: str, params: dict[str, Any]) -> Tracker:
+    """Call a third party's factory, and say what is wrong where something is."""
+    for extra, error_type in (({}, TrackerError), (params, ParameterError)):
+        problem = _refusal(factory, {"seed": seed, "preset": preset, **extra})
+        if problem is not None:
+            raise error_type(f"tracker {name!r}: its factory, called with (seed, preset, **params), says: {problem}")
+    try:
+        made = factory(seed=seed, preset=preset, **params)
+    except PftrackError:
+        raise
+    except Exception as error:
+        raise TrackerError(f"tracker {name!r} could not be made: {type(error).__name__}: {error}") from error
+    if not isinstance(made, Tracker):
+        raise TrackerError(f"tracker {name!r}: its factory made a {type(made).__name__} without init and update")
+    return made
+
+
+def _refusal(factory: Callable[..., Any], arguments: dict[str, Any]) -> str | None:
+    try:
+        signature = inspect.signature(factory)
+    except (TypeError, ValueError):
+        return None  # a compiled factory shows no signature; the call itself will tell
+    try:
+        signature.bind(**arguments)
+    except TypeError as error:
+        return str(error)
+    return None

@@ -1,0 +1,125 @@
+"""The particle filter against what is known exactly."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import stats
+
+from pftrack_sim.trackers.filter import ParticleFilter, RandomWalk, effective_sample_size, systematic
+
+WEIGHTS = np.array([0.02, 0.2, 0.0, 0.31, 0.07, 0.15, 0.25])
+
+
+def test_systematic_resampling_is_unbiased():
+    rng = np.random.default_rng(0)
+    draws = np.array([systematic(WEIGHTS, rng, 1)[0] for _ in range(100_000)])
+    seen = np.bincount(draws, minlength=WEIGHTS.size)
+    assert seen[2] == 0
+    some = WEIGHTS > 0
+    assert stats.chisquare(seen[some], WEIGHTS[some] * draws.size).pvalue > 0.001
+
+
+def test_systematic_resampling_of_many_is_unbiased():
+    rng = np.random.default_rng(1)
+    counts = np.array([np.bincount(systematic(WEIGHTS, rng), minlength=7) for _ in range(15_000)])
+    error = counts.mean(axis=0) - 7 * WEIGHTS
+    assert (np.abs(error) <= 4 * counts.std(axis=0) / np.sqrt(len(counts)) + 1e-12).all()
+
+
+positive = arrays(np.float64, st.integers(1, 40), elements=st.floats(0, 1)).filter(lambda w: w.sum() > 1e-6)
+
+
+@given(positive, st.integers(0, 2**32 - 1), st.integers(1, 60))
+def test_systematic_resampling_is_never_one_away(raw: np.ndarray, seed: int, count: int):
+    weights = raw / raw.sum()
+    chosen = systematic(weights, np.random.default_rng(seed), count)
+    seen = np.bincount(chosen, minlength=weights.size)
+    assert chosen.size == count
+    assert (np.diff(chosen) >= 0).all()
+    assert (np.abs(seen - count * weights) < 1 + 1e-6).all()
+    assert (seen[weights == 0] == 0).all()
+
+
+@given(positive)
+def test_effective_sample_size_lies_between_one_and_all(raw: np.ndarray):
+    size = effective_sample_size(raw / raw.sum())
+    assert 1 - 1e-9 <= size <= raw.size + 1e-9
+
+
+def test_effective_sample_size_by_hand():
+    assert effective_sample_size(np.full(8, 1 / 8)) == pytest.approx(8)
+    assert effective_sample_size(np.eye(5)[2]) == 1
+    assert effective_sample_size(np.array([0.5, 0.5, 0, 0])) == 2
+
+
+def test_random_walk_has_the_noise_it_says():
+    states = np.tile([10.0, 20, 30], (200_000, 1))
+    drawn = RandomWalk((1.0, 0.5, 0.0)).draw(states, np.random.default_rng(0)) - states
+    assert np.allclose(drawn.mean(axis=0), 0, atol=0.01)
+    assert np.allclose(drawn.std(axis=0), [1, 0.5, 0], atol=0.01)
+    assert (states == [10, 20, 30]).all()
+
+
+def test_filter_agrees_with_the_kalman_filter():
+    """x' = x + N(0, q), y = x + N(0, r): mean and variance are known in closed form."""
+    q, r, steps, runs = 0.5, 0.8, 15, 40
+    truth_rng = np.random.default_rng(3)
+    hidden = np.cumsum(truth_rng.normal(0, np.sqrt(q), steps))
+    observed = hidden + truth_rng.normal(0, np.sqrt(r), steps)
+    mean, variance = 0.0, 1.0
+    for y in observed:
+        variance += q
+        gain = variance / (variance + r)
+        mean, variance = mean + gain * (y - mean), (1 - gain) * variance
+    means, variances = np.empty(runs), np.empty(runs)
+    for run in range(runs):
+        rng = np.random.default_rng([11, run])
+        moving = ParticleFilter(rng.standard_normal((4000, 1)), rng)
+        for step, y in enumerate(observed):
+            moving.predict(RandomWalk((float(np.sqrt(q)),)))
+            moving.weigh(-0.5 * (y - moving.states[:, 0]) ** 2 / r)
+            means[run] = moving.mean()[0]
+            variances[run] = moving.weights @ (moving.states[:, 0] - means[run]) ** 2
+            if step % 2:  # weights carried over one step must count as well
+                moving.resample()
+    for found, exact in ((means, mean), (variances, variance)):
+        assert abs(found.mean() - exact) < 3 * found.std(ddof=1) / np.sqrt(runs)
+
+
+def test_weights_survive_likelihoods_too_small_for_a_float():
+    moving = ParticleFilter(np.arange(3.0)[:, None], np.random.default_rng(0))
+    moving.weigh(np.array([-5000.0, -5000 + np.log(3), -np.inf]))
+    assert np.allclose(moving.weights, [0.25, 0.75, 0], atol=1e-12)
+    assert moving.mean()[0] == pytest.approx(0.75)
+    assert moving.effective_sample_size == pytest.approx(1 / (0.25**2 + 0.75**2))
+
+
+def test_all_weigh_the_same_when_nothing_is_likely():
+    moving = ParticleFilter(np.arange(4.0)[:, None], np.random.default_rng(0))
+    moving.weigh(np.full(4, -np.inf))
+    assert moving.weights.tolist() == [0.25] * 4
+    moving.resample()
+    assert moving.states.ravel().tolist() == [0, 1, 2, 3]
+
+
+def test_top_mean_by_hand():
+    moving = ParticleFilter(np.array([[0.0], [10.0], [20.0], [40.0]]), np.random.default_rng(0))
+    moving.weigh(np.log([0.1, 0.4, 0.2, 0.3]))
+    assert moving.mean(1)[0] == 10
+    assert moving.mean(2)[0] == pytest.approx((0.4 * 10 + 0.3 * 40) / 0.7)
+    assert moving.mean()[0] == moving.mean(9)[0] == pytest.approx(0 + 4 + 4 + 12)
+
+
+def test_resampling_and_restarting_forget_the_weights():
+    given_states = np.arange(5.0)[:, None]
+    moving = ParticleFilter(given_states, np.random.default_rng(0))
+    moving.weigh(np.log([1e-9, 1e-9, 1.0, 1e-9, 1e-9]))
+    moving.resample(count=8)
+    assert moving.states.shape == (8, 1)
+    assert moving.states.mean() == pytest.approx(2, abs=0.01)
+    assert np.allclose(moving.weights, 1 / 8, atol=1e-15)
+    moving.restart(np.array([7.0]))
+    assert moving.states.ravel().tolist() == [7.0] * 8
+    assert given_states.ravel().tolist() == [0, 1, 2, 3, 4]

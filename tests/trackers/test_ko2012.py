@@ -1,0 +1,116 @@
+"""The method of Ko et al. 2012: its parts do what the equations say."""
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim import boxes, trackers
+from pftrack_sim.trackers.ko2012 import PAPER
+
+Scene = tuple[list[np.ndarray], np.ndarray]
+
+
+def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> np.ndarray:
+    tracker = trackers.make("ko2012", **given)
+    tracker.init(images[0], box)
+    return np.array([tracker.update(image).box for image in images[1:]])
+
+
+def test_paper_preset_holds_the_printed_values():
+    assert (PAPER.sigma_centre, PAPER.sigma_size, PAPER.sigma_unit, PAPER.alpha) == (1.0, 0.64, "px", 0.4)
+
+
+@pytest.mark.parametrize("preset", trackers.PRESETS)
+@pytest.mark.parametrize("likelihood", ["linear", "exponential"])
+def test_a_moving_target_is_followed(make_scene: Callable[..., Scene], preset: str, likelihood: str):
+    images, truth = make_scene(count=25, step_px=1.0)
+    found = run(images, truth[0], preset=preset, likelihood=likelihood)
+    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.5
+
+
+def test_a_still_target_gives_full_confidence_and_no_noise_no_motion(scene: Scene):
+    images, truth = scene
+    tracker = trackers.make("ko2012", sigma_centre=0, sigma_size=0)
+    tracker.init(images[0], truth[0])
+    estimate = tracker.update(images[0])
+    assert np.allclose(estimate.box, truth[0], rtol=0, atol=1e-9)
+    assert estimate.confidence == pytest.approx(1, abs=1e-9)
+    assert not estimate.occluded
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scene], seed: int):
+    images, truth = make_scene(count=15)
+    doubled = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST) for image in images]
+    # Texture at radius 1 is another one in an image drawn twice as large; colour is the same.
+    small, large = (run(some, box, seed=seed, alpha=0.0) for some, box in ((images, truth[0]), (doubled, 2 * truth[0])))
+    assert np.abs(large - 2 * small).max() <= 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_twice_the_image_with_texture_gives_about_twice_the_estimate(make_scene: Callable[..., Scene], seed: int):
+    images, truth = make_scene(count=15)
+    doubled = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR) for image in images]
+    small, large = run(images, truth[0], seed=seed), run(doubled, 2 * truth[0], seed=seed)
+    assert np.abs(boxes.centre(large.mean(axis=0)) - 2 * boxes.centre(small.mean(axis=0))).max() <= 2
+
+
+def test_a_jump_is_not_believed(make_scene: Callable[..., Scene]):
+    """Eq. 13: too far in one frame, and the previous state is kept and called occluded."""
+    images, truth = make_scene(count=3)
+    tracker = trackers.make("ko2012", hold_distance=1e-6)
+    tracker.init(images[0], truth[0])
+    for image in images[1:]:
+        estimate = tracker.update(image)
+        assert estimate.occluded
+        assert np.allclose(estimate.box, truth[0], rtol=0, atol=1e-12)
+
+
+def test_particles_come_when_asked_for(scene: Scene):
+    images, truth = scene
+    for wanted in (True, False):
+        tracker = trackers.make("ko2012", particles=wanted, particle_count=37)
+        tracker.init(images[0], truth[0])
+        shown = tracker.update(images[1]).particles
+        assert (shown.shape == (37, 4)) if shown is not None else not wanted
+
+
+def test_showing_the_particles_changes_nothing(scene: Scene):
+    images, truth = scene
+    assert np.array_equal(run(images, truth[0], particles=True), run(images, truth[0], particles=False))
+
+
+@pytest.mark.parametrize("redraw", ["weights", "estimate"])
+def test_top_one_is_a_particle(scene: Scene, redraw: str):
+    images, truth = scene
+    tracker = trackers.make("ko2012", top_count=1, particles=True, redraw=redraw)
+    tracker.init(images[0], truth[0])
+    for image in images[1:]:
+        estimate = tracker.update(image)
+        assert estimate.particles is not None
+        assert np.abs(estimate.particles - estimate.box).max(axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize("colour", [0, 255])
+def test_nothing_to_see_is_survived(scene: Scene, colour: int):
+    """A black or white frame matches little or nothing; the tracker goes on and finds the target again."""
+    images, truth = scene
+    tracker = trackers.make("ko2012", likelihood="linear")
+    tracker.init(images[0], truth[0])
+    blank = np.full_like(images[0], colour)
+    estimate = tracker.update(blank)
+    assert estimate.confidence < 0.5
+    assert np.isfinite(tracker.update(images[1]).box).all()
+
+
+def test_the_box_stays_near_the_image_and_never_collapses():
+    rng = np.random.default_rng(0)
+    images = [rng.integers(0, 255, (40, 50, 3), dtype=np.uint8) for _ in range(30)]
+    found = run(images, np.array([1.0, 1, 3, 3]), sigma_centre=5.0, sigma_size=2.0, hold_distance=1000.0)
+    centres = found[:, :2] + 0.5 * found[:, 2:]
+    assert (found[:, 2:] >= 2 - 1e-9).all()
+    assert (centres >= -1e-9).all()
+    assert (centres <= [50 + 1e-9, 40 + 1e-9]).all()

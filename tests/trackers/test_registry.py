@@ -1,0 +1,178 @@
+"""Trackers by name, and what is said when a name or a parameter is wrong."""
+
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pftrack_sim
+from pftrack_sim import trackers
+from pftrack_sim.errors import ParameterError, TrackerError, UnknownNameError
+from pftrack_sim.records import Estimate
+from pftrack_sim.trackers import registry
+
+
+class Mine:
+    """A stranger's tracker."""
+
+    def __init__(self, **given: Any) -> None:
+        self.given = given
+
+    def init(self, image: np.ndarray, box: np.ndarray) -> None:
+        self.box = box
+
+    def update(self, image: np.ndarray) -> Estimate:
+        return Estimate(self.box)
+
+
+def mine(*, seed: int, preset: str, speed: float = 1.0) -> Mine:
+    if preset not in trackers.PRESETS:
+        raise ParameterError("mine: no such preset")
+    return Mine(seed=seed, preset=preset, speed=speed)
+
+
+def breaks(**_: Any) -> Mine:
+    raise RuntimeError("no licence")
+
+
+def wrong_kind(**_: Any) -> str:
+    return "tracker"
+
+
+def no_seed(preset: str) -> Mine:
+    return Mine(preset=preset)
+
+
+NUMBER = 5
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch):
+    def announce(**values: str) -> None:
+        points = [EntryPoint(name, value, registry.GROUP) for name, value in values.items()]
+
+        def found(group: str) -> list[EntryPoint]:
+            assert group == registry.GROUP
+            return points
+
+        monkeypatch.setattr(registry, "entry_points", found)
+
+    return announce
+
+
+def test_names_are_sorted_and_described():
+    assert trackers.names() == sorted(trackers.names())
+    assert {"ko2012", "opencv-mil", "oracle", "stay"} <= set(trackers.names())
+    assert all(trackers.describe(name) and "\n" not in trackers.describe(name) for name in trackers.names())
+
+
+@pytest.mark.parametrize("ask", [trackers.make, trackers.describe])
+def test_an_unknown_name_is_answered_with_the_nearest(ask: Any):
+    with pytest.raises(UnknownNameError, match=r"unknown tracker 'ko2021'; did you mean 'ko2012'\? \(known: .*stay"):
+        ask("ko2021")
+
+
+@pytest.mark.parametrize("name", ["ko2012", "opencv-mil", "oracle", "stay"])
+def test_an_unknown_preset_or_parameter_is_refused(name: str):
+    with pytest.raises(
+        ParameterError, match=r"unknown preset 'papr'; did you mean 'paper'\? \(known: default, paper\)"
+    ):
+        trackers.make(name, preset="papr")
+    with pytest.raises(ParameterError, match="unknown parameter 'particle_cont'"):
+        trackers.make(name, particle_cont=3)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "one", None])
+def test_a_seed_is_a_whole_number(seed: Any):
+    with pytest.raises(ParameterError, match="seed must be a whole number >= 0"):
+        trackers.make("stay", seed=seed)
+
+
+def test_numpy_seeds_are_fine():
+    trackers.make("ko2012", seed=np.int64(3))  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"particle_count": 0}, r"particle_count must be a whole number in \[1, 100000\], got 0"),
+        ({"particle_count": 2.5}, "whole number"),
+        ({"particle_count": True}, "whole number"),
+        ({"alpha": 1.01}, r"alpha must be a number in \[0, 1\], got 1.01"),
+        ({"alpha": float("nan")}, "alpha must be"),
+        ({"sigma_centre": float("inf")}, "sigma_centre must be"),
+        ({"alpha": "much"}, "alpha must be a number"),
+        ({"likelihood": "exponetial"}, "one of 'linear', 'exponential', got 'exponetial'; did you mean 'exponential'"),
+        ({"likelihood": ["linear"]}, "one of"),
+        ({"particles": 1}, "True or False"),
+        ({"aplha": 0.3}, r"unknown parameter 'aplha'; did you mean 'alpha'\?"),
+    ],
+)
+def test_a_parameter_out_of_range_is_refused(given: dict[str, Any], words: str):
+    with pytest.raises(ParameterError, match=words) as caught:
+        trackers.make("ko2012", **given)
+    assert str(caught.value).startswith("ko2012: ")
+
+
+def test_an_installed_tracker_is_found_by_name(installed: Any):
+    installed(theirs=f"{__name__}:mine", stay=f"{__name__}:breaks")
+    assert "theirs" in trackers.names()
+    assert "mine" in trackers.describe("theirs")
+    made = trackers.make("theirs", seed=4, preset="paper", speed=2.0)
+    assert isinstance(made, Mine)
+    assert made.given == {"seed": 4, "preset": "paper", "speed": 2.0}
+    assert not isinstance(trackers.make("stay"), Mine), "a name of ours cannot be taken"
+
+
+def test_a_factory_can_be_spelled_out():
+    made = trackers.make(f"{__name__}:mine", seed=1)
+    assert isinstance(made, Mine)
+    assert made.given == {"seed": 1, "preset": "default", "speed": 1.0}
+    with pytest.raises(ParameterError, match="no such preset"):
+        trackers.make(f"{__name__}:mine", preset="other")
+
+
+@pytest.mark.parametrize(
+    ("spelled", "words"),
+    [
+        ("no_such_package_here:make", "ModuleNotFoundError"),
+        (f"{__name__}:mien", "has no 'mien'; did you mean 'mine'"),
+        (f"{__name__}:NUMBER", "cannot be called"),
+        (f"{__name__}:", "package.module:factory"),
+        (":mine", "package.module:factory"),
+        (f"{__name__}:breaks", "RuntimeError: no licence"),
+        (f"{__name__}:wrong_kind", "made a str without init and update"),
+        (f"{__name__}:no_seed", "unexpected keyword argument 'seed'"),
+    ],
+)
+def test_a_factory_that_does_not_work_is_named(spelled: str, words: str, installed: Any):
+    with pytest.raises(TrackerError, match=words) as caught:
+        trackers.make(spelled)
+    assert repr(spelled) in str(caught.value)
+    installed(theirs=spelled)
+    with pytest.raises(TrackerError, match="'theirs'"):
+        trackers.make("theirs")
+    assert "theirs" in trackers.names(), "a broken one must not hide the others"
+
+
+def test_a_factory_without_the_parameter_is_a_parameter_error():
+    with pytest.raises(ParameterError, match="unexpected keyword argument 'sped'"):
+        trackers.make(f"{__name__}:mine", sped=2)
+
+
+def test_importing_trackers_loads_neither_numba_nor_opencv():
+    # Without the package's own __init__, which registers the environments and so loads more.
+    code = """
+import sys, types
+sys.modules["pftrack_sim"] = package = types.ModuleType("pftrack_sim")
+package.__path__ = [sys.argv[1]]
+from pftrack_sim import trackers
+trackers.names(), trackers.make("stay"), trackers.make("oracle")
+print({"numba", "cv2", "mujoco", "gymnasium"} & {*sys.modules})
+"""
+    command = [sys.executable, "-c", code, pftrack_sim.__path__[0]]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

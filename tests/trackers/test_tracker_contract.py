@@ -1,0 +1,184 @@
+"""What every registered tracker keeps to: bits, independence, forgetting, and clear errors."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import boxes, trackers
+from pftrack_sim.errors import BoxError, ImageError, TrackerError
+from pftrack_sim.records import Estimate, Tracker
+
+NAMES = ["ko2012", "opencv-mil", "oracle", "stay"]
+Scene = tuple[list[np.ndarray], np.ndarray]
+
+
+def follow(tracker: Tracker, images: list[np.ndarray], box: Any) -> list[Estimate]:
+    tracker.init(images[0], np.asarray(box, dtype=np.float64))
+    return [tracker.update(image) for image in images[1:]]
+
+
+def numbers(estimates: list[Estimate]) -> list[tuple[Any, ...]]:
+    return [(one.box.tolist(), one.confidence, one.occluded) for one in estimates]
+
+
+def test_these_are_all_of_ours():
+    assert set(NAMES) <= set(trackers.names())
+    assert all(isinstance(trackers.make(name), Tracker) for name in NAMES)
+
+
+@pytest.mark.parametrize("preset", trackers.PRESETS)
+@pytest.mark.parametrize("name", NAMES)
+def test_same_seed_same_bits(name: str, preset: str, scene: Scene):
+    images, truth = scene
+    first, second = (numbers(follow(trackers.make(name, seed=3, preset=preset), images, truth[0])) for _ in range(2))
+    assert first == second
+
+
+@pytest.mark.parametrize("name", ["ko2012"])
+def test_another_seed_other_draws(name: str, scene: Scene):
+    images, truth = scene
+    assert numbers(follow(trackers.make(name, seed=0), images, truth[0])) != numbers(
+        follow(trackers.make(name, seed=1), images, truth[0])
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_init_forgets_everything(name: str, scene: Scene):
+    images, truth = scene
+    fresh = numbers(follow(trackers.make(name, seed=5), images, truth[0]))
+    used = trackers.make(name, seed=5)
+    follow(used, images[::-1][:6], truth[-1])
+    used.init(np.zeros((50, 70, 3), np.uint8), np.array([5.0, 5, 30, 20]))  # even the size may change at init
+    assert numbers(follow(used, images, truth[0])) == fresh
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("other", NAMES)
+def test_two_trackers_never_touch_each_other(name: str, other: str, scene: Scene):
+    images, truth = scene
+    alone = numbers(follow(trackers.make(name, seed=2), images, truth[0]))
+    subject, noise = trackers.make(name, seed=2), trackers.make(other, seed=9)
+    noise.init(images[3], truth[3])
+    subject.init(images[0], truth[0])
+    together: list[Estimate] = []
+    for index, image in enumerate(images[1:]):
+        if index == 4:
+            noise.init(images[5], truth[5])
+        noise.update(images[index])
+        together.append(subject.update(image))
+    assert numbers(together) == alone
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_image_and_the_box_are_not_edited(name: str, scene: Scene):
+    images, truth = ([np.array(image) for image in scene[0]], scene[1][0].copy())
+    follow(trackers.make(name), images, truth)
+    assert all(np.array_equal(mine, theirs) for mine, theirs in zip(images, scene[0], strict=True))
+    assert np.array_equal(truth, scene[1][0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_any_memory_layout_of_the_image_is_the_same_image(name: str, scene: Scene):
+    images, truth = scene
+    turned = [np.asfortranarray(image) for image in images]
+    assert numbers(follow(trackers.make(name), turned, truth[0])) == numbers(
+        follow(trackers.make(name), images, truth[0])
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "box",
+    [
+        (50, 40, 2, 2),
+        (-10, -10, 30, 40),
+        (110, 80, 30, 40),
+        (-50, -50, 400, 400),
+        (50.3, 40.7, 0.4, 0.4),
+        (0, 0, 120, 90),
+    ],
+)
+def test_odd_boxes_are_fine(name: str, box: tuple[float, ...], scene: Scene):
+    for estimate in follow(trackers.make(name), scene[0], box):
+        assert np.isfinite(estimate.box).all()
+        assert boxes.area(estimate.box) > 0
+        assert 0.0 <= estimate.confidence <= 1.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (np.zeros((90, 120, 3), np.float64), "uint8"),
+        (np.zeros((90, 120), np.uint8), "shape"),
+        (np.zeros((90, 120, 4), np.uint8), "shape"),
+        (np.zeros((1, 90, 120, 3), np.uint8), "shape"),
+        (np.zeros((0, 120, 3), np.uint8), "shape"),
+        ([[1, 2, 3]], "list"),
+        (None, "NoneType"),
+    ],
+)
+def test_what_is_no_image_is_refused(name: str, image: Any, words: str, scene: Scene):
+    images, truth = scene
+    tracker = trackers.make(name)
+    with pytest.raises(ImageError, match=words):
+        tracker.init(image, truth[0])
+    tracker.init(images[0], truth[0])
+    with pytest.raises(ImageError, match=words):
+        tracker.update(image)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_change_of_size_is_refused_and_harms_nothing(name: str, scene: Scene):
+    images, truth = scene
+    expected = numbers(follow(trackers.make(name), images[:2], truth[0]))
+    tracker = trackers.make(name)
+    tracker.init(images[0], truth[0])
+    with pytest.raises(ImageError, match="from 120x90 to 110x90"):
+        tracker.update(images[1][:, :110])
+    assert numbers([tracker.update(images[1])]) == expected
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    ("box", "words"),
+    [
+        ((np.nan, 0, 5, 5), "finite"),
+        ((0, 0, np.inf, 5), "finite"),
+        ((10, 10, 0, 5), "> 0"),
+        ((10, 10, 5, 0), "> 0"),
+        ((10, 10, -5, 5), ">= 0"),
+        ((120, 10, 5, 5), "wholly outside the 120x90 image"),
+        ((10, -20, 5, 20), "wholly outside"),
+        ((1, 2, 3), "shape"),
+        ("four", "four numbers"),
+    ],
+)
+def test_what_is_no_first_box_is_refused(name: str, box: Any, words: str, scene: Scene):
+    with pytest.raises(BoxError, match=words):
+        trackers.make(name).init(scene[0][0], box)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_update_before_init_is_refused(name: str, scene: Scene):
+    with pytest.raises(TrackerError, match="before init"):
+        trackers.make(name).update(scene[0][0])
+    refused = trackers.make(name)
+    with pytest.raises(BoxError):
+        refused.init(scene[0][0], np.zeros(4))
+    with pytest.raises(TrackerError, match="before init"):
+        refused.update(scene[0][0])
+
+
+@pytest.mark.parametrize("name", ["ko2012", "opencv-mil", "oracle"])
+def test_an_easy_target_is_followed(name: str, scene: Scene):
+    images, truth = scene
+    tracker = trackers.make(name)
+    tracker.init(images[0], truth[0])
+    overlaps: list[float] = []
+    for image, box in zip(images[1:], truth[1:], strict=True):
+        if isinstance(tracker, trackers.NeedsTruth):
+            tracker.tell(box)
+        overlaps.append(boxes.iou(tracker.update(image).box, box))
+    assert np.mean(overlaps) > 0.6
