@@ -1,0 +1,59 @@
+"""From the light in the image plane to the numbers of the frame."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from pftrack_sim.records import Image
+from pftrack_sim.scenario import model
+
+
+class Sensor:
+    """Lens and sensor of the camera. It has no state: the same light gives the same numbers.
+
+    Args:
+        cfg: Standard deviation of the lens' point-spread function. (Multisampling happens while drawing.)
+    """
+
+    def __init__(self, cfg: model.Sensor) -> None:
+        self._radius_px = max(1, math.ceil(4.0 * cfg.psf_sigma_px))
+        self._sigma_px = sampled_sigma(cfg.psf_sigma_px, self._radius_px) if cfg.psf_sigma_px > 0.0 else 0.0
+
+    def expose(self, image: Image) -> Image:
+        """What the sensor reads.
+
+        The blur acts on display-coded values, as the drawing's light does.
+
+        Args:
+            image: `(H, W, 3)` uint8 RGB as a perfect camera would see it.
+
+        Returns:
+            `(H, W, 3)` uint8; the argument itself when the lens is perfect.
+        """
+        if self._sigma_px == 0.0:
+            return image
+        size = 2 * self._radius_px + 1
+        blurred = cv2.GaussianBlur(image, (size, size), self._sigma_px, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, dtype=np.uint8)
+
+
+def sampled_sigma(sigma_px: float, radius_px: int) -> float:
+    """The parameter at which a Gaussian sampled at whole pixels has a standard deviation of `sigma_px`.
+
+    Below about a pixel the samples of exp(-x^2 / 2 sigma^2) are narrower than the curve: at sigma = 0.5 the sampled
+    kernel's standard deviation is 0.46.
+
+    Args:
+        sigma_px: Wanted standard deviation of the kernel.
+        radius_px: Samples run from -radius to radius.
+    """
+    squares = np.arange(-radius_px, radius_px + 1, dtype=np.float64) ** 2
+    low, high = 0.05, 2.0 * sigma_px + 0.5
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        weights = np.exp(-0.5 * squares / middle**2)
+        low, high = (middle, high) if (weights @ squares) / weights.sum() < sigma_px**2 else (low, middle)
+    return 0.5 * (low + high)

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pftrack_sim.camera.jitter import Vibration, combined
+from pftrack_sim.scenario.model import Jitter, JitterAxis
+from pftrack_sim.streams import stream
+
+SHAKE = Jitter(angular_rms_deg=0.4, translational_rms_mm=5.0, band_hz=(2.0, 9.0))
+POSE = np.array([[0, 0, 1, 3.3], [-1, 0, 0, -0.2], [0, -1, 0, 1.25], [0, 0, 0, 1]], dtype=np.float64)
+
+
+def vibration(jitter: Jitter = SHAKE, seed: int = 0) -> Vibration:
+    return Vibration(jitter, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rms_of_each_axis(seed: int):
+    rotation, translation = vibration(seed=seed).offset(np.arange(0.0, 400.0, 1 / 60))
+    assert abs(np.sqrt((rotation**2).mean(axis=0)) / np.deg2rad(0.4) - 1.0).max() < 0.03
+    assert abs(np.sqrt((translation**2).mean(axis=0)) / 0.005 - 1.0).max() < 0.03
+    assert abs(rotation.mean(axis=0)).max() < 1e-4
+
+
+def test_spectrum_is_flat_inside_the_band_and_empty_outside():
+    rotation, _ = vibration().offset(np.arange(0.0, 400.0, 1 / 60))
+    windowed = rotation * np.hanning(len(rotation))[:, None]
+    power = (np.abs(np.fft.rfft(windowed, axis=0)) ** 2).sum(axis=1)
+    hertz = np.fft.rfftfreq(len(rotation), 1 / 60)
+    assert power[(hertz < 1.95) | (hertz > 9.05)].sum() < 1e-3 * power.sum()
+    sevenths, _ = np.histogram(hertz, bins=np.linspace(2.0, 9.0, 8), weights=power)
+    assert abs(sevenths / sevenths.mean() - 1.0).max() < 0.2
+
+
+def test_looks_gaussian_and_axes_are_independent():
+    rotation, translation = vibration(seed=2).offset(np.arange(0.0, 400.0, 1 / 60))
+    axes = np.concatenate([rotation, translation], axis=1)
+    axes = (axes - axes.mean(axis=0)) / axes.std(axis=0)
+    assert abs((axes**4).mean(axis=0) - 3.0).max() < 0.2
+    assert abs(np.corrcoef(axes.T) - np.eye(6)).max() < 0.05
+
+
+def test_any_time_in_any_order():
+    shake = vibration()
+    times = np.array([[3.0, 0.5], [100.0, 2.0]])
+    rotation, translation = shake.offset(times)
+    assert rotation.shape == translation.shape == (2, 2, 3)
+    assert abs(rotation[1, 0] - shake.offset(100.0)[0]).max() < 1e-15
+
+
+def test_zero_rms_is_the_pose_to_the_bit():
+    assert vibration(Jitter()).displace(POSE, 1.7).tobytes() == POSE.tobytes()
+    assert combined(Jitter(), JitterAxis(severity=0.0), 5).displace(POSE, 1.7).tobytes() == POSE.tobytes()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(0.0, 100.0), st.integers(0, 1000))
+def test_displaced_pose_is_a_pose_moved_in_the_camera_s_frame(time_s: float, seed: int):
+    shake = vibration(seed=seed)
+    before = POSE.copy()
+    moved = shake.displace(POSE, time_s)
+    assert (before == POSE).all()
+    assert abs(moved[:3, :3] @ moved[:3, :3].T - np.eye(3)).max() < 1e-12
+    rotation, translation = shake.offset(time_s)
+    relative = np.linalg.inv(POSE) @ moved
+    assert abs(relative[:3, 3] - translation).max() < 1e-12
+    angle = np.arccos(np.clip((np.trace(relative[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))
+    assert abs(angle - np.linalg.norm(rotation)) < 1e-7
+    assert relative[2, 1] == pytest.approx(rotation[0], abs=3e-4)
+
+
+def test_axis_adds_to_the_base_and_scales():
+    base = Jitter(angular_rms_deg=0.2)
+    alone = combined(base, JitterAxis(severity=0.0), 3).offset(1.3)[0]
+    once = combined(base, JitterAxis(severity=1.0), 3).offset(1.3)[0]
+    thrice = combined(base, JitterAxis(severity=3.0), 3).offset(1.3)[0]
+    assert abs((thrice - alone) - 3.0 * (once - alone)).max() < 1e-12
+    assert abs(once - alone).max() > 0.0
+
+
+def test_severity_zero_is_the_base_to_the_bit():
+    base = Vibration(SHAKE, stream(3, "jitter", "base"))
+    assert (
+        combined(SHAKE, JitterAxis(severity=0.0), 3).displace(POSE, 0.4).tobytes() == base.displace(POSE, 0.4).tobytes()
+    )
+
+
+def test_seeds_differ_and_repeat():
+    first, again, other = (combined(SHAKE, JitterAxis(severity=1.0), seed).displace(POSE, 2.0) for seed in (1, 1, 2))
+    assert first.tobytes() == again.tobytes()
+    assert first.tobytes() != other.tobytes()

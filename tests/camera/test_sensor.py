@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from pftrack_sim.camera.sensor import Sensor
+from pftrack_sim.scenario import model
+
+SIGMAS = [0.3, 0.5, 0.8, 1.5, 3.0, 5.0]
+
+
+def expose(image: np.ndarray, sigma_px: float) -> np.ndarray:
+    return Sensor(model.Sensor(psf_sigma_px=sigma_px)).expose(image)
+
+
+@pytest.mark.parametrize("sigma_px", SIGMAS)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_edge_is_blurred_as_wide_as_asked(sigma_px: float, axis: int):
+    image = np.zeros((121, 121, 3), dtype=np.uint8)
+    image[(slice(60, None), slice(None))[:: 1 if axis == 0 else -1]] = 255
+    profile = expose(image, sigma_px).astype(np.float64).mean(axis=(1 - axis, 2))
+    line = np.diff(profile) / 255.0  # the derivative of an edge is the line-spread function
+    places = np.arange(len(line)) - 59.0
+    assert line.sum() == pytest.approx(1.0)
+    assert places @ line == pytest.approx(0.0, abs=0.02)
+    assert np.sqrt(places**2 @ line) == pytest.approx(sigma_px, rel=0.04)
+
+
+def test_point_is_round_and_keeps_its_light():
+    image = np.zeros((41, 41, 3), dtype=np.uint8)
+    image[19:22, 19:22] = 255
+    spread = expose(image, 1.2).astype(np.float64)[..., 0]
+    assert spread.sum() == pytest.approx(9 * 255, rel=0.03)
+    assert abs(spread - spread.T).max() <= 1
+    assert abs(spread - spread[::-1, ::-1]).max() <= 1
+
+
+def test_perfect_lens_changes_nothing():
+    image = np.random.default_rng(0).integers(0, 256, (20, 30, 3), dtype=np.uint8)
+    assert expose(image, 0.0) is image
+
+
+@pytest.mark.parametrize("sigma_px", [0.05, 0.5, 5.0])
+def test_shape_type_and_the_argument_survive(sigma_px: float):
+    image = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
+    before = image.copy()
+    out = expose(image, sigma_px)
+    assert (out.shape, out.dtype) == (image.shape, np.uint8)
+    assert (image == before).all()
+    assert out.flags.writeable
+    assert not np.shares_memory(out, image)
+    assert (expose(image, sigma_px) == out).all()
+
+
+def test_even_light_stays_even():
+    image = np.full((30, 40, 3), (10, 128, 255), dtype=np.uint8)
+    assert (expose(image, 2.0) == image).all()
