@@ -1,0 +1,43 @@
+"""What the robot feels of itself: the layout of the proprioception vector, and its bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+_LAYOUT: tuple[tuple[str, float], ...] = (
+    ("odometry_x_m", 1000.0),
+    ("odometry_y_m", 1000.0),
+    ("odometry_heading_rad", np.pi),
+    ("wheel_left_m_s", 20.0),
+    ("wheel_right_m_s", 20.0),
+    ("gyro_x_rad_s", 35.0),
+    ("gyro_y_rad_s", 35.0),
+    ("gyro_z_rad_s", 35.0),
+    ("accelerometer_x_m_s2", 160.0),
+    ("accelerometer_y_m_s2", 160.0),
+    ("accelerometer_z_m_s2", 160.0),
+    ("pan_rad", 2.0 * np.pi),
+    ("tilt_rad", np.pi),
+)
+
+PROPRIO_NAMES: tuple[str, ...] = tuple(name for name, _ in _LAYOUT)
+"""What each number is, in order.
+
+* odometry: where the wheels say the robot is, in the frame of its start (x forward, y left, heading in [-pi, pi]
+  counter-clockwise); it drifts when the wheels slip.
+* wheel: speed of the tyre's surface; the mean of the two is the forward speed.
+* gyro, accelerometer: at the chassis, x forward, y left, z up; at rest the accelerometer reads +9.81 along z.
+* pan, tilt: of the camera's optical axis in the frame of the chassis: pan is counter-clockwise from straight ahead,
+  so a camera mounted to the left rests at +pi/2; tilt is positive upwards. The mast may swing: that is not in them.
+"""
+
+PROPRIO_INDEX: Mapping[str, int] = MappingProxyType({name: index for index, name in enumerate(PROPRIO_NAMES)})
+"""Where each number stands."""
+
+PROPRIO_HIGH: NDArray[np.float32] = np.array([high for _, high in _LAYOUT], dtype=np.float32)
+"""`(n,)` largest magnitude of each number; -PROPRIO_HIGH is the smallest value. Ranges of usual sensors."""
+PROPRIO_HIGH.setflags(write=False)

@@ -1,0 +1,10 @@
+"""The robot: a differential-drive base on springs, with a camera on a mast.
+
+`add_robot` builds it, `Drive` moves and reads it, `Script` says where it goes in open-loop episodes.
+"""
+
+from pftrack_sim.world.robot.body import CAMERA, add_robot
+from pftrack_sim.world.robot.drive import Drive
+from pftrack_sim.world.robot.route import Script
+
+__all__ = ["CAMERA", "Drive", "Script", "add_robot"]
