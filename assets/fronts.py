@@ -1,0 +1,210 @@
+"""House fronts, shop windows and posters."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from brushes import Canvas, Colour, cloud, flat, grid, hue_of, shaded, speckled, text
+from tiling import brick
+
+
+def _window(image: Canvas, rng: np.random.Generator, box: tuple[int, int, int, int], frame: Colour, style: str) -> None:
+    x, y, w, h = box
+    cv2.rectangle(image, (x - 4, y - 4), (x + w + 4, y + h + 4), tuple(0.55 * c for c in frame), -1)
+    cv2.rectangle(image, (x - 3, y - 3), (x + w + 3, y + h + 3), frame, -1)
+    glass = shaded(flat(h, w, (92, 116, 136)), float(rng.uniform(0.9, 1.5)), float(rng.uniform(0.4, 0.75)))
+    if rng.random() < 0.55:
+        curtain = tuple(float(v) for v in rng.uniform(150, 215, 3))
+        width = int(w * rng.uniform(0.18, 0.4))
+        glass[:, :width] = shaded(flat(h, width, curtain), 0.9, 0.7)
+        if rng.random() < 0.7:
+            glass[:, -width:] = shaded(flat(h, width, curtain), 0.9, 0.7)
+    elif rng.random() < 0.4:
+        drop = int(h * rng.uniform(0.2, 0.8))
+        blind = flat(drop, w, tuple(float(v) for v in rng.uniform(160, 200, 3)))
+        blind[::4] *= 0.75
+        glass[:drop] = blind
+    image[y : y + h, x : x + w] = glass
+    image[y : y + 4, x : x + w] *= 0.55
+    bars = {"cross": ([0.5], [0.36]), "sash": ([], [0.5]), "wide": ([0.33, 0.67], []), "tall": ([0.5], [0.25, 0.62])}
+    across, down = bars[style]
+    for share in across:
+        cv2.line(image, (x + int(w * share), y), (x + int(w * share), y + h - 1), frame, 3)
+    for share in down:
+        cv2.line(image, (x, y + int(h * share)), (x + w - 1, y + int(h * share)), frame, 3)
+    sill = tuple(min(255.0, 1.08 * c) for c in frame)
+    cv2.rectangle(image, (x - 7, y + h + 3), (x + w + 7, y + h + 8), sill, -1)
+    image[y + h + 9 : y + h + 14, x - 6 : x + w + 7] *= 0.72
+
+
+def facade(rng: np.random.Generator, kind: str) -> Canvas:
+    """One 512 x 512 cell: 12 m wide, 9 m tall."""
+    size = 512
+    if kind == "brick":
+        small = cv2.resize(brick(rng, (156, 90, 66)), (256, 256), interpolation=cv2.INTER_AREA)
+        image = np.tile(small, (2, 2, 1)).astype(np.float32)
+        frame, style, bays, width, height = (226, 220, 206), "sash", 4, 56, 98
+    elif kind == "cream":
+        image = speckled(rng, size, size, (214, 188, 140), 0.14, 1.4)
+        frame, style, bays, width, height = (240, 236, 226), "tall", 4, 52, 110
+    elif kind == "rose":
+        image = speckled(rng, size, size, (186, 128, 112), 0.16, 1.4)
+        frame, style, bays, width, height = (235, 228, 214), "cross", 5, 46, 88
+    else:
+        image = speckled(rng, size, size, (134, 142, 148), 0.12, 1.5)
+        frame, style, bays, width, height = (64, 70, 76), "wide", 3, 132, 92
+    floor, bay = size // 3, size / bays
+    for storey in range(3):
+        band = storey * floor
+        line = 0.72 if kind == "office" else 1.14
+        image[band : band + 7] = np.clip(image[band : band + 7] * line, 0, 245)
+        image[band + 7 : band + 10] *= 0.7
+        for column in range(bays):
+            x = int((column + 0.5) * bay - width / 2)
+            y = band + 26 + (floor - 40 - height) // 2
+            if kind == "cream":
+                for side in (-1, 1):
+                    left = x + (width + 6 if side > 0 else -30)
+                    shutter = flat(height, 24, (74, 106, 92))
+                    shutter[::5] *= 0.7
+                    image[y : y + height, left : left + 24] = shutter
+            _window(image, rng, (x, y, width, height), frame, style)
+            if kind == "rose" and storey % 2 == 0:
+                cv2.rectangle(image, (x - 8, y - 16), (x + width + 8, y - 6), frame, -1)
+    if kind == "office":
+        for column in range(bays + 1):
+            x = int(column * bay)
+            image[:, max(0, x - 4) : x + 4] *= 0.8
+    stain = cloud(rng, size, size, 1.8)
+    return image * (0.88 + 0.2 * stain)[..., None]
+
+
+def facades(rng: np.random.Generator) -> Canvas:
+    """2 x 2 cells: brick, cream, rose, office."""
+    brick_, cream, rose, office = (facade(rng, kind) for kind in ("brick", "cream", "rose", "office"))
+    return np.vstack([np.hstack([brick_, cream]), np.hstack([rose, office])])
+
+
+SHOP_NAMES = (
+    ("BAKERY", "BOOKS & MAPS", "CAFE LUNA"),
+    ("PHARMACY", "FLOWERS", "OPTICIAN"),
+    ("CYCLES", "RECORDS", "TEA HOUSE"),
+    ("TAILOR", "HARDWARE", "GALLERY"),
+)
+
+
+def shops(rng: np.random.Generator) -> Canvas:
+    """4 strips of 1024 x 256: each 12 m of ground floor, 3.6 m tall, with three shops and their doors."""
+    strips: list[Canvas] = []
+    for names in SHOP_NAMES:
+        strip = speckled(rng, 256, 1024, tuple(float(v) for v in rng.uniform(110, 170, 3)), 0.2, 1.2)
+        strip[236:] *= 0.6
+        for index, name in enumerate(names):
+            left = index * 341 + 12
+            paint = tuple(float(v) for v in rng.uniform(30, 150, 3))
+            cv2.rectangle(strip, (left, 22), (left + 317, 62), paint, -1)
+            cv2.rectangle(strip, (left, 22), (left + 317, 62), tuple(0.5 * c for c in paint), 2)
+            light = (240, 232, 208) if rng.random() < 0.7 else (236, 200, 96)
+            text(strip, name, (left + 24 + 6 * (12 - len(name)), 53), 1.05, light)
+            for x, w in ((left + 4, 112), (left + 200, 112)):
+                strip[72:226, x : x + w] = display(rng, 154, w)
+                cv2.rectangle(strip, (x, 72), (x + w, 226), paint, 4)
+            door = left + 122
+            strip[72:252, door : door + 72] = shaded(flat(180, 72, paint), 0.9, 0.7)
+            strip[86:190, door + 10 : door + 62] = shaded(flat(104, 52, (94, 112, 122)), 1.2, 0.5)
+            cv2.circle(strip, (door + 63, 200), 4, (220, 200, 120), -1)
+        strips.append(strip)
+    return np.vstack(strips)
+
+
+def display(rng: np.random.Generator, height: int, width: int) -> Canvas:
+    """A shop window: dark inside, goods on shelves, a reflection of the sky."""
+    glass = shaded(flat(height, width, (88, 92, 92)), 1.3, 0.75)
+    shelves = int(rng.integers(2, 4))
+    for shelf in range(shelves):
+        base = int(height * (shelf + 1.15) / (shelves + 0.3))
+        cv2.line(glass, (0, base), (width, base), (130, 110, 84), 3)
+        x = 4
+        while x < width - 12:
+            w, h = int(rng.integers(7, 22)), int(rng.integers(12, max(14, height // shelves - 14)))
+            colour = tuple(float(v) for v in rng.uniform(50, 235, 3))
+            if rng.random() < 0.35:
+                cv2.ellipse(glass, (x + w // 2, base - h // 3), (w // 2 + 2, h // 3), 0, 0, 360, colour, -1)
+            else:
+                cv2.rectangle(glass, (x, base - h), (x + w, base - 2), colour, -1)
+                cv2.rectangle(glass, (x, base - h), (x + w, base - h + 3), tuple(0.6 * c for c in colour), -1)
+            x += w + int(rng.integers(2, 9))
+    streak = np.zeros((height, width), np.float32)
+    cv2.fillPoly(
+        streak, [np.array([[width // 4, 0], [width // 2, 0], [width // 8, height], [-width // 8, height]])], 1.0
+    )
+    return glass + 26.0 * streak[..., None]
+
+
+def poster(rng: np.random.Generator, index: int) -> Canvas:
+    """A 256 x 256 picture; hung 0.7-1.2 m wide."""
+    hue = float(rng.uniform(0, 180))
+    back, front, accent = (hue_of(hue + d, s, v) for d, s, v in ((0, 120, 205), (95, 170, 150), (45, 210, 225)))
+    image = shaded(flat(256, 256, back), 1.1, 0.8)
+    kind = index % 8
+    if kind == 0:
+        for ring in range(7, 0, -1):
+            cv2.circle(image, (128, 120), ring * 15, front if ring % 2 else accent, -1, cv2.LINE_AA)
+        text(image, "CONCERT", (46, 232), 1.1, (250, 250, 240))
+    elif kind == 1:
+        image[:] = (236, 230, 214)
+        for row in range(9):
+            w = int(rng.integers(120, 215))
+            cv2.rectangle(image, (20, 74 + row * 19), (20 + w, 81 + row * 19), (70, 70, 76), -1)
+        cv2.rectangle(image, (0, 0), (255, 52), front, -1)
+        text(image, "NOTICE", (58, 38), 1.2, (255, 255, 255))
+    elif kind == 2:
+        peaks = np.array([[0, 200], [60, 96], [104, 150], [160, 60], [255, 190], [255, 255], [0, 255]])
+        cv2.circle(image, (196, 58), 28, (250, 232, 150), -1, cv2.LINE_AA)
+        cv2.fillPoly(image, [peaks], front, cv2.LINE_AA)
+        cv2.fillPoly(image, [peaks + np.array([0, 46])], tuple(0.55 * c for c in front), cv2.LINE_AA)
+        text(image, "TRAVEL", (56, 240), 1.2, (250, 250, 240))
+    elif kind == 3:
+        for at in range(-256, 256, 44):
+            corners = np.array([[at, 0], [at + 22, 0], [at + 278, 256], [at + 256, 256]])
+            cv2.fillPoly(image, [corners], accent, cv2.LINE_AA)
+        cv2.rectangle(image, (26, 86), (230, 166), (250, 248, 240), -1)
+        text(image, "SALE", (62, 148), 2.0, front, 4)
+    elif kind == 4:
+        cv2.circle(image, (128, 84), 40, (226, 182, 150), -1, cv2.LINE_AA)
+        cv2.ellipse(image, (128, 66), (46, 34), 0, 180, 360, (60, 40, 30), -1, cv2.LINE_AA)
+        cv2.ellipse(image, (128, 220), (84, 92), 0, 180, 360, front, -1, cv2.LINE_AA)
+        cv2.rectangle(image, (0, 218), (255, 255), accent, -1)
+        text(image, "THEATRE", (50, 248), 1.0, (30, 30, 40))
+    elif kind == 5:
+        for _ in range(40):
+            x, y = rng.integers(0, 230, 2)
+            w, h = rng.integers(14, 70, 2)
+            colour = hue_of(hue + float(rng.uniform(-40, 130)), 180, float(rng.uniform(90, 230)))
+            cv2.rectangle(image, (int(x), int(y)), (int(x + w), int(y + h)), colour, -1)
+    elif kind == 6:
+        image[:] = (238, 236, 228)
+        cv2.polylines(image, [rng.integers(20, 236, (9, 2)).astype(np.int32)], False, (200, 60, 50), 6, cv2.LINE_AA)
+        cv2.polylines(image, [rng.integers(20, 236, (8, 2)).astype(np.int32)], False, (50, 90, 180), 6, cv2.LINE_AA)
+        cv2.polylines(image, [rng.integers(20, 236, (7, 2)).astype(np.int32)], False, (60, 150, 80), 6, cv2.LINE_AA)
+        text(image, "CITY MAP", (40, 40), 1.1, (40, 40, 50))
+    else:
+        image[:] = (124, 88, 56)
+        image *= (0.85 + 0.3 * cloud(rng, 256, 256, 0.4))[..., None]
+        for _ in range(16):
+            x, y = int(rng.integers(6, 190)), int(rng.integers(6, 190))
+            w, h = int(rng.integers(34, 66)), int(rng.integers(30, 62))
+            colour = hue_of(float(rng.uniform(0, 180)), float(rng.choice([20.0, 60.0, 150.0])), 236)
+            cv2.rectangle(image, (x + 2, y + 3), (x + w + 2, y + h + 3), (60, 42, 28), -1)
+            cv2.rectangle(image, (x, y), (x + w, y + h), colour, -1)
+            for line in range(3):
+                cv2.line(image, (x + 5, y + 10 + line * 8), (x + w - 8, y + 10 + line * 8), (90, 90, 96), 2)
+            cv2.circle(image, (x + w // 2, y + 3), 3, (200, 40, 40), -1)
+    edge = (70, 66, 60) if kind == 7 else (244, 242, 236)
+    cv2.rectangle(image, (0, 0), (255, 255), edge, 7)
+    return image
+
+
+def posters(rng: np.random.Generator) -> Canvas:
+    """4 x 4 cells of 256."""
+    return grid([poster(rng, index) for index in range(16)], 4)
