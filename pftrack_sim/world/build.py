@@ -1,0 +1,75 @@
+"""From a resolved scenario to a compiled model: place, robot, people and occluders put into one MjSpec."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+
+from pftrack_sim import streams
+from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.world import occlusion, places, robot
+from pftrack_sim.world.layout import Layout
+from pftrack_sim.world.people import Person, add_person, sample_cast
+
+NEAR_M = 0.05
+FAR_M = 120.0
+"""Clipping planes of the camera: nothing nearer or farther is drawn."""
+
+SHADOW_PIXELS = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A compiled scene and what is known about it.
+
+    Attributes:
+        model: The compiled model.
+        layout: Where people can walk.
+        cast: Everyone, the target first.
+    """
+
+    model: mujoco.MjModel
+    layout: Layout
+    cast: tuple[Person, ...]
+
+
+def build(settings: ResolvedScenario, seed: int, step_s: float) -> Scene:
+    """Build and compile the scene of one episode.
+
+    Args:
+        settings: The scenario, every range drawn.
+        seed: Root seed of the episode.
+        step_s: Physics step.
+    """
+    spec = mujoco.MjSpec()
+    spec.option.timestep = step_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    _set_graphics(spec, settings)
+    layout = places.furnish(spec, settings.place, settings.lights, streams.stream(seed, "place"))
+    robot.add_robot(spec, settings.robot, settings.camera)
+    cast = sample_cast(
+        seed,
+        settings.target.height_m,
+        settings.distractors.count,
+        settings.distractors.similarity,
+        [one.similarity for one in settings.occluders if one.kind == "walker"],
+    )
+    for person in cast:
+        add_person(spec, person)
+    occlusion.add_occluders(spec, settings.occluders)
+    return Scene(spec.compile(), layout, cast)
+
+
+def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:
+    # Distances of the clipping planes are in units of the extent.
+    spec.stat.extent = 1.0
+    spec.visual.map.znear = NEAR_M
+    spec.visual.map.zfar = FAR_M
+    quality = spec.visual.quality
+    quality.offsamples = settings.sensor.multisamples
+    quality.shadowsize = SHADOW_PIXELS
+    # Software rasterisers pay for every vertex.
+    quality.numslices, quality.numstacks = 12, 8
+    spec.visual.global_.offwidth = settings.camera.width_px
+    spec.visual.global_.offheight = settings.camera.height_px

@@ -1,0 +1,51 @@
+"""Three clocks that fit into each other: camera frames, control ticks, physics steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+TICK_HZ = 50.0
+"""People and controllers move at least this often."""
+
+PHYSICS_HZ = 500.0
+"""The robot's physics is stepped at least this often."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How often things happen between two frames.
+
+    Attributes:
+        rate_hz: Camera frames per second.
+        ticks: Control ticks in one frame.
+        steps: Physics steps in one tick.
+    """
+
+    rate_hz: float
+    ticks: int
+    steps: int
+
+    @classmethod
+    def for_rate(cls, rate_hz: float) -> Clock:
+        """The fewest ticks and steps that are frequent enough; every frame then falls on a tick, every tick on a step.
+
+        >>> Clock.for_rate(30.0)
+        Clock(rate_hz=30.0, ticks=2, steps=9)
+        """
+        ticks = math.ceil(TICK_HZ / rate_hz)
+        return cls(rate_hz, ticks, math.ceil(PHYSICS_HZ / (rate_hz * ticks)))
+
+    @property
+    def tick_s(self) -> float:
+        """Length of a tick."""
+        return 1.0 / (self.rate_hz * self.ticks)
+
+    @property
+    def step_s(self) -> float:
+        """Length of a physics step."""
+        return self.tick_s / self.steps
+
+    def time_s(self, tick: int) -> float:
+        """Time at the end of a tick counted from the start: a quotient, not a sum, so that no error builds up."""
+        return tick / (self.rate_hz * self.ticks)

@@ -1,0 +1,93 @@
+"""The robot and everyone's feet, without bodies, light or pictures: enough to rehearse an episode."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.world.clock import Clock
+from pftrack_sim.world.crowd import Crowd
+from pftrack_sim.world.occlusion import Rehearsal
+from pftrack_sim.world.path import Path
+from pftrack_sim.world.robot import Drive, Script
+
+
+class Motion:
+    """Moves the robot and the crowd, one control tick at a time.
+
+    Args:
+        model: The compiled scene.
+        data: Its state.
+        settings: The scenario, every range drawn.
+        clock: How often things happen.
+        path: The target's.
+        crowd: Who walks.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        settings: ResolvedScenario,
+        clock: Clock,
+        path: Path,
+        crowd: Crowd,
+    ) -> None:
+        self._model = model
+        self._data = data
+        self._clock = clock
+        self.crowd = crowd
+        self.drive = Drive(model, settings.robot, settings.camera)
+        self.script = Script(settings.robot, path, settings.target.speed_m_s)
+        self.ticks = 0
+
+    def reset(self) -> None:
+        """Back to the start of the episode; `data` is fresh."""
+        self.ticks = 0
+        self.crowd.reset()
+        self.script.reset()
+        self.drive.reset(self._data, *self.script.start_pose())
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the start."""
+        return self._clock.time_s(self.ticks)
+
+    def tick(self, command: NDArray[np.float64] | None) -> None:
+        """Move on by one control tick.
+
+        Args:
+            command: `(4,)` shares of the robot's limits in [-1, 1]; None follows the script.
+        """
+        data, drive, crowd = self._data, self.drive, self.crowd
+        tick_s = self._clock.tick_s
+        pose = drive.pose(data)
+        camera = drive.camera_pose(data)
+        if command is None:
+            target_m = crowd.positions_m[0]
+            forward, turn = self.script.command(self.time_s, pose, crowd.target_s_m, target_m)
+            pan, tilt = self.script.gaze(camera, target_m, tick_s)
+        else:
+            forward, turn, pan, tilt = drive.scaled(command)
+        drive.command(data, forward, turn, pan, tilt, tick_s)
+        mujoco.mj_step(self._model, data, self._clock.steps)
+        self.ticks += 1
+        crowd.tick(tick_s, self.time_s, np.array(pose[:2]), camera[:2, 3])
+
+    def rehearse(self, until_s: float, target_height_m: float) -> Rehearsal:
+        """Follow the script and write down where camera, target and robot were; `data` is spent afterwards."""
+        self.reset()
+        times: list[float] = []
+        cameras: list[NDArray[np.float64]] = []
+        targets: list[NDArray[np.float64]] = []
+        robots: list[tuple[float, float]] = []
+        while True:
+            times.append(self.time_s)
+            cameras.append(self.drive.camera_pose(self._data)[:3, 3])
+            targets.append(self.crowd.positions_m[0])
+            robots.append(self.drive.pose(self._data)[:2])
+            if self.time_s > until_s:
+                return Rehearsal.of(times, cameras, targets, robots, target_height_m)
+            self.tick(None)

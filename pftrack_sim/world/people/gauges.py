@@ -1,0 +1,82 @@
+"""What one person's gait is like at each speed: a table to look up instead of formulas to evaluate at every tick."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.world.people import curves, soles
+from pftrack_sim.world.people.anatomy import Anatomy
+from pftrack_sim.world.people.legs import STRAIGHT
+
+Array = NDArray[np.float64]
+
+TOP_SPEED_M_S = 2.6
+_STEP_M_S = 0.04
+_SPEEDS = np.arange(0.0, TOP_SPEED_M_S + 1.5 * _STEP_M_S, _STEP_M_S)
+
+
+class Gauge(NamedTuple):
+    """Numbers that depend on speed alone, `(P,)` each.
+
+    Attributes:
+        stride_m: Length of a stride.
+        stance: Share of the stride a foot stands.
+        strike_rad: Toes-up angle of the foot at contact.
+        push_rad: Heel-up angle of the foot at lift-off.
+        low_m: Lowest height of the hips over the ground.
+        high_m: Highest height of the hips.
+        clearance_m: Of a foot's sole in the middle of its swing.
+        sway_m: Amplitude of the pelvis to the sides.
+        vigour: 1 at natural speed: how far pelvis, trunk and arms swing.
+    """
+
+    stride_m: Array
+    stance: Array
+    strike_rad: Array
+    push_rad: Array
+    low_m: Array
+    high_m: Array
+    clearance_m: Array
+    sway_m: Array
+    vigour: Array
+
+
+def table(anatomy: Anatomy) -> Array:
+    """`(S, 9)` gauges at `S` speeds, for `look_up`."""
+    speed = _SPEEDS
+    stride = curves.stride_length(speed, anatomy.height_m)
+    stance = curves.stance_share(speed)
+    strike, push = soles.heel_strike_pitch(speed), soles.toe_off_pitch(speed)
+    heel_x, heel_r, toe_x, toe_r = (np.full_like(speed, value) for value in anatomy.sole_m)
+    ankle = np.full_like(speed, anatomy.ankle_m)
+    reach = 0.9995 * STRAIGHT * (anatomy.thigh_m + anatomy.shank_m)
+
+    # Both legs must reach the ground at contact, when they are farthest apart: that is how low the hips must come.
+    behind_pitch = soles.stance_pitch(np.full_like(speed, 0.5), stance, strike, push)
+    lead_roll, lead_z = soles.rolled(strike, ankle, (heel_x, heel_r), (toe_x, toe_r))
+    trail_roll, trail_z = soles.rolled(behind_pitch, ankle, (heel_x, heel_r), (toe_x, toe_r))
+    lead = soles.UNDERFOOT * stride + lead_roll
+    trail = (0.5 - soles.UNDERFOOT) * stride - trail_roll
+    low = np.minimum(
+        lead_z + np.sqrt(np.maximum(reach**2 - lead**2, 0.0)), trail_z + np.sqrt(np.maximum(reach**2 - trail**2, 0.0))
+    )
+    upright = anatomy.ankle_m + 0.9976 * (anatomy.thigh_m + anatomy.shank_m)
+    low = np.minimum(low, upright)
+    high = np.minimum(low + np.maximum(curves.bob(speed), 0.80 * (upright - low)), upright)
+    # Feet that hardly pitch must be lifted instead.
+    clearance = anatomy.height_m * (0.011 + 0.014 * np.exp(-speed / 0.4))
+    vigour = stride / curves.stride_length(1.3, anatomy.height_m) * curves.once_moving(speed)
+    return np.stack([stride, stance, strike, push, low, high, clearance, curves.sideways_sway(speed), vigour], axis=1)
+
+
+def look_up(tables: Array, speed_m_s: Array) -> Gauge:
+    """Gauges at speeds `(P,)`, from `(P, S, 9)` tables."""
+    place = np.minimum(speed_m_s, TOP_SPEED_M_S) / _STEP_M_S
+    below = place.astype(np.int64)
+    share = (place - below)[:, None]
+    rows = np.arange(len(below))
+    values = (1.0 - share) * tables[rows, below] + share * tables[rows, below + 1]
+    return Gauge(*values.T)
