@@ -1,0 +1,114 @@
+"""What the truth needs of a renderer, and nothing else: OpenGL, or a ray caster where there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.records import Image
+
+
+class PixelRect(NamedTuple):
+    """A rectangle of whole pixels: columns left .. left + width - 1, rows top .. top + height - 1."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Rows and columns, to index an image with."""
+        return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
+
+    def within(self, outer: PixelRect) -> PixelRect:
+        """The same pixels, counted from the corner of another rectangle."""
+        return PixelRect(self.left - outer.left, self.top - outer.top, self.width, self.height)
+
+    def meets(self, other: PixelRect) -> bool:
+        """Whether they share a pixel."""
+        return (
+            self.left < other.left + other.width
+            and other.left < self.left + self.width
+            and self.top < other.top + other.height
+            and other.top < self.top + self.height
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Some of the scene's geoms, drawn alone.
+
+    Attributes:
+        rect: Where in the image.
+        ids: `(h, w)` int32 geom id of each pixel, -1 where there is none.
+        nearness: `(h, w)` float32, larger is nearer, 0 where there is none; compares between layers of the same
+            renderer and camera. On equal nearness the larger id is on top.
+    """
+
+    rect: PixelRect
+    ids: NDArray[np.int32]
+    nearness: NDArray[np.float32]
+
+
+class Renderer(Protocol):
+    """Pictures and ids of a model from a given camera.
+
+    `data` is an `MjData` of the model whose positions are up to date; `T_world_camera` `(4, 4)` maps camera axes
+    (x right, y down, z forward) to the world's; `K` is the `(3, 3)` camera matrix [px].
+    """
+
+    @property
+    def width_px(self) -> int:
+        """Image width."""
+        ...
+
+    @property
+    def height_px(self) -> int:
+        """Image height."""
+        ...
+
+    @property
+    def near_m(self) -> float:
+        """Depth below which nothing is drawn."""
+        ...
+
+    @property
+    def visible_geoms(self) -> NDArray[np.bool_]:
+        """`(ngeom,)` which geoms are drawn at all."""
+        ...
+
+    def color(self, data: Any, T_world_camera: NDArray[np.float64], K: NDArray[np.float64]) -> Image:
+        """A new `(H, W, 3)` uint8 RGB image."""
+        ...
+
+    def ids(
+        self,
+        data: Any,
+        T_world_camera: NDArray[np.float64],
+        K: NDArray[np.float64],
+        *,
+        shown: NDArray[np.bool_] | None = None,
+        within: PixelRect | None = None,
+    ) -> Layer:
+        """Which geom each pixel shows.
+
+        Args:
+            data: Positions.
+            T_world_camera: Camera pose.
+            K: Camera matrix of the whole image.
+            shown: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
+            within: The rectangle wanted; None is the whole image. Its pixels are those of the whole image, to the bit.
+        """
+        ...
+
+    def rebind(self, model: Any) -> None:
+        """Go on with another model, freeing what was kept of the last."""
+        ...
+
+    def close(self) -> None:
+        """Free everything; a second call does nothing."""
+        ...

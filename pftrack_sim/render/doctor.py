@@ -1,0 +1,96 @@
+"""What can draw on this machine, and what is missing where something cannot."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+
+from pftrack_sim.errors import RenderError
+from pftrack_sim.render.context import REMEDIES, GLInfo, candidates, probe
+
+_PATIENCE_S = 60.0
+"""How long a library may take to open; a broken driver can hang."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One OpenGL library.
+
+    Attributes:
+        backend: Its name.
+        info: What it says of itself, or None if it cannot draw.
+        problem: Why not; empty if it can.
+    """
+
+    backend: str
+    info: GLInfo | None
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was found.
+
+    Attributes:
+        attempts: Every library that this system may have, in the order they are tried.
+    """
+
+    attempts: tuple[Attempt, ...]
+
+    @property
+    def chosen(self) -> Attempt | None:
+        """The first that can draw, which is what draws the frames; None if none can."""
+        return next((attempt for attempt in self.attempts if attempt.info is not None), None)
+
+    @property
+    def usable(self) -> bool:
+        """Whether anything can draw."""
+        return self.chosen is not None
+
+    def lines(self) -> list[str]:
+        """The report as text, a line each."""
+        lines = [f"{attempt.backend}: {_sentence(attempt)}" for attempt in self.attempts]
+        if self.chosen is not None:
+            return [*lines, f"Frames are drawn with {self.chosen.backend}."]
+        return [*lines, "Nothing can draw. Install one of:", *REMEDIES.splitlines()]
+
+
+def report() -> Report:
+    """Try every OpenGL library, each in a process of its own: one process can use only one, and drivers crash."""
+    return Report(tuple(_attempt(backend) for backend in candidates()))
+
+
+def _sentence(attempt: Attempt) -> str:
+    info = attempt.info
+    if info is None:
+        return attempt.problem
+    return f"works ({info.renderer}; {info.vendor}; OpenGL {info.version})"
+
+
+def _attempt(backend: str) -> Attempt:
+    command = [sys.executable, "-m", __name__, backend]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
+    except subprocess.TimeoutExpired:
+        return Attempt(backend, None, f"does not answer within {_PATIENCE_S:.0f} s")
+    except OSError as error:
+        return Attempt(backend, None, f"could not be tried: {error}")
+    if done.returncode:
+        return Attempt(backend, None, f"crashes (exit code {done.returncode})")
+    answer = json.loads(done.stdout.splitlines()[-1])
+    return Attempt(backend, GLInfo(**answer)) if isinstance(answer, dict) else Attempt(backend, None, answer)
+
+
+def _main() -> None:
+    """In a process of its own: print what a library says of itself, or why it cannot draw, as JSON."""
+    try:
+        answer: object = asdict(probe(sys.argv[1]))
+    except RenderError as error:
+        answer = str(error)
+    sys.stdout.write(json.dumps(answer) + "\n")
+
+
+if __name__ == "__main__":
+    _main()

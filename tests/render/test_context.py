@@ -1,0 +1,239 @@
+"""OpenGL contexts: which library, what when there is none, and that they come and go without a trace."""
+
+from __future__ import annotations
+
+import gc
+import os
+import subprocess
+import sys
+import threading
+
+import mujoco
+import numpy as np
+import pytest
+from render_stage import HEIGHT, WIDTH, K, build, looking
+
+from pftrack_sim.errors import RenderError, UnknownNameError
+from pftrack_sim.render import context, platforms
+from pftrack_sim.render.context import open_context
+from pftrack_sim.render.rasteriser import Rasteriser
+
+POSE = looking((0, 0, 1.2), (5, 0, 1))
+
+
+def resident_mb() -> float:
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def test_a_context_says_what_it_is_and_closes_twice():
+    opened = open_context()
+    info = opened.info()
+    assert info.backend in ("egl", "osmesa", "cgl", "wgl")
+    assert info.renderer
+    assert info.version
+    assert not opened.closed
+    opened.close()
+    opened.close()
+    assert opened.closed
+    with pytest.raises(RenderError, match="closed"), opened:
+        pass
+
+
+def test_a_context_gives_the_thread_back_what_was_current():
+    first, second = open_context(), open_context()
+    current = first._platform.current
+    nothing = current()
+    with first:
+        outer = current()
+        with second:
+            assert current() != outer or outer is None
+        assert current() == outer
+    assert current() == nothing
+    first.close()
+    second.close()
+
+
+def test_an_unknown_backend_is_named_with_the_known():
+    with pytest.raises(UnknownNameError, match="egl"):
+        open_context("elg")
+
+
+def test_one_process_keeps_to_one_library():
+    opened = open_context()
+    other = "osmesa" if opened.backend == "egl" else "egl"
+    with pytest.raises(RenderError, match="once per process"):
+        open_context(other)
+    opened.close()
+
+
+def test_without_any_library_the_error_names_every_remedy(monkeypatch: pytest.MonkeyPatch):
+    def hidden(name: str, mode: int) -> None:
+        raise OSError(f"{name}: cannot open shared object file")
+
+    monkeypatch.setattr(platforms, "_load", hidden)
+    monkeypatch.setattr(platforms, "_platforms", {})
+    monkeypatch.setattr(context, "_process", context._Process())
+    monkeypatch.setattr(sys, "platform", "linux")
+    with pytest.raises(RenderError) as caught:
+        open_context()
+    message = str(caught.value)
+    for part in ("egl: libEGL.so.1 is not installed", "osmesa: libOSMesa.so.8", "libegl1", "libosmesa6", "Fedora"):
+        assert part in message
+
+
+def test_osmesa_is_tried_when_egl_does_not_work(monkeypatch: pytest.MonkeyPatch):
+    tried: list[str] = []
+
+    def failing(name: str, size: tuple[int, int]) -> None:
+        tried.append(name)
+        raise RenderError("broken")
+
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(context, "_opened", failing)
+    monkeypatch.setattr(context, "_process", context._Process())
+    monkeypatch.setattr(sys, "platform", "linux")
+    with pytest.raises(RenderError):
+        open_context()
+    assert tried == ["egl", "osmesa"]
+
+
+def test_a_forked_child_is_told_to_spawn(monkeypatch: pytest.MonkeyPatch):
+    opened = open_context()
+    monkeypatch.setattr(os, "getpid", lambda: -1)
+    with pytest.raises(RenderError, match="spawn"), opened:
+        pass
+    with pytest.raises(RenderError, match="spawn"):
+        open_context()
+    monkeypatch.undo()
+    opened.close()
+
+
+def test_rasterisers_side_by_side_do_not_disturb_each_other():
+    stages = [build(seed) for seed in range(3)]
+    alone = []
+    for stage in stages:
+        with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
+            alone.append((renderer.color(stage.data, POSE, K), renderer.ids(stage.data, POSE, K).ids.copy()))
+    together = [Rasteriser(stage.model, WIDTH, HEIGHT) for stage in stages]
+    for _ in range(3):
+        for stage, renderer, (image, ids) in zip(stages, together, alone, strict=True):
+            assert np.array_equal(renderer.color(stage.data, POSE, K), image)
+            assert np.array_equal(renderer.ids(stage.data, POSE, K).ids, ids)
+    together[1].close()
+    assert np.array_equal(together[2].color(stages[2].data, POSE, K), alone[2][0])
+    for renderer in together:
+        renderer.close()
+
+
+def test_a_rasteriser_may_move_from_thread_to_thread():
+    stage = build()
+    with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
+        images = [renderer.color(stage.data, POSE, K)]
+        for _ in range(3):
+            thread = threading.Thread(target=lambda: images.append(renderer.color(stage.data, POSE, K)))
+            thread.start()
+            thread.join()
+        images.append(renderer.color(stage.data, POSE, K))
+    assert len(images) == 5
+    assert all(np.array_equal(images[0], image) for image in images)
+
+
+def test_threads_with_a_rasteriser_each_draw_at_the_same_time_from_one_model():
+    stage = build()
+    with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
+        image, ids = renderer.color(stage.data, POSE, K), renderer.ids(stage.data, POSE, K).ids.copy()
+    wrong: list[int] = []
+
+    def work() -> None:
+        with Rasteriser(stage.model, WIDTH, HEIGHT) as own:
+            for index in range(10):
+                some = np.arange(stage.model.ngeom) % (index + 2) > 0
+                own.ids(stage.data, POSE, K, shown=some)
+                if not np.array_equal(own.ids(stage.data, POSE, K).ids, ids):
+                    wrong.append(index)
+                if not np.array_equal(own.color(stage.data, POSE, K), image):
+                    wrong.append(index)
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_a_forgotten_rasteriser_is_freed():
+    renderer = Rasteriser(build().model, WIDTH, HEIGHT)
+    opened = renderer._context
+    del renderer
+    gc.collect()
+    assert opened.closed
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.slow
+def test_opening_and_closing_three_hundred_times_does_not_grow():
+    stage, bare = build(), mujoco.MjModel.from_xml_string("<mujoco/>")
+
+    def once(index: int) -> None:
+        # Software OpenGL compiles its shaders anew in every context, which takes longer than all the rest: draw, and
+        # have textures, in some only.
+        full = index % 10 == 0
+        with Rasteriser(stage.model if full else bare, 64, 48) as renderer:
+            if full:
+                renderer.color(stage.data, POSE, 0.9)
+                renderer.ids(stage.data, POSE, 0.9)
+
+    for index in range(60):
+        once(index)
+    before = resident_mb()
+    for index in range(300):
+        once(index)
+    gc.collect()
+    assert resident_mb() - before < 15.0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.slow
+def test_changing_the_model_three_hundred_times_does_not_grow():
+    stages = [build(seed) for seed in range(3)]
+    with Rasteriser(stages[0].model, WIDTH, HEIGHT) as renderer:
+
+        def once(index: int) -> None:
+            stage = stages[index % 3]
+            renderer.rebind(stage.model)
+            renderer.color(stage.data, POSE, K)
+            renderer.ids(stage.data, POSE, K)
+
+        for index in range(60):
+            once(index)
+        before = resident_mb()
+        for index in range(300):
+            once(index)
+        gc.collect()
+        assert resident_mb() - before < 15.0
+
+
+def test_importing_makes_no_context_and_changes_no_environment():
+    program = (
+        "import os; import mujoco, gymnasium, cv2; before = dict(os.environ)\n"
+        "import pftrack_sim.render.rasteriser, pftrack_sim.render.truth, pftrack_sim.render.overlay\n"
+        "from pftrack_sim.render import context, platforms\n"
+        "import sys\n"
+        "assert context._process.backend is None and not platforms._platforms\n"
+        "assert before == dict(os.environ)\n"
+        "assert 'OpenGL' not in sys.modules and 'numba' not in sys.modules, 'eager'\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_mujocos_own_errors_become_ours(monkeypatch: pytest.MonkeyPatch):
+    def broken(*_: object) -> None:
+        raise mujoco.FatalError("gladLoadGL error")
+
+    monkeypatch.setattr(context, "_process", context._Process())
+    monkeypatch.setattr(mujoco, "MjrContext", broken)
+    with pytest.raises(RenderError, match="gladLoadGL"):
+        open_context()
