@@ -1,0 +1,212 @@
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from pftrack_sim import controllers
+from pftrack_sim.controllers import Controller
+from pftrack_sim.errors import ParameterError, UnknownNameError
+from pftrack_sim.proprio import PROPRIO_INDEX, PROPRIO_NAMES
+from pftrack_sim.records import Estimate
+
+SIZE = (640, 480)
+FOCAL_PX = 240.0 / math.tan(math.radians(25.0))
+LIMITS = np.array([1.6, math.radians(90.0), math.radians(120.0), math.radians(60.0)])
+
+
+class Playground:
+    """A robot without mass, and a person who walks: what the camera's box and the senses would be."""
+
+    def __init__(self, target_m: tuple[float, float], height_m: float = 1.72) -> None:
+        self.x = self.y = self.heading = self.pan = self.tilt = 0.0
+        self.rates = np.zeros(4)
+        self.target = np.array(target_m, dtype=np.float64)
+        self.height_m = height_m
+
+    @property
+    def distance_m(self) -> float:
+        return math.hypot(self.target[0] - self.x, self.target[1] - self.y)
+
+    @property
+    def bearing_rad(self) -> float:
+        direction = math.atan2(self.target[1] - self.y, self.target[0] - self.x)
+        return math.remainder(direction - self.heading - self.pan, 2.0 * math.pi)
+
+    def box(self) -> np.ndarray:
+        ahead = self.distance_m * math.cos(self.bearing_rad)
+        u = 320.0 - FOCAL_PX * math.tan(self.bearing_rad)
+        low = 240.0 + FOCAL_PX * math.tan(math.atan2(1.25, ahead) + self.tilt)
+        high = 240.0 + FOCAL_PX * math.tan(math.atan2(1.25 - self.height_m, ahead) + self.tilt)
+        low, high = np.clip([low, high], 0.0, 480.0)
+        return np.array([u - 30.0, high, 60.0, low - high])
+
+    def proprio(self) -> np.ndarray:
+        values = np.zeros(len(PROPRIO_NAMES), dtype=np.float32)
+        for name, value in {
+            "pan_rad": self.pan,
+            "tilt_rad": self.tilt,
+            "gyro_z_rad_s": self.rates[1],
+            "wheel_left_m_s": self.rates[0],
+            "wheel_right_m_s": self.rates[0],
+        }.items():
+            values[PROPRIO_INDEX[name]] = value
+        return values
+
+    def play(self, controller: Controller, seconds: float, velocity=(0.0, 0.0), sure: bool = True) -> None:
+        for _ in range(round(seconds * 30.0)):
+            estimate = Estimate(self.box(), confidence=1.0 if sure else 0.0)
+            wanted = controller.act(estimate, self.proprio()) * LIMITS
+            step = np.array([1.2, 4.0, 12.0, 8.0]) / 30.0
+            self.rates = self.rates + np.clip(wanted - self.rates, -step, step)
+            forward, turn, pan, tilt = self.rates / 30.0
+            self.x += forward * math.cos(self.heading)
+            self.y += forward * math.sin(self.heading)
+            self.heading += turn
+            self.pan += pan
+            self.tilt += tilt
+            self.target = self.target + np.array(velocity) / 30.0
+
+
+def servo(**params) -> Controller:
+    controller = controllers.make("servo", **params)
+    controller.reset(SIZE)
+    return controller
+
+
+@pytest.mark.parametrize("target", [(6.0, 0.0), (4.0, 2.5), (2.2, -0.8), (5.0, -2.5)])
+def test_servo_settles_at_the_wanted_distance_facing_the_person(target):
+    world = Playground(target)
+    world.play(servo(), 15.0)
+    assert abs(world.distance_m - 3.0) < 0.15
+    assert abs(world.bearing_rad) < math.radians(1.0)
+    assert abs(world.pan) < math.radians(2.0)
+    assert abs(world.rates).max() < 0.02
+
+
+@pytest.mark.parametrize("velocity", [(1.25, 0.0), (0.9, 0.6), (0.0, 0.8)])
+def test_servo_keeps_up_with_a_walker(velocity):
+    world = Playground((3.5, 0.0))
+    controller = servo()
+    world.play(controller, 10.0, velocity)
+    for _ in range(20):
+        world.play(controller, 0.5, velocity)
+        assert abs(world.distance_m - 3.0) < 0.5
+        assert abs(world.bearing_rad) < math.radians(8.0)
+
+
+def test_signs_of_the_command():
+    senses = np.zeros(len(PROPRIO_NAMES))
+    far_left_high = servo().act(Estimate(np.array([100.0, 50.0, 20.0, 60.0])), senses)
+    assert far_left_high[0] > 0.0
+    assert far_left_high[2] > 0.0
+    assert far_left_high[3] > 0.0
+    near_right_low = servo().act(Estimate(np.array([500.0, 60.0, 100.0, 410.0])), senses)
+    assert near_right_low[0] < 0.0
+    assert near_right_low[2] < 0.0
+    assert near_right_low[3] < 0.0
+    senses[PROPRIO_INDEX["pan_rad"]] = 0.5
+    assert servo().act(Estimate(np.array([300.0, 100.0, 40.0, 290.0])), senses)[1] > 0.0
+
+
+def test_commands_are_four_numbers_within_one():
+    rng = np.random.default_rng(0)
+    controller = servo()
+    for _ in range(200):
+        box = np.concatenate([rng.uniform(-200, 800, 2), rng.uniform(0, 900, 2)])
+        estimate = Estimate(box, confidence=rng.random(), occluded=bool(rng.random() < 0.2))
+        command = controller.act(estimate, rng.normal(size=len(PROPRIO_NAMES)).astype(np.float32))
+        assert command.shape == (4,)
+        assert command.dtype == np.float64
+        assert np.abs(command).max() <= 1.0
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [
+        Estimate(np.array([300.0, 100.0, 40.0, 200.0]), confidence=0.05),
+        Estimate(np.array([300.0, 100.0, 40.0, 200.0]), occluded=True),
+        Estimate(np.zeros(4)),
+    ],
+)
+def test_unsure_fades_out(lost: Estimate):
+    controller = servo()
+    senses = np.zeros(len(PROPRIO_NAMES))
+    before = controller.act(Estimate(np.array([200.0, 100.0, 40.0, 120.0])), senses)
+    first = controller.act(lost, senses)
+    assert (np.sign(first) == np.sign(before)).all()
+    assert (np.abs(first) <= np.abs(before)).all()
+    for _ in range(120):
+        last = controller.act(lost, senses)
+    assert np.abs(last).max() < 0.01
+
+
+def test_a_person_too_near_for_the_picture_is_not_driven_at():
+    world = Playground((1.6, 0.0))
+    controller = servo()
+    nearest = world.distance_m
+    for _ in range(40):
+        world.play(controller, 0.1)
+        nearest = min(nearest, world.distance_m)
+    assert nearest > 1.3
+
+
+def test_returned_command_is_the_caller_s():
+    controller = servo()
+    senses = np.zeros(len(PROPRIO_NAMES))
+    command = controller.act(Estimate(np.array([200.0, 100.0, 40.0, 120.0])), senses)
+    command[:] = 9.0
+    assert np.abs(controller.act(Estimate(np.zeros(4)), senses)).max() <= 1.0
+
+
+@pytest.mark.parametrize("name", controllers.names())
+def test_same_input_same_output_after_reset(name: str):
+    controller = controllers.make(name)
+
+    def episode() -> bytes:
+        controller.reset(SIZE, math.radians(60.0))
+        rng = np.random.default_rng(3)
+        return b"".join(
+            controller.act(Estimate(rng.uniform(50, 200, 4)), rng.normal(size=len(PROPRIO_NAMES))).tobytes()
+            for _ in range(30)
+        )
+
+    assert episode() == episode()
+    assert isinstance(controller, Controller)
+    assert len(controllers.describe(name)) > 10
+
+
+def test_still_stands():
+    assert not controllers.make("still").act(Estimate(np.ones(4)), np.zeros(len(PROPRIO_NAMES))).any()
+
+
+def test_wrong_names_and_parameters_help():
+    with pytest.raises(UnknownNameError, match="did you mean 'servo'"):
+        controllers.make("sevro")
+    with pytest.raises(ParameterError, match="did you mean 'distance_m'"):
+        controllers.make("servo", distance=2.0)
+    with pytest.raises(ParameterError, match="has no parameter 'gain'"):
+        controllers.make("still", gain=1.0)
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"distance_m": 0.0},
+        {"rate_hz": -1.0},
+        {"max_speed_m_s": math.nan},
+        {"person_m": "tall"},
+        {"fovy_deg": 180.0},
+        {"least_confidence": 1.5},
+        {"distance_m": True},
+    ],
+)
+def test_impossible_parameters(params):
+    with pytest.raises(ParameterError, match=next(iter(params))):
+        controllers.make("servo", **params)
+
+
+def test_import_is_light():
+    code = "import sys, pftrack_sim.controllers; sys.exit(int('mujoco' in sys.modules or 'numba' in sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
