@@ -1,0 +1,169 @@
+"""What the three environments share: observations, information, rendering, the end of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pftrack_sim import boxes
+from pftrack_sim import scenario as scenarios
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.env.spaces import BoundingBox
+from pftrack_sim.errors import CommandError, ParameterError
+from pftrack_sim.proprio import PROPRIO_HIGH
+from pftrack_sim.records import Estimate, Frame
+from pftrack_sim.render.overlay import draw_frame
+from pftrack_sim.scenario import ScenarioLike
+
+Observation = dict[str, Any]
+
+
+class CameraEnv(gym.Env[Observation, Any]):
+    """Base of the environments; see `TrackEnv`, `FollowEnv` and `TrackAndFollowEnv`.
+
+    Observation (a dict):
+        image: `(H, W, 3)` uint8 RGB.
+        init_box: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, zeros afterwards.
+        first: 1 in the first frame of an episode, else 0.
+        proprio: `(n,)` float32, the robot's own senses (`pftrack_sim.proprio.PROPRIO_NAMES`).
+
+    Args:
+        scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
+        overrides: Dotted keys and values, `{"duration_s": 5, "axes.jitter.severity": 2.0}`.
+        render_mode: `"rgb_array"` or None. What it draws has the truth and the last answer on it.
+        backend: `"egl"`, `"osmesa"`, or None for the first that works.
+
+    Raises:
+        UnknownNameError: No such scenario.
+        ScenarioError: The scenario or an override is wrong; every mistake is named.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 30}
+
+    def __init__(
+        self,
+        scenario: ScenarioLike = "plaza-walk",
+        overrides: Mapping[str, Any] | None = None,
+        render_mode: str | None = None,
+        backend: str | None = None,
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ParameterError(f"render_mode must be 'rgb_array' or None, got {render_mode!r}")
+        self.render_mode = render_mode
+        self.scenario = scenarios.load(scenario, overrides)
+        camera = self.scenario.resolve(0).camera
+        self.metadata = {**type(self).metadata, "render_fps": round(camera.rate_hz)}
+        self._size = (camera.width_px, camera.height_px)
+        far = float(max(self._size))
+        self.observation_space = gym.spaces.Dict(
+            {
+                "image": gym.spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8),
+                # A box that is selected lies inside the image.
+                "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
+                "first": gym.spaces.Discrete(2),
+                "proprio": gym.spaces.Box(-PROPRIO_HIGH, PROPRIO_HIGH, dtype=np.float32),
+            }
+        )
+        self.simulation = Simulation(self.scenario, backend=backend)
+        self._frame: Frame | None = None
+        self._answered: tuple[Frame, Estimate | None] | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode.
+
+        Args:
+            seed: Root seed of the episode; None draws the next one from the environment's own generator.
+            options: None are known.
+        """
+        super().reset(seed=seed)
+        if options:
+            raise ParameterError(f"reset takes no options, got {sorted(options)}")
+        self.episode_seed = seed if seed is not None else int(self.np_random.integers(2**31))
+        self._frame = self.simulation.reset(self.episode_seed)
+        self._answered = None
+        return self._observation(self._frame), self._info(self._frame)
+
+    def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """`(H, W, 3)` uint8: the frame last answered, with the truth and the answer; None without a render mode.
+
+        Before the first step it is the first frame with its truth.
+        """
+        if self.render_mode is None:
+            gym.logger.warn("render() needs render_mode='rgb_array', given to gym.make")
+            return None
+        frame, estimate = self._answered if self._answered is not None else (self._current, None)
+        return draw_frame(frame, {} if estimate is None else {"action": estimate})
+
+    def close(self) -> None:
+        """Free the graphics context."""
+        self.simulation.close()
+        self._frame = self._answered = None
+
+    @property
+    def _current(self) -> Frame:
+        if self._frame is None:
+            raise gym.error.ResetNeeded("Cannot step or render before reset()")
+        return self._frame
+
+    def _observation(self, frame: Frame) -> Observation:
+        first = int(frame.index == 0)
+        box = frame.truth.box.copy() if first else np.zeros(4)
+        proprio = np.clip(self.simulation.world.proprio(), -PROPRIO_HIGH, PROPRIO_HIGH)
+        # Wrappers and learners may write into an observation: it is theirs.
+        return {"image": frame.image.copy(), "init_box": box, "first": first, "proprio": proprio.astype(np.float32)}
+
+    def _info(self, frame: Frame) -> dict[str, Any]:
+        return {
+            "truth": frame.truth,
+            "people": frame.people,
+            "time_s": frame.time_s,
+            "frame": frame.index,
+            "seed": self.episode_seed,
+        }
+
+    def _advance(self, command: NDArray[np.float64] | None, answer: Estimate | None) -> Frame:
+        """Keep the answer for `render`, then move on to the next frame."""
+        shown = self._current
+        self._answered = (shown, answer)
+        self._frame = self.simulation.advance(command)
+        return self._frame
+
+    @property
+    def _over(self) -> bool:
+        """Whether the last frame of the scenario has been answered."""
+        return self._current.index >= self.simulation.settings.frame_count
+
+
+def box_space(env: CameraEnv) -> BoundingBox:
+    """The action space of boxes in the image of an environment."""
+    return BoundingBox(*env._size)
+
+
+def checked_command(action: ArrayLike) -> NDArray[np.float64]:
+    """A `(4,)` command clipped to [-1, 1].
+
+    Raises:
+        CommandError: Not four finite numbers.
+    """
+    try:
+        command = np.array(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise CommandError(f"a command must be four numbers, got {action!r}") from error
+    if command.shape != (4,):
+        raise CommandError(
+            f"a command must have shape (4,) (forward, turn, pan, tilt, each in [-1, 1]), got shape {command.shape}"
+        )
+    if not np.isfinite(command).all():
+        raise CommandError(f"a command must be finite, got {command.tolist()}")
+    return np.clip(command, -1.0, 1.0)
+
+
+def overlap(frame: Frame, box: ArrayLike) -> float:
+    """Overlap of a box with the truth of a frame, in [0, 1]; 0 when the target is out of view."""
+    return boxes.iou(frame.truth.box, box)

@@ -1,0 +1,138 @@
+"""`Follow-v0` and `TrackAndFollow-v0`: drive the robot that carries the camera."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pftrack_sim import boxes
+from pftrack_sim.env.base import CameraEnv, Observation, box_space, checked_command, overlap
+from pftrack_sim.errors import ParameterError
+from pftrack_sim.records import Estimate, Frame
+
+
+def following_reward(distance_error: float, bearing_error: float) -> float:
+    """How well the target is followed, in [0, 1].
+
+    Active object tracking scores the errors of distance and bearing, each divided by its limit, and sums them
+    (Luo et al. 2018, "End-to-end active object tracking via reinforcement learning"; Zhong et al. 2019, "AD-VAT: an
+    asymmetric dueling mechanism for learning visual active tracking"). Here the sum falls off along a raised cosine, so
+    that the reward is smooth at both ends and never negative.
+
+    Args:
+        distance_error: Absolute error of distance over its limit.
+        bearing_error: Absolute error of bearing over its limit.
+
+    >>> following_reward(0.0, 0.0), following_reward(0.5, 0.5)
+    (1.0, 0.0)
+    """
+    return 0.5 * (1.0 + math.cos(math.pi * min(1.0, distance_error + bearing_error)))
+
+
+class FollowEnv(CameraEnv):
+    """Following the target with the robot.
+
+    Action: `(4,)` command in [-1, 1]: forward speed, turn rate, pan rate, tilt rate, as shares of the robot's limits
+    (`robot.max_speed_m_s` and so on); beyond the limits it is clipped.
+    Reward: `following_reward` of the distance on the ground between camera and target against `follow.distance_m`, and
+    of the target's bearing off the optical axis, at the frame that the command leads to.
+    Information: `truth`, `people`, and after a step `distance_m`, `bearing_rad`, `collision` (name of what the robot
+    touches, or None), `lost_s` (how long nothing of the target has been seen) and `command` (as applied).
+    End: terminated on collision or when the target is lost longer than `follow.lost_after_s`; truncated after the
+    duration.
+
+    Raises:
+        CommandError: An action that is not four finite numbers.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.action_space: gym.Space[Any] = command_space()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode, at the place and distance the scenario's script starts from."""
+        self._seen_s = 0.0
+        return super().reset(seed=seed, options=options)
+
+    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive until the next frame."""
+        return self._drive(checked_command(action), None)
+
+    def _drive(
+        self, command: NDArray[np.float64], answer: Estimate | None
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        frame = self._advance(command, answer)
+        follow = self.simulation.settings.follow
+        distance_m, bearing_rad = distance_and_bearing(frame)
+        if frame.truth.scored:
+            self._seen_s = frame.time_s
+        lost_s = frame.time_s - self._seen_s
+        collision = self.simulation.world.collision()
+        reward = following_reward(
+            abs(distance_m - follow.distance_m) / follow.distance_limit_m,
+            abs(bearing_rad) / math.radians(follow.bearing_limit_deg),
+        )
+        terminated = collision is not None or lost_s > follow.lost_after_s
+        info = {
+            **self._info(frame),
+            "distance_m": distance_m,
+            "bearing_rad": bearing_rad,
+            "collision": collision,
+            "lost_s": lost_s,
+            "command": command,
+        }
+        return self._observation(frame), reward, terminated, self._over, info
+
+
+class TrackAndFollowEnv(FollowEnv):
+    """Tracking and following at once, both scored on the same episode.
+
+    Action: `{"box": (4,) box [px], "command": (4,) in [-1, 1]}`: the box answers the frame shown, the command drives.
+    Reward: mean of the overlap (as in `TrackEnv`) and the following reward (as in `FollowEnv`); `info["overlap"]` and
+    `info["following"]` hold the two, `info["scored"]` whether the answered frame counts in a mean overlap.
+
+    Raises:
+        BoxError: The box is no box.
+        CommandError: The command is not four finite numbers.
+        ParameterError: The action has other keys.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.action_space = gym.spaces.Dict({"box": box_space(self), "command": command_space()})
+
+    def step(self, action: dict[str, ArrayLike]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Answer the frame shown, drive on, and see the next one."""
+        if not isinstance(action, dict) or set(action) != {"box", "command"}:
+            given = sorted(action) if isinstance(action, dict) else repr(action)
+            raise ParameterError(f"an action must be a dict with the keys 'box' and 'command', got {given}")
+        answer = Estimate(boxes.checked(action["box"], what="action['box']"))
+        command = checked_command(action["command"])
+        shown = self._current
+        overlapping = overlap(shown, answer.box)
+        observation, following, terminated, truncated, info = self._drive(command, answer)
+        info = {**info, "overlap": overlapping, "following": following, "scored": shown.truth.scored}
+        return observation, 0.5 * (overlapping + following), terminated, truncated, info
+
+
+def command_space() -> gym.spaces.Box:
+    """Forward speed, turn rate, pan rate, tilt rate, each in [-1, 1]."""
+    return gym.spaces.Box(-1.0, 1.0, (4,), np.float32)
+
+
+def distance_and_bearing(frame: Frame) -> tuple[float, float]:
+    """Distance on the ground from camera to target [m], and the target's bearing off the optical axis [rad].
+
+    Positive bearings are to the left.
+    """
+    camera = frame.truth.T_world_camera
+    offset = frame.truth.T_world_target[:2, 3] - camera[:2, 3]
+    axis = camera[:2, 2]
+    bearing = math.atan2(axis[0] * offset[1] - axis[1] * offset[0], axis[0] * offset[0] + axis[1] * offset[1])
+    return float(np.hypot(*offset)), bearing

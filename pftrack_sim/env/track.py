@@ -1,0 +1,39 @@
+"""`Track-v0`: say where the target is while the robot follows its script."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from pftrack_sim import boxes
+from pftrack_sim.env.base import CameraEnv, Observation, box_space, overlap
+from pftrack_sim.records import Estimate
+
+
+class TrackEnv(CameraEnv):
+    """Tracking from a moving camera; the robot follows the scenario's script.
+
+    Action: `(4,)` box x, y, w, h [px], the answer to the frame just shown. Boxes may leave the image.
+    Reward: overlap (intersection over union) of that box with the amodal box of the target in that frame, clipped to
+    the image (Ko et al. 2012, eq. 14); 0 while the target is out of view.
+    Information: `truth` and `people` of the frame in the observation; after a step also `overlap` (the reward) and
+    `scored` of the frame that was answered: whether the target could be seen, so that the frame counts in a mean.
+    End: truncated after the scenario's duration; never terminated.
+
+    Raises:
+        BoxError: An action that is no box: NaN, infinite, a negative size, or not of shape (4,).
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.action_space = box_space(self)
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Answer the frame shown and see the next one."""
+        answer = Estimate(boxes.checked(action, what="action"))
+        shown = self._current
+        reward = overlap(shown, answer.box)
+        frame = self._advance(None, answer)
+        info = {**self._info(frame), "overlap": reward, "scored": shown.truth.scored}
+        return self._observation(frame), reward, False, self._over, info

@@ -1,0 +1,264 @@
+"""The public contract of the environments, checked on every one of them."""
+
+import math
+import pickle
+import subprocess
+import sys
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import pftrack_sim  # noqa: F401 - registers the environments
+from pftrack_sim import scenario
+from pftrack_sim.errors import BoxError, CommandError, ParameterError, ScenarioError, UnknownNameError
+
+IDS = ["pftrack_sim/Track-v0", "pftrack_sim/Follow-v0", "pftrack_sim/TrackAndFollow-v0"]
+SMALL: dict[str, Any] = {
+    "camera.width_px": 96,
+    "camera.height_px": 72,
+    "lights.shadows": False,
+    "duration_s": 0.5,
+    "distractors.count": 1,
+    "occluders": [],
+}
+
+
+def make(env_id: str = IDS[0], name: str = "plaza-walk", **more: Any) -> gym.Env[Any, Any]:
+    overrides = {**SMALL, **more.pop("overrides", {})}
+    return gym.make(env_id, scenario=name, overrides=overrides, **more)
+
+
+@pytest.fixture
+def env():
+    made = make()
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_gymnasium_checker_is_content_and_silent(env_id: str):
+    env = make(env_id, render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+
+
+@pytest.mark.parametrize("name", scenario.names())
+@pytest.mark.parametrize("env_id", IDS)
+def test_same_seed_same_bits(env_id: str, name: str):
+    runs = []
+    for _ in range(2):
+        env = make(env_id, name)
+        env.action_space.seed(5)
+        observation, info = env.reset(seed=11)
+        seen = [(observation["image"].tobytes(), observation["proprio"].tobytes(), pickle.dumps(info["people"]))]
+        for _ in range(4):
+            observation, reward, _, _, info = env.step(env.action_space.sample())
+            seen.append(
+                (observation["image"].tobytes(), observation["proprio"].tobytes(), pickle.dumps(info["people"]))
+            )
+            seen.append(reward)
+        env.close()
+        runs.append(seen)
+    assert runs[0] == runs[1]
+
+
+def test_nothing_leaks_from_one_episode_into_the_next(env: gym.Env[Any, Any]):
+    def episode(seed: int) -> list[bytes]:
+        observation, _ = env.reset(seed=seed)
+        images = [observation["image"].tobytes()]
+        for _ in range(6):
+            images.append(env.step(np.array([1.0, 2.0, 3.0, 4.0]))[0]["image"].tobytes())
+        return images
+
+    fresh = episode(3)
+    episode(4)
+    assert episode(3) == fresh
+
+
+def test_frames_and_truth_are_the_same_in_two_processes():
+    code = (
+        "import gymnasium as gym, hashlib, pickle, pftrack_sim, numpy as np\n"
+        f"env = gym.make('pftrack_sim/Track-v0', scenario='plaza-walk', overrides={SMALL!r})\n"
+        "o, i = env.reset(seed=2); h = hashlib.sha256()\n"
+        "for _ in range(5):\n"
+        "    h.update(o['image'].tobytes()); h.update(pickle.dumps(i['people']))\n"
+        "    o, r, _, _, i = env.step(np.array([0., 0., 9., 9.]))\n"
+        "print(h.hexdigest())"
+    )
+    digests = {
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout for _ in "ab"
+    }
+    assert len(digests) == 1
+    assert len(digests.pop().strip()) == 64
+
+
+def test_the_first_frame_holds_the_box_and_the_others_do_not(env: gym.Env[Any, Any]):
+    observation, info = env.reset(seed=1)
+    assert observation["first"] == 1
+    np.testing.assert_array_equal(observation["init_box"], info["truth"].box)
+    observation, *_ = env.step(observation["init_box"])
+    assert observation["first"] == 0
+    assert not observation["init_box"].any()
+
+
+def test_reward_is_the_overlap_with_the_frame_that_was_shown(env: gym.Env[Any, Any]):
+    _, info = env.reset(seed=1)
+    while True:
+        truth = info["truth"]
+        _, reward, terminated, truncated, info = env.step(truth.box)
+        assert reward == pytest.approx(1.0 if truth.box[2:].all() else 0.0)
+        assert info["scored"] == (truth.state == "visible")
+        assert not terminated
+        if truncated:
+            break
+    assert info["frame"] == 15
+    _, info = env.reset(seed=1)
+    shifted = info["truth"].box + np.array([info["truth"].box[2] / 2, 0, 0, 0])
+    assert env.step(shifted)[1] == pytest.approx(1 / 3, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("action", "words"),
+    [
+        ([0, 0, np.nan, 1], "finite"),
+        ([0, np.inf, 1, 1], "finite"),
+        ([0, 0, -1, 1], ">= 0"),
+        ([0, 0, 1], r"shape \(4,\)"),
+        ([[0, 0, 1, 1]], r"shape \(4,\)"),
+        ("box", "four numbers"),
+    ],
+)
+def test_a_box_that_is_no_box_is_refused(env: gym.Env[Any, Any], action: object, words: str):
+    env.reset(seed=1)
+    with pytest.raises(BoxError, match=words):
+        env.unwrapped.step(action)
+
+
+def test_wrong_commands_are_refused_and_strong_ones_clipped():
+    env = make(IDS[1])
+    env.reset(seed=1)
+    with pytest.raises(CommandError, match="finite"):
+        env.unwrapped.step([0, 0, math.nan, 0])
+    with pytest.raises(CommandError, match="shape"):
+        env.unwrapped.step([0, 0, 0])
+    info = env.unwrapped.step([5, 0, 0, -5])[4]
+    np.testing.assert_array_equal(info["command"], [1, 0, 0, -1])
+    env.close()
+    env = make(IDS[2])
+    env.reset(seed=1)
+    with pytest.raises(ParameterError, match="'box' and 'command'"):
+        env.unwrapped.step({"box": [0, 0, 1, 1]})
+    env.close()
+
+
+def test_both_scores_of_one_episode():
+    env = make(IDS[2])
+    _, info = env.reset(seed=1)
+    _, reward, _, _, info = env.step({"box": info["truth"].box, "command": np.zeros(4, np.float32)})
+    assert info["overlap"] == pytest.approx(1.0)
+    assert reward == pytest.approx(0.5 * (info["overlap"] + info["following"]))
+    env.close()
+
+
+def test_wrong_arguments_are_named():
+    with pytest.raises(UnknownNameError, match="did you mean 'plaza-walk'"):
+        gym.make(IDS[0], scenario="plaza-wlak")
+    with pytest.raises(ScenarioError, match="did you mean 'width_px'"):
+        gym.make(IDS[0], overrides={"camera.widthpx": 3})
+    env = make(overrides={"camera.width_px": {"choice": [64, 96, 128, 160]}})
+    env.reset(seed=0)
+    other = next(s for s in range(1, 99) if env.unwrapped.scenario.resolve(s) != env.unwrapped.scenario.resolve(0))
+    with pytest.raises(ScenarioError, match="image size must not change"):
+        env.reset(seed=other)
+    env.close()
+
+
+def test_render_shows_the_answered_frame_and_leaves_the_observation_alone():
+    env = make(render_mode="rgb_array")
+    observation, info = env.reset(seed=1)
+    before = observation["image"].copy()
+    picture = env.render()
+    assert picture.shape == before.shape
+    assert picture.dtype == np.uint8
+    assert (picture != before).any()
+    env.step(info["truth"].box)
+    assert (env.render() != picture).any()
+    np.testing.assert_array_equal(observation["image"], before)
+    env.close()
+
+
+def test_every_place_starts_with_the_target_in_view():
+    for name in scenario.names():
+        env = gym.make(IDS[0], scenario=name, overrides={"camera.width_px": 160, "camera.height_px": 120})
+        for seed in range(3):
+            _, info = env.reset(seed=seed)
+            assert info["truth"].state == "visible", (name, seed)
+            assert info["truth"].truncation < 0.2, (name, seed)
+        env.close()
+
+
+def test_wrappers_record_videos_and_statistics(tmp_path):
+    env = gym.wrappers.RecordEpisodeStatistics(make(render_mode="rgb_array"))
+    env = gym.wrappers.RecordVideo(env, str(tmp_path), disable_logger=True)
+    _, info = env.reset(seed=1)
+    done = False
+    while not done:
+        _, _, _, done, info = env.step(info["truth"].box)
+    env.close()
+    assert info["episode"]["l"] == 15
+    assert [path.suffix for path in tmp_path.iterdir()] == [".mp4"]
+
+
+@pytest.mark.parametrize("mode", ["sync", pytest.param("async", marks=pytest.mark.slow)])
+def test_vector_environments(mode: str):
+    kwargs = {"context": "spawn"} if mode == "async" else {}
+    envs = gym.make_vec(
+        IDS[0], num_envs=2, vectorization_mode=mode, vector_kwargs=kwargs, scenario="plaza-walk", overrides=SMALL
+    )
+    observation, info = envs.reset(seed=[4, 5])
+    assert observation["image"].shape == (2, 72, 96, 3)
+    observation, reward, _, _, info = envs.step(np.stack([truth.box for truth in info["truth"]]))
+    np.testing.assert_allclose(reward, 1.0)
+    alone = make()
+    alone.reset(seed=5)
+    expected = alone.step(np.array([0.0, 0, 1, 1]))[0]["image"]
+    np.testing.assert_array_equal(observation["image"][1], expected)
+    alone.close()
+    envs.close()
+
+
+@pytest.mark.slow
+def test_resets_do_not_grow_memory():
+    code = (
+        "import gymnasium as gym, pftrack_sim\n"
+        "def rss():\n"
+        "    return int(open('/proc/self/statm').read().split()[1]) * 4096 / 2**20\n"
+        f"env = gym.make('pftrack_sim/Track-v0', scenario='plaza-walk', overrides={SMALL!r})\n"
+        "for seed in range(20): env.reset(seed=seed)\n"
+        "start = rss()\n"
+        "for seed in range(60): env.reset(seed=seed)\n"
+        "print(rss() - start)"
+    )
+    if not sys.platform.startswith("linux"):
+        pytest.skip("reads /proc")
+    grown_mb = float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
+    assert grown_mb < 30
+
+
+def test_import_registers_and_does_nothing_else():
+    code = (
+        "import os, sys, threading; before = dict(os.environ); import pftrack_sim\n"
+        "assert dict(os.environ) == before\n"
+        "assert threading.active_count() == 1\n"
+        "assert not {'mujoco', 'numba', 'cv2', 'duckdb', 'av'} & set(sys.modules)\n"
+        "import gymnasium; assert 'pftrack_sim/Track-v0' in gymnasium.registry\n"
+        "import cv2; before = dict(os.environ)  # OpenCV sets LD_LIBRARY_PATH for itself\n"
+        "env = gymnasium.make('pftrack_sim/Track-v0', scenario='plaza-walk'); env.reset(seed=0); env.close()\n"
+        "assert dict(os.environ) == before, set(os.environ) ^ set(before)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
