@@ -1,0 +1,80 @@
+"""A scenario to look at: its episode as a video, or one of its frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+
+from pftrack_sim.bench.video import VideoWriter
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.errors import ParameterError, RunError
+from pftrack_sim.records import Frame, Image
+from pftrack_sim.render.overlay import draw_frame
+from pftrack_sim.scenario import Scenario
+
+
+def save_video(
+    scenario: Scenario,
+    seed: int,
+    path: Path,
+    *,
+    truth: bool = False,
+    backend: str | None = None,
+    on_frame: Callable[[], None] = lambda: None,
+) -> None:
+    """Write an episode as H.264.
+
+    Args:
+        scenario: What to show.
+        seed: Root seed.
+        path: File ending in `.mp4`.
+        truth: Draw the truth's boxes.
+        backend: OpenGL backend.
+        on_frame: Called after every frame.
+    """
+    rate_hz = scenario.resolve(seed).camera.rate_hz
+    with Simulation(scenario, backend=backend) as simulation, VideoWriter(path, rate_hz) as writer:
+        frame = simulation.reset(seed)
+        writer.add(_picture(frame, truth))
+        on_frame()
+        for _ in range(simulation.settings.frame_count - 1):
+            frame = simulation.advance()
+            writer.add(_picture(frame, truth))
+            on_frame()
+
+
+def save_image(
+    scenario: Scenario, seed: int, path: Path, *, at_s: float = 0.0, truth: bool = False, backend: str | None = None
+) -> None:
+    """Write one frame as PNG or JPEG.
+
+    Args:
+        scenario: What to show.
+        seed: Root seed.
+        path: File ending in `.png` or `.jpg`.
+        at_s: Time of the frame since the start of the episode; it must lie within the episode.
+        truth: Draw the truth's boxes.
+        backend: OpenGL backend.
+    """
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise ParameterError(f"an image's name must end in .png or .jpg, got {str(path)!r}")
+    settled = scenario.resolve(seed)
+    if at_s > settled.duration_s:
+        raise ParameterError(f"the episode lasts {settled.duration_s:g} s, so there is no frame at {at_s:g} s")
+    with Simulation(scenario, backend=backend) as simulation:
+        frame = simulation.reset(seed)
+        for _ in range(round(at_s * settled.camera.rate_hz)):
+            frame = simulation.advance()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        written = cv2.imwrite(str(path), cv2.cvtColor(_picture(frame, truth), cv2.COLOR_RGB2BGR))
+    except (OSError, cv2.error) as error:
+        raise RunError(f"cannot write the image {path}: {error}") from None
+    if not written:
+        raise RunError(f"cannot write the image {path}")
+
+
+def _picture(frame: Frame, truth: bool) -> Image:
+    return draw_frame(frame, {}) if truth else frame.image

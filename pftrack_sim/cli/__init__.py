@@ -1,0 +1,18 @@
+"""The command `pftrack-sim`."""
+
+from __future__ import annotations
+
+import sys
+
+from pftrack_sim.errors import PftrackError
+
+
+def main() -> None:
+    """Run the command line: a wrong input ends in one clear message and exit code 2, never in a traceback."""
+    from pftrack_sim.cli.app import app
+
+    try:
+        app()
+    except PftrackError as error:
+        print(f"pftrack-sim: {error}", file=sys.stderr)  # noqa: T201 - this is the command line
+        sys.exit(2)

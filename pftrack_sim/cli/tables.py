@@ -1,0 +1,138 @@
+"""Tables for people to read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from pftrack_sim.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from pftrack_sim.bench import Result
+    from pftrack_sim.bench.recorded import RecordedResult
+    from pftrack_sim.render.doctor import Report
+    from pftrack_sim.score import Summary
+
+_console = Console(highlight=False)
+
+
+def print_names(what: str) -> None:
+    """Names of scenarios, trackers, controllers or stress axes, one on a line with what it is."""
+    listings: dict[str, Callable[[], Iterable[tuple[str, str]]]] = {
+        "scenarios": _scenarios,
+        "trackers": _trackers,
+        "controllers": _controllers,
+        "axes": _axes,
+    }
+    if what not in listings:
+        raise UnknownNameError("listing", what, listings)
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for name, description in listings[what]():
+        table.add_row(name, description)
+    _console.print(table)
+
+
+def _scenarios() -> Iterable[tuple[str, str]]:
+    from pftrack_sim import scenario
+
+    return [(name, str(scenario.load(name).tree["title"])) for name in scenario.names()]
+
+
+def _trackers() -> Iterable[tuple[str, str]]:
+    from pftrack_sim import trackers
+
+    return [(name, trackers.describe(name)) for name in trackers.names()]
+
+
+def _controllers() -> Iterable[tuple[str, str]]:
+    from pftrack_sim import controllers
+
+    return [(name, controllers.describe(name)) for name in controllers.names()]
+
+
+def _axes() -> Iterable[tuple[str, str]]:
+    from pftrack_sim.scenario.model import Axes
+
+    for name, field in Axes.model_fields.items():
+        yield name, " ".join((field.annotation.__doc__ or "").split())
+
+
+def print_bench(results: Sequence[Result]) -> None:
+    """Overlap of each tracker in each episode, then over all seeds."""
+    by_episode = Table(title="Mean overlap per episode (frames where the target can be seen)", title_justify="left")
+    trackers = list(dict.fromkeys(one.tracker for one in results))
+    for head in ("scenario", "condition", "seed", "frames"):
+        by_episode.add_column(head, justify="right" if head in ("seed", "frames") else "left")
+    for tracker in trackers:
+        by_episode.add_column(tracker, justify="right")
+    episodes: dict[tuple[str, str, int], dict[str, Result]] = {}
+    for one in results:
+        episodes.setdefault((one.scenario, one.condition, one.seed), {})[one.tracker] = one
+    for (scenario, condition, seed), scored in episodes.items():
+        frames = next(iter(scored.values())).summary.frames
+        cells = [_number(scored[tracker].summary.mean_overlap) for tracker in trackers]
+        by_episode.add_row(scenario, condition, str(seed), str(frames), *cells)
+    _console.print(by_episode)
+    groups: dict[tuple[str, ...], list[Summary]] = {}
+    for one in results:
+        groups.setdefault((one.scenario, one.condition, one.tracker), []).append(one.summary)
+    _print_groups("Over all seeds", ("scenario", "condition", "tracker"), groups)
+    for one in results:
+        if one.failure:
+            _console.print(f"{one.tracker} failed on {one.scenario} seed {one.seed}, {one.failure}", markup=False)
+
+
+def print_recorded(results: Sequence[RecordedResult]) -> None:
+    """Scores of each tracker on each sequence, over all seeds."""
+    groups: dict[tuple[str, ...], list[Summary]] = {}
+    for one in results:
+        groups.setdefault((one.sequence, one.tracker), []).append(one.summary)
+    _print_groups("Over all seeds (frames with a known box)", ("sequence", "tracker"), groups)
+    for one in results:
+        if one.failure:
+            _console.print(f"{one.tracker} failed on {one.sequence} seed {one.seed}, {one.failure}", markup=False)
+
+
+def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ...], list[Summary]]) -> None:
+    table = Table(title=title, title_justify="left")
+    for head in heads:
+        table.add_column(head)
+    for head in ("seeds", "mean overlap", "success at 0.5", "precision at 20 px", "ms per frame"):
+        table.add_column(head, justify="right")
+    for names, summaries in groups.items():
+        table.add_row(
+            *names,
+            str(len(summaries)),
+            *(
+                _number(_mean([getattr(one, key) for one in summaries]))
+                for key in ("mean_overlap", "success", "precision")
+            ),
+            f"{float(np.median([one.ms_median for one in summaries])):.2f}",
+        )
+    _console.print(table)
+
+
+def print_folder(path: Path | None) -> None:
+    """Where the results lie."""
+    _console.print(f"written: {path}", markup=False, soft_wrap=True)
+
+
+def print_doctor(report: Report) -> None:
+    """What can draw here, and the remedy where something cannot."""
+    for line in report.lines():
+        _console.print(line, markup=False, soft_wrap=True)
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if not math.isnan(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.3f}"

@@ -1,0 +1,125 @@
+"""The command line as a person types it: right and wrong."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+SMALL = ["--set", "camera.width_px=96", "--set", "camera.height_px=72", "--set", "duration_s=0.5"]
+
+
+def pftrack_sim(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    code = "import sys; from pftrack_sim.cli import main; sys.argv[0] = 'pftrack-sim'; main()"
+    return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, cwd=cwd)
+
+
+def sequence(folder: Path, count: int = 12) -> Path:
+    """A textured square that drifts over noise, in OTB layout."""
+    rng = np.random.default_rng(0)
+    (folder / "img").mkdir(parents=True)
+    background = rng.integers(0, 80, (120, 160, 3), dtype=np.uint8)
+    patch = rng.integers(120, 255, (30, 24, 3), dtype=np.uint8)
+    lines = []
+    for index in range(count):
+        image = background.copy()
+        x, y = 40 + index, 50
+        image[y : y + 30, x : x + 24] = patch
+        cv2.imwrite(str(folder / f"img/{index + 1:04d}.png"), image)
+        lines.append(f"{x + 1},{y + 1},24,30")
+    (folder / "groundtruth_rect.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
+    out = tmp_path / "run"
+    done = pftrack_sim("bench", "plaza-walk", "--trackers", "oracle,stay", "--seeds", "0:2", "--out", str(out), *SMALL)
+    assert done.returncode == 0, done.stderr
+    assert "oracle" in done.stdout
+    assert "1.000" in done.stdout
+    assert (out / "run.json").is_file()
+    again = pftrack_sim("bench", "plaza-walk", "--trackers", "oracle", "--out", str(out), *SMALL)
+    assert again.returncode == 2
+    assert "not an empty folder" in again.stderr
+
+
+def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
+    done = pftrack_sim("evaluate", "--tracker", "ko2012,stay", "--seeds", "0:2", str(sequence(tmp_path / "square")))
+    assert done.returncode == 0, done.stderr
+    assert "square" in done.stdout
+    assert "ko2012" in done.stdout
+
+
+def test_render_writes_a_video_and_a_frame(tmp_path: Path):
+    done = pftrack_sim("render", "corridor", "--seed", "3", "--video", str(tmp_path / "a.mp4"), "--truth", *SMALL)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "a.mp4").stat().st_size > 1000
+    done = pftrack_sim("render", "corridor", "--image", str(tmp_path / "a.png"), "--at-s", "0.2", *SMALL)
+    assert done.returncode == 0, done.stderr
+    assert cv2.imread(str(tmp_path / "a.png")).shape == (72, 96, 3)
+
+
+def test_lists_schema_and_doctor():
+    assert "street-night" in pftrack_sim("list", "scenarios").stdout
+    assert "ko2012" in pftrack_sim("list", "trackers").stdout
+    assert "servo" in pftrack_sim("list", "controllers").stdout
+    assert "jitter" in pftrack_sim("list", "axes").stdout
+    assert '"fovy_deg"' in pftrack_sim("schema").stdout
+    doctor = pftrack_sim("doctor")
+    assert doctor.returncode == 0
+    assert "egl" in doctor.stdout.lower()
+
+
+WRONG = [
+    (["bench", "plaza-wlk"], "did you mean 'plaza-walk'"),
+    (["bench", "plaza-walk", "--trackers", "ko2021"], "did you mean 'ko2012'"),
+    (["bench", "plaza-walk", "--trackers", ","], "expected names"),
+    (["bench", "plaza-walk", "--preset", "papr"], "did you mean 'paper'"),
+    (["bench", "plaza-walk", "--seeds", "x"], "seeds are written"),
+    (["bench", "plaza-walk", "--axis", "jitter"], "--axis takes AXIS=LEVEL"),
+    (["bench", "plaza-walk", "--axis", "jiter=1"], "did you mean 'jitter'"),
+    (["bench", "plaza-walk", "--set", "camera.widthpx=3"], "did you mean 'width_px'"),
+    (["bench", "plaza-walk", "--set", "camera"], "--set takes KEY=VALUE"),
+    (["bench", "plaza-walk", "--videos", "some"], "videos must be one of"),
+    (["bench", "plaza-walk", "--backend", "vulkan"], "egl"),
+    (["bench", "plaza-walk", "--out", "/proc/nothing/here"], "/proc/nothing/here"),
+    (["bench"], "scenarios"),
+    (["bnch"], "bnch"),
+    (["bench", "plaza-walk", "--sedes", "3"], "--seeds"),
+    (["evaluate", "absent-folder"], "absent-folder"),
+    (["render", "plaza-walk"], "--video"),
+    (["render", "plaza-walk", "--video", "a.avi"], ".mp4"),
+    (["render", "plaza-walk", "--image", "a.png", "--at-s", "500"], "lasts"),
+    (["list", "trakers"], "did you mean 'trackers'"),
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"), WRONG, ids=lambda value: " ".join(value) if isinstance(value, list) else ""
+)
+def test_wrong_input_gives_one_clear_message_and_exit_code_2(arguments: list[str], words: str, tmp_path: Path):
+    done = pftrack_sim(*arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir()), "something was left behind"
+
+
+def test_broken_sequences_give_one_clear_line(tmp_path: Path):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    no_truth = sequence(tmp_path / "no-truth")
+    (no_truth / "groundtruth_rect.txt").write_text("")
+    gap = sequence(tmp_path / "gap")
+    (gap / "img/0005.png").unlink()
+    broken = sequence(tmp_path / "broken")
+    (broken / "img/0006.png").write_bytes(b"no image")
+    words = sequence(tmp_path / "words")
+    (words / "groundtruth_rect.txt").write_text("1,2,3,four\n")
+    for folder in (empty, no_truth, gap, broken, words):
+        done = pftrack_sim("evaluate", "--tracker", "stay", str(folder))
+        assert done.returncode == 2, folder
+        assert str(folder) in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
