@@ -1,0 +1,67 @@
+# Two commands on a bare machine: `make demo` and `make test`. Each does its own set-up.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+# What draws without a display or a GPU on Debian and Ubuntu.
+GL_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libosmesa6
+WHEEL_VENV := build/wheel-venv
+
+.PHONY: setup demo test lint perf wheel pictures clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; name one with: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || $(call install,python3-venv,"Python's venv module is missing")
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(BIN)/pftrack-sim doctor --check || $(call install,$(GL_PACKAGES),"no OpenGL library can draw off-screen")
+	@$(BIN)/pftrack-sim doctor --check
+	@touch $(STAMP)
+
+# $(call install,packages,reason): as root on Debian or Ubuntu install them, elsewhere say what to install.
+define install
+{ if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+    echo "$(2): installing $(1)"; \
+    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $(1) >/dev/null; \
+  else \
+    echo "$(2). Install it, then run make again:"; \
+    echo "  Debian, Ubuntu:  sudo apt-get install $(1)"; \
+    echo "  Fedora:          sudo dnf install python3 mesa-libEGL mesa-libGL mesa-dri-drivers mesa-libOSMesa"; \
+    exit 1; \
+  fi; }
+endef
+
+demo: setup
+	rm -rf demo
+	$(BIN)/pftrack-sim bench plaza-walk corridor --seeds 0:1 --trackers ko2012,opencv-mil,stay \
+		--set duration_s=8 --axis jitter=1 --out demo
+
+test: setup
+	$(BIN)/python -m pytest -n 2 --dist worksteal -q
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/basedpyright
+	$(BIN)/lint-imports
+
+perf: setup
+	@for script in tests/perf/perf_*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+# The pictures of the README.
+pictures: setup
+	@for name in plaza-walk corridor warehouse street-night; do \
+		$(BIN)/pftrack-sim render $$name --seed 3 --at-s 4 --truth --image docs/pictures/$$name.jpg || exit 1; done
+
+# The wheel as a stranger gets it: built, installed in a clean environment, every scenario stepped once from elsewhere.
+wheel: setup
+	rm -rf build dist
+	$(BIN)/python -m build --wheel
+	$(PYTHON) -m venv $(WHEEL_VENV)
+	$(WHEEL_VENV)/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	cd $(WHEEL_VENV) && bin/python $(CURDIR)/tests/smoke_wheel.py
+
+clean:
+	rm -rf $(VENV) build dist demo runs
