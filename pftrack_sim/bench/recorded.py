@@ -50,7 +50,7 @@ def evaluate(
     results: list[RecordedResult] = []
     for sequence in sequences:
         entries = [(seed, entry) for seed in seeds for entry in enter(trackers, seed=seed, preset=preset)]
-        known = np.isfinite(sequence.truth).all(axis=1)
+        known = np.isfinite(sequence.truth[:, 0])
         for index in range(len(sequence)):
             image = sequence.image(index)
             for _, entry in entries:

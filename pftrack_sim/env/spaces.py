@@ -6,7 +6,7 @@ image, and for actions it asks to be normalised to [-1, 1]. This space holds eve
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import gymnasium as gym
@@ -51,7 +51,7 @@ class BoundingBox(gym.Space[NDArray[np.float64]]):
             return False
         return True
 
-    def to_jsonable(self, sample_n: Sequence[NDArray[np.float64]]) -> list[list[float]]:
+    def to_jsonable(self, sample_n: Iterable[NDArray[np.float64]]) -> list[list[float]]:
         """Boxes as lists."""
         return [np.asarray(box).tolist() for box in sample_n]
 

@@ -1,5 +1,7 @@
 """Distances, free walks and routes, against brute force."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -79,7 +81,7 @@ def test_routes_are_free_and_as_long_both_ways(seed: int) -> None:
             continue
         found += 1
         points = np.vstack([ends[:1], there])
-        for a, b in zip(points[:-1], points[1:], strict=True):
+        for a, b in itertools.pairwise(points):
             assert ground.clearance_m(a + shares * (b - a)).min() >= 0.35
         lengths = [
             np.hypot(*np.diff(np.vstack([first, walk]), axis=0).T).sum()

@@ -85,8 +85,8 @@ class Yielders:
         distance, away_x, away_y = self._ground.distances(x, y)
         force_x, force_y = avoidance.social_force(others, facing_x, facing_y)
         wall_x, wall_y = avoidance.wall_force(distance, away_x, away_y)
-        ax = (wish_x - vx) / RELAX_S + force_x * self._shyness + wall_x
-        ay = (wish_y - vy) / RELAX_S + force_y * self._shyness + wall_y
+        ax = (wish_x - vx) / RELAX_S + (force_x + wall_x) * self._shyness
+        ay = (wish_y - vy) / RELAX_S + (force_y + wall_y) * self._shyness
         scale = np.minimum(1.0, MAX_ACCELERATION_M_S2 / np.sqrt(ax * ax + ay * ay + 1e-9)) * dt_s
         wx, wy = vx + ax * scale, vy + ay * scale
         slower = np.minimum(1.0, MAX_SPEED_M_S / np.sqrt(wx * wx + wy * wy + 1e-9))

@@ -8,7 +8,7 @@ from pftrack_sim.scenario.model import Lights
 from pftrack_sim.world.layout import Layout
 from pftrack_sim.world.places import outdoors, surfaces
 from pftrack_sim.world.places.buildings import house
-from pftrack_sim.world.places.shapes import moved, quad
+from pftrack_sim.world.places.shapes import Array, moved, quad
 from pftrack_sim.world.places.stage import Stage, standing, sun_direction
 from pftrack_sim.world.places.surfaces import tiles
 from pftrack_sim.world.places.vehicles import car, van
@@ -41,12 +41,12 @@ def build_plaza(stage: Stage, lights: Lights) -> Layout:
     surfaces.add_sky(stage.spec, "sky-day")
     paving = quad(tiles("paving"), (-40, -45, 0), (125, 0, 0), (0, 90, 0))
     stage.put("paving", (paving,), casts_shadow=False)
-    _houses(stage)
+    sun = sun_direction(lights.sun_azimuth_deg, lights.sun_elevation_deg)
+    _houses(stage, sun)
     _beyond(stage)
     _fixtures(stage)
     _loose(stage)
     stage.enclose(BOUNDS)
-    sun = sun_direction(lights.sun_azimuth_deg, lights.sun_elevation_deg)
     stage.beam("sun", sun, (0.60, 0.57, 0.50), (13.0, 0.0, 0.0, 26.0))
     # Sky light has a direction too: without it every shaded front would be flat.
     stage.fill("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), (0.10, 0.11, 0.13))
@@ -54,41 +54,55 @@ def build_plaza(stage: Stage, lights: Lights) -> Layout:
     return stage.finish(BOUNDS, GOALS)
 
 
-def _houses(stage: Stage) -> None:
+def _houses(stage: Stage, sun: Array) -> None:
+    # A row throws its shadow on the square only when the sun is behind it; the shadow pass pays for every triangle.
+    from_north, from_south, from_east, from_west = sun[1] < 0.0, sun[1] > 0.0, sun[0] < 0.0, sun[0] > 0.0
     north = [("cream", 0, "awning-red", True, 3), ("brick", 1, None, False, 2), ("rose", 2, "awning-green", False, 3),
              ("office", 3, None, False, 3)]  # fmt: skip
     south = [("office", 2, "awning-blue", False, 2), ("rose", 3, "awning-sand", True, 3), ("brick", 0, None, False, 3),
              ("cream", 1, "awning-green", False, 2)]  # fmt: skip
     for index, (kind, shop, cloth, balconies, storeys) in enumerate(north):
         piece = house(kind, shop, cloth, balconies, storeys)
-        stage.put(f"house-north-{index + 1}", piece, (-12.0 + 12.0 * index, 17.5))
+        stage.put(f"house-north-{index + 1}", piece, (-12.0 + 12.0 * index, 17.5), casts_shadow=from_north)
     for index, (kind, shop, cloth, balconies, storeys) in enumerate(south):
         piece = house(kind, shop, cloth, balconies, storeys)
-        stage.put(f"house-south-{index + 1}", piece, (36.0 - 12.0 * index, -17.5), np.pi)
-    stage.put("house-east-1", house("brick", 3, "awning-blue", True, 2), (36.0, 17.5), -0.5 * np.pi)
-    stage.put("house-east-2", house("cream", 2, "awning-red", False, 1), (36.0, -5.5), -0.5 * np.pi)
-    stage.put("house-west-1", house("rose", 1, None, True, 3), (-12.0, -17.5), 0.5 * np.pi)
-    stage.put("house-west-2", house("office", 0, "awning-sand", False, 2), (-12.0, -5.5), 0.5 * np.pi)
-    stage.put("house-west-3", house("cream", 3, "awning-red", False, 3), (-12.0, 6.5), 0.5 * np.pi)
+        stage.put(f"house-south-{index + 1}", piece, (36.0 - 12.0 * index, -17.5), np.pi, casts_shadow=from_south)
+    stage.put(
+        "house-east-1", house("brick", 3, "awning-blue", True, 2), (36.0, 17.5), -0.5 * np.pi, casts_shadow=from_east
+    )
+    stage.put(
+        "house-east-2", house("cream", 2, "awning-red", False, 1), (36.0, -5.5), -0.5 * np.pi, casts_shadow=from_east
+    )
+    stage.put("house-west-1", house("rose", 1, None, True, 3), (-12.0, -17.5), 0.5 * np.pi, casts_shadow=from_west)
+    stage.put(
+        "house-west-2", house("office", 0, "awning-sand", False, 2), (-12.0, -5.5), 0.5 * np.pi, casts_shadow=from_west
+    )
+    stage.put(
+        "house-west-3", house("cream", 3, "awning-red", False, 3), (-12.0, 6.5), 0.5 * np.pi, casts_shadow=from_west
+    )
 
 
 def _beyond(stage: Stage) -> None:
     """The street that leads away to the east, and what closes its view."""
     rng = np.random.default_rng(11)
     stage.put("far-road", (quad(tiles("asphalt"), (37.0, -2.6, 0.004), (40, 0, 0), (0, 4.6, 0)),), casts_shadow=False)
-    stage.put("far-house-1", house("rose", 0, "awning-blue", False, 2), (80.0, 14.0), -0.5 * np.pi)
-    stage.put("far-house-2", house("brick", 1, "awning-red", False, 3), (80.0, 2.0), -0.5 * np.pi)
-    stage.put("far-house-3", house("cream", 2, "awning-green", False, 2), (80.0, -10.0), -0.5 * np.pi)
+    stage.put("far-house-1", house("rose", 0, "awning-blue", False, 2), (80.0, 14.0), -0.5 * np.pi, casts_shadow=False)
+    stage.put("far-house-2", house("brick", 1, "awning-red", False, 3), (80.0, 2.0), -0.5 * np.pi, casts_shadow=False)
+    stage.put(
+        "far-house-3", house("cream", 2, "awning-green", False, 2), (80.0, -10.0), -0.5 * np.pi, casts_shadow=False
+    )
     for index, x in enumerate((48.0, 60.0)):
-        stage.put(f"far-house-{index + 4}", house("office", 3, None, False, 2), (x - 2.0, 6.5))
-        stage.put(f"far-house-{index + 6}", house("rose", 1, None, True, 2), (x + 10.0, -6.5), np.pi)
+        stage.put(f"far-house-{index + 4}", house("office", 3, None, False, 2), (x - 2.0, 6.5), casts_shadow=False)
+        stage.put(
+            f"far-house-{index + 6}", house("rose", 1, None, True, 2), (x + 10.0, -6.5), np.pi, casts_shadow=False
+        )
     stage.put("car-1", car("paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
-    stage.put("car-2", car("paint-silver"), (43.0, 0.9), np.pi)
-    stage.put("car-3", car("paint-blue"), (51.0, -1.4), 0.0)
+    stage.put("car-2", car("paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
+    stage.put("car-3", car("paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
     stage.put("van-1", van(), (34.1, -9.5), -0.5 * np.pi)
     for index, (x, y) in enumerate(((41.0, 3.7), (44.0, -3.8), (49.0, 3.8), (56.0, -3.8), (63.0, 3.7))):
         piece = outdoors.tree(rng, 6.5, "leaves-light" if index % 2 else "leaves-dark", tufts=1)
-        stage.put(f"far-tree-{index + 1}", piece, (x, y), casts_shadow=index < 2)
+        stage.put(f"far-tree-{index + 1}", piece, (x, y), casts_shadow=False)
 
 
 def _fixtures(stage: Stage) -> None:

@@ -96,7 +96,7 @@ class Stage:
             conaffinity=0,
             mass=0.0,
         )
-        geom.castshadow = casts_shadow
+        geom.castshadow = bool(casts_shadow)
 
     def floor(self) -> None:
         """The plane that wheels roll on: never drawn, for ever flat."""

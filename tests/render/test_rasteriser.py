@@ -1,0 +1,278 @@
+"""Pictures and ids against MuJoCo's own renderer, and laws of ids."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco.rendering.classic import renderer as mujoco_renderer
+from render_stage import HEIGHT, WIDTH, K, Stage, build, looking, new_spec, random_view
+
+from pftrack_sim.camera.optics import OPENGL_AXES, intrinsics, project
+from pftrack_sim.errors import ParameterError, RenderError
+from pftrack_sim.render.backend import PixelRect
+from pftrack_sim.render.context import open_context
+from pftrack_sim.render.rasteriser import Rasteriser
+from pftrack_sim.world.layout import HIDDEN_GROUP, PEOPLE_GROUP
+
+Drawing = Callable[[Stage], Rasteriser]
+
+
+class _Borrowed:
+    """Our context, as `mujoco.Renderer` wants one: its own needs an environment variable."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self._context = open_context(size=(width, height))
+
+    def make_current(self) -> None:
+        self._context._platform.make_current(self._context._handle)
+
+    def as_current(self) -> object:
+        return self._context
+
+    def free(self) -> None:
+        self._context.close()
+
+
+@pytest.fixture
+def reference(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Stage], mujoco.Renderer]]:
+    """`mujoco.Renderer` of a stage."""
+    monkeypatch.setattr(mujoco_renderer.gl_context, "GLContext", _Borrowed)
+    made: list[mujoco.Renderer] = []
+
+    def make(stage: Stage) -> mujoco.Renderer:
+        made.append(mujoco_renderer.Renderer(stage.model, HEIGHT, WIDTH))
+        return made[-1]
+
+    yield make
+    for renderer in made:
+        renderer.close()
+
+
+def through_model_camera(stage: Stage, pose: np.ndarray) -> None:
+    """Give the model's camera a pose."""
+    stage.data.cam_xpos[0] = pose[:3, 3]
+    stage.data.cam_xmat[0] = (pose[:3, :3] @ OPENGL_AXES).ravel()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pictures_and_ids_are_those_of_mujocos_own_renderer(
+    seed: int, drawing: Drawing, reference: Callable[[Stage], mujoco.Renderer]
+):
+    stage = build(seed)
+    ours, theirs = drawing(stage), reference(stage)
+    rng = np.random.default_rng(seed)
+    for _ in range(3):
+        pose = random_view(rng)
+        through_model_camera(stage, pose)
+        theirs.disable_segmentation_rendering()
+        theirs.update_scene(stage.data, "eye")
+        expected = theirs.render().copy()
+        # They compute the camera's axes and frustum in another order: single precision leaves a pixel here and there.
+        differ = (ours.color(stage.data, pose, K) != expected).any(axis=2)
+        assert differ.mean() < 1e-3
+        theirs.enable_segmentation_rendering()
+        geoms = theirs.render()
+        expected_ids = np.where(geoms[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), geoms[..., 0], -1)
+        assert (ours.ids(stage.data, pose, K).ids != expected_ids).mean() < 1e-3
+
+
+def test_a_field_of_view_is_as_good_as_a_matrix(drawing: Drawing):
+    stage = build()
+    renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
+    assert np.array_equal(renderer.color(stage.data, pose, K), renderer.color(stage.data, pose, 0.9))
+
+
+def test_any_rectangle_is_the_whole_image_cropped(drawing: Drawing):
+    rng = np.random.default_rng(3)
+    for seed in range(6):
+        stage = build(seed)
+        renderer, pose = drawing(stage), random_view(rng)
+        whole = renderer.ids(stage.data, pose, K)
+        for _ in range(12):
+            left, top = int(rng.integers(WIDTH)), int(rng.integers(HEIGHT))
+            rect = PixelRect(left, top, int(rng.integers(1, WIDTH - left + 1)), int(rng.integers(1, HEIGHT - top + 1)))
+            part = renderer.ids(stage.data, pose, K, within=rect)
+            assert part.rect == rect
+            assert np.array_equal(part.ids, whole.ids[rect.slices])
+            assert np.array_equal(part.nearness, whole.nearness[rect.slices])
+
+
+def test_layers_laid_over_each_other_are_the_whole_picture(drawing: Drawing):
+    rng = np.random.default_rng(4)
+    for seed in range(12):
+        stage = build(seed)
+        renderer, pose = drawing(stage), random_view(rng)
+        whole = renderer.ids(stage.data, pose, K)
+        share = rng.integers(3, size=stage.model.ngeom)
+        ids, nearness = np.full_like(whole.ids, -1), np.zeros_like(whole.nearness)
+        for index in range(3):
+            layer = renderer.ids(stage.data, pose, K, shown=share == index)
+            over = (layer.nearness > nearness) | ((layer.nearness == nearness) & (layer.ids > ids))
+            ids[over], nearness[over] = layer.ids[over], layer.nearness[over]
+        assert np.array_equal(ids, whole.ids)
+        assert np.array_equal(nearness, whole.nearness)
+
+
+def test_every_id_is_a_drawn_geom_of_the_scene(drawing: Drawing):
+    rng = np.random.default_rng(5)
+    for seed in range(10):
+        stage = build(seed)
+        renderer = drawing(stage)
+        assert not renderer.visible_geoms[stage.model.geom_group == HIDDEN_GROUP].any()
+        for _ in range(3):
+            layer = renderer.ids(stage.data, random_view(rng), K)
+            seen = np.unique(layer.ids)
+            assert seen.min() >= -1
+            assert seen.max() < stage.model.ngeom
+            assert renderer.visible_geoms[seen[seen >= 0]].all()
+            assert ((layer.nearness > 0) == (layer.ids >= 0)).all()
+
+
+def test_only_what_is_shown_is_drawn(drawing: Drawing):
+    stage = build()
+    renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
+    groups = stage.model.geom_group.copy()
+    shown = stage.model.geom_group == PEOPLE_GROUP
+    seen = np.unique(renderer.ids(stage.data, pose, K, shown=shown).ids)
+    assert set(seen) - {-1} <= set(np.flatnonzero(shown))
+    assert len(seen) > 5
+    nothing = renderer.ids(stage.data, pose, K, shown=np.zeros(stage.model.ngeom, bool))
+    assert (nothing.ids == -1).all()
+    everything = renderer.ids(stage.data, pose, K, shown=np.ones(stage.model.ngeom, bool))
+    assert np.array_equal(everything.ids, renderer.ids(stage.data, pose, K).ids)
+    assert np.array_equal(groups, stage.model.geom_group)  # the caller's model stays as it is
+
+
+def test_wholly_transparent_geoms_do_not_shift_the_ids_of_others(drawing: Drawing):
+    stage = build()
+    pose = looking((0, 0, 1.2), (5, 0, 1))
+    before = drawing(stage).ids(stage.data, pose, K)
+    ghost = int(np.flatnonzero(stage.model.geom_group == PEOPLE_GROUP)[0])
+    stage.model.geom_rgba[ghost, 3] = 0.0
+    after = drawing(stage).ids(stage.data, pose, K)
+    unchanged = before.ids != ghost
+    assert np.array_equal(before.ids[unchanged], after.ids[unchanged])
+    assert not (after.ids == ghost).any()
+
+
+def test_ids_do_not_depend_on_light_shadows_or_multisampling():
+    pose = looking((0, 0, 1.2), (5, 0, 1))
+    layers, pictures = [], []
+    for samples in (0, 4):
+        stage = build(1, samples=samples)
+        with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
+            layers.append(renderer.ids(stage.data, pose, K))
+            pictures.append(renderer.color(stage.data, pose, K))
+    assert np.array_equal(layers[0].ids, layers[1].ids)
+    assert np.array_equal(layers[0].nearness, layers[1].nearness)
+    assert not np.array_equal(*pictures)
+
+
+def test_pixels_lie_where_the_matrix_projects_them(drawing: Drawing):
+    """A camera with unequal focal lengths and an off-centre principal point draws what it projects."""
+    spec = new_spec()
+    spots = np.random.default_rng(6).uniform([3, -0.9, 0.4], [6, 0.9, 2.0], size=(16, 3))
+    for index, spot in enumerate(spots):
+        spec.worldbody.add_body(name=f"ball-{index}", pos=spot).add_geom(size=[0.03, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    stage = Stage(model, data, (), {})
+    renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1.0), roll=0.3)
+    odd = intrinsics(WIDTH, HEIGHT, 0.9)
+    odd[0, 0], odd[0, 2], odd[1, 2] = 1.4 * odd[0, 0], 100.25, 140.5
+    ids = renderer.ids(data, pose, odd).ids
+    pixels, _ = project(spots, pose, odd)
+    found = 0
+    for index, (x, y) in enumerate(pixels):
+        rows, columns = np.nonzero(ids == index)
+        if 3 < x < WIDTH - 3 and 3 < y < HEIGHT - 3 and len(rows) > 8:
+            found += 1
+            assert abs(columns.mean() + 0.5 - x) < 0.7
+            assert abs(rows.mean() + 0.5 - y) < 0.7
+    assert found > 5
+
+
+def test_a_picture_is_new_each_time_and_the_same(drawing: Drawing):
+    stage = build()
+    renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
+    first = renderer.color(stage.data, pose, K)
+    kept = first.copy()
+    renderer.color(stage.data, looking((0, 0, 1.2), (-5, 0, 1)), K)
+    renderer.ids(stage.data, pose, K)
+    assert np.array_equal(first, kept)
+    assert np.array_equal(renderer.color(stage.data, pose, K), first)
+    assert first.shape == (HEIGHT, WIDTH, 3)
+    assert first.dtype == np.uint8
+    assert first.flags.writeable
+
+
+def test_the_image_may_be_larger_or_smaller_than_the_models_own_buffer():
+    stage = build()
+    for size in ((33, 17), (700, 500)):
+        with Rasteriser(stage.model, *size) as renderer:
+            pose = looking((0, 0, 1.2), (5, 0, 1))
+            assert renderer.color(stage.data, pose, 0.9).shape == (size[1], size[0], 3)
+            assert renderer.ids(stage.data, pose, 0.9).ids.shape == (size[1], size[0])
+
+
+def test_fog_changes_the_picture_and_not_the_ids():
+    stage, pose = build(), looking((0, 0, 1.2), (5, 0, 1))
+    stage.model.vis.map.fogstart, stage.model.vis.map.fogend = 1.0, 4.0
+    with Rasteriser(stage.model, WIDTH, HEIGHT) as clear, Rasteriser(stage.model, WIDTH, HEIGHT, fog=True) as foggy:
+        assert not np.array_equal(clear.color(stage.data, pose, K), foggy.color(stage.data, pose, K))
+        assert np.array_equal(clear.ids(stage.data, pose, K).ids, foggy.ids(stage.data, pose, K).ids)
+
+
+def test_wrong_arguments_are_refused(drawing: Drawing):
+    stage = build()
+    renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
+    for rect in (PixelRect(0, 0, 0, 5), PixelRect(-1, 0, 5, 5), PixelRect(0, 0, WIDTH + 1, 5)):
+        with pytest.raises(ParameterError, match="rectangle"):
+            renderer.ids(stage.data, pose, K, within=rect)
+    for wrong in (np.eye(3), np.full((4, 4), np.nan)):
+        with pytest.raises(ParameterError, match="T_world_camera"):
+            renderer.color(stage.data, wrong, K)
+    with pytest.raises(ParameterError, match="width"):
+        Rasteriser(stage.model, 0, 5)
+
+
+def test_a_closed_rasteriser_says_so():
+    stage = build()
+    renderer = Rasteriser(stage.model, WIDTH, HEIGHT)
+    renderer.close()
+    renderer.close()
+    with pytest.raises(RenderError, match="closed"):
+        renderer.color(stage.data, np.eye(4), K)
+    assert renderer.description  # still tells what it was
+
+
+@pytest.mark.slow
+def test_two_processes_see_the_same_bits(in_a_process: Callable[[str, int], dict]):
+    first, second = in_a_process("any", 0), in_a_process("any", 0)
+    assert first == second
+    assert first["environment_unchanged"]
+
+
+@pytest.mark.slow
+def test_ids_and_truth_do_not_depend_on_the_library(
+    in_a_process: Callable[[str, int], dict], osmesa_present: None
+):
+    egl, osmesa = in_a_process("egl", 0), in_a_process("osmesa", 0)
+    assert (egl["backend"], osmesa["backend"]) == ("egl", "osmesa")
+    assert egl["ids"] == osmesa["ids"]
+    assert osmesa["environment_unchanged"]
+    for one, other in zip(egl["truths"], osmesa["truths"], strict=True):
+        assert [truth[:4] for truth in one] == [truth[:4] for truth in other]
+
+
+@pytest.mark.slow
+def test_multisampling_leaves_the_boxes_alone(in_a_process: Callable[[str, int], dict]):
+    plain, smooth = in_a_process("any", 0), in_a_process("any", 4)
+    assert plain["ids"] == smooth["ids"]
+    assert plain["pictures"] != smooth["pictures"]
+    for one, other in zip(plain["truths"], smooth["truths"], strict=True):
+        assert [truth[:4] for truth in one] == [truth[:4] for truth in other]
