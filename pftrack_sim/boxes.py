@@ -77,7 +77,8 @@ def pairwise_iou(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
         inner = np.clip(far - near, 0.0, None).prod(axis=1)
         union = np.clip(a[:, 2:], 0.0, None).prod(axis=1) + np.clip(b[:, 2:], 0.0, None).prod(axis=1) - inner
         valid = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1) & (union > 0)
-        return np.where(valid, np.divide(inner, union, out=np.zeros_like(inner), where=valid), 0.0)
+        # Rounding can leave the union of equal boxes a little smaller than their intersection.
+        return np.minimum(np.divide(inner, union, out=np.zeros_like(inner), where=valid), 1.0)
 
 
 def clip(box: ArrayLike, width_px: int, height_px: int) -> Box:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from pftrack_sim.errors import PftrackError
@@ -11,6 +12,8 @@ def main() -> None:
     """Run the command line: a wrong input ends in one clear message and exit code 2, never in a traceback."""
     from pftrack_sim.cli.app import app
 
+    # Trackers spelled `module:factory` may lie in the current folder; last, so that they hide nothing installed.
+    sys.path.append(os.getcwd())
     try:
         app()
     except PftrackError as error:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
     from pftrack_sim.render.doctor import Report
     from pftrack_sim.score import Summary
 
-_console = Console(highlight=False)
+# In a file or a pipe there is no terminal's width to keep to.
+_console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 
 def print_names(what: str) -> None:
@@ -65,12 +68,12 @@ def _axes() -> Iterable[tuple[str, str]]:
 
 def print_bench(results: Sequence[Result]) -> None:
     """Overlap of each tracker in each episode, then over all seeds."""
-    by_episode = Table(title="Mean overlap per episode (frames where the target can be seen)", title_justify="left")
     trackers = list(dict.fromkeys(one.tracker for one in results))
-    for head in ("scenario", "condition", "seed", "frames"):
-        by_episode.add_column(head, justify="right" if head in ("seed", "frames") else "left")
-    for tracker in trackers:
-        by_episode.add_column(tracker, justify="right")
+    by_episode = _table(
+        "Mean overlap per episode (frames where the target can be seen)",
+        ("scenario", "condition"),
+        ("seed", "frames", *trackers),
+    )
     episodes: dict[tuple[str, str, int], dict[str, Result]] = {}
     for one in results:
         episodes.setdefault((one.scenario, one.condition, one.seed), {})[one.tracker] = one
@@ -100,11 +103,7 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
 
 
 def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ...], list[Summary]]) -> None:
-    table = Table(title=title, title_justify="left")
-    for head in heads:
-        table.add_column(head)
-    for head in ("seeds", "mean overlap", "success at 0.5", "precision at 20 px", "ms per frame"):
-        table.add_column(head, justify="right")
+    table = _table(title, heads, ("seeds", "mean\noverlap", "success\n@ 0.5", "precision\n@ 20 px", "ms per\nframe"))
     for names, summaries in groups.items():
         table.add_row(
             *names,
@@ -116,6 +115,17 @@ def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ..
             f"{float(np.median([one.ms_median for one in summaries])):.2f}",
         )
     _console.print(table)
+
+
+def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
+    """Prints the title; an empty table: names on the left, never cut short, numbers on the right."""
+    _console.print(f"\n{title}", soft_wrap=True)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
+    for head in names:
+        table.add_column(head, overflow="fold", vertical="bottom")
+    for head in numbers:
+        table.add_column(head, justify="right", no_wrap=True)
+    return table
 
 
 def print_folder(path: Path | None) -> None:

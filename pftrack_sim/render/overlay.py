@@ -82,7 +82,7 @@ def draw_boxes(
     others = [person for person in people if person.name != truth.name]
     for person in others:
         _outline(canvas, person.amodal_box, _GREY, 1, style.dash)
-    _labels(canvas, style, others)
+    _labels(canvas, style, others, truth)
     if particles:
         for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
             _dots(canvas, estimate.particles, colour)
@@ -156,10 +156,11 @@ def _dots(canvas: Image, particles: NDArray[np.float64] | None, colour: Colour) 
     canvas[rows, columns] = colour
 
 
-def _labels(canvas: Image, style: _Style, people: Sequence[Truth]) -> None:
-    """Names above the boxes of other people, nearest first, where there is room for them."""
+def _labels(canvas: Image, style: _Style, people: Sequence[Truth], target: Truth) -> None:
+    """Names above the boxes of other people, nearest first, where there is room for them beside the target."""
     height, width = canvas.shape[:2]
     size = style.text - 1
+    x0, y0, *extent = target.box
     taken: list[tuple[int, int, int]] = []
     for person in sorted(people, key=lambda one: one.distance_m):
         if height < _MIN_LABEL_HEIGHT_PX or not np.isfinite(person.amodal_box).all():
@@ -167,7 +168,8 @@ def _labels(canvas: Image, style: _Style, people: Sequence[Truth]) -> None:
         x, y = math.ceil(person.amodal_box[0]), math.floor(person.amodal_box[1]) - style.pad
         right = x + _width(person.name, size) + style.pad
         free = all(abs(y - row) > style.row or right < left or x > end for left, end, row in taken)
-        if free and x >= 0 and right <= width and size <= y < height:
+        aside = x > x0 + extent[0] or right < x0 or y < y0 or y - size > y0 + extent[1]
+        if free and aside and x >= 0 and right <= width and size <= y < height:
             taken.append((x, right, y))
             _darken(canvas, x - 1, y - size + 1, right - x, size + style.pad - 1)
             _write(canvas, person.name, (x + 1, y), _GREY, size)

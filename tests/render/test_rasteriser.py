@@ -258,9 +258,7 @@ def test_two_processes_see_the_same_bits(in_a_process: Callable[[str, int], dict
 
 
 @pytest.mark.slow
-def test_ids_and_truth_do_not_depend_on_the_library(
-    in_a_process: Callable[[str, int], dict], osmesa_present: None
-):
+def test_ids_and_truth_do_not_depend_on_the_library(in_a_process: Callable[[str, int], dict], osmesa_present: None):
     egl, osmesa = in_a_process("egl", 0), in_a_process("osmesa", 0)
     assert (egl["backend"], osmesa["backend"]) == ("egl", "osmesa")
     assert egl["ids"] == osmesa["ids"]

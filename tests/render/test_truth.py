@@ -58,7 +58,7 @@ def brute_force(stage: Stage, renderer: Rasteriser, pose: np.ndarray) -> dict[st
 
 def single(kind: mujoco.mjtGeom, size: list[float], mesh: np.ndarray | None = None) -> Stage:
     """One person that is one finely tessellated geom."""
-    spec = new_spec(slices=160)
+    spec = new_spec(slices=96)
     body = spec.worldbody.add_body(name="target/pelvis", mocap=True)
     if mesh is not None:
         spec.add_mesh(name="own", uservert=mesh.ravel())
@@ -88,15 +88,18 @@ SOLIDS = {
 def test_amodal_boxes_are_the_extents_of_what_is_drawn(solid: str, drawing: Drawing):
     kind, size = SOLIDS[solid]
     rng = np.random.default_rng(sum(map(ord, solid)))
-    vertices = rng.normal(size=(60, 3)) * (0.15, 0.2, 0.3) if solid == "mesh" else None
+    # Blunt: a tip thinner than a pixel reaches farther than any pixel that shows it.
+    directions = rng.normal(size=(300, 3))
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    vertices = unit * (0.25, 0.3, 0.5) if solid == "mesh" else None
     stage = single(kind, size, vertices)
     renderer = drawing(stage)
     maker = TruthMaker(stage.model, stage.people, renderer, K)
     image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     compared = 0
-    for _ in range(220):
-        depth = float(np.exp(rng.uniform(np.log(0.7), np.log(40.0))))
-        at = np.array([depth, *rng.uniform(-0.75, 0.75, 2) * depth * 0.6])
+    for _ in range(300):
+        depth = float(np.exp(rng.uniform(np.log(1.6), np.log(40.0))))
+        at = np.array([depth, *rng.uniform(-0.6, 0.6, 2) * (depth - 0.6) * 0.6])
         stage.data.mocap_pos[0] = at
         turn(stage.data, rng)
         mujoco.mj_forward(stage.model, stage.data)
@@ -106,11 +109,13 @@ def test_amodal_boxes_are_the_extents_of_what_is_drawn(solid: str, drawing: Draw
         if np.isnan(seen).any():
             assert truth.state == "out_of_view"
             continue
-        compared += 1
-        inside = boxes.clip(truth.amodal_box, WIDTH, HEIGHT)
-        assert np.abs(inside[:2] - seen[:2]).max() <= 1.0
-        assert np.abs(inside[:2] + inside[2:] - seen[:2] - seen[2:]).max() <= 1.0
-        assert np.array_equal(truth.box, inside)
+        assert np.array_equal(truth.box, boxes.clip(truth.amodal_box, WIDTH, HEIGHT))
+        short = np.concatenate([seen[:2] - truth.box[:2], (truth.box - seen)[:2] + (truth.box - seen)[2:]])
+        # Never past the box; and up to it, unless the edge of the image cuts off what reaches farthest.
+        assert short.min() >= -1.0
+        if truth.truncation == 0.0:
+            compared += 1
+            assert short.max() <= 1.0
     assert compared >= 200
 
 
@@ -196,10 +201,14 @@ def test_a_target_that_fills_the_frame(drawing: Drawing):
 
 
 def test_a_camera_inside_the_target(drawing: Drawing):
-    stage = alone((0.0, 0.0, -0.2))
-    truth = observed(stage, drawing(stage), LEVEL)["target"]
-    assert np.isfinite(truth.amodal_box).all()
-    assert truth.box.tolist() == [0, 0, WIDTH, HEIGHT]
+    for height in (-0.6, -0.2, 0.05):
+        stage = alone((0.0, 0.0, height))
+        renderer = drawing(stage)
+        truth = observed(stage, renderer, LEVEL)["target"]
+        assert np.isfinite(truth.amodal_box).all()
+        # Surfaces seen from within are not drawn: the truth is of the picture.
+        drawn = (renderer.ids(stage.data, LEVEL, K).ids >= 0).any()
+        assert truth.state == ("visible" if drawn else "out_of_view")
 
 
 def test_a_target_at_sixty_metres_is_a_few_pixels(drawing: Drawing):
@@ -239,7 +248,7 @@ def test_a_target_cut_by_an_edge(edge: str, offset: tuple[float, float, float], 
 
 def test_a_target_wholly_hidden_is_occluded_by_name(drawing: Drawing):
     spec_stage = build(people=2, pillars=2, ground=False)
-    for name, at in (("target", (5.0, 0.0, 0.0)), ("distractor-1", (1.2, 0.0, -0.2))):
+    for name, at in (("target", (5.0, 0.0, 0.0)), ("distractor-1", (1.2, 0.35, -0.2))):
         spec_stage.place(name, at)
     model = spec_stage.model
     wall, other = model.body("pillar-2").id, model.body("pillar-1").id
@@ -263,7 +272,7 @@ def test_people_who_cover_each_other_and_the_robot_are_named(drawing: Drawing):
     stage = build(people=3, pillars=0, ground=False)
     stage.place("target", (4.0, 0.1, 0.0))
     stage.place("distractor-1", (2.5, 0.0, 0.0))
-    stage.place("distractor-2", (6.0, -0.1, 0.0))
+    stage.place("distractor-2", (6.0, 0.35, 0.0))
     model = stage.model
     model.body_pos[model.body("robot/mast").id] = (0.7, 0.0, 0.9)
     mujoco.mj_forward(model, stage.data)

@@ -75,7 +75,8 @@ def histogram(codes: NDArray[np.uint8], box: NDArray[np.float64], layout: Layout
         `(layout.size,)` numbers summing to 1; points outside the image do not count. All zero if all are outside.
     """
     out = np.zeros(layout.size)
-    _fill(codes, box[0], box[1], box[2], box[3], layout.weights, layout.cells, layout.bin_count, out)
+    across = np.empty(COLUMNS, np.int64)
+    _fill(codes, box[0], box[1], box[2], box[3], layout.weights, layout.cells, layout.bin_count, across, out)
     total = out.sum()
     return out / total if total > 0.0 else out
 
@@ -97,9 +98,9 @@ def similarities(
         `(N,)` numbers in [0, 1].
     """
     out = np.empty(len(boxes))
-    scratch = np.empty(layout.size)
+    bins, across, scratch = layout.bin_count, np.empty(COLUMNS, np.int64), np.empty(layout.size)
     total = float(layout.weights.sum()) * layout.channel_count
-    _compare(codes, boxes, layout.weights, layout.cells, layout.bin_count, np.sqrt(model / total), scratch, out)
+    _compare(codes, boxes, layout.weights, layout.cells, bins, np.sqrt(model / total), across, scratch, out)
     return np.clip(out, 0.0, 1.0)
 
 
@@ -113,19 +114,23 @@ def _fill(
     weights: NDArray[np.float64],
     cells: NDArray[np.int64],
     bins: int,
+    across: NDArray[np.int64],
     out: NDArray[np.float64],
 ) -> None:
-    """Add the points of one box to `out`."""
+    """Add the points of one box to `out`; `across` is scratch for the image columns of the points."""
     height, width, channels = codes.shape
     rows, columns = weights.shape
+    for j in range(columns):
+        column = int(np.floor(x + (j + 0.5) * w / columns))
+        across[j] = column if column < width else -1
     for i in range(rows):
         row = int(np.floor(y + (i + 0.5) * h / rows))
         if row < 0 or row >= height:
             continue
         for j in range(columns):
             weight = weights[i, j]
-            column = int(np.floor(x + (j + 0.5) * w / columns))
-            if weight == 0.0 or column < 0 or column >= width:
+            column = across[j]
+            if weight == 0.0 or column < 0:
                 continue
             first = cells[i, j] * channels
             for c in range(channels):
@@ -140,13 +145,14 @@ def _compare(
     cells: NDArray[np.int64],
     bins: int,
     root_model: NDArray[np.float64],
+    across: NDArray[np.int64],
     scratch: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
     """Fill `out` with sum(sqrt(p) * root_model) of every box; nothing is allocated."""
     for n in range(boxes.shape[0]):
         scratch[:] = 0.0
-        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, cells, bins, scratch)
+        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, cells, bins, across, scratch)
         total = 0.0
         for k in range(scratch.size):
             if scratch[k] > 0.0 and root_model[k] > 0.0:

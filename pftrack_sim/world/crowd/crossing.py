@@ -219,6 +219,7 @@ def rehearse(
         time_s = start_s + index * dt_s
         walk.watch(dt_s, time_s, (camera[0], camera[1]), (target[0], target[1]))
         if not walk.begun and index > 0 and time_s >= crossing.at_s - crossing.lead_s:
+            # One who sets off as the record begins is already on the way.
             walk.begin(dt_s, time_s, crossing.stage_m, (0.0, 0.0) if index > 2 else None)
         track[index] = walk.position(time_s) if walk.begun else crossing.stage_m
         if walk.finished(time_s):

@@ -78,7 +78,7 @@ def _attempt(
     lead = min(aside / 0.9 + 0.6, occluder.at_s - begin_s)
     stage = _stage(occluder, rehearsal, depth, side, lead, aside)
     crossing = Crossing(occluder.at_s, occluder.duration_s, depth, side, stage, lead)
-    start_s = max(occluder.at_s - lead - 2.0 * STEP_S, begin_s)
+    start_s = max(occluder.at_s - lead - 5.0 * STEP_S, begin_s)
     grid = np.arange(start_s, min(until_s + 3.2, float(rehearsal.times_s[-1])), STEP_S)
     camera, target = rehearsal.at(grid)
     track = rehearse(crossing, side, start_s, STEP_S, camera[:, :2], target)

@@ -1,0 +1,70 @@
+"""The doctor tells what draws, why the others do not, and what to install."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from pftrack_sim.render import doctor
+from pftrack_sim.render.context import GLInfo, candidates
+from pftrack_sim.render.doctor import Attempt, Report, report
+
+EGL = Attempt("egl", GLInfo("egl", "Mesa", "llvmpipe", "4.5"))
+BROKEN = Attempt("egl", None, "libEGL.so.1 is not installed")
+NONE = Attempt("osmesa", None, "libOSMesa.so.8 is not installed")
+
+
+def test_every_candidate_is_tried_and_something_draws_here():
+    found = report()
+    assert [attempt.backend for attempt in found.attempts] == list(candidates())
+    assert found.usable
+    assert found.chosen is not None
+    assert found.chosen.info is not None
+    assert found.lines()[-1] == f"Frames are drawn with {found.chosen.backend}."
+
+
+def test_the_first_that_works_is_chosen():
+    assert Report((EGL, NONE)).chosen == EGL
+    other = Attempt("osmesa", GLInfo("osmesa", "Mesa", "llvmpipe", "4.5"))
+    assert Report((BROKEN, other)).chosen == other
+    assert "libEGL.so.1 is not installed" in Report((BROKEN, other)).lines()[0]
+
+
+def test_the_remedies_come_when_nothing_works():
+    found = Report((BROKEN, NONE))
+    assert not found.usable
+    text = "\n".join(found.lines())
+    for word in ("not installed", "libegl1", "libosmesa6"):
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("happens", "said"),
+    [
+        (lambda *_, **__: subprocess.CompletedProcess([], -11, "", ""), "crashes"),
+        (lambda *_, **__: subprocess.CompletedProcess([], 0, '"libEGL.so.1 is not installed"\n', ""), "not installed"),
+        (lambda *_, **__: (_ for _ in ()).throw(subprocess.TimeoutExpired("x", 1)), "does not answer"),
+        (lambda *_, **__: (_ for _ in ()).throw(OSError("no memory")), "no memory"),
+    ],
+)
+def test_drivers_that_crash_or_hang_are_reported(happens, said: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(doctor.subprocess, "run", happens)
+    found = report()
+    assert not found.usable
+    assert all(said in attempt.problem for attempt in found.attempts)
+
+
+def test_noise_on_standard_output_does_not_hide_the_answer(monkeypatch: pytest.MonkeyPatch):
+    answer = 'driver says hello\n{"backend": "egl", "vendor": "v", "renderer": "r", "version": "4"}\n'
+    monkeypatch.setattr(doctor.subprocess, "run", lambda *_, **__: subprocess.CompletedProcess([], 0, answer, ""))
+    assert report().chosen == Attempt("egl", GLInfo("egl", "v", "r", "4"))
+
+
+def test_the_child_of_the_doctor_answers_about_a_library_that_is_not_there():
+    program = "import sys; sys.argv[1:] = ['osmesa']; from pftrack_sim.render import platforms, doctor\n"
+    program += "def hidden(name, mode): raise OSError(name)\n"
+    program += "platforms._load = hidden; doctor._main()"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert "not installed" in done.stdout

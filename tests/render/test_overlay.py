@@ -1,0 +1,123 @@
+"""Overlays leave their inputs alone, draw where the boxes are, and survive any box and any image size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pftrack_sim.records import Estimate, Frame, State, Truth
+from pftrack_sim.render.overlay import PALETTE, draw_boxes, draw_frame
+
+
+def truth(box=(100.0, 60.0, 40.0, 90.0), *, name: str = "target", state: State = "visible", **changes) -> Truth:
+    values = {
+        "name": name,
+        "box": box,
+        "amodal_box": box,
+        "visible_box": box,
+        "visible_fraction": 0.6,
+        "truncation": 0.0,
+        "state": state,
+        "occluders": ("pillar-3",),
+        "distance_m": 4.0,
+        "T_world_camera": np.eye(4),
+        "T_world_target": np.eye(4),
+        "K": np.eye(3),
+        "distortion": np.zeros(5),
+        "time_s": 1.5,
+        "image_motion_px": 0.0,
+        "luminance": 0.4,
+    }
+    return Truth(**{**values, **changes})
+
+
+def picture(width: int = 320, height: int = 240) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 120, (height, width, 3), dtype=np.uint8)
+
+
+def test_the_image_given_stays_as_it_is_even_when_read_only():
+    image = picture()
+    kept = image.copy()
+    image.setflags(write=False)
+    drawn = draw_boxes(image, truth(), {"stay": Estimate(np.array([90.0, 50, 40, 90]))})
+    assert np.array_equal(image, kept)
+    assert drawn.shape == image.shape
+    assert drawn.dtype == np.uint8
+    assert drawn.flags.writeable
+    assert not np.array_equal(drawn, image)
+
+
+def test_every_tracker_has_its_colour_on_the_edges_of_its_box():
+    image = np.zeros((240, 320, 3), np.uint8)
+    estimates = {f"tracker-{i}": Estimate(np.array([150.0 + 12 * i, 100 + 9 * i, 30, 60])) for i in range(3)}
+    drawn = draw_boxes(image, truth((20, 150, 10, 20)), estimates)
+    for colour, estimate in zip(PALETTE, estimates.values(), strict=False):
+        x, y, w, h = (int(v) for v in estimate.box)
+        assert tuple(drawn[y + h - 1, x]) == colour  # lower left corner: never under a later box
+        assert (drawn[y : y + h, x : x + w] == colour).all(axis=2).sum() > w
+
+
+def test_what_a_tracker_holds_for_covered_is_dashed():
+    image = np.zeros((240, 320, 3), np.uint8)
+    box = np.array([150.0, 100, 60, 100])
+    open_edge, dashed = (
+        (draw_boxes(image, truth((20, 150, 10, 20)), {"a": Estimate(box, occluded=flag)}) == PALETTE[0]).all(axis=2)
+        for flag in (False, True)
+    )
+    assert open_edge[100, 150:210].all()
+    assert 0.3 < dashed[100, 150:210].mean() < 0.8
+
+
+def test_drawing_twice_gives_the_same():
+    image, estimates = picture(), {"ko2012": Estimate(np.array([90.0, 50, 40, 90]), 0.5)}
+    assert np.array_equal(draw_boxes(image, truth(), estimates), draw_boxes(image, truth(), estimates))
+
+
+@pytest.mark.parametrize("size", [(16, 16), (40, 120), (160, 120), (320, 240), (640, 480)])
+@pytest.mark.parametrize(
+    "box",
+    [
+        (np.nan,) * 4,
+        (-1e12, -1e12, 3e12, 3e12),
+        (-50.0, -50.0, 10.0, 10.0),
+        (5.0, 5.0, 0.0, 0.0),
+        (0.2, 0.2, 0.1, 0.1),
+        (1e15, 0.0, 1.0, 1.0),
+    ],
+)
+def test_any_box_may_be_drawn_on_any_image(size: tuple[int, int], box: tuple[float, float, float, float]):
+    image = picture(*size)
+    scored = np.nan_to_num(box)
+    estimates = {"a tracker with a long name": Estimate(scored, particles=np.tile(scored, (5, 1)))}
+    out = truth(box=tuple(scored), amodal_box=box, visible_box=(np.nan,) * 4, state="out_of_view")
+    assert draw_boxes(image, out, estimates, people=(out, truth(name="distractor-1", amodal_box=box))).shape == (
+        size[1],
+        size[0],
+        3,
+    )
+
+
+def test_particles_are_dotted_inside_the_image_only():
+    image = np.zeros((240, 320, 3), np.uint8)
+    particles = np.array([[200.0, 200, 4, 4], [-100, 0, 2, 2], [1e9, 5, 2, 2], [np.nan, 0, 1, 1]])
+    estimate = {"ko2012": Estimate(np.array([250.0, 50, 20, 20]), particles=particles)}
+    with_dots = draw_boxes(image, truth((20, 150, 10, 20)), estimate)
+    without = draw_boxes(image, truth((20, 150, 10, 20)), estimate, particles=False)
+    assert tuple(with_dots[202, 202]) == PALETTE[0]
+    assert (with_dots != without).any(axis=2).sum() == 1
+
+
+def test_more_trackers_than_colours_are_drawn():
+    estimates = {f"tracker-{i}": Estimate(np.array([10.0, 10, 20, 20])) for i in range(9)}
+    draw_boxes(picture(640, 480), truth(), estimates)
+
+
+def test_a_frame_brings_its_people():
+    image = picture()
+    target, other = truth(), truth((200.0, 80.0, 30.0, 80.0), name="distractor-1")
+    frame = Frame(0, 0.0, image, target, (target, other))
+    alone = Frame(0, 0.0, image, target, (target,))
+    with_other, without = draw_frame(frame, {}), draw_frame(alone, {})
+    changed = (with_other != without).any(axis=2)
+    assert changed.any()
+    assert not changed[:, :195].any()
