@@ -12,7 +12,7 @@ u = x/z and v = y/z in camera axes; NaN where nothing is left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -24,6 +24,9 @@ from pftrack_sim.errors import ParameterError
 
 Array: TypeAlias = NDArray[np.float64]
 Kind: TypeAlias = Literal["ellipsoid", "capsule", "cylinder", "hull"]
+
+_GROUP_STEP = 64
+"""Hulls whose vertices fill equally many runs of this length are projected together."""
 
 _RIM_POINTS = 96
 """Vertices per rim when a cylinder is cut by the near plane; 0.05 % of its radius short of the circle."""
@@ -126,8 +129,7 @@ class Bodies:
         self._end_part = np.array(part, dtype=np.intp)
         self._end_offset = np.array(offsets, dtype=np.float64)
         self._end_axes = np.array(axes, dtype=np.float64).reshape(-1, 3)
-        self._hull_part = np.array([i for i, s in enumerate(self.shapes) if s.kind == "hull"], dtype=np.intp)
-        self._hull_points = _padded([s.points for s in self.shapes if s.points is not None])
+        self._hulls = _grouped({i: shape.points for i, shape in enumerate(self.shapes) if shape.points is not None})
 
     def boxes(
         self, positions: ArrayLike, rotations: ArrayLike, T_world_camera: ArrayLike, K: ArrayLike, near_m: float
@@ -180,8 +182,8 @@ class Bodies:
         depths = np.empty((len(self.shapes), 2))
         if self._end_part.size:
             self._smooth(centres, axes, extents, depths)
-        if self._hull_part.size:
-            self._hulls(centres, axes, extents, depths)
+        for part, points in self._hulls:
+            _fill_hulls(part, axes[part] @ points + centres[part][:, :, None], extents, depths)
         for index in np.flatnonzero(depths[:, 0] < near_m):
             shape = self.shapes[index]
             extents[index] = _cut(shape, centres[index], axes[index], near_m) if depths[index, 1] >= near_m else np.nan
@@ -203,26 +205,42 @@ class Bodies:
         depths[smooth, 0] = np.minimum.reduceat(centre[:, 2] - reach, starts)
         depths[smooth, 1] = np.maximum.reduceat(centre[:, 2] + reach, starts)
 
-    def _hulls(self, centres: Array, axes: Array, extents: Array, depths: Array) -> None:
-        """Fill in the hulls as if none was near the camera."""
-        part = self._hull_part
-        # (G, 3, V): rows of x, y and z lie together in memory, which makes the divisions and minima quick.
-        local = axes[part] @ self._hull_points + centres[part][:, :, None]
-        depth = local[:, 2]
-        depths[part, 0] = depth.min(axis=1)
-        depths[part, 1] = depth.max(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slopes = local[:, :2] / depth[:, None]
-        extents[part, :2] = slopes.min(axis=2)
-        extents[part, 2:] = slopes.max(axis=2)
+
+def _grouped(hulls: Mapping[int, Array]) -> list[tuple[NDArray[np.intp], Array]]:
+    """Hulls of about equally many vertices together: indices `(G,)` and vertices `(G, 3, V)`.
+
+    Short hulls are filled up with their first vertex.
+    """
+    groups: dict[int, list[int]] = {}
+    for index, points in hulls.items():
+        groups.setdefault(-(-len(points) // _GROUP_STEP), []).append(index)
+    stacked: list[tuple[NDArray[np.intp], Array]] = []
+    for indices in groups.values():
+        longest = max(len(hulls[index]) for index in indices)
+        filled = [
+            np.concatenate([hulls[index], np.broadcast_to(hulls[index][0], (longest - len(hulls[index]), 3))]).T
+            for index in indices
+        ]
+        stacked.append((np.array(indices, dtype=np.intp), np.stack(filled)))
+    return stacked
 
 
-def _padded(hulls: Sequence[Array]) -> Array:
-    """`(G, 3, V)` vertices, short hulls filled up with their first vertex."""
-    if not hulls:
-        return np.empty((0, 3, 0))
-    longest = max(len(points) for points in hulls)
-    return np.stack([np.concatenate([p, np.broadcast_to(p[0], (longest - len(p), 3))]).T for p in hulls])
+def _fill_hulls(part: NDArray[np.intp], local: Array, extents: Array, depths: Array) -> None:
+    """Fill in hulls as if none was near the camera.
+
+    Args:
+        part: `(G,)` rows to fill.
+        local: `(G, 3, V)` vertices [m], camera axes.
+        extents: `(S, 4)` to be filled.
+        depths: `(S, 2)` to be filled.
+    """
+    depth = local[:, 2]
+    depths[part, 0] = depth.min(axis=1)
+    depths[part, 1] = depth.max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = local[:, :2] / depth[:, None]
+    extents[part, :2] = slopes.min(axis=2)
+    extents[part, 2:] = slopes.max(axis=2)
 
 
 def _tangents(centre: Array, M: Array) -> tuple[Array, Array]:

@@ -19,6 +19,7 @@ from pftrack_sim.camera.optics import camera_matrix, frustum
 from pftrack_sim.errors import ParameterError
 from pftrack_sim.records import Image
 from pftrack_sim.render.backend import Layer, PixelRect
+from pftrack_sim.render.bounds import Bounds
 from pftrack_sim.render.context import GLContext, GLInfo, open_context
 from pftrack_sim.world.layout import PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP
 
@@ -27,6 +28,7 @@ _NEVER_DRAWN = 5
 """A geom group that no option of ours shows."""
 
 _GEOMS_ONLY = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+_NOT_DRAWN = int(mujoco.mjtGeom.mjGEOM_NONE)
 _GL_RGBA = 0x1908
 _SPARE_GEOMS = 64
 _CODE_BITS = np.uint32(0xFFFFFF)
@@ -133,6 +135,8 @@ class Rasteriser:
         self._ids_model: mujoco.MjModel | None = None
         self._ids_scene: mujoco.MjvScene | None = None
         self._visible = self._find_visible()
+        self._bounds = Bounds(model)
+        self._scene_geoms = list(self._scene.geoms)
 
     def color(self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float) -> Image:
         """Draw a picture.
@@ -150,6 +154,7 @@ class Rasteriser:
             RenderError: Closed.
         """
         self._compose(self._scene, self._model, data, T_world_camera, K)
+        self._leave_out_unseen(data, T_world_camera, K)
         whole = mujoco.MjrRect(0, 0, self._width, self._height)
         with self._context:
             drawing = self._drawing[0]
@@ -231,6 +236,22 @@ class Rasteriser:
         scene.ngeom = 0
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _GEOMS_ONLY, scene)
         mujoco.mjv_makeLights(model, data, scene)
+
+    def _leave_out_unseen(self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float) -> None:
+        """Take what lies out of view out of the scene of the picture, where that changes nothing.
+
+        MuJoCo hands everything to OpenGL, and software OpenGL transforms every vertex of it.
+        """
+        model, scene = self._model, self._scene
+        order = np.flatnonzero(self._visible)
+        if scene.ngeom != order.size or (model.mat_reflectance > 0.0).any():
+            return
+        pose, matrix = np.asarray(T_world_camera, dtype=np.float64), camera_matrix(K, self._width, self._height)
+        needed = self._bounds.in_view(data, pose, matrix, (self._width, self._height), self.near_m)
+        if (model.light_active & model.light_castshadow).any():
+            needed |= model.geom_castshadow
+        for index in np.flatnonzero(~needed[order]):
+            self._scene_geoms[index].type = _NOT_DRAWN
 
     def _place_camera(self, scene: mujoco.MjvScene, pose: NDArray[np.float64], K: Any) -> None:
         if pose.shape != (4, 4) or not np.isfinite(pose).all():

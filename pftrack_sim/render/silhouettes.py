@@ -14,17 +14,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.camera.extents import CORNERS
-from pftrack_sim.camera.optics import focal_and_centre
 from pftrack_sim.render.backend import Layer, PixelRect, Renderer
+from pftrack_sim.render.bounds import Bounds
 
 Array = NDArray[np.float64]
-
-_UNBOUNDED = [int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)]
-"""Geoms without a bounding box to reason with."""
-
-_SLACK_PX, _SLACK_M = 1.0, 1e-4
-"""OpenGL computes in single precision: what misses by less may still touch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +54,7 @@ class Silhouettes:
             self._masks[person, :-1] = (person_of_geom == person) & visible_geoms
         self._limbs = [np.flatnonzero(mask) for mask in self._masks]
         self._others = np.flatnonzero((person_of_geom < 0) & visible_geoms)
-        self._bounds = np.array(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
-        self._corners = self._bounds[:, :1] + CORNERS * self._bounds[:, 1:]
-        self._unbounded = np.isin(model.geom_type, _UNBOUNDED)
+        self._bounds = Bounds(model)
 
     def find(
         self,
@@ -115,80 +106,21 @@ class Silhouettes:
     ) -> Layer | None:
         """What could cover anyone, drawn without people; None when nothing could."""
         people = sorted(rects)
-        boxes = np.array([rects[person] for person in people], dtype=np.float64)
-        covers = self._before(data, T_world_camera, K, boxes, farthest_m[people], renderer.near_m)
-        rows = np.flatnonzero(covers.any(axis=1))
-        for column, person in enumerate(people):
-            covers[rows, column] &= ~self._behind_a_face(data, T_world_camera, self._others[rows], person)
-        candidates = self._others[covers.any(axis=1)]
-        if candidates.size == 0:
-            return None
-        shown = np.zeros(len(self._bounds), dtype=np.bool_)
-        shown[candidates] = True
-        return renderer.ids(data, T_world_camera, K, shown=shown, within=_union(list(rects.values())))
-
-    def _before(
-        self, data: mujoco.MjData, T_world_camera: Array, K: Array, boxes: Array, farthest_m: Array, near_m: float
-    ) -> NDArray[np.bool_]:
-        """Which other geoms may cover whom: their bounds meet the person's box and begin before the person ends.
-
-        Args:
-            data: Positions.
-            T_world_camera: `(4, 4)` camera pose.
-            K: `(3, 3)` camera matrix [px].
-            boxes: `(P, 4)` left, top, width, height [px].
-            farthest_m: `(P,)` depth of each person's farthest point.
-            near_m: Depth below which nothing is drawn.
-
-        Returns:
-            `(N, P)`; false only for what certainly covers nobody.
-        """
-        fx, fy, cx, cy = focal_and_centre(K)
-        view = T_world_camera[:3, :3].T
-        axes = view @ data.geom_xmat[self._others].reshape(-1, 3, 3)
-        centres = (data.geom_xpos[self._others] - T_world_camera[:3, 3]) @ view.T
-        corners = axes @ self._corners[self._others].transpose(0, 2, 1) + centres[:, :, None]
-        depth = corners[:, 2]
-        nearest = depth.min(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            pixels = corners[:, :2] / depth[:, None]
-        low = pixels.min(axis=2) * (fx, fy) + (cx - _SLACK_PX, cy - _SLACK_PX)
-        high = pixels.max(axis=2) * (fx, fy) + (cx + _SLACK_PX, cy + _SLACK_PX)
-        crossing = nearest < near_m
-        low[crossing], high[crossing] = -np.inf, np.inf
-        meets = (
-            (low[:, None, :] <= boxes[:, :2] + boxes[:, 2:]).all(axis=2)
-            & (high[:, None, :] >= boxes[:, :2]).all(axis=2)
-            & (nearest[:, None] <= farthest_m + _SLACK_M)
+        covers = self._bounds.may_cover(
+            data,
+            T_world_camera,
+            K,
+            self._others,
+            [self._limbs[person] for person in people],
+            [rects[person] for person in people],
+            farthest_m[people],
+            renderer.near_m,
         )
-        return (meets & (depth.max(axis=1) >= near_m)[:, None]) | self._unbounded[self._others, None]
-
-    def _behind_a_face(
-        self, data: mujoco.MjData, T_world_camera: Array, geoms: NDArray[np.intp], person: int
-    ) -> NDArray[np.bool_]:
-        """Which geoms have both the camera and the whole person on the far side of one face of their bounds.
-
-        Such a geom covers nothing of the person: the ground under a foot in the air, the wall of a corridor.
-
-        Args:
-            data: Positions.
-            T_world_camera: `(4, 4)` camera pose.
-            geoms: `(N,)` ids.
-            person: Who.
-
-        Returns:
-            `(N,)`
-        """
-        limbs = self._limbs[person]
-        turns = data.geom_xmat[limbs].reshape(-1, 3, 3)
-        points = (self._corners[limbs] @ turns.transpose(0, 2, 1) + data.geom_xpos[limbs, None]).reshape(-1, 3)
-        points = np.concatenate([points, T_world_camera[None, :3, 3]])
-        axes = data.geom_xmat[geoms].reshape(-1, 3, 3)
-        origins = (data.geom_xpos[geoms, None] @ axes)[:, 0] + self._bounds[geoms, 0]
-        along = np.tensordot(axes, points, axes=(1, 1)) - origins[:, :, None]
-        half = self._bounds[geoms, 1] + _SLACK_M
-        beyond = (along.min(axis=2) > half) | (along.max(axis=2) < -half)
-        return beyond.any(axis=1) & ~self._unbounded[geoms]
+        if not covers.any():
+            return None
+        shown = np.zeros(self._masks.shape[1] - 1, dtype=np.bool_)
+        shown[self._others[covers]] = True
+        return renderer.ids(data, T_world_camera, K, shown=shown, within=_union(list(rects.values())))
 
     def _silhouette(self, person: int, rect: PixelRect, own: Layer, layers: list[Layer]) -> Silhouette:
         rows, columns = rect.within(own.rect).slices

@@ -63,18 +63,17 @@ class Motion:
         """
         data, drive, crowd = self._data, self.drive, self.crowd
         tick_s = self._clock.tick_s
-        pose = drive.pose(data)
-        camera = drive.camera_pose(data)
         if command is None:
             target_m = crowd.positions_m[0]
-            forward, turn = self.script.command(self.time_s, pose, crowd.target_s_m, target_m)
-            pan, tilt = self.script.gaze(camera, target_m, tick_s)
+            forward, turn = self.script.command(self.time_s, drive.pose(data), crowd.target_s_m, target_m)
+            pan, tilt = self.script.gaze(drive.camera_pose(data), target_m, tick_s)
         else:
             forward, turn, pan, tilt = drive.scaled(command)
         drive.command(data, forward, turn, pan, tilt, tick_s)
         mujoco.mj_step(self._model, data, self._clock.steps)
         self.ticks += 1
-        crowd.tick(tick_s, self.time_s, np.array(pose[:2]), camera[:2, 3])
+        # Walkers who cross keep to the line of sight as it is at the end of the tick.
+        crowd.tick(tick_s, self.time_s, np.array(drive.pose(data)[:2]), drive.camera_pose(data)[:2, 3])
 
     def rehearse(self, until_s: float, target_height_m: float) -> Rehearsal:
         """Follow the script and write down where camera, target and robot were; `data` is spent afterwards."""

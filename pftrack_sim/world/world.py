@@ -22,6 +22,7 @@ from pftrack_sim.world.motion import Motion
 from pftrack_sim.world.occlusion import Placement
 from pftrack_sim.world.path import Path
 from pftrack_sim.world.people import Gait, Puppets
+from pftrack_sim.world.robot import Script
 
 
 class World:
@@ -119,7 +120,8 @@ class World:
         crossings: list[Crossing],
         seed: int,
     ) -> Crowd:
-        return Crowd(layout, self.settings.target, path, distractors, crossings, seed)
+        start = Script(self.settings.robot, path, self.settings.target.speed_m_s).start_pose()
+        return Crowd(layout, self.settings.target, path, distractors, crossings, seed, robot_start_m=start[:2])
 
     def _plan_occlusions(
         self, layout: Layout, path: Path, seed: int
@@ -139,7 +141,9 @@ class World:
         crossings: list[Crossing] = []
         problems: list[str] = []
         names = occlusion.occluder_names(occluders)
-        for index, (occluder, name) in enumerate(zip(occluders, names, strict=True)):
+        # Standing things first: walkers must know what they walk around.
+        for index in sorted(range(len(occluders)), key=lambda index: names[index] is None):
+            occluder, name = occluders[index], names[index]
             try:
                 if name is None:
                     crossings.append(occlusion.plan_walker(occluder, rehearsal, layout, f"occluders.{index}"))

@@ -201,16 +201,18 @@ class Crowd:
     def _way_of(self, walk: CrossingWalk, dt_s: float, time_s: float, here: Xy) -> tuple[Xy, bool]:
         """Where a crossing walker goes from here, and whether it is done with crossing."""
         there = walk.position(time_s)
+        if walk.crossing.at_s <= time_s <= walk.crossing.until_s:
+            return within(here, there, CROSSING_LIMIT_M_S * dt_s), False
+        around = outside(there, self._state[:2, 0].tolist(), _CLEAR_OF_TARGET_M)
+        around = outside(around, self._state[:2, self._people].tolist(), _CLEAR_OF_ROBOT_M)
         if time_s > walk.crossing.until_s and dt_s > 0.0:
             # Out of the line of sight it no longer goes through things for the sake of its timing: it goes its own way
             # as soon as it would have to slow down before one.
             velocity = ((there[0] - here[0]) / dt_s, (there[1] - here[1]) / dt_s)
-            if avoidance.must_brake(*self._ground.distances(*np.array(here)[:, None]), *velocity):
+            walls = self._ground.distances(*np.array(here)[:, None])
+            if around != there or avoidance.must_brake(*walls, *velocity):
                 return here, True
-        if not walk.crossing.at_s <= time_s <= walk.crossing.until_s:
-            there = outside(there, self._state[:2, 0].tolist(), _CLEAR_OF_TARGET_M)
-            there = outside(there, self._state[:2, self._people].tolist(), _CLEAR_OF_ROBOT_M)
-            there = self._ground.outside(there, avoidance.WALL_DISTANCE_M)
+        there = self._ground.outside(around, avoidance.WALL_DISTANCE_M)
         return within(here, there, CROSSING_LIMIT_M_S * dt_s), walk.finished(time_s)
 
     def _lead_s(self, walk: CrossingWalk, time_s: float, here: Xy, camera: Xy) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -24,6 +24,10 @@ FASTEST_M_S = 2.2
 _PLEASANT_M_S = 1.2
 _ASIDE_M = (2.6, 1.9, 3.4, 1.3)
 _WALL_GAP_M = 0.42
+_SHOULDERS_M = 0.22
+_CHEST_M = 0.14
+"""Half widths of a walking person with swinging arms, seen from behind and from the side."""
+
 _DEPTHS = (0.0, -0.1, 0.1, -0.2, 0.2, -0.3, 0.3)
 
 
@@ -66,7 +70,24 @@ def plan_walker(occluder: model.Occluder, rehearsal: Rehearsal, layout: Layout, 
             f"{occluder.at_s + occluder.duration_s:g} s would have to walk through something that stands there, "
             "at any depth from 0.2 to 0.9; use another at_s or a shorter duration_s"
         )
-    return best.crossing
+    return replace(best.crossing, half_width_m=_seen_half_width(best.crossing, rehearsal))
+
+
+def _seen_half_width(crossing: Crossing, rehearsal: Rehearsal) -> float:
+    """Half of the width the walker shows to the camera while covering: shoulders from behind, a chest from the side."""
+    assert crossing.side is not None
+    lead = crossing.lead_s or 0.0
+    start_s = max(crossing.at_s - lead - 2.0 * STEP_S, float(rehearsal.times_s[0]))
+    grid = np.arange(start_s, crossing.until_s + STEP_S, STEP_S)
+    camera, target = rehearsal.at(grid)
+    track = rehearse(crossing, crossing.side, start_s, STEP_S, camera[:, :2], target)
+    covering = (grid >= crossing.at_s) & ~np.isnan(track[:, 0])
+    walked = np.gradient(track, axis=0)[covering]
+    sight = (target - camera[:, :2])[covering]
+    lengths = np.hypot(*walked.T) * np.hypot(*sight.T)
+    facing = np.abs((walked * sight).sum(axis=1)) / np.maximum(lengths, 1e-9)
+    cos = float(np.clip(np.mean(facing), 0.0, 1.0))
+    return float(np.hypot(_SHOULDERS_M * cos, _CHEST_M * np.sqrt(1.0 - cos * cos)))
 
 
 def _attempt(

@@ -1,0 +1,76 @@
+"""An occlusion that is asked for is seen in the truth of the frames, at its time and for as long as asked."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.errors import ScenarioError
+from pftrack_sim.records import Truth
+
+AT_S, DURATION_S, RATE_HZ = 3.0, 1.0, 30.0
+
+
+def walk(kind: str, seed: int, **occluder: Any) -> dict[str, Any]:
+    """A walk across the open square with the robot beside, nobody else about, and one occlusion."""
+    return {
+        "title": "one occlusion",
+        "duration_s": 6.0,
+        "place": {"kind": "plaza", "clutter": 0.0},
+        "robot": {"route": {"kind": "beside", "distance_m": 3.6, "lead_m": -0.4}},
+        "camera": {"width_px": 320, "height_px": 240, "rate_hz": RATE_HZ},
+        "lights": {"shadows": False},
+        "target": {"path_m": [[4.0, 1.0], [20.0, 1.0]], "speed_m_s": 1.1 + 0.05 * seed},
+        "distractors": {"count": 0},
+        "occluders": [{"kind": kind, "at_s": AT_S, "duration_s": DURATION_S, **occluder}],
+    }
+
+
+def truths(tree: dict[str, Any], seed: int) -> list[Truth]:
+    with Simulation(scenario.load(tree)) as simulation:
+        frame = simulation.reset(seed)
+        seen = [frame.truth]
+        for _ in range(simulation.settings.frame_count - 1):
+            seen.append(simulation.advance().truth)
+    return seen
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(
+    ("kind", "name", "late_s"), [("pillar", "occluder-pillar-1", 0.15), ("walker", "crosser-1", 0.25)]
+)
+def test_a_cover_from_head_to_foot_halves_the_view_at_its_time(kind: str, name: str, late_s: float, seed: int):
+    seen = truths(walk(kind, seed), seed)
+    fraction = np.array([truth.visible_fraction for truth in seen])
+    hidden = np.flatnonzero(fraction < 0.5)
+    # The centre line is covered from at_s on; half of the body is, when it is as wide to the left as to the right.
+    # An arm or a leg put forward shifts that by a few frames, and one walker is slighter than another.
+    assert hidden[0] / RATE_HZ == pytest.approx(AT_S, abs=late_s)
+    assert (hidden[-1] + 1) / RATE_HZ == pytest.approx(AT_S + DURATION_S, abs=late_s)
+    assert (np.diff(hidden) == 1).all()
+    middle = seen[round((AT_S + 0.5 * DURATION_S) * RATE_HZ)]
+    assert fraction[hidden].min() < 0.2
+    assert middle.occluders[0] == name
+    outside = np.r_[fraction[: hidden[0] - 25], fraction[hidden[-1] + 25 :]]
+    assert (outside > 0.98).all()
+
+
+@pytest.mark.parametrize("share", [0.35, 0.6])
+@pytest.mark.parametrize("kind", ["wall", "boxes"])
+def test_a_low_cover_hides_the_share_of_the_height_asked_for(kind: str, share: float):
+    seen = truths(walk(kind, 0, share=share), 0)
+    middle = seen[round((AT_S + 0.5 * DURATION_S) * RATE_HZ)]
+    assert middle.occluders[0] == f"occluder-{kind}-1"
+    shown = middle.visible_box[3] / middle.amodal_box[3]
+    assert shown == pytest.approx(1.0 - share, abs=0.06)
+    before = seen[round((AT_S - 1.0) * RATE_HZ)]
+    assert before.visible_fraction > 0.98
+
+
+def test_an_occlusion_that_cannot_be_is_refused_with_the_reason():
+    tree = walk("pillar", 0)
+    tree["robot"] = {"route": {"kind": "trail", "distance_m": 3.5}}
+    with pytest.raises(ScenarioError, match=r"occluders\.0.*walker"):
+        truths(tree, 0)
