@@ -65,7 +65,7 @@ class World:
         for _ in range(self.clock.ticks):
             self._motion.tick(command)
             self._gait.advance(self.clock.tick_s, crowd.positions_m, crowd.headings_rad)
-            self._puppets.write(self.data, *self._gait.poses())
+        self._puppets.write(self.data, *self._gait.poses())
         self._settle()
 
     @property

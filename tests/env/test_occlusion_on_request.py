@@ -53,7 +53,7 @@ def test_a_cover_from_head_to_foot_halves_the_view_at_its_time(kind: str, name: 
     middle = seen[round((AT_S + 0.5 * DURATION_S) * RATE_HZ)]
     assert fraction[hidden].min() < 0.2
     assert middle.occluders[0] == name
-    outside = np.r_[fraction[: hidden[0] - 25], fraction[hidden[-1] + 25 :]]
+    outside = np.r_[fraction[: hidden[0] - 45], fraction[hidden[-1] + 45 :]]
     assert (outside > 0.98).all()
 
 

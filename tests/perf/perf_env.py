@@ -7,9 +7,13 @@ Rounds are interleaved, so that a noisy machine disturbs both sides alike; media
 
 from __future__ import annotations
 
+import os
 import time
 from statistics import median
 from typing import Any
+
+# MuJoCo's own renderer needs to be told; ours does not.
+os.environ.setdefault("MUJOCO_GL", "egl")
 
 import gymnasium as gym
 import mujoco

@@ -109,7 +109,7 @@ class Gait:
         headings = np.asarray(headings_rad, dtype=float)
         positions = np.asarray(positions_m, dtype=float)
         self._feet.reset(positions, headings, np.asarray(speeds_m_s, dtype=float))
-        self._pose(positions, headings)
+        self._stand(positions, headings)
 
     def advance(self, dt_s: float, positions_m: ArrayLike, headings_rad: ArrayLike) -> None:
         """Follow the people to where they are now.
@@ -123,7 +123,7 @@ class Gait:
         headings = np.asarray(headings_rad, dtype=float)
         positions = np.asarray(positions_m, dtype=float)
         self._feet.advance(dt_s, positions, headings)
-        self._pose(positions, headings)
+        self._stand(positions, headings)
 
     def poses(self) -> tuple[Array, Array]:
         """Where every part is, in the order of `body.PARTS`.
@@ -131,7 +131,8 @@ class Gait:
         Returns:
             `(P, 13, 3)` positions [m] and `(P, 13, 4)` unit quaternions w, x, y, z.
         """
-        return self._part_positions, quaternions(self._part_rotations)
+        places, rotations = self._parts()
+        return places, quaternions(rotations)
 
     def root_poses(self) -> Array:
         """`(P, 4, 4)` poses of the people: on the ground below the pelvis, x where the person faces, z up."""
@@ -140,7 +141,7 @@ class Gait:
         out[:, 0, 0] = out[:, 1, 1] = cos
         out[:, 0, 1], out[:, 1, 0] = -sin, sin
         out[:, 2, 2] = out[:, 3, 3] = 1.0
-        out[:, :2, 3] = self._part_positions[:, _PELVIS, :2]
+        out[:, :2, 3] = self._parts()[0][:, _PELVIS, :2]
         return out
 
     @property
@@ -153,9 +154,18 @@ class Gait:
         """`(P,)` share of the stride since the left heel's contact, in [0, 1)."""
         return self._feet.phase
 
-    def _pose(self, positions: Array, headings: Array) -> None:
+    def _stand(self, positions: Array, headings: Array) -> None:
+        self._positions, self._headings = positions.copy(), headings.copy()
+        self._posed: tuple[Array, Array] | None = None
+
+    def _parts(self) -> tuple[Array, Array]:
+        """Places and rotations of all parts; worked out when asked for, as only the feet remember anything."""
+        if self._posed is None:
+            self._posed = self._pose(self._positions, self._headings)
+        return self._posed
+
+    def _pose(self, positions: Array, headings: Array) -> tuple[Array, Array]:
         feet, gauge = self._feet, self._feet.gauge
-        self._headings = headings.copy()
         places = np.empty((len(headings), len(PARTS), 3))
         rotations = np.empty((len(headings), len(PARTS), 3, 3))
 
@@ -188,7 +198,7 @@ class Gait:
         places[:, _UPPER_ARMS] = places[:, _TORSO, None] + moved(rotations[:, _TORSO, None], self._shoulders)
         places[:, _FOREARMS] = places[:, _UPPER_ARMS] + moved(rotations[:, _UPPER_ARMS], self._upper_arm)
         places.setflags(write=False)
-        self._part_positions, self._part_rotations = places, rotations
+        return places, rotations
 
     def _turns(self, headings: Array, shoulders: Array, elbows: Array) -> Array:
         """Rotations of pelvis, torso, head and feet in the world, of upper arms and forearms in their parents.
