@@ -52,8 +52,10 @@ perf: setup
 
 # The pictures of the README.
 pictures: setup
-	@for name in plaza-walk corridor warehouse street-night; do \
-		$(BIN)/pftrack-sim render $$name --seed 3 --at-s 4 --truth --image docs/pictures/$$name.jpg || exit 1; done
+	@for pair in plaza-walk:7 corridor:5 warehouse:8 street-night:2; do \
+		name=$${pair%:*}; \
+		$(BIN)/pftrack-sim render $$name --seed $${pair#*:} --at-s 4 --truth --image docs/pictures/$$name.jpg || exit 1; \
+	done
 
 # The wheel as a stranger gets it: built, installed in a clean environment, every scenario stepped once from elsewhere.
 wheel: setup

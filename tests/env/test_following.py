@@ -1,0 +1,63 @@
+"""A controller that is told the truth follows the target in every shipped scenario."""
+
+import itertools
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import pftrack_sim  # noqa: F401 - registers the environments
+from pftrack_sim import controllers, policies, scenario, trackers
+from pftrack_sim.env.follow import following_reward
+
+SMALL = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 10}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", scenario.names())
+def test_oracle_and_servo_follow_to_the_end(name: str):
+    env = gym.make("pftrack_sim/Follow-v0", scenario=name, overrides=SMALL)
+    policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo"))
+    observation, info = env.reset(seed=4)
+    rewards: list[float] = []
+    done = False
+    while not done:
+        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
+        rewards.append(float(reward))
+        done = terminated or truncated
+    assert not terminated, (info["collision"], info["lost_s"])
+    assert len(rewards) == 300
+    assert np.mean(rewards) > 0.75
+    env.close()
+
+
+@pytest.mark.slow
+def test_a_robot_that_stands_still_loses_the_target():
+    env = gym.make("pftrack_sim/Follow-v0", scenario="plaza-walk", overrides={**SMALL, "duration_s": 16})
+    env.reset(seed=4)
+    done = False
+    while not done:
+        _, reward, terminated, truncated, _ = env.step(np.zeros(4, np.float32))
+        done = terminated or truncated
+    assert reward < 0.1
+    env.close()
+
+
+def test_a_policy_that_drives_into_the_target_ends_the_episode():
+    overrides = {**SMALL, "robot.route": {"kind": "trail", "distance_m": 1.5}, "occluders": []}
+    env = gym.make("pftrack_sim/Follow-v0", scenario="corridor", overrides=overrides)
+    env.reset(seed=4)
+    for _ in range(250):
+        _, _, terminated, _, info = env.step(np.array([1.0, 0, 0, 0], np.float32))
+        if terminated:
+            break
+    assert terminated
+    assert info["collision"] == "target"
+    env.close()
+
+
+def test_the_reward_is_one_at_the_goal_and_falls_to_zero_at_the_edges():
+    assert following_reward(0.0, 0.0) == 1.0
+    assert following_reward(1.0, 0.0) == following_reward(0.0, 1.0) == following_reward(3.0, 3.0) == 0.0
+    steps = [following_reward(error, 0.0) for error in np.linspace(0, 1, 11)]
+    assert all(one > two for one, two in itertools.pairwise(steps))
