@@ -189,6 +189,25 @@ class Bodies:
             extents[index] = _cut(shape, centres[index], axes[index], near_m) if depths[index, 1] >= near_m else np.nan
         return extents, depths
 
+    def lowest(self, positions: ArrayLike, rotations: ArrayLike) -> Array:
+        """`(B,)` height of each body's lowest point [m].
+
+        Args:
+            positions: `(S, 3)` of every part [m], world frame.
+            rotations: `(S, 3, 3)` of every part.
+        """
+        centres, axes = np.asarray(positions, dtype=np.float64), np.asarray(rotations, dtype=np.float64)
+        lowest = np.full(len(self.shapes), np.inf)
+        part = self._end_part
+        if part.size:
+            upright = axes[part, 2]
+            scaled = upright * self._end_axes
+            ends = centres[part, 2] + upright[:, 2] * self._end_offset - np.sqrt(np.einsum("nk,nk->n", scaled, scaled))
+            np.minimum.at(lowest, part, ends)
+        for part, points in self._hulls:
+            lowest[part] = centres[part, 2] + (axes[part, 2:] @ points)[:, 0].min(axis=1)
+        return np.minimum.reduceat(lowest, self._starts)
+
     def _smooth(self, centres: Array, axes: Array, extents: Array, depths: Array) -> None:
         """Fill in the smooth parts as if none was near the camera."""
         part = self._end_part

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -36,6 +37,20 @@ class PixelRect(NamedTuple):
             and self.top < other.top + other.height
             and other.top < self.top + self.height
         )
+
+    def common(self, other: PixelRect) -> PixelRect:
+        """The pixels they share, if they meet."""
+        left, top = max(self.left, other.left), max(self.top, other.top)
+        right = min(self.left + self.width, other.left + other.width)
+        bottom = min(self.top + self.height, other.top + other.height)
+        return PixelRect(left, top, right - left, bottom - top)
+
+
+def around(rects: Sequence[PixelRect]) -> PixelRect:
+    """The smallest rectangle around one or several."""
+    left, top = min(rect.left for rect in rects), min(rect.top for rect in rects)
+    right, bottom = max(rect.left + rect.width for rect in rects), max(rect.top + rect.height for rect in rects)
+    return PixelRect(left, top, right - left, bottom - top)
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,10 @@ _SLACK_M, _SLACK_PX = 0.01, 1.0
 """OpenGL computes in single precision: what misses by less may still touch."""
 
 _FACE_SLACK_M = 1e-4
-"""The same for bodies on either side of a face, such as a sole above the ground."""
+"""The same for bodies on either side of a face."""
+
+_TOUCH_M = 1e-4
+"""A sole that goes into the ground by less stands on it: the ground covers nothing of it."""
 
 
 class Bounds:
@@ -63,9 +66,10 @@ class Bounds:
         limbs: Sequence[NDArray[np.intp]],
         rects: Sequence[PixelRect],
         farthest_m: Array,
+        lowest_m: Array,
         near_m: float,
     ) -> NDArray[np.bool_]:
-        """Which geoms may come between the camera and any of several people.
+        """Which geoms may come between the camera and whom.
 
         Args:
             data: Positions.
@@ -75,23 +79,27 @@ class Bounds:
             limbs: Geom ids of each of P people.
             rects: Where in the image each is.
             farthest_m: `(P,)` depth of each one's farthest point.
+            lowest_m: `(P,)` height of each one's lowest point.
             near_m: Depth below which nothing is drawn.
 
         Returns:
-            `(N,)`
+            `(N, P)`
         """
         normals, offsets = _view(T_world_camera, K, rects, near_m)
         forward = T_world_camera[:3, 2]
-        # Beside the sides of each person's rectangle, it must begin before the person ends.
+        # In front of the near plane, within each person's rectangle, and beginning before the person ends.
         normals = np.concatenate([normals, np.broadcast_to(-forward, (len(rects), 3))])
         offsets = np.concatenate([offsets, farthest_m + forward @ T_world_camera[:3, 3]])
         reaches = self._reaches(data, geoms, normals, offsets)
         sides = reaches[:, 1 : 1 + 4 * len(rects)].reshape(len(geoms), len(rects), 4).all(axis=2)
         covers = reaches[:, :1] & sides & reaches[:, 1 + 4 * len(rects) :]
+        # Seen from above, what lies below a person's soles covers nothing of the person.
+        looks_down = T_world_camera[2, 3] > lowest_m
+        covers &= (self._highest(data, geoms)[:, None] > lowest_m + _TOUCH_M) | ~looks_down
         some = np.flatnonzero(covers.any(axis=1))
         if some.size:
             covers[some] &= ~self._across_a_face(data, T_world_camera[:3, 3], geoms[some], limbs)
-        return covers.any(axis=1) | self._unbounded[geoms]
+        return covers | self._unbounded[geoms, None]
 
     def _reaches(
         self, data: mujoco.MjData, geoms: NDArray[np.intp], normals: Array, offsets: Array
@@ -102,12 +110,18 @@ class Bounds:
         radius = (np.abs(normals @ axes) @ self._half[geoms, :, None])[:, :, 0]
         return middle @ normals.T + radius > -offsets - _SLACK_M
 
+    def _highest(self, data: mujoco.MjData, geoms: NDArray[np.intp]) -> Array:
+        """`(N,)` height of the top of each geom's box [m]."""
+        upright = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]
+        rise = np.einsum("nk,nk->n", upright, self._middle[geoms])
+        return data.geom_xpos[geoms, 2] + rise + np.einsum("nk,nk->n", np.abs(upright), self._half[geoms])
+
     def _across_a_face(
         self, data: mujoco.MjData, eye: Array, geoms: NDArray[np.intp], limbs: Sequence[NDArray[np.intp]]
     ) -> NDArray[np.bool_]:
         """`(N, P)` whether camera and a whole person lie on the far side of one face of a geom's box.
 
-        Such a geom covers nothing of the person: the ground below a foot, the wall beside it.
+        Such a geom covers nothing of the person: the wall of a corridor, the shelf behind it.
         """
         every = np.concatenate(limbs)
         starts = np.concatenate([[0], np.cumsum([8 * len(own) for own in limbs])[:-1]])

@@ -92,12 +92,12 @@ class Rasteriser:
     @property
     def near_m(self) -> float:
         """Depth below which nothing is drawn."""
-        return float(self._model.vis.map.znear * self._model.stat.extent)
+        return self._near_m
 
     @property
     def far_m(self) -> float:
         """Depth beyond which nothing is drawn."""
-        return float(self._model.vis.map.zfar * self._model.stat.extent)
+        return self._far_m
 
     @property
     def visible_geoms(self) -> NDArray[np.bool_]:
@@ -117,6 +117,8 @@ class Rasteriser:
     def rebind(self, model: mujoco.MjModel) -> None:
         """Draw another model from now on. Textures and meshes of the last one are freed; the context stays.
 
+        Which geoms are drawn at all, and the near and far plane, are read now; poses, lights and colours when drawing.
+
         Raises:
             RenderError: Closed.
         """
@@ -130,6 +132,8 @@ class Rasteriser:
             drawing.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # nearness as it is kept, without a conversion
             drawing.readPixelFormat = _GL_RGBA  # the buffer's own format: ten times quicker to read than RGB
         self._model = model
+        extent = float(model.stat.extent)
+        self._near_m, self._far_m = float(model.vis.map.znear) * extent, float(model.vis.map.zfar) * extent
         self._scene = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = self._fog
         self._ids_model: mujoco.MjModel | None = None
@@ -154,6 +158,7 @@ class Rasteriser:
             RenderError: Closed.
         """
         self._compose(self._scene, self._model, data, T_world_camera, K)
+        mujoco.mjv_makeLights(self._model, data, self._scene)
         self._leave_out_unseen(data, T_world_camera, K)
         whole = mujoco.MjrRect(0, 0, self._width, self._height)
         with self._context:
@@ -235,7 +240,6 @@ class Rasteriser:
         self._place_camera(scene, np.asarray(T_world_camera, dtype=np.float64), K)
         scene.ngeom = 0
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _GEOMS_ONLY, scene)
-        mujoco.mjv_makeLights(model, data, scene)
 
     def _leave_out_unseen(self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float) -> None:
         """Take what lies out of view out of the scene of the picture, where that changes nothing.

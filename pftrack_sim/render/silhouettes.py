@@ -1,9 +1,8 @@
 """Who covers whom: everyone's whole outline in pixels, and what of it shows.
 
-People whose boxes do not meet are drawn together, alone in the world; those who may cover each other are drawn in
-turn. Whatever of the scenery could come between the camera and someone is drawn once more, without people. Comparing
-nearness pixel by pixel then tells what a picture of everything shows, and what is behind it, and each thing was drawn
-only once.
+Everyone, and whatever of the scenery could come between the camera and someone, is drawn in layers: those who cannot
+cover each other together, the others apart. So everybody's whole outline is in one layer. Comparing nearness between
+the layers, pixel by pixel, then tells what a picture of everything shows; and each thing was drawn only once.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.render.backend import Layer, PixelRect, Renderer
+from pftrack_sim.render.backend import Layer, PixelRect, Renderer, around
 from pftrack_sim.render.bounds import Bounds
 
 Array = NDArray[np.float64]
@@ -64,6 +63,7 @@ class Silhouettes:
         K: Array,
         rects: dict[int, PixelRect],
         farthest_m: Array,
+        lowest_m: Array,
     ) -> dict[int, Silhouette]:
         """Silhouettes of the people who may be in the image.
 
@@ -74,37 +74,13 @@ class Silhouettes:
             K: `(3, 3)` camera matrix [px].
             rects: By person, the part of the image that holds every pixel of the person.
             farthest_m: `(P,)` depth of each person's farthest point.
+            lowest_m: `(P,)` height of each person's lowest point.
 
         Returns:
             By person, those of `rects`.
         """
         if not rects:
             return {}
-        scenery = self._scenery(renderer, data, T_world_camera, K, rects, farthest_m)
-        layers: list[Layer] = []
-        layer_of: dict[int, Layer] = {}
-        for group in _apart(rects):
-            shown = np.logical_or.reduce(self._masks[group, :-1], axis=0)
-            within = _union([rects[person] for person in group])
-            layer = renderer.ids(data, T_world_camera, K, shown=shown, within=within)
-            layers.append(layer)
-            layer_of.update(dict.fromkeys(group, layer))
-        if scenery is not None:
-            layers.append(scenery)
-        return {
-            person: self._silhouette(person, rect, layer_of[person], layers) for person, rect in sorted(rects.items())
-        }
-
-    def _scenery(
-        self,
-        renderer: Renderer,
-        data: mujoco.MjData,
-        T_world_camera: Array,
-        K: Array,
-        rects: dict[int, PixelRect],
-        farthest_m: Array,
-    ) -> Layer | None:
-        """What could cover anyone, drawn without people; None when nothing could."""
         people = sorted(rects)
         covers = self._bounds.may_cover(
             data,
@@ -114,13 +90,23 @@ class Silhouettes:
             [self._limbs[person] for person in people],
             [rects[person] for person in people],
             farthest_m[people],
+            lowest_m[people],
             renderer.near_m,
         )
-        if not covers.any():
-            return None
-        shown = np.zeros(self._masks.shape[1] - 1, dtype=np.bool_)
-        shown[self._others[covers]] = True
-        return renderer.ids(data, T_world_camera, K, shown=shown, within=_union(list(rects.values())))
+        scenery = self._others[covers.any(axis=1)]
+        covered = [people[column] for column in np.flatnonzero(covers.any(axis=0))]
+        layers: list[Layer] = []
+        layer_of: dict[int, Layer] = {}
+        for index, group in enumerate(_apart(rects, covered)):
+            shown = np.logical_or.reduce(self._masks[group, :-1], axis=0)
+            wanted = [rects[person] for person in group]
+            if index == 0 and scenery.size:
+                shown[scenery] = True
+                wanted += [rects[person] for person in covered]
+            layer = renderer.ids(data, T_world_camera, K, shown=shown, within=around(wanted))
+            layers.append(layer)
+            layer_of.update(dict.fromkeys(group, layer))
+        return {person: self._silhouette(person, rects[person], layer_of[person], layers) for person in people}
 
     def _silhouette(self, person: int, rect: PixelRect, own: Layer, layers: list[Layer]) -> Silhouette:
         rows, columns = rect.within(own.rect).slices
@@ -130,7 +116,7 @@ class Silhouettes:
         for layer in layers:
             if layer is own or not layer.rect.meets(rect):
                 continue
-            common = _common(rect, layer.rect)
+            common = rect.common(layer.rect)
             theirs = common.within(layer.rect).slices
             here = common.within(rect).slices
             other_ids, other = layer.ids[theirs], layer.nearness[theirs]
@@ -144,29 +130,23 @@ class Silhouettes:
         return Silhouette(rect, amodal, amodal & ~hidden, top[hidden])
 
 
-def _apart(rects: dict[int, PixelRect]) -> list[list[int]]:
-    """Split people into groups within which no two rectangles meet."""
-    groups: list[list[int]] = []
-    for person, rect in sorted(rects.items()):
-        for group in groups:
-            if not any(rect.meets(rects[other]) for other in group):
+def _apart(rects: dict[int, PixelRect], covered: list[int]) -> list[list[int]]:
+    """Split people into groups within which nobody covers anybody.
+
+    Args:
+        rects: By person, where in the image it is.
+        covered: The people whom scenery may cover.
+
+    Returns:
+        Groups of people whose rectangles do not meet; the first has none of the covered, for scenery to be drawn with,
+        and may be empty if there are covered people.
+    """
+    groups: list[list[int]] = [[]] if covered else []
+    for person in sorted(rects):
+        for group in groups[1:] if person in covered else groups:
+            if not any(rects[person].meets(rects[other]) for other in group):
                 group.append(person)
                 break
         else:
             groups.append([person])
     return groups
-
-
-def _union(rects: list[PixelRect]) -> PixelRect:
-    """The smallest rectangle around several."""
-    left, top = min(r.left for r in rects), min(r.top for r in rects)
-    right, bottom = max(r.left + r.width for r in rects), max(r.top + r.height for r in rects)
-    return PixelRect(left, top, right - left, bottom - top)
-
-
-def _common(first: PixelRect, second: PixelRect) -> PixelRect:
-    """The pixels two rectangles share; they meet."""
-    left, top = max(first.left, second.left), max(first.top, second.top)
-    right = min(first.left + first.width, second.left + second.width)
-    bottom = min(first.top + first.height, second.top + second.height)
-    return PixelRect(left, top, right - left, bottom - top)

@@ -100,19 +100,15 @@ class TruthMaker:
             raise ParameterError(f"T_world_people must have shape ({len(self._people)}, 4, 4), got {roots.shape}")
         if image.shape != (height, width, 3):
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
-        amodal, depths = self._bodies.boxes(
-            data.geom_xpos[self._geoms],
-            data.geom_xmat[self._geoms].reshape(-1, 3, 3),
-            pose,
-            self._K,
-            self._renderer.near_m,
-        )
+        limbs = data.geom_xpos[self._geoms], data.geom_xmat[self._geoms].reshape(-1, 3, 3)
+        amodal, depths = self._bodies.boxes(*limbs, pose, self._K, self._renderer.near_m)
         rects = {
             person: rect
             for person, box in enumerate(amodal)
             if (rect := _pixels_around(box, width, height)) is not None
         }
-        found = self._silhouettes.find(self._renderer, data, pose, self._K, rects, depths[:, 1])
+        lowest = self._bodies.lowest(*limbs)
+        found = self._silhouettes.find(self._renderer, data, pose, self._K, rects, depths[:, 1], lowest)
         motion = self._motion(amodal)
         distance = np.linalg.norm(data.xpos[self._pelvis] - pose[:3, 3], axis=1)
         truths: list[Truth] = []

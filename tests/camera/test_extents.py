@@ -205,3 +205,18 @@ def test_arguments_stay_as_they_are():
 def test_impossible_shapes_are_refused(call):
     with pytest.raises(ParameterError):
         call()
+
+
+def test_the_lowest_point_is_the_lowest_of_all_points():
+    rng = np.random.default_rng(9)
+    parts = [shapes(rng) for _ in range(3)]
+    flat = [shape for body in parts for shape in body]
+    positions, turns = rng.normal(size=(len(flat), 3)), np.stack([rotation(rng) for _ in flat])
+    found = Bodies(parts).lowest(positions, turns)
+    for index in range(3):
+        heights = [
+            (sampled(shape) @ turns[6 * index + i].T + positions[6 * index + i])[:, 2].min()
+            for i, shape in enumerate(parts[index])
+        ]
+        assert found[index] <= min(heights) + 1e-12
+        assert found[index] == pytest.approx(min(heights), abs=1e-3)

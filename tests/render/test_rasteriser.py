@@ -274,3 +274,24 @@ def test_multisampling_leaves_the_boxes_alone(in_a_process: Callable[[str, int],
     assert plain["pictures"] != smooth["pictures"]
     for one, other in zip(plain["truths"], smooth["truths"], strict=True):
         assert [truth[:4] for truth in one] == [truth[:4] for truth in other]
+
+
+@pytest.mark.parametrize("shadows", [False, True])
+def test_leaving_out_what_is_not_seen_changes_no_pixel(
+    shadows: bool, drawing: Drawing, monkeypatch: pytest.MonkeyPatch
+):
+    rng = np.random.default_rng(7)
+    left_out = 0
+    for seed in range(8):
+        stage = build(seed, people=4, pillars=8)
+        stage.model.light_castshadow[:] = shadows
+        stage.model.geom_castshadow[::3] = False
+        renderer = drawing(stage)
+        for _ in range(3):
+            pose = looking(tuple(rng.normal((2.0, 0.0, 1.5))), tuple(rng.normal(size=3) * 3), rng.normal())
+            picture = renderer.color(stage.data, pose, K)
+            left_out += sum(geom.type == int(mujoco.mjtGeom.mjGEOM_NONE) for geom in renderer._scene_geoms)
+            with monkeypatch.context() as patch:
+                patch.setattr(Rasteriser, "_leave_out_unseen", lambda *_: None)
+                assert np.array_equal(picture, renderer.color(stage.data, pose, K))
+    assert left_out > 20

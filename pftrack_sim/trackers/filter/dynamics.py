@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -23,10 +24,16 @@ class RandomWalk:
 
     Attributes:
         sigma: `(D,)` standard deviation of each component's noise, in the component's unit.
+        last_two_correlation: Correlation of the noises of the last two components, in [0, 1]: 0 as printed.
     """
 
     sigma: tuple[float, ...]
+    last_two_correlation: float = 0.0
 
     def draw(self, states: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
         """`(N, D)` next states, given `(N, D)` states."""
-        return states + rng.standard_normal(states.shape) * np.asarray(self.sigma)
+        noise = rng.standard_normal(states.shape)
+        if self.last_two_correlation:
+            own = math.sqrt(1.0 - self.last_two_correlation**2)
+            noise[:, -1] = self.last_two_correlation * noise[:, -2] + own * noise[:, -1]
+        return states + noise * np.asarray(self.sigma)
