@@ -31,7 +31,7 @@ class Simulation:
         backend: `"egl"`, `"osmesa"`, or None for the first that works.
 
     Raises:
-        ParameterError: An unknown backend.
+        UnknownNameError: An unknown backend.
         RenderError: No OpenGL library can draw off-screen (raised at the first reset).
     """
 

@@ -116,8 +116,7 @@ def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480))
         UnknownNameError: No such backend.
         RenderError: None works; the message says why not and what to install.
     """
-    if backend is not None and backend not in BACKENDS:
-        raise UnknownNameError("OpenGL backend", backend, BACKENDS)
+    wanted = candidates(backend)
     if _process.pid not in (None, os.getpid()):
         raise RenderError(_FORKED)
     if _process.backend is not None and backend not in (None, _process.backend):
@@ -126,7 +125,7 @@ def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480))
             f"use {backend} in a new one"
         )
     failures: dict[str, str] = {}
-    for name in candidates(backend) if _process.backend is None else (_process.backend,):
+    for name in wanted if _process.backend is None else (_process.backend,):
         try:
             return _opened(name, size)
         except RenderError as error:
@@ -149,8 +148,14 @@ def probe(name: str) -> GLInfo:
 
 
 def candidates(backend: str | None = None) -> tuple[str, ...]:
-    """Libraries to try on this system, in order."""
+    """Libraries to try on this system, in order.
+
+    Raises:
+        UnknownNameError: No such backend.
+    """
     if backend is not None:
+        if backend not in BACKENDS:
+            raise UnknownNameError("OpenGL backend", backend, BACKENDS)
         return (backend,)
     if sys.platform == "darwin":
         return ("cgl",)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-TICK_HZ = 50.0
+TICK_HZ = 25.0
 """People and controllers move at least this often."""
 
 PHYSICS_HZ = 500.0
@@ -30,8 +30,8 @@ class Clock:
     def for_rate(cls, rate_hz: float) -> Clock:
         """The fewest ticks and steps that are frequent enough; every frame then falls on a tick, every tick on a step.
 
-        >>> Clock.for_rate(30.0)
-        Clock(rate_hz=30.0, ticks=2, steps=9)
+        >>> Clock.for_rate(15.0)
+        Clock(rate_hz=15.0, ticks=2, steps=17)
         """
         ticks = math.ceil(TICK_HZ / rate_hz)
         return cls(rate_hz, ticks, math.ceil(PHYSICS_HZ / (rate_hz * ticks)))
