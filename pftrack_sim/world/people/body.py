@@ -41,6 +41,9 @@ PEOPLE_CONAFFINITY = 2
 
 _SHADOWLESS = frozenset({"left-foot", "right-foot", "left-forearm", "right-forearm"})
 
+UNPOSED_Z_M = -5.0
+"""Height of the parts of people who have no pose yet."""
+
 
 @dataclass(frozen=True)
 class Person:
@@ -93,7 +96,8 @@ def add_person(spec: mujoco.MjSpec, person: Person) -> None:
         mesh.usernormal = shell.normals.ravel()
         mesh.usertexcoord = (shell.pixels / atlas.SIZE).ravel()
         mesh.userface = shell.faces.ravel()
-        body = spec.worldbody.add_body(name=full, mocap=True)
+        # Below ground until a pose is written, so that nobody stands in the way of a rehearsal.
+        body = spec.worldbody.add_body(name=full, mocap=True, pos=[0.0, 0.0, UNPOSED_Z_M])
         body.add_geom(
             name=full,
             type=mujoco.mjtGeom.mjGEOM_MESH,
