@@ -113,7 +113,7 @@ METHODS = {
     "ko2012-cslbp": Method(texture=_TEXTURE),
     "ko2012": Method(colour=Feature(_HSV, _KERNEL), texture=_TEXTURE),
 }
-"""Methods (1) to (5) of table 2, in its order. The bins of (1) and (2) are not printed: those of the proposed method."""
+"""Methods (1) to (5) of table 2, in its order. Bins of (1) and (2) are not printed: as in the proposed method."""
 
 
 class Ko2012(CheckedTracker):
