@@ -77,6 +77,10 @@ def evaluate(
     tracker: Trackers = "ko2012",
     seeds: Seeds = "0:5",
     preset: Preset = "default",
+    video: Annotated[
+        Path | None,
+        typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
+    ] = None,
 ) -> None:
     """Run trackers on recorded sequences with known boxes."""
     from pftrack_sim.bench import parse_seeds
@@ -88,8 +92,10 @@ def evaluate(
     read = [read_sequence(path) for path in sequences]
     total = sum(len(sequence) for sequence in read) * len(names) * len(chosen)
     with progress.bar("tracking", total) as tick:
-        results = evaluate_recorded(read, names, chosen, preset=preset, on_frame=tick)
+        results = evaluate_recorded(read, names, chosen, preset=preset, video=video, on_frame=tick)
     tables.print_recorded(results)
+    if video is not None:
+        tables.print_folder(video)
 
 
 @app.command()

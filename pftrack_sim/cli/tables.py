@@ -103,18 +103,23 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
 
 
 def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ...], list[Summary]]) -> None:
+    from pftrack_sim.score import bootstrap_interval
+
     table = _table(title, heads, ("seeds", "mean\noverlap", "success\n@ 0.5", "precision\n@ 20 px", "ms per\nframe"))
+    several = False
     for names, summaries in groups.items():
-        table.add_row(
-            *names,
-            str(len(summaries)),
-            *(
-                _number(_mean([getattr(one, key) for one in summaries]))
-                for key in ("mean_overlap", "success", "precision")
-            ),
-            f"{float(np.median([one.ms_median for one in summaries])):.2f}",
-        )
+        cells: list[str] = []
+        for key in ("mean_overlap", "success", "precision"):
+            scores = [float(getattr(one, key)) for one in summaries]
+            # One stream for every cell: a group's interval does not depend on which others are printed with it.
+            low, high = bootstrap_interval(scores, np.random.default_rng(0))
+            several = several or not math.isnan(low)
+            cells.append(_number(_mean(scores)) + ("" if math.isnan(low) else f"\n{low:.3f}-{high:.3f}"))
+        ms = float(np.median([one.ms_median for one in summaries]))
+        table.add_row(*names, str(len(summaries)), *cells, f"{ms:.2f}")
     _console.print(table)
+    if several:
+        _console.print("Below each score: the 95% bootstrap interval of its mean over seeds.", soft_wrap=True)
 
 
 def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
@@ -122,7 +127,7 @@ def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
     _console.print(f"\n{title}", soft_wrap=True)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for head in names:
-        table.add_column(head, overflow="fold", vertical="bottom")
+        table.add_column(head, overflow="fold")
     for head in numbers:
         table.add_column(head, justify="right", no_wrap=True)
     return table

@@ -50,6 +50,25 @@ def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
     assert done.returncode == 0, done.stderr
     assert "square" in done.stdout
     assert "ko2012" in done.stdout
+    assert "95% bootstrap interval" in done.stdout
+
+
+def test_evaluate_writes_a_video(tmp_path: Path):
+    square, video = sequence(tmp_path / "square"), tmp_path / "square.mp4"
+    done = pftrack_sim("evaluate", "--tracker", "ncc", "--seeds", "0", "--video", str(video), str(square))
+    assert done.returncode == 0, done.stderr
+    assert "bootstrap" not in done.stdout, "one seed has no spread"
+    assert video.stat().st_size > 1000
+    twice = pftrack_sim("evaluate", "--tracker", "ncc", "--video", str(video), str(square), str(square))
+    assert twice.returncode == 2
+    assert "give a folder" in twice.stderr
+
+
+def test_a_tracker_that_needs_what_is_not_there_says_so(tmp_path: Path):
+    done = pftrack_sim("evaluate", "--tracker", "opencv-nano", str(sequence(tmp_path / "square")))
+    assert done.returncode == 2
+    assert "needs model files" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_render_writes_a_video_and_a_frame(tmp_path: Path):

@@ -23,8 +23,8 @@ class Layout:
     """How the points of a box fill its histogram.
 
     Attributes:
-        weights: `(ROWS, COLUMNS)` what each point counts, >= 0.
-        cells: `(ROWS, COLUMNS)` which cell each point lies in, from 0.
+        weights: `(rows, columns)` what each point counts, >= 0; `(ROWS, COLUMNS)` unless a paper says otherwise.
+        cells: `(rows, columns)` which cell each point lies in, from 0.
         cell_count: Number of cells.
         channel_count: Numbers per pixel of the code image.
         bin_count: Bins per channel and cell: codes are below it.
@@ -55,6 +55,17 @@ def epanechnikov_layout(channel_count: int, bin_count: int) -> Layout:
     return Layout(weights, np.zeros((ROWS, COLUMNS), np.int64), 1, channel_count, bin_count)
 
 
+def distance_layout(rows: int, columns: int, channel_count: int, bin_count: int) -> Layout:
+    """Points weigh 1 - r^2, where r is the distance to the centre over that of the farthest (Lee et al. 2012, eq. 1).
+
+    Distances are taken between the points of a box resized to rows x columns, so that the corners weigh nothing.
+    """
+    v, u = np.arange(rows) - 0.5 * (rows - 1), np.arange(columns) - 0.5 * (columns - 1)
+    squares = np.square(v)[:, None] + np.square(u)[None, :]
+    weights = 1.0 - squares / squares.max()
+    return Layout(weights, np.zeros((rows, columns), np.int64), 1, channel_count, bin_count)
+
+
 def cell_layout(rows: int, columns: int, channel_count: int, bin_count: int) -> Layout:
     """The box is cut into rows x columns cells with a histogram each; every point counts the same."""
     row = np.arange(ROWS) * rows // ROWS
@@ -75,7 +86,7 @@ def histogram(codes: NDArray[np.uint8], box: NDArray[np.float64], layout: Layout
         `(layout.size,)` numbers summing to 1; points outside the image do not count. All zero if all are outside.
     """
     out = np.zeros(layout.size)
-    across = np.empty(COLUMNS, np.int64)
+    across = np.empty(layout.weights.shape[1], np.int64)
     _fill(codes, box[0], box[1], box[2], box[3], layout.weights, layout.cells, layout.bin_count, across, out)
     total = out.sum()
     return out / total if total > 0.0 else out
@@ -98,10 +109,42 @@ def similarities(
         `(N,)` numbers in [0, 1].
     """
     out = np.empty(len(boxes))
-    bins, across, scratch = layout.bin_count, np.empty(COLUMNS, np.int64), np.empty(layout.size)
+    bins, across, scratch = layout.bin_count, np.empty(layout.weights.shape[1], np.int64), np.empty(layout.size)
     total = float(layout.weights.sum()) * layout.channel_count
     _compare(codes, boxes, layout.weights, layout.cells, bins, np.sqrt(model / total), across, scratch, out)
     return np.clip(out, 0.0, 1.0)
+
+
+def histograms(codes: NDArray[np.uint8], boxes: NDArray[np.float64], layout: Layout) -> NDArray[np.float64]:
+    """The histograms of many boxes, of which what lies outside the image is missing.
+
+    Args:
+        codes: `(H, W, channel_count)` codes.
+        boxes: `(N, 4)` x, y, w, h [px] in the code image.
+        layout: How points count.
+
+    Returns:
+        `(N, layout.size)`; each sums to the share of its weight that lies inside the image.
+    """
+    out = np.zeros((len(boxes), layout.size))
+    across = np.empty(layout.weights.shape[1], np.int64)
+    _fill_all(codes, boxes, layout.weights, layout.cells, layout.bin_count, across, out)
+    return out / (float(layout.weights.sum()) * layout.channel_count)
+
+
+@njit(nogil=True, cache=True)
+def _fill_all(
+    codes: NDArray[np.uint8],
+    boxes: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    bins: int,
+    across: NDArray[np.int64],
+    out: NDArray[np.float64],
+) -> None:
+    """Fill `out` with the histogram of every box, not normalised; nothing is allocated."""
+    for n in range(boxes.shape[0]):
+        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, cells, bins, across, out[n])
 
 
 @njit(nogil=True, cache=True)

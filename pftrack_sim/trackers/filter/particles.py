@@ -78,7 +78,12 @@ class ParticleFilter:
         self.states = self.states[chosen]
         self.log_weights = np.zeros(chosen.size)
 
-    def restart(self, state: NDArray[np.float64]) -> None:
-        """Put every particle at one `(D,)` state; all weigh the same afterwards."""
-        self.states = np.tile(state, (len(self.states), 1))
+    def restart(self, state: NDArray[np.float64], count: int | None = None) -> None:
+        """Put every particle at one `(D,)` state; all weigh the same afterwards.
+
+        Args:
+            state: Where.
+            count: How many there shall be; as many as now if None.
+        """
+        self.states = np.tile(state, (len(self.states) if count is None else count, 1))
         self.log_weights = np.zeros(len(self.states))
