@@ -143,41 +143,6 @@ def summarise(overlap: ArrayLike, centre_error: ArrayLike, scored: ArrayLike, ms
     )
 
 
-def bootstrap_interval(
-    values: ArrayLike, rng: np.random.Generator, *, level: float = 0.95, draw_count: int = 2000
-) -> tuple[float, float]:
-    """Percentile bootstrap interval of a mean over independent repeats (Efron 1979).
-
-    Meant for one score per seed: runs with different seeds are independent, while the frames of a run are not, and
-    drawing those anew would give an interval that is far too narrow. It says what other seeds would have given on the
-    same images, and for a tracker that draws nothing it has no width. With few seeds it is somewhat too narrow, as
-    every percentile bootstrap is.
-
-    Args:
-        values: `(N,)` one score per repeat; NaN are left out.
-        rng: The repeats are drawn from it.
-        level: Share of the bootstrapped means inside, in (0, 1).
-        draw_count: How many means are drawn.
-
-    Returns:
-        Lower and upper end; NaN for fewer than two repeats, which say nothing about their spread.
-
-    Raises:
-        ParameterError: `values` is not `(N,)`, or the level or the count is out of range.
-    """
-    repeats = np.asarray(values, dtype=np.float64)
-    if repeats.ndim != 1:
-        raise ParameterError(f"values must have shape (N,), got {repeats.shape}")
-    if not 0.0 < level < 1.0 or draw_count < 1:
-        raise ParameterError(f"level must be in (0, 1) and draw_count >= 1, got {level} and {draw_count}")
-    known = repeats[~np.isnan(repeats)]
-    if known.size < 2:
-        return math.nan, math.nan
-    means = known[rng.integers(0, known.size, (draw_count, known.size))].mean(axis=1)
-    low, high = np.quantile(means, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
-    return float(low), float(high)
-
-
 def _paired(estimates: ArrayLike, truth: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     said, true = np.asarray(estimates, dtype=np.float64), np.asarray(truth, dtype=np.float64)
     if said.shape != true.shape or said.ndim != 2 or said.shape[1] != 4:
