@@ -11,7 +11,7 @@ from typing import Any
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.errors import ParameterError, UnknownNameError
 from pftrack_sim.scenario import Scenario, ScenarioLike
-from pftrack_sim.scenario.model import Axes
+from pftrack_sim.scenario.axes import Axes
 
 
 @dataclass(frozen=True)

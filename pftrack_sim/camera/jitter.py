@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.scenario.model import Jitter, JitterAxis
+from pftrack_sim.scenario.axes import JitterAxis
+from pftrack_sim.scenario.model import Jitter
 from pftrack_sim.streams import stream
 
 Numbers = NDArray[np.float64]

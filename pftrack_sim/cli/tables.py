@@ -60,10 +60,12 @@ def _controllers() -> Iterable[tuple[str, str]]:
 
 
 def _axes() -> Iterable[tuple[str, str]]:
-    from pftrack_sim.scenario.model import Axes
+    from pftrack_sim.scenario.axes import axes_by_name
 
-    for name, field in Axes.model_fields.items():
-        yield name, " ".join((field.annotation.__doc__ or "").split())
+    for name, axis in axes_by_name().items():
+        typical = f"{axis(severity=1.0).physical:g} {axis.unit}"
+        what = " ".join((axis.__doc__ or "").split())
+        yield name, f"{what}\n  severity 1: {axis.headline} = {typical}\n  law: {axis.law}\n  source: {axis.source}"
 
 
 def print_bench(results: Sequence[Result]) -> None:

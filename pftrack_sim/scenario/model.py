@@ -8,20 +8,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-Point: TypeAlias = tuple[float, float]
-"""x, y on the ground [m], world frame."""
-
-Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
-Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
-NotNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
-
-
-class Section(BaseModel):
-    """Base of every table: unknown keys are errors, values never change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="null")
+from pftrack_sim.scenario.axes import Axes
+from pftrack_sim.scenario.section import NotNegative, Point, Positive, Section, Share
 
 
 class Place(Section):
@@ -110,22 +100,6 @@ class Jitter(Section):
         if self.band_hz[0] >= self.band_hz[1]:
             raise ValueError(f"band_hz must be [low, high] with low < high, got {list(self.band_hz)}")
         return self
-
-
-class JitterAxis(Jitter):
-    """The stress axis: `severity` times the typical vibration, added to the scenario's own."""
-
-    severity: NotNegative = Field(
-        default=0.0, description="0: the base scenario to the bit; 1: typical; 2: twice that."
-    )
-    angular_rms_deg: NotNegative = Field(default=0.35, description="RMS of each of roll, pitch and yaw at severity 1.")
-    translational_rms_mm: NotNegative = Field(default=4.0, description="RMS along each of x, y and z at severity 1.")
-
-
-class Axes(Section):
-    """Stress axes. Severity 0 leaves the scenario as it is."""
-
-    jitter: JitterAxis = JitterAxis()
 
 
 class Sensor(Section):

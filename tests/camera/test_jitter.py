@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pftrack_sim.camera.jitter import Vibration, combined
-from pftrack_sim.scenario.model import Jitter, JitterAxis
+from pftrack_sim.scenario.axes import JitterAxis
+from pftrack_sim.scenario.model import Jitter
 from pftrack_sim.streams import stream
 
 SHAKE = Jitter(angular_rms_deg=0.4, translational_rms_mm=5.0, band_hz=(2.0, 9.0))

@@ -9,6 +9,7 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.scenario import ranges
+from pftrack_sim.scenario.axes import axes_by_name
 
 
 def minimal(**more: Any) -> dict[str, Any]:
@@ -32,6 +33,22 @@ def test_a_minimal_scenario_has_every_default():
     assert resolved.camera.width_px == 640
     assert resolved.axes.jitter.severity == 0
     assert resolved.frame_count == 360
+
+
+def test_parameters_of_an_axis_without_a_severity_mean_what_they_say():
+    given = {"axes": {"jitter": {"angular_rms_deg": 0.5}}}
+    assert scenario.load(minimal(**given)).resolve(0).axes.jitter.physical == 0.5
+    off = scenario.load(minimal(**given), {"axes.jitter.severity": 0}).resolve(0).axes.jitter
+    assert (off.on, off.physical) == (False, 0.0)
+
+
+@pytest.mark.parametrize("name", list(axes_by_name()))
+def test_every_axis_says_what_it_does_and_starts_off(name: str):
+    axis = axes_by_name()[name]
+    assert axis.headline in axis.model_fields
+    assert axis().physical == 0.0
+    assert axis(severity=2.0).physical == 2.0 * axis(severity=1.0).physical > 0.0
+    assert all(words.strip() for words in (axis.__doc__ or "", axis.unit, axis.law, axis.source))
 
 
 def test_ranges_are_drawn_per_seed_and_stay_inside():

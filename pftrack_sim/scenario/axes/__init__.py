@@ -1,0 +1,26 @@
+"""The stress axes: each a table of a scenario, `[axes.<name>]`, with a severity and physical parameters."""
+
+from __future__ import annotations
+
+from pftrack_sim.scenario.axes.axis import Axis
+from pftrack_sim.scenario.axes.jitter import JitterAxis
+from pftrack_sim.scenario.section import Section
+
+
+class Axes(Section):
+    """Stress axes. Severity 0 leaves the scenario as it is."""
+
+    jitter: JitterAxis = JitterAxis()
+
+
+def axes_by_name() -> dict[str, type[Axis]]:
+    """The class of every axis, in the order of the lists."""
+    found: dict[str, type[Axis]] = {}
+    for name, field in Axes.model_fields.items():
+        assert isinstance(field.annotation, type)
+        assert issubclass(field.annotation, Axis)
+        found[name] = field.annotation
+    return found
+
+
+__all__ = ["Axes", "Axis", "JitterAxis", "axes_by_name"]
