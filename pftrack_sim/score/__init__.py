@@ -1,9 +1,9 @@
 """How well boxes agree with the truth, and which tracker is better.
 
-`episode`: one tracker on one episode, in one row. `curves`: success and precision over their thresholds, and the
-measures of OTB, TrackingNet and GOT-10k that are read off them. `course`: what happens over time: failures, recovery
-after an occlusion, drift, loss for good. `compare`: intervals over seeds, and differences between trackers paired by
-seed.
+`episode`: one tracker on one sequence, in one row; `measures`: everything of a simulated episode. `curves`: success and
+precision over their thresholds, and the measures of OTB, TrackingNet and GOT-10k that are read off them. `course`: what
+happens over time: failures, recovery after an occlusion, drift, loss for good. `compare`: intervals over seeds, and
+differences between trackers paired by seed.
 """
 
 from pftrack_sim.score.compare import (
@@ -44,6 +44,7 @@ from pftrack_sim.score.episode import (
     success_rate,
     summarise,
 )
+from pftrack_sim.score.measures import FrameScores, Measures, frame_scores, measure
 
 __all__ = [
     "NORMALISED_PRECISION_THRESHOLDS",
@@ -52,6 +53,8 @@ __all__ = [
     "SUCCESS_OVERLAP",
     "SUCCESS_THRESHOLDS",
     "Comparison",
+    "FrameScores",
+    "Measures",
     "Recovery",
     "Summary",
     "area_under_success",
@@ -61,7 +64,9 @@ __all__ = [
     "compare",
     "drift_per_second",
     "failures",
+    "frame_scores",
     "holm",
+    "measure",
     "normalised_centre_errors",
     "normalised_precision",
     "occlusions",

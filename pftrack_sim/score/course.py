@@ -97,9 +97,9 @@ def recoveries(
     """
     values, visible = _pair("visible_fraction", overlap, visible_fraction)
     spans = occlusions(visible, covered_below)
-    ends = [first for first, _ in spans[1:]] + [values.size]
+    starts = [first for first, _ in spans] + [values.size]
     found: list[Recovery] = []
-    for (first, last), end in zip(spans, ends, strict=True):
+    for (first, last), end in zip(spans, starts[1:], strict=True):
         if last + 1 >= end:
             continue
         tracked = np.flatnonzero(values[last + 1 : end] >= threshold)
