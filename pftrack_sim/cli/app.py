@@ -126,6 +126,26 @@ def render(
 
 
 @app.command()
+def report(
+    run: Annotated[Path, typer.Argument(help="Run folder that bench wrote.")],
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="Draw one figure for a paper instead: success.pdf, precision.pdf or axis.pdf (.svg, .png)."),
+    ] = None,
+) -> None:
+    """Write report.html into a run folder: one page that opens from disk, with every result of the run."""
+    from pftrack_sim.report import write_figure, write_report
+    from pftrack_sim.report.data import read_run
+
+    if figure is not None:
+        tables.print_folder(write_figure(run, figure))
+        return
+    with progress.bar("reading", len(read_run(run).rows)) as tick:
+        page = write_report(run, on_row=tick)
+    tables.print_folder(page)
+
+
+@app.command()
 def schema(
     out: Annotated[Path | None, typer.Argument(help="File to write; default is standard output.")] = None,
 ) -> None:

@@ -123,6 +123,7 @@ class MixtureNumbers:
         sigma_fixed: Of F, the first patch; fixed.
         sigma_min: Least standard deviation that S may learn.
         share_min: Least mixing weight, so that no component is lost for good.
+        restart_share: Below this mixing weight S starts again from what is seen now, as at the first frame.
         outlier_c: c of Huber's function (12), in standard deviations of a component.
     """
 
@@ -132,6 +133,7 @@ class MixtureNumbers:
     sigma_fixed: float
     sigma_min: float
     share_min: float
+    restart_share: float
     outlier_c: float
 
 
@@ -194,6 +196,20 @@ class PixelMixture:
         self._first_moment *= raised[1] / shares[1]
         self._second_moment *= raised[1] / shares[1]
         self.shares = raised
+        self._restart(raised[1] < n.restart_share, seen)
+
+    def _restart(self, lost: NDArray[np.bool_], seen: NDArray[np.float64]) -> None:
+        """Let S begin anew at some pixels (Jepson et al. 2003, section 4).
+
+        What has changed for good is explained by W alone: S would never own any of it, and so never learn it.
+        """
+        if not lost.any():
+            return
+        self.shares[:, lost] = 1.0 / 3.0
+        self.means[1, lost] = seen[lost]
+        self.sigmas[1, lost] = self.numbers.sigma_stable
+        self._first_moment[lost] = seen[lost] / 3.0
+        self._second_moment[lost] = (np.square(seen[lost]) + self.numbers.sigma_stable**2) / 3.0
 
     def log_likelihood(self, seen: Patches, *, robust: bool) -> NDArray[np.float64]:
         """Logarithm of the product over the pixels of sum_i m_i N(z; mu_i, sigma_i).

@@ -79,7 +79,8 @@ def slopes(state_shifts: NDArray[np.float64], observation_shifts: NDArray[F]) ->
     shifts = state_shifts / unit
     kind = observation_shifts.dtype
     crossed = shifts.T.astype(kind) @ observation_shifts
-    return (np.linalg.pinv(shifts.T @ shifts, rcond=_ROUNDING, hermitian=True) / unit[:, None]).astype(kind) @ crossed
+    inverse = np.linalg.pinv(shifts.T @ shifts, rcond=_ROUNDING, hermitian=True) / unit[:, None]
+    return np.asarray(inverse.astype(kind) @ crossed, dtype=kind)
 
 
 def shift(slope: NDArray[F], surprise: NDArray[F], weights: NDArray[F] | None = None) -> NDArray[np.float64]:
