@@ -1,4 +1,4 @@
-"""Vibration of the camera on its mount: band-limited Gaussian motion in six axes.
+"""Vibration of the camera on its mount: Gaussian motion in six axes, of a band or of gusts.
 
 Spectral synthesis (Shinozuka and Deodatis 1991, "Simulation of stochastic processes by spectral representation",
 Applied Mechanics Reviews 44): a sum of cosines with random phases has the wanted spectrum, tends to a Gaussian with
@@ -22,33 +22,72 @@ Numbers = NDArray[np.float64]
 COSINES = 64
 """Cosines per axis: kurtosis within 0.03 of a Gaussian's, and no repetition within an episode."""
 
+GUST_CORNERS = 12.0
+"""Gusts end at this many times their corner frequency; 95% of an endless spectrum's power is below."""
+
 
 class Vibration:
-    """One realisation of a vibration.
-
-    The spectrum is flat over the band: one cosine in each of `COSINES` equal parts of it, at a random place in its
-    part, all of the same amplitude. Each of the six axes has its own frequencies and phases and the RMS given.
+    """One realisation of a vibration: a sum of cosines in each of six axes.
 
     Args:
-        jitter: RMS per axis, and the band.
-        rng: Draws frequencies and phases; the draws do not depend on the RMS.
+        omega: `(6, C)` angular frequencies [rad/s].
+        phase: `(6, C)` phases at time 0 [rad].
+        amplitude: `(6, C)`; three rotations [rad] and three translations [m].
     """
 
-    def __init__(self, jitter: Jitter, rng: np.random.Generator) -> None:
+    def __init__(self, omega: Numbers, phase: Numbers, amplitude: Numbers) -> None:
+        self._omega, self._phase, self._amplitude = omega, phase, amplitude
+
+    @classmethod
+    def flat(cls, jitter: Jitter, rng: np.random.Generator) -> Vibration:
+        """A spectrum that is flat over a band.
+
+        One cosine in each of `COSINES` equal parts of it, at a random place in its part, all of the same amplitude.
+        Each of the six axes has its own frequencies and phases and the RMS given.
+
+        Args:
+            jitter: RMS per axis, and the band.
+            rng: Draws frequencies and phases; the draws do not depend on the RMS.
+        """
         low, high = jitter.band_hz
         part = (np.arange(COSINES) + rng.random((6, COSINES))) / COSINES
         rms = np.repeat([math.radians(jitter.angular_rms_deg), 1e-3 * jitter.translational_rms_mm], 3)
-        self._omega = 2.0 * np.pi * (low + (high - low) * part)
-        self._phase = rng.uniform(0.0, 2.0 * np.pi, (6, COSINES))
-        self._amplitude = np.repeat(rms[:, None] * math.sqrt(2.0 / COSINES), COSINES, axis=1)
+        phase = rng.uniform(0.0, 2.0 * np.pi, (6, COSINES))
+        amplitude = np.repeat(rms[:, None] * math.sqrt(2.0 / COSINES), COSINES, axis=1)
+        return cls(2.0 * np.pi * (low + (high - low) * part), phase, amplitude)
+
+    @classmethod
+    def gusts(cls, rms_deg: float, corner_hz: float, mast_m: float, rng: np.random.Generator) -> Vibration:
+        """Wind that sways a mast about its foot.
+
+        The spectrum of each angle falls as 1 / (1 + (f / corner)^2), the first-order form of Dryden's gusts
+        (MIL-F-8785C), up to `GUST_CORNERS` corners. One cosine in each of `COSINES` parts of equal power.
+
+        Args:
+            rms_deg: RMS of each of pitch, yaw and roll.
+            corner_hz: Where the spectrum bends.
+            mast_m: Height of the camera above the mast's foot: pitch and roll carry it back and forth, and sideways.
+            rng: Draws frequencies and phases.
+        """
+        part = (np.arange(COSINES) + rng.random((3, COSINES))) / COSINES
+        omega = 2.0 * np.pi * corner_hz * np.tan(part * math.atan(GUST_CORNERS))
+        phase = rng.uniform(0.0, 2.0 * np.pi, (3, COSINES))
+        size = np.full((3, COSINES), math.radians(rms_deg) * math.sqrt(2.0 / COSINES))
+        # About a foot at p = (0, mast, 0), a small rotation r moves the camera by p x r = (mast r_z, 0, -mast r_x).
+        carried = np.stack([mast_m * size[2], np.zeros(COSINES), -mast_m * size[0]])
+        return cls(
+            np.concatenate([omega, omega[[2, 1, 0]]]),
+            np.concatenate([phase, phase[[2, 1, 0]]]),
+            np.concatenate([size, carried]),
+        )
 
     def plus(self, other: Vibration) -> Vibration:
         """Both at once: rotation vectors and translations add up."""
-        both = object.__new__(Vibration)
-        both._omega = np.concatenate([self._omega, other._omega], axis=1)
-        both._phase = np.concatenate([self._phase, other._phase], axis=1)
-        both._amplitude = np.concatenate([self._amplitude, other._amplitude], axis=1)
-        return both
+        return Vibration(
+            np.concatenate([self._omega, other._omega], axis=1),
+            np.concatenate([self._phase, other._phase], axis=1),
+            np.concatenate([self._amplitude, other._amplitude], axis=1),
+        )
 
     @property
     def still(self) -> bool:
@@ -85,21 +124,30 @@ class Vibration:
         return T_world_camera @ shake
 
 
-def combined(base: Jitter, axis: JitterAxis, seed: int) -> Vibration:
-    """A scenario's own vibration plus its stress axis.
+def combined(base: Jitter, axis: JitterAxis, seed: int, mast_m: float) -> Vibration:
+    """A scenario's own vibration plus wind and ground of its stress axis.
+
+    The road is not among them: it moves the robot itself.
 
     Args:
         base: Of the scenario.
         axis: `severity` times its RMS is added; at severity 0 the result is the base alone, to the bit.
-        seed: Root seed of the episode. The two have streams of their own (`jitter/base`, `jitter/axis`), so raising
-            the severity makes the same shaking larger and changes nothing else.
+        seed: Root seed of the episode. Each source has a stream of its own, so raising the severity makes the same
+            shaking larger, and leaving out one source changes nothing else.
+        mast_m: Height of the camera above the mast's foot.
     """
-    vibration = Vibration(base, stream(seed, "jitter", "base"))
-    if axis.severity == 0.0:
+    vibration = Vibration.flat(base, stream(seed, "jitter", "base"))
+    if not axis.on:
         return vibration
-    added = Jitter(
-        angular_rms_deg=axis.severity * axis.angular_rms_deg,
-        translational_rms_mm=axis.severity * axis.translational_rms_mm,
-        band_hz=axis.band_hz,
-    )
-    return vibration.plus(Vibration(added, stream(seed, "jitter", "axis")))
+    if "ground" in axis.sources:
+        ground = Jitter(
+            angular_rms_deg=axis.severity * axis.ground_rms_deg,
+            translational_rms_mm=axis.severity * axis.ground_rms_mm,
+            band_hz=axis.ground_band_hz,
+        )
+        vibration = vibration.plus(Vibration.flat(ground, stream(seed, "jitter", "ground")))
+    if "wind" in axis.sources:
+        rng = stream(seed, "jitter", "wind")
+        gusts = Vibration.gusts(axis.severity * axis.wind_rms_deg, axis.wind_corner_hz, mast_m, rng)
+        vibration = vibration.plus(gusts)
+    return vibration

@@ -69,7 +69,7 @@ class Simulation:
         self._image_size = size
         self._world = world
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
-        self._vibration = combined(settings.jitter, settings.axes.jitter, seed)
+        self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         self._sensor = Sensor(settings.sensor)
         self._truth = TruthMaker(world.model, world.people, self._rasteriser, self._K)
         self._index = 0

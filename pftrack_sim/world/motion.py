@@ -11,7 +11,7 @@ from pftrack_sim.world.clock import Clock
 from pftrack_sim.world.crowd import Crowd
 from pftrack_sim.world.occlusion import Rehearsal
 from pftrack_sim.world.path import Path
-from pftrack_sim.world.robot import Drive, Script
+from pftrack_sim.world.robot import Drive, Road, Script
 
 
 class Motion:
@@ -24,6 +24,7 @@ class Motion:
         clock: How often things happen.
         path: The target's.
         crowd: Who walks.
+        seed: Root seed of the episode, for the road.
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class Motion:
         clock: Clock,
         path: Path,
         crowd: Crowd,
+        seed: int,
     ) -> None:
         self._model = model
         self._data = data
@@ -41,6 +43,8 @@ class Motion:
         self.crowd = crowd
         self.drive = Drive(model, settings.robot, settings.camera)
         self.script = Script(settings.robot, path, settings.target.speed_m_s)
+        jitter = settings.axes.jitter
+        self._road = Road(model, jitter, seed) if jitter.roughness > 0.0 else None
         self.ticks = 0
 
     def reset(self) -> None:
@@ -70,7 +74,12 @@ class Motion:
         else:
             forward, turn, pan, tilt = drive.scaled(command)
         drive.command(data, forward, turn, pan, tilt, tick_s)
-        mujoco.mj_step(self._model, data, self._clock.steps)
+        if self._road is None:
+            mujoco.mj_step(self._model, data, self._clock.steps)
+        else:
+            for _ in range(self._clock.steps):
+                self._road.push(data)
+                mujoco.mj_step(self._model, data)
         self.ticks += 1
         # Walkers who cross keep to the line of sight as it is at the end of the tick.
         crowd.tick(tick_s, self.time_s, np.array(drive.pose(data)[:2]), drive.camera_pose(data)[:2, 3])

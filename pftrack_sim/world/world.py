@@ -46,7 +46,7 @@ class World:
         path = Path(settings.target.path_m)
         layout, placements, crossings = self._plan_occlusions(scene.layout, path, seed)
         crowd = self._crowd(layout, path, settings.distractors, crossings, seed)
-        self._motion = Motion(self.model, self.data, settings, self.clock, path, crowd)
+        self._motion = Motion(self.model, self.data, settings, self.clock, path, crowd, seed)
         self._gait = Gait(
             [person.anatomy for person in scene.cast], [streams.stream(seed, "gait", name) for name in self.people]
         )
@@ -134,7 +134,7 @@ class World:
         if not occluders:
             return layout, {}, []
         alone = self._crowd(layout, path, self.settings.distractors.model_copy(update={"count": 0}), [], seed)
-        rehearsing = Motion(self.model, self.data, self.settings, self.clock, path, alone)
+        rehearsing = Motion(self.model, self.data, self.settings, self.clock, path, alone, seed)
         last_s = max(one.at_s + one.duration_s for one in occluders)
         rehearsal = rehearsing.rehearse(last_s + 3.0, self.settings.target.height_m)
         placements: dict[int, Placement] = {}

@@ -13,7 +13,7 @@ POSE = np.array([[0, 0, 1, 3.3], [-1, 0, 0, -0.2], [0, -1, 0, 1.25], [0, 0, 0, 1
 
 
 def vibration(jitter: Jitter = SHAKE, seed: int = 0) -> Vibration:
-    return Vibration(jitter, np.random.default_rng(seed))
+    return Vibration.flat(jitter, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -52,7 +52,7 @@ def test_any_time_in_any_order():
 
 def test_zero_rms_is_the_pose_to_the_bit():
     assert vibration(Jitter()).displace(POSE, 1.7).tobytes() == POSE.tobytes()
-    assert combined(Jitter(), JitterAxis(severity=0.0), 5).displace(POSE, 1.7).tobytes() == POSE.tobytes()
+    assert combined(Jitter(), JitterAxis(severity=0.0), 5, 1.2).displace(POSE, 1.7).tobytes() == POSE.tobytes()
 
 
 @settings(max_examples=50, deadline=None)
@@ -71,23 +71,58 @@ def test_displaced_pose_is_a_pose_moved_in_the_camera_s_frame(time_s: float, see
     assert relative[2, 1] == pytest.approx(rotation[0], abs=3e-4)
 
 
-def test_axis_adds_to_the_base_and_scales():
+@pytest.mark.parametrize("sources", [("wind",), ("ground",), ("wind", "ground"), ("road",)])
+def test_axis_adds_to_the_base_and_scales(sources: tuple[str, ...]):
     base = Jitter(angular_rms_deg=0.2)
-    alone = combined(base, JitterAxis(severity=0.0), 3).offset(1.3)[0]
-    once = combined(base, JitterAxis(severity=1.0), 3).offset(1.3)[0]
-    thrice = combined(base, JitterAxis(severity=3.0), 3).offset(1.3)[0]
+    alone, once, thrice = (
+        np.concatenate(combined(base, JitterAxis(severity=severity, sources=sources), 3, 1.2).offset(1.3))
+        for severity in (0.0, 1.0, 3.0)
+    )
     assert abs((thrice - alone) - 3.0 * (once - alone)).max() < 1e-12
-    assert abs(once - alone).max() > 0.0
+    assert (abs(once - alone).max() > 0.0) == (sources != ("road",))  # the road moves the robot, not the mount
+
+
+def test_sources_add_up_and_leave_each_other_alone():
+    still = Jitter()
+    wind, ground, both = (
+        np.concatenate(combined(still, JitterAxis(severity=1.0, sources=sources), 3, 1.2).offset(0.7))
+        for sources in (("wind",), ("ground",), ("wind", "ground"))
+    )
+    assert abs(wind + ground - both).max() < 1e-15
+
+
+def test_gusts_have_the_rms_and_the_spectrum_asked_for():
+    rotation, _ = Vibration.gusts(0.5, 0.8, 1.2, np.random.default_rng(0)).offset(np.arange(0.0, 2000.0, 0.02))
+    assert abs(np.sqrt((rotation**2).mean(axis=0)) / np.deg2rad(0.5) - 1.0).max() < 0.05
+    power = (np.abs(np.fft.rfft(rotation, axis=0)) ** 2).sum(axis=1)
+    hertz = np.fft.rfftfreq(len(rotation), 0.02)
+    share = np.array([power[hertz < edge].sum() for edge in (0.4, 0.8, 1.6, 9.7)]) / power.sum()
+    first_order = np.arctan(np.array([0.5, 1.0, 2.0, 12.0])) / np.arctan(12.0)
+    assert abs(share - first_order).max() < 0.03
+
+
+def test_gusts_carry_the_camera_with_the_mast():
+    gusts = Vibration.gusts(0.3, 0.8, 1.2, np.random.default_rng(1))
+    foot = np.array([0.0, 1.2, 0.0, 1.0])
+    for time_s in (0.0, 1.3, 7.7):
+        relative = np.linalg.inv(POSE) @ gusts.displace(POSE, time_s)
+        assert abs(relative @ foot - foot)[[0, 2]].max() < 2e-4  # the foot stays, to second order
 
 
 def test_severity_zero_is_the_base_to_the_bit():
-    base = Vibration(SHAKE, stream(3, "jitter", "base"))
-    assert (
-        combined(SHAKE, JitterAxis(severity=0.0), 3).displace(POSE, 0.4).tobytes() == base.displace(POSE, 0.4).tobytes()
-    )
+    base = Vibration.flat(SHAKE, stream(3, "jitter", "base")).displace(POSE, 0.4)
+    assert combined(SHAKE, JitterAxis(severity=0.0), 3, 1.2).displace(POSE, 0.4).tobytes() == base.tobytes()
 
 
 def test_seeds_differ_and_repeat():
-    first, again, other = (combined(SHAKE, JitterAxis(severity=1.0), seed).displace(POSE, 2.0) for seed in (1, 1, 2))
+    axis = JitterAxis(severity=1.0)
+    first, again, other = (combined(SHAKE, axis, seed, 1.2).displace(POSE, 2.0) for seed in (1, 1, 2))
     assert first.tobytes() == again.tobytes()
     assert first.tobytes() != other.tobytes()
+
+
+def test_wrong_sources_and_bands_are_refused():
+    with pytest.raises(ValueError, match="low < high"):
+        JitterAxis(ground_band_hz=(5.0, 2.0))
+    with pytest.raises(ValueError, match="'wind', 'ground' or 'road'"):
+        JitterAxis.model_validate({"sources": ["rain"]})

@@ -36,7 +36,7 @@ def test_a_minimal_scenario_has_every_default():
 
 
 def test_parameters_of_an_axis_without_a_severity_mean_what_they_say():
-    given = {"axes": {"jitter": {"angular_rms_deg": 0.5}}}
+    given = {"axes": {"jitter": {"sources": ["wind"], "wind_rms_deg": 0.5}}}
     assert scenario.load(minimal(**given)).resolve(0).axes.jitter.physical == 0.5
     off = scenario.load(minimal(**given), {"axes.jitter.severity": 0}).resolve(0).axes.jitter
     assert (off.on, off.physical) == (False, 0.0)
@@ -45,7 +45,7 @@ def test_parameters_of_an_axis_without_a_severity_mean_what_they_say():
 @pytest.mark.parametrize("name", list(axes_by_name()))
 def test_every_axis_says_what_it_does_and_starts_off(name: str):
     axis = axes_by_name()[name]
-    assert axis.headline in axis.model_fields
+    assert axis.headline in {*axis.model_fields, *dir(axis)}
     assert axis().physical == 0.0
     assert axis(severity=2.0).physical == 2.0 * axis(severity=1.0).physical > 0.0
     assert all(words.strip() for words in (axis.__doc__ or "", axis.unit, axis.law, axis.source))

@@ -50,7 +50,7 @@ def test_frames_fall_on_the_clock():
     [
         {"distractors.count": 1},
         {"distractors.similarity": 1.0},
-        {"axes.jitter.severity": 2.0},
+        {"axes.jitter.severity": 2.0, "axes.jitter.sources": ["wind", "ground"]},
         {"lights.ev": -2.0},
         {"camera.width_px": 96, "camera.height_px": 72},
     ],
@@ -59,6 +59,16 @@ def test_frames_fall_on_the_clock():
 def test_a_change_of_condition_leaves_target_and_robot_as_they_were(overrides: dict[str, Any]):
     for before, after in zip(walk(), walk(overrides), strict=True):
         np.testing.assert_array_equal(before, after)
+
+
+def test_a_rough_road_shakes_the_robot_and_nobody_else():
+    smooth, rough = world(), world({"axes.jitter": {"sources": ["road"], "road_class": "C"}})
+    for _ in range(30):
+        smooth.advance()
+        rough.advance()
+    np.testing.assert_array_equal(smooth.root_poses()[0], rough.root_poses()[0])
+    assert abs(smooth.camera_pose() - rough.camera_pose()).max() > 1e-4
+    assert abs(smooth.camera_pose() - rough.camera_pose()).max() < 0.1
 
 
 def test_strangers_are_the_same_when_another_joins():
