@@ -7,10 +7,10 @@ from typing import Any
 
 import duckdb
 import pytest
+from report_stage import HOSTILE
 
 from pftrack_sim.bench import make_plan, run
 
-HOSTILE = '<script>document.title = "taken"</script><img src=x onerror="document.title=\'taken\'">'
 SMALL = {"duration_s": 0.8, "camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "occluders": []}
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pytest
+from report_stage import HOSTILE
 
 from pftrack_sim import report, score
 from pftrack_sim.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.report.contents import axis_of, contents
 from pftrack_sim.report.data import read_run
-from tests.report.conftest import HOSTILE
 
 
 def test_rows_and_curves_are_those_of_the_folder(finished: Path):

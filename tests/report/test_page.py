@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from report_stage import HOSTILE
 
 from pftrack_sim import report
-from tests.report.conftest import HOSTILE
 
 CENTRE_OF_FRAME = """frame => {
     const plot = document.getElementById('overlap'), box = plot.getBoundingClientRect(), full = plot._fullLayout;
@@ -73,14 +73,14 @@ def test_a_name_that_is_a_script_stays_text(browser: Any, hostile: Path):
     page.wait_for_selector("body[data-ready=yes]")
     assert page.title() != "taken"
     assert HOSTILE in board(page)
-    assert HOSTILE in page.locator("#success .legendtext").all_inner_texts()
+    assert HOSTILE in page.locator("#success .legendtext").all_text_contents()
     assert page.locator("img[src=x]").count() == 0
     page.close()
 
 
 def test_everything_can_be_reached_by_keyboard(opened: Any):
     reached = set()
-    for _ in range(14):
+    for _ in range(90):  # Plotly has buttons of its own
         opened.keyboard.press("Tab")
         reached.add(opened.evaluate("document.activeElement.id || document.activeElement.type"))
     assert {"checkbox", "filter-scenario", "filter-condition", "episode", "viewer"} <= reached
