@@ -51,6 +51,18 @@ def test_a_video_shows_every_frame_with_the_truth_and_the_boxes(tmp_path: Path):
     assert max(orange) < 150, "the tracker's box stays where it began"
 
 
+def test_particles_are_drawn_when_asked_for_and_change_no_score(tmp_path: Path):
+    sequence = record(tmp_path / "a")
+    scores, videos = [], []
+    for wanted in (False, True):
+        video = tmp_path / f"{wanted}.mp4"
+        found = evaluate([sequence], ["ko2012"], [0], params={"ko2012": {"particles": wanted}}, video=video)
+        scores.append(found[0].summary.mean_overlap)
+        videos.append(frames(video)[1].astype(int))
+    assert scores[0] == scores[1]
+    assert (np.abs(videos[1] - videos[0]).sum(axis=2) > 60).sum() > 20
+
+
 def test_several_sequences_go_into_a_folder(tmp_path: Path):
     sequences = [record(tmp_path / "a"), record(tmp_path / "b", count=4)]
     evaluate(sequences, ["stay"], [0], video=tmp_path / "videos")
