@@ -128,14 +128,14 @@ class Ko2012(CheckedTracker):
     def __init__(self, method: Method, params: Params, seed: int) -> None:
         super().__init__()
         self.params = params
-        self._features, self._shares, self._sharpness = _mixture(method, params)
+        self.features, self._shares, self._sharpness = _mixture(method, params)
         self._seed = seed
         self._model: HistogramModel
         self._filter: ParticleFilter
         self._state = np.zeros(4)
 
     def _start(self, image: Image, box: Box) -> None:
-        self._model = HistogramModel(self._features, image, box)
+        self._model = HistogramModel(self.features, image, box)
         self._state = _state(box)
         states = np.tile(self._state, (self.params.particle_count, 1))
         self._filter = ParticleFilter(states, streams.stream(self._seed, "tracker"))
@@ -147,7 +147,9 @@ class Ko2012(CheckedTracker):
         moving.states[:, :2] = np.clip(moving.states[:, :2], 0.0, (width_px, height_px))
         moving.states[:, 2:] = np.clip(moving.states[:, 2:], MIN_SIZE_PX, (2.0 * width_px, 2.0 * height_px))
         particles = _boxes(moving.states)
-        alike = self._model.similarities(image, particles)
+        # The estimate lies among the particles, unless it is held.
+        look = self._model.look(image, np.concatenate([particles, _boxes(self._state[None])]))
+        alike = look.similarities(particles)
         moving.weigh(log_mixture(alike, self._shares, self.params.likelihood, self._sharpness))
         state = moving.mean(self.params.top_count)
         held = self._jumped(state)
@@ -159,7 +161,7 @@ class Ko2012(CheckedTracker):
         else:
             moving.resample()
         box = _boxes(self._state[None])
-        confidence = float(self._shares @ self._model.similarities(image, box)[:, 0])
+        confidence = float(self._shares @ look.similarities(box)[:, 0])
         return Estimate(box[0], min(confidence, 1.0), held, particles if self.params.particles else None)
 
     def _sigma(self) -> tuple[float, ...]:

@@ -86,7 +86,7 @@ def histogram(codes: NDArray[np.uint8], box: NDArray[np.float64], layout: Layout
         `(layout.size,)` numbers summing to 1; points outside the image do not count. All zero if all are outside.
     """
     out = np.zeros(layout.size)
-    across = np.empty(layout.weights.shape[1], np.int64)
+    across = np.empty(layout.weights.shape[1], np.uintp)
     _fill(codes, box[0], box[1], box[2], box[3], layout.weights, layout.cells, layout.bin_count, across, out)
     total = out.sum()
     return out / total if total > 0.0 else out
@@ -109,7 +109,7 @@ def similarities(
         `(N,)` numbers in [0, 1].
     """
     out = np.empty(len(boxes))
-    bins, across, scratch = layout.bin_count, np.empty(layout.weights.shape[1], np.int64), np.empty(layout.size)
+    bins, across, scratch = layout.bin_count, np.empty(layout.weights.shape[1], np.uintp), np.empty(layout.size)
     total = float(layout.weights.sum()) * layout.channel_count
     _compare(codes, boxes, layout.weights, layout.cells, bins, np.sqrt(model / total), across, scratch, out)
     return np.clip(out, 0.0, 1.0)
@@ -127,7 +127,7 @@ def histograms(codes: NDArray[np.uint8], boxes: NDArray[np.float64], layout: Lay
         `(N, layout.size)`; each sums to the share of its weight that lies inside the image.
     """
     out = np.zeros((len(boxes), layout.size))
-    across = np.empty(layout.weights.shape[1], np.int64)
+    across = np.empty(layout.weights.shape[1], np.uintp)
     _fill_all(codes, boxes, layout.weights, layout.cells, layout.bin_count, across, out)
     return out / (float(layout.weights.sum()) * layout.channel_count)
 
@@ -139,7 +139,7 @@ def _fill_all(
     weights: NDArray[np.float64],
     cells: NDArray[np.int64],
     bins: int,
-    across: NDArray[np.int64],
+    across: NDArray[np.uintp],
     out: NDArray[np.float64],
 ) -> None:
     """Fill `out` with the histogram of every box, not normalised; nothing is allocated."""
@@ -157,27 +157,47 @@ def _fill(
     weights: NDArray[np.float64],
     cells: NDArray[np.int64],
     bins: int,
-    across: NDArray[np.int64],
+    across: NDArray[np.uintp],
     out: NDArray[np.float64],
 ) -> None:
-    """Add the points of one box to `out`; `across` is scratch for the image columns of the points."""
+    """Add the points of one box to `out`; `across` is scratch for the image columns of the points.
+
+    Indices are unsigned, which spares a test for negative ones at every access; three channels are written out,
+    which spares a loop. Both together are half the time.
+    """
     height, width, channels = codes.shape
     rows, columns = weights.shape
+    outside, stride = np.uintp(width), np.uintp(bins)
     for j in range(columns):
         column = int(np.floor(x + (j + 0.5) * w / columns))
-        across[j] = column if column < width else -1
+        across[j] = np.uintp(column) if 0 <= column < width else outside
     for i in range(rows):
-        row = int(np.floor(y + (i + 0.5) * h / rows))
-        if row < 0 or row >= height:
+        line = int(np.floor(y + (i + 0.5) * h / rows))
+        if line < 0 or line >= height:
             continue
+        row = np.uintp(line)
         for j in range(columns):
-            weight = weights[i, j]
-            column = across[j]
-            if weight == 0.0 or column < 0:
+            weight, column = weights[i, j], across[j]
+            if weight == 0.0 or column == outside:
                 continue
-            first = cells[i, j] * channels
-            for c in range(channels):
-                out[(first + c) * bins + codes[row, column, c]] += weight
+            first = np.uintp(cells[i, j]) * np.uintp(channels) * stride
+            if channels == 3:
+                out[first + np.uintp(codes[row, column, 0])] += weight
+                out[first + stride + np.uintp(codes[row, column, 1])] += weight
+                out[first + stride + stride + np.uintp(codes[row, column, 2])] += weight
+            else:
+                for c in range(channels):
+                    out[first + np.uintp(c) * stride + np.uintp(codes[row, column, c])] += weight
+
+
+# Summing in any order lets the square roots be taken several at once.
+@njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _affinity(histogram: NDArray[np.float64], root_model: NDArray[np.float64]) -> float:
+    """sum(sqrt(histogram) * root_model)."""
+    total = 0.0
+    for k in range(histogram.size):
+        total += np.sqrt(histogram[k]) * root_model[k]
+    return total
 
 
 @njit(nogil=True, cache=True)
@@ -188,7 +208,7 @@ def _compare(
     cells: NDArray[np.int64],
     bins: int,
     root_model: NDArray[np.float64],
-    across: NDArray[np.int64],
+    across: NDArray[np.uintp],
     scratch: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
@@ -196,8 +216,4 @@ def _compare(
     for n in range(boxes.shape[0]):
         scratch[:] = 0.0
         _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, cells, bins, across, scratch)
-        total = 0.0
-        for k in range(scratch.size):
-            if scratch[k] > 0.0 and root_model[k] > 0.0:
-                total += np.sqrt(scratch[k]) * root_model[k]
-        out[n] = total
+        out[n] = _affinity(scratch, root_model)
