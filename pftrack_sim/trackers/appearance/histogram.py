@@ -9,6 +9,7 @@ kernel serves every histogram in the papers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -35,6 +36,11 @@ class Layout:
     cell_count: int
     channel_count: int
     bin_count: int
+
+    @cached_property
+    def firsts(self) -> NDArray[np.uintp]:
+        """`(rows, columns)` the first bin that each point may count into."""
+        return self.cells.astype(np.uintp) * np.uintp(self.channel_count * self.bin_count)
 
     @property
     def size(self) -> int:
@@ -87,7 +93,7 @@ def histogram(codes: NDArray[np.uint8], box: NDArray[np.float64], layout: Layout
     """
     out = np.zeros(layout.size)
     across = np.empty(layout.weights.shape[1], np.uintp)
-    _fill(codes, box[0], box[1], box[2], box[3], layout.weights, layout.cells, layout.bin_count, across, out)
+    _fill(codes, box[0], box[1], box[2], box[3], layout.weights, layout.firsts, layout.bin_count, across, out)
     total = out.sum()
     return out / total if total > 0.0 else out
 
@@ -111,7 +117,7 @@ def similarities(
     out = np.empty(len(boxes))
     bins, across, scratch = layout.bin_count, np.empty(layout.weights.shape[1], np.uintp), np.empty(layout.size)
     total = float(layout.weights.sum()) * layout.channel_count
-    _compare(codes, boxes, layout.weights, layout.cells, bins, np.sqrt(model / total), across, scratch, out)
+    _compare(codes, boxes, layout.weights, layout.firsts, bins, np.sqrt(model / total), across, scratch, out)
     return np.clip(out, 0.0, 1.0)
 
 
@@ -128,7 +134,7 @@ def histograms(codes: NDArray[np.uint8], boxes: NDArray[np.float64], layout: Lay
     """
     out = np.zeros((len(boxes), layout.size))
     across = np.empty(layout.weights.shape[1], np.uintp)
-    _fill_all(codes, boxes, layout.weights, layout.cells, layout.bin_count, across, out)
+    _fill_all(codes, boxes, layout.weights, layout.firsts, layout.bin_count, across, out)
     return out / (float(layout.weights.sum()) * layout.channel_count)
 
 
@@ -137,14 +143,14 @@ def _fill_all(
     codes: NDArray[np.uint8],
     boxes: NDArray[np.float64],
     weights: NDArray[np.float64],
-    cells: NDArray[np.int64],
+    firsts: NDArray[np.uintp],
     bins: int,
     across: NDArray[np.uintp],
     out: NDArray[np.float64],
 ) -> None:
     """Fill `out` with the histogram of every box, not normalised; nothing is allocated."""
     for n in range(boxes.shape[0]):
-        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, cells, bins, across, out[n])
+        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, firsts, bins, across, out[n])
 
 
 @njit(nogil=True, cache=True)
@@ -155,39 +161,42 @@ def _fill(
     w: float,
     h: float,
     weights: NDArray[np.float64],
-    cells: NDArray[np.int64],
+    firsts: NDArray[np.uintp],
     bins: int,
     across: NDArray[np.uintp],
     out: NDArray[np.float64],
 ) -> None:
     """Add the points of one box to `out`; `across` is scratch for the image columns of the points.
 
-    Indices are unsigned, which spares a test for negative ones at every access; three channels are written out,
-    which spares a loop. Both together are half the time.
+    Indices are unsigned, which spares a test for negative ones at every access; one or three channels
+    are written out, which spares a loop. Together that is half the time.
     """
     height, width, channels = codes.shape
     rows, columns = weights.shape
-    outside, stride = np.uintp(width), np.uintp(bins)
+    flat = codes.reshape(-1)
+    outside, stride, one = np.uintp(flat.size), np.uintp(bins), np.uintp(1)
     for j in range(columns):
         column = int(np.floor(x + (j + 0.5) * w / columns))
-        across[j] = np.uintp(column) if 0 <= column < width else outside
+        across[j] = np.uintp(column * channels) if 0 <= column < width else outside
     for i in range(rows):
         line = int(np.floor(y + (i + 0.5) * h / rows))
         if line < 0 or line >= height:
             continue
-        row = np.uintp(line)
+        row = np.uintp(line * width * channels)
         for j in range(columns):
             weight, column = weights[i, j], across[j]
             if weight == 0.0 or column == outside:
                 continue
-            first = np.uintp(cells[i, j]) * np.uintp(channels) * stride
+            at, first = row + column, firsts[i, j]
             if channels == 3:
-                out[first + np.uintp(codes[row, column, 0])] += weight
-                out[first + stride + np.uintp(codes[row, column, 1])] += weight
-                out[first + stride + stride + np.uintp(codes[row, column, 2])] += weight
+                out[first + np.uintp(flat[at])] += weight
+                out[first + stride + np.uintp(flat[at + one])] += weight
+                out[first + stride + stride + np.uintp(flat[at + one + one])] += weight
+            elif channels == 1:
+                out[first + np.uintp(flat[at])] += weight
             else:
                 for c in range(channels):
-                    out[first + np.uintp(c) * stride + np.uintp(codes[row, column, c])] += weight
+                    out[first + np.uintp(c) * stride + np.uintp(flat[at + np.uintp(c)])] += weight
 
 
 # Summing in any order lets the square roots be taken several at once.
@@ -205,7 +214,7 @@ def _compare(
     codes: NDArray[np.uint8],
     boxes: NDArray[np.float64],
     weights: NDArray[np.float64],
-    cells: NDArray[np.int64],
+    firsts: NDArray[np.uintp],
     bins: int,
     root_model: NDArray[np.float64],
     across: NDArray[np.uintp],
@@ -215,5 +224,5 @@ def _compare(
     """Fill `out` with sum(sqrt(p) * root_model) of every box; nothing is allocated."""
     for n in range(boxes.shape[0]):
         scratch[:] = 0.0
-        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, cells, bins, across, scratch)
+        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, firsts, bins, across, scratch)
         out[n] = _affinity(scratch, root_model)
