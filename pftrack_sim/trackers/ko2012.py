@@ -75,21 +75,24 @@ class Params:
 
 PAPER = Params()
 # `default` is the same method with other numbers, chosen by a coarse search on four recorded sequences (BoBoT A and E,
-# OTB Jogging-1 and David): noise in step with the target's size, which a shaking camera needs, and a likelihood that
-# tells particles apart. A third of this noise loses BoBoT's ball; `redraw="estimate"` loses Jogging-1.
+# OTB Jogging-1 and David): noise in step with the target's size, which a shaking camera needs; a box that keeps its
+# shape; particles that start at the new state, as the abstract says; and a likelihood that tells particles apart.
+# docs/papers/ko2012.md says what each of them is worth.
 PRESETS = {
     "paper": PAPER,
     "default": replace(
         PAPER,
         particle_count=400,
-        sigma_centre=0.12,
-        sigma_size=0.015,
+        sigma_centre=0.2,
+        sigma_size=0.025,
+        size_correlation=1.0,
         sigma_unit="box",
         likelihood="exponential",
-        lambda_colour=10.0,
-        lambda_texture=10.0,
-        top_count=10,
+        lambda_colour=20.0,
+        lambda_texture=20.0,
+        top_count=20,
         hold_distance=0.6,
+        redraw="estimate",
     ),
 }
 

@@ -42,6 +42,13 @@ class Layout:
         """`(rows, columns)` the first bin that each point may count into."""
         return self.cells.astype(np.uintp) * np.uintp(self.channel_count * self.bin_count)
 
+    @cached_property
+    def spans(self) -> NDArray[np.int64]:
+        """`(rows, 2)` the first point of each row that weighs anything, and the one after the last."""
+        some = self.weights > 0.0
+        first, last = some.argmax(axis=1), some.shape[1] - some[:, ::-1].argmax(axis=1)
+        return np.where(some.any(axis=1)[:, None], np.stack([first, last], axis=1), 0).astype(np.int64)
+
     @property
     def size(self) -> int:
         """Bins of the whole histogram."""
@@ -93,7 +100,19 @@ def histogram(codes: NDArray[np.uint8], box: NDArray[np.float64], layout: Layout
     """
     out = np.zeros(layout.size)
     across = np.empty(layout.weights.shape[1], np.uintp)
-    _fill(codes, box[0], box[1], box[2], box[3], layout.weights, layout.firsts, layout.bin_count, across, out)
+    _fill(
+        codes,
+        box[0],
+        box[1],
+        box[2],
+        box[3],
+        layout.weights,
+        layout.spans,
+        layout.firsts,
+        layout.bin_count,
+        across,
+        out,
+    )
     total = out.sum()
     return out / total if total > 0.0 else out
 
@@ -117,7 +136,9 @@ def similarities(
     out = np.empty(len(boxes))
     bins, across, scratch = layout.bin_count, np.empty(layout.weights.shape[1], np.uintp), np.empty(layout.size)
     total = float(layout.weights.sum()) * layout.channel_count
-    _compare(codes, boxes, layout.weights, layout.firsts, bins, np.sqrt(model / total), across, scratch, out)
+    _compare(
+        codes, boxes, layout.weights, layout.spans, layout.firsts, bins, np.sqrt(model / total), across, scratch, out
+    )
     return np.clip(out, 0.0, 1.0)
 
 
@@ -134,7 +155,7 @@ def histograms(codes: NDArray[np.uint8], boxes: NDArray[np.float64], layout: Lay
     """
     out = np.zeros((len(boxes), layout.size))
     across = np.empty(layout.weights.shape[1], np.uintp)
-    _fill_all(codes, boxes, layout.weights, layout.firsts, layout.bin_count, across, out)
+    _fill_all(codes, boxes, layout.weights, layout.spans, layout.firsts, layout.bin_count, across, out)
     return out / (float(layout.weights.sum()) * layout.channel_count)
 
 
@@ -143,6 +164,7 @@ def _fill_all(
     codes: NDArray[np.uint8],
     boxes: NDArray[np.float64],
     weights: NDArray[np.float64],
+    spans: NDArray[np.int64],
     firsts: NDArray[np.uintp],
     bins: int,
     across: NDArray[np.uintp],
@@ -150,7 +172,7 @@ def _fill_all(
 ) -> None:
     """Fill `out` with the histogram of every box, not normalised; nothing is allocated."""
     for n in range(boxes.shape[0]):
-        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, firsts, bins, across, out[n])
+        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, spans, firsts, bins, across, out[n])
 
 
 @njit(nogil=True, cache=True)
@@ -161,6 +183,7 @@ def _fill(
     w: float,
     h: float,
     weights: NDArray[np.float64],
+    spans: NDArray[np.int64],
     firsts: NDArray[np.uintp],
     bins: int,
     across: NDArray[np.uintp],
@@ -174,20 +197,20 @@ def _fill(
     height, width, channels = codes.shape
     rows, columns = weights.shape
     flat = codes.reshape(-1)
-    outside, stride, one = np.uintp(flat.size), np.uintp(bins), np.uintp(1)
+    stride, one = np.uintp(bins), np.uintp(1)
+    left, right = columns, 0
     for j in range(columns):
         column = int(np.floor(x + (j + 0.5) * w / columns))
-        across[j] = np.uintp(column * channels) if 0 <= column < width else outside
+        if 0 <= column < width:
+            across[j] = np.uintp(column * channels)
+            left, right = min(left, j), j + 1
     for i in range(rows):
         line = int(np.floor(y + (i + 0.5) * h / rows))
         if line < 0 or line >= height:
             continue
         row = np.uintp(line * width * channels)
-        for j in range(columns):
-            weight, column = weights[i, j], across[j]
-            if weight == 0.0 or column == outside:
-                continue
-            at, first = row + column, firsts[i, j]
+        for j in range(max(spans[i, 0], left), min(spans[i, 1], right)):
+            weight, at, first = weights[i, j], row + across[j], firsts[i, j]
             if channels == 3:
                 out[first + np.uintp(flat[at])] += weight
                 out[first + stride + np.uintp(flat[at + one])] += weight
@@ -214,6 +237,7 @@ def _compare(
     codes: NDArray[np.uint8],
     boxes: NDArray[np.float64],
     weights: NDArray[np.float64],
+    spans: NDArray[np.int64],
     firsts: NDArray[np.uintp],
     bins: int,
     root_model: NDArray[np.float64],
@@ -224,5 +248,5 @@ def _compare(
     """Fill `out` with sum(sqrt(p) * root_model) of every box; nothing is allocated."""
     for n in range(boxes.shape[0]):
         scratch[:] = 0.0
-        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, firsts, bins, across, scratch)
+        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, spans, firsts, bins, across, scratch)
         out[n] = _affinity(scratch, root_model)
