@@ -45,7 +45,7 @@ class Layout:
     @cached_property
     def spans(self) -> NDArray[np.int64]:
         """`(rows, 2)` the first point of each row that weighs anything, and the one after the last."""
-        some = self.weights > 0.0
+        some = np.greater(self.weights, np.zeros_like(self.weights))
         first, last = some.argmax(axis=1), some.shape[1] - some[:, ::-1].argmax(axis=1)
         return np.where(some.any(axis=1)[:, None], np.stack([first, last], axis=1), 0).astype(np.int64)
 
