@@ -45,9 +45,11 @@ class Layout:
     @cached_property
     def spans(self) -> NDArray[np.int64]:
         """`(rows, 2)` the first point of each row that weighs anything, and the one after the last."""
-        some = np.greater(self.weights, np.zeros_like(self.weights))
-        first, last = some.argmax(axis=1), some.shape[1] - some[:, ::-1].argmax(axis=1)
-        return np.where(some.any(axis=1)[:, None], np.stack([first, last], axis=1), 0).astype(np.int64)
+        columns = self.weights.shape[1]
+        first = np.argmax(self.weights > 0.0, axis=1)
+        last = columns - np.argmax(np.flip(self.weights, axis=1) > 0.0, axis=1)
+        empty = self.weights.max(axis=1) <= 0.0
+        return np.where(empty[:, None], 0, np.stack([first, last], axis=1)).astype(np.int64)
 
     @property
     def size(self) -> int:
