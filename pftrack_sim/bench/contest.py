@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -71,16 +72,21 @@ class Entry:
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
-def enter(names: Sequence[str], *, seed: int, preset: str) -> list[Entry]:
+def enter(
+    names: Sequence[str], *, seed: int, preset: str, params: Mapping[str, Mapping[str, Any]] | None = None
+) -> list[Entry]:
     """Fresh trackers, one for each name.
 
     Args:
         names: Names for `trackers.make`.
         seed: Root seed of the episode: every tracker draws from its own `tracker` stream of it.
         preset: Preset of every tracker that has presets.
+        params: Parameters of trackers, by the tracker's name.
 
     Raises:
         UnknownNameError: No such tracker.
-        ParameterError: No such preset.
+        ParameterError: No such preset or parameter.
+        TrackerError: A tracker that needs what is not there.
     """
-    return [Entry(name, trackers.make(name, seed=seed, preset=preset)) for name in names]
+    own = params or {}
+    return [Entry(name, trackers.make(name, seed=seed, preset=preset, **own.get(name, {}))) for name in names]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,7 @@ def evaluate(
     seeds: Sequence[int],
     *,
     preset: str = "default",
+    params: Mapping[str, Mapping[str, Any]] | None = None,
     video: Path | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[RecordedResult]:
@@ -51,22 +53,26 @@ def evaluate(
         trackers: Names for `trackers.make`.
         seeds: Seeds of the trackers.
         preset: Preset of every tracker.
-        video: Where to show every tracker's boxes at the first seed, with the truth: as `video_paths` takes it.
+        params: Parameters of trackers, by the tracker's name.
+        video: Where to show every tracker's boxes and, of one that gives them, particles at the first seed, with the
+            truth: as `video_paths` takes it.
         on_frame: Called for every frame, tracker and seed.
 
     Raises:
         UnknownNameError: An unknown tracker.
         TrackerError: A tracker that needs what is not there.
         SequenceError: An image cannot be read.
-        ParameterError: A video's name that cannot be.
+        ParameterError: No such preset or parameter, or a video's name that cannot be.
         RunError: A video cannot be written.
     """
     # Mistakes in names or presets are told before anything is written.
-    enter(trackers, seed=0, preset=preset)
+    enter(trackers, seed=0, preset=preset, params=params)
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
     results: list[RecordedResult] = []
     for sequence, path in zip(sequences, videos, strict=True):
-        entries = [(seed, entry) for seed in seeds for entry in enter(trackers, seed=seed, preset=preset)]
+        entries = [
+            (seed, entry) for seed in seeds for entry in enter(trackers, seed=seed, preset=preset, params=params)
+        ]
         known = np.isfinite(sequence.truth[:, 0])
         _play(sequence, known, entries, path, on_frame)
         for seed, entry in entries:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from pftrack_sim.cli import progress, tables
-from pftrack_sim.cli.values import parse_axes, parse_names, parse_settings
+from pftrack_sim.cli.values import parse_axes, parse_names, parse_params, parse_settings
 from pftrack_sim.errors import ParameterError
 
 app = typer.Typer(
@@ -27,6 +27,14 @@ Settings = Annotated[
 Seeds = Annotated[str, typer.Option(metavar="SEEDS", help="Seeds: 3, 0:20 (20 excluded) or 1,5,9.")]
 Trackers = Annotated[str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers, by name.")]
 Preset = Annotated[str, typer.Option(help="Preset of the trackers: default or paper.")]
+Params = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--param",
+        metavar="[TRACKER.]KEY=VALUE",
+        help="Parameter of one tracker or of all, for example ko2012.particles=true; may be repeated.",
+    ),
+]
 Backend = Annotated[str | None, typer.Option(help="OpenGL library: egl or osmesa; default is the first that works.")]
 
 
@@ -77,6 +85,7 @@ def evaluate(
     tracker: Trackers = "ko2012",
     seeds: Seeds = "0:5",
     preset: Preset = "default",
+    params: Params = None,
     video: Annotated[
         Path | None,
         typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
@@ -89,10 +98,11 @@ def evaluate(
 
     names = parse_names(tracker)
     chosen = parse_seeds(seeds)
+    settled = parse_params(params or [], names)
     read = [read_sequence(path) for path in sequences]
     total = sum(len(sequence) for sequence in read) * len(names) * len(chosen)
     with progress.bar("tracking", total) as tick:
-        results = evaluate_recorded(read, names, chosen, preset=preset, video=video, on_frame=tick)
+        results = evaluate_recorded(read, names, chosen, preset=preset, params=settled, video=video, on_frame=tick)
     tables.print_recorded(results)
     if video is not None:
         tables.print_folder(video)
@@ -106,22 +116,33 @@ def render(
     image: Annotated[Path | None, typer.Option(help="PNG to write: one frame.")] = None,
     at_s: Annotated[float, typer.Option(min=0.0, help="Time of the frame for --image.")] = 0.0,
     truth: Annotated[bool, typer.Option("--truth", help="Draw the truth's boxes.")] = False,
+    tracker: Annotated[
+        str | None,
+        typer.Option("--trackers", "--tracker", metavar="A,B", help="Draw what these trackers say, and the truth."),
+    ] = None,
+    preset: Preset = "default",
+    params: Params = None,
     settings: Settings = None,
     backend: Backend = None,
 ) -> None:
     """Look at a scenario: write its episode as a video, or one of its frames."""
     from pftrack_sim import scenario as scenarios
+    from pftrack_sim.bench.contest import enter
     from pftrack_sim.bench.show import save_image, save_video
 
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
     settled = loaded.resolve(seed)
+    names = parse_names(tracker) if tracker is not None else []
+    if params and not names:
+        raise ParameterError("--param needs --trackers: it is theirs")
+    entries = enter(names, seed=seed, preset=preset, params=parse_params(params or [], names))
     if video is not None:
         with progress.bar("drawing", settled.frame_count) as tick:
-            save_video(loaded, seed, video, truth=truth, backend=backend, on_frame=tick)
+            save_video(loaded, seed, video, truth=truth, entries=entries, backend=backend, on_frame=tick)
     if image is not None:
-        save_image(loaded, seed, image, at_s=at_s, truth=truth, backend=backend)
+        save_image(loaded, seed, image, at_s=at_s, truth=truth, entries=entries, backend=backend)
     tables.print_folder(video or image)
 
 

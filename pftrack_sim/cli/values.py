@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tomllib
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.errors import ParameterError, UnknownNameError
 
 
 def parse_names(text: str) -> list[str]:
@@ -21,8 +22,15 @@ def parse_names(text: str) -> list[str]:
     return names
 
 
-def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:
+def parse_settings(
+    pairs: Sequence[str], *, option: str = "--set", example: str = "camera.width_px=320"
+) -> dict[str, Any]:
     """`KEY=VALUE` pairs; a value is read as TOML (numbers, true, lists, tables), or else as plain text.
+
+    Args:
+        pairs: As typed.
+        option: Where they were typed, for the message.
+        example: Of a pair, for the message.
 
     Raises:
         ParameterError: Not of that form.
@@ -34,13 +42,42 @@ def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:
     for pair in pairs:
         key, equals, text = pair.partition("=")
         if not equals or not key.strip():
-            raise ParameterError(f"--set takes KEY=VALUE, for example camera.width_px=320; got {pair!r}")
+            raise ParameterError(f"{option} takes KEY=VALUE, for example {example}; got {pair!r}")
         try:
             value = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:
             value = text
         settings[key.strip()] = value
     return settings
+
+
+def parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """`KEY=VALUE` pairs for every tracker, and `TRACKER.KEY=VALUE` pairs for one.
+
+    Args:
+        pairs: As typed.
+        trackers: Names of the trackers that take part.
+
+    Returns:
+        Parameters by the tracker's name.
+
+    Raises:
+        ParameterError: Not of that form.
+        UnknownNameError: A tracker that does not take part.
+
+    >>> parse_params(["particles=true", "opencv-vit.model=vit.onnx"], ["ko2012", "opencv-vit"])
+    {'ko2012': {'particles': True}, 'opencv-vit': {'particles': True, 'model': 'vit.onnx'}}
+    """
+    found: defaultdict[str, dict[str, Any]] = defaultdict(dict)
+    given = parse_settings(pairs, option="--param", example="ko2012.particle_count=200")
+    for key, value in given.items():
+        # A factory that is spelled out has dots of its own: the last one divides.
+        tracker, _, name = key.rpartition(".")
+        if tracker and tracker not in trackers:
+            raise UnknownNameError("tracker before a parameter's name", tracker, trackers)
+        for one in [tracker] if tracker else trackers:
+            found[one][name] = value
+    return dict(found)
 
 
 def parse_axes(pairs: Sequence[str]) -> dict[str, list[float]]:

@@ -96,7 +96,9 @@ def draw_boxes(
     return canvas
 
 
-def draw_recorded(image: Image, truth: Box, estimates: Mapping[str, Estimate], *, caption: str = "") -> Image:
+def draw_recorded(
+    image: Image, truth: Box, estimates: Mapping[str, Estimate], *, caption: str = "", particles: bool = True
+) -> Image:
     """Boxes over a frame of a recorded sequence, of which nothing is known but a box.
 
     Args:
@@ -104,12 +106,16 @@ def draw_recorded(image: Image, truth: Box, estimates: Mapping[str, Estimate], *
         truth: `(4,)` the box drawn by hand [px]; NaN where there is none.
         estimates: By name, in the order of their colours.
         caption: A line at the bottom.
+        particles: Whether the centres of an estimate's particles are dotted.
 
     Returns:
         A new `(H, W, 3)` uint8 image.
     """
     canvas = np.array(image, dtype=np.uint8, order="C")
     style = _Style(canvas)
+    if particles:
+        for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
+            _dots(canvas, estimate.particles, colour)
     _outline(canvas, truth, _WHITE, 1, None)
     for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
         _outline(canvas, estimate.box, colour, style.line, style.dash if estimate.occluded else None)

@@ -48,7 +48,20 @@ def test_a_video_shows_every_frame_with_the_truth_and_the_boxes(tmp_path: Path):
     assert len(shown) == 6
     assert shown[0].shape == (60, 80, 3)
     orange = [np.abs(frame.astype(int) - (230, 159, 0)).sum(axis=2)[30:38, 8:12].min() for frame in shown]
-    assert max(orange) < 150, "the tracker's box stays where it began"
+    # The codec halves the resolution of colours, and does not give the same bits every time; black is at 389.
+    assert max(orange) < 250, "the tracker's box stays where it began"
+
+
+def test_particles_are_drawn_when_asked_for_and_change_no_score(tmp_path: Path):
+    sequence = record(tmp_path / "a")
+    scores, videos = [], []
+    for wanted in (False, True):
+        video = tmp_path / f"{wanted}.mp4"
+        found = evaluate([sequence], ["ko2012"], [0], params={"ko2012": {"particles": wanted}}, video=video)
+        scores.append(found[0].summary.mean_overlap)
+        videos.append(frames(video)[1].astype(int))
+    assert scores[0] == scores[1]
+    assert (np.abs(videos[1] - videos[0]).sum(axis=2) > 60).sum() > 20
 
 
 def test_several_sequences_go_into_a_folder(tmp_path: Path):

@@ -64,11 +64,31 @@ def test_evaluate_writes_a_video(tmp_path: Path):
     assert "give a folder" in twice.stderr
 
 
+def test_parameters_reach_one_tracker_or_all(tmp_path: Path):
+    square = str(sequence(tmp_path / "square"))
+    with_dots, without = tmp_path / "dots.mp4", tmp_path / "plain.mp4"
+    common = ("evaluate", "--trackers", "ko2012,ko2012-hsv", "--seeds", "0", square, "--video")
+    assert pftrack_sim(*common, str(without), "--param", "ko2012.particle_count=50").returncode == 0
+    done = pftrack_sim(*common, str(with_dots), "--param", "particles=true", "--param", "ko2012.particle_count=50")
+    assert done.returncode == 0, done.stderr
+    assert with_dots.read_bytes() != without.read_bytes()
+
+
 def test_a_tracker_that_needs_what_is_not_there_says_so(tmp_path: Path):
-    done = pftrack_sim("evaluate", "--tracker", "opencv-nano", str(sequence(tmp_path / "square")))
-    assert done.returncode == 2
-    assert "needs model files" in done.stderr
-    assert "Traceback" not in done.stderr
+    square, absent = str(sequence(tmp_path / "square")), str(tmp_path / "absent.onnx")
+    for given, words in (
+        (["opencv-nano"], "needs model files"),
+        (["opencv-vit", "--param", f"opencv-vit.model={absent}"], absent),
+        (["ko2021"], "did you mean 'ko2012'"),
+        (["ko2012,stay", "--param", "ko2012.aplha=0.1"], "did you mean 'alpha'"),
+        (["ko2012,stay", "--param", "alpha=0.1"], "stay: unknown parameter 'alpha'"),
+        (["stay", "--video", f"{square}/groundtruth_rect.txt"], "neither a folder nor a name that ends in .mp4"),
+    ):
+        done = pftrack_sim("evaluate", square, "--tracker", *given)
+        assert done.returncode == 2
+        assert words in done.stderr
+        assert "Traceback" not in done.stderr
+        assert [one.name for one in tmp_path.iterdir()] == ["square"]
 
 
 def test_render_writes_a_video_and_a_frame(tmp_path: Path):
@@ -78,6 +98,13 @@ def test_render_writes_a_video_and_a_frame(tmp_path: Path):
     done = pftrack_sim("render", "corridor", "--image", str(tmp_path / "a.png"), "--at-s", "0.2", *SMALL)
     assert done.returncode == 0, done.stderr
     assert cv2.imread(str(tmp_path / "a.png")).shape == (72, 96, 3)
+    seen = ("render", "corridor", "--at-s", "0.2", "--trackers", "ko2012", *SMALL)
+    for name, extra in (("b.png", ()), ("c.png", ("--param", "particles=true"))):
+        done = pftrack_sim(*seen, "--image", str(tmp_path / name), *extra)
+        assert done.returncode == 0, done.stderr
+    plain, boxes, dots = (cv2.imread(str(tmp_path / name)).astype(int) for name in ("a.png", "b.png", "c.png"))
+    assert (plain != boxes).any()
+    assert 5 < (dots != boxes).any(axis=2).sum() < 1000
 
 
 def test_lists_schema_and_doctor():
@@ -108,8 +135,13 @@ WRONG = [
     (["bnch"], "bnch"),
     (["bench", "plaza-walk", "--sedes", "3"], "--seeds"),
     (["evaluate", "absent-folder"], "absent-folder"),
+    (["evaluate", "absent-folder", "--seeds", "x"], "seeds are written"),
+    (["evaluate", "absent-folder", "--param", "alpha"], "--param takes KEY=VALUE"),
+    (["evaluate", "absent-folder", "--param", "ko2021.alpha=0.1"], "did you mean 'ko2012'"),
     (["render", "plaza-walk"], "--video"),
     (["render", "plaza-walk", "--video", "a.avi"], ".mp4"),
+    (["render", "plaza-walk", "--video", "a.mp4", "--trackers", "ko2021"], "did you mean 'ko2012'"),
+    (["render", "plaza-walk", "--video", "a.mp4", "--param", "particles=true"], "needs --trackers"),
     (["render", "plaza-walk", "--image", "a.png", "--at-s", "500"], "lasts"),
     (["list", "trakers"], "did you mean 'trackers'"),
 ]

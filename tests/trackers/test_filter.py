@@ -132,3 +132,11 @@ def test_resampling_and_restarting_forget_the_weights():
     moving.restart(np.array([7.0]))
     assert moving.states.ravel().tolist() == [7.0] * 8
     assert given_states.ravel().tolist() == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("top", [None, 20])
+def test_particles_that_agree_have_exactly_that_mean(top: int | None):
+    state = np.array([28.1, 41.0, 20.7, 32.3])
+    moving = ParticleFilter(np.tile(state, (400, 1)), np.random.default_rng(0))
+    moving.weigh(np.random.default_rng(1).normal(size=400))
+    assert moving.mean(top).tolist() == state.tolist()

@@ -144,18 +144,20 @@ def test_a_method_of_one_histogram_is_the_proposed_one_without_the_other(
 
 @pytest.mark.parametrize("name", ["ko2012-rgb", "ko2012-hsv"])
 def test_without_a_kernel_the_corners_count(name: str):
-    """A change in the corners alone, outside the inscribed ellipse, is seen without the kernel and not with it."""
-    rng = np.random.default_rng(0)
-    image = rng.integers(0, 255, (80, 80, 3), dtype=np.uint8)
+    """A change in a corner alone, outside the inscribed ellipse, is seen without the kernel and not with it.
+
+    Of the box's 48 x 24 points 6 x 3 change the bin of every channel: the coefficient is sqrt(1 - 1/64) exactly.
+    """
+    image = np.full((80, 80, 3), (200, 40, 80), np.uint8)
     changed = image.copy()
-    changed[10:16, 10:16] = 255 - changed[10:16, 10:16]
+    changed[10:16, 10:16] = (60, 150, 90)
     confidences = {}
     for one in (name, "ko2012-hsv-kernel"):
         tracker = trackers.make(one, sigma_centre=0, sigma_size=0)
-        tracker.init(image, np.array([10.2, 10.2, 48, 48]))  # no grid point on the edge of a pixel
+        tracker.init(image, np.array([10.0, 10, 48, 48]))
         confidences[one] = tracker.update(changed).confidence
     assert confidences["ko2012-hsv-kernel"] == pytest.approx(1, abs=1e-9)
-    assert confidences[name] < 0.999
+    assert confidences[name] == pytest.approx(np.sqrt(63 / 64), abs=1e-9)
 
 
 def test_the_shape_is_kept_when_width_and_height_move_as_one(scene: Scene):

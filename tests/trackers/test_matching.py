@@ -41,10 +41,10 @@ def test_ncc_of_one_colour_stays_and_trusts_nothing(first: int, then: int, scene
 
 
 def disc(x: float, y: float, radius: float) -> np.ndarray:
-    """A red disc on blue, with its centre at `x, y`."""
+    """A red disc on grey, which has no hue, with its centre at `x, y`."""
     rows, columns = np.mgrid[:120, :160] + 0.5
     image = np.empty((120, 160, 3), np.uint8)
-    image[:] = (30, 60, 200)
+    image[:] = (90, 95, 100)
     image[np.hypot(columns - x, rows - y) < radius] = (220, 30, 40)
     return image
 

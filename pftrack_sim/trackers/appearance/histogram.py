@@ -9,6 +9,7 @@ kernel serves every histogram in the papers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -35,6 +36,20 @@ class Layout:
     cell_count: int
     channel_count: int
     bin_count: int
+
+    @cached_property
+    def firsts(self) -> NDArray[np.uintp]:
+        """`(rows, columns)` the first bin that each point may count into."""
+        return self.cells.astype(np.uintp) * np.uintp(self.channel_count * self.bin_count)
+
+    @cached_property
+    def spans(self) -> NDArray[np.int64]:
+        """`(rows, 2)` the first point of each row that weighs anything, and the one after the last."""
+        columns = self.weights.shape[1]
+        first = np.argmax(self.weights > 0.0, axis=1)
+        last = columns - np.argmax(np.flip(self.weights, axis=1) > 0.0, axis=1)
+        empty = self.weights.max(axis=1) <= 0.0
+        return np.where(empty[:, None], 0, np.stack([first, last], axis=1)).astype(np.int64)
 
     @property
     def size(self) -> int:
@@ -86,8 +101,20 @@ def histogram(codes: NDArray[np.uint8], box: NDArray[np.float64], layout: Layout
         `(layout.size,)` numbers summing to 1; points outside the image do not count. All zero if all are outside.
     """
     out = np.zeros(layout.size)
-    across = np.empty(layout.weights.shape[1], np.int64)
-    _fill(codes, box[0], box[1], box[2], box[3], layout.weights, layout.cells, layout.bin_count, across, out)
+    across = np.empty(layout.weights.shape[1], np.uintp)
+    _fill(
+        codes,
+        box[0],
+        box[1],
+        box[2],
+        box[3],
+        layout.weights,
+        layout.spans,
+        layout.firsts,
+        layout.bin_count,
+        across,
+        out,
+    )
     total = out.sum()
     return out / total if total > 0.0 else out
 
@@ -109,9 +136,11 @@ def similarities(
         `(N,)` numbers in [0, 1].
     """
     out = np.empty(len(boxes))
-    bins, across, scratch = layout.bin_count, np.empty(layout.weights.shape[1], np.int64), np.empty(layout.size)
+    bins, across, scratch = layout.bin_count, np.empty(layout.weights.shape[1], np.uintp), np.empty(layout.size)
     total = float(layout.weights.sum()) * layout.channel_count
-    _compare(codes, boxes, layout.weights, layout.cells, bins, np.sqrt(model / total), across, scratch, out)
+    _compare(
+        codes, boxes, layout.weights, layout.spans, layout.firsts, bins, np.sqrt(model / total), across, scratch, out
+    )
     return np.clip(out, 0.0, 1.0)
 
 
@@ -127,8 +156,8 @@ def histograms(codes: NDArray[np.uint8], boxes: NDArray[np.float64], layout: Lay
         `(N, layout.size)`; each sums to the share of its weight that lies inside the image.
     """
     out = np.zeros((len(boxes), layout.size))
-    across = np.empty(layout.weights.shape[1], np.int64)
-    _fill_all(codes, boxes, layout.weights, layout.cells, layout.bin_count, across, out)
+    across = np.empty(layout.weights.shape[1], np.uintp)
+    _fill_all(codes, boxes, layout.weights, layout.spans, layout.firsts, layout.bin_count, across, out)
     return out / (float(layout.weights.sum()) * layout.channel_count)
 
 
@@ -137,14 +166,15 @@ def _fill_all(
     codes: NDArray[np.uint8],
     boxes: NDArray[np.float64],
     weights: NDArray[np.float64],
-    cells: NDArray[np.int64],
+    spans: NDArray[np.int64],
+    firsts: NDArray[np.uintp],
     bins: int,
-    across: NDArray[np.int64],
+    across: NDArray[np.uintp],
     out: NDArray[np.float64],
 ) -> None:
     """Fill `out` with the histogram of every box, not normalised; nothing is allocated."""
     for n in range(boxes.shape[0]):
-        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, cells, bins, across, out[n])
+        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, spans, firsts, bins, across, out[n])
 
 
 @njit(nogil=True, cache=True)
@@ -155,29 +185,53 @@ def _fill(
     w: float,
     h: float,
     weights: NDArray[np.float64],
-    cells: NDArray[np.int64],
+    spans: NDArray[np.int64],
+    firsts: NDArray[np.uintp],
     bins: int,
-    across: NDArray[np.int64],
+    across: NDArray[np.uintp],
     out: NDArray[np.float64],
 ) -> None:
-    """Add the points of one box to `out`; `across` is scratch for the image columns of the points."""
+    """Add the points of one box to `out`; `across` is scratch for the image columns of the points.
+
+    Indices are unsigned, which spares a test for negative ones at every access; one or three channels
+    are written out, which spares a loop. Together that is half the time.
+    """
     height, width, channels = codes.shape
     rows, columns = weights.shape
+    flat = codes.reshape(-1)
+    stride, one = np.uintp(bins), np.uintp(1)
+    left, right = columns, 0
     for j in range(columns):
         column = int(np.floor(x + (j + 0.5) * w / columns))
-        across[j] = column if column < width else -1
+        if 0 <= column < width:
+            across[j] = np.uintp(column * channels)
+            left, right = min(left, j), j + 1
     for i in range(rows):
-        row = int(np.floor(y + (i + 0.5) * h / rows))
-        if row < 0 or row >= height:
+        line = int(np.floor(y + (i + 0.5) * h / rows))
+        if line < 0 or line >= height:
             continue
-        for j in range(columns):
-            weight = weights[i, j]
-            column = across[j]
-            if weight == 0.0 or column < 0:
-                continue
-            first = cells[i, j] * channels
-            for c in range(channels):
-                out[(first + c) * bins + codes[row, column, c]] += weight
+        row = np.uintp(line * width * channels)
+        for j in range(max(spans[i, 0], left), min(spans[i, 1], right)):
+            weight, at, first = weights[i, j], row + across[j], firsts[i, j]
+            if channels == 3:
+                out[first + np.uintp(flat[at])] += weight
+                out[first + stride + np.uintp(flat[at + one])] += weight
+                out[first + stride + stride + np.uintp(flat[at + one + one])] += weight
+            elif channels == 1:
+                out[first + np.uintp(flat[at])] += weight
+            else:
+                for c in range(channels):
+                    out[first + np.uintp(c) * stride + np.uintp(flat[at + np.uintp(c)])] += weight
+
+
+# Summing in any order lets the square roots be taken several at once.
+@njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _affinity(histogram: NDArray[np.float64], root_model: NDArray[np.float64]) -> float:
+    """sum(sqrt(histogram) * root_model)."""
+    total = 0.0
+    for k in range(histogram.size):
+        total += np.sqrt(histogram[k]) * root_model[k]
+    return total
 
 
 @njit(nogil=True, cache=True)
@@ -185,19 +239,16 @@ def _compare(
     codes: NDArray[np.uint8],
     boxes: NDArray[np.float64],
     weights: NDArray[np.float64],
-    cells: NDArray[np.int64],
+    spans: NDArray[np.int64],
+    firsts: NDArray[np.uintp],
     bins: int,
     root_model: NDArray[np.float64],
-    across: NDArray[np.int64],
+    across: NDArray[np.uintp],
     scratch: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
     """Fill `out` with sum(sqrt(p) * root_model) of every box; nothing is allocated."""
     for n in range(boxes.shape[0]):
         scratch[:] = 0.0
-        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, cells, bins, across, scratch)
-        total = 0.0
-        for k in range(scratch.size):
-            if scratch[k] > 0.0 and root_model[k] > 0.0:
-                total += np.sqrt(scratch[k]) * root_model[k]
-        out[n] = total
+        _fill(codes, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], weights, spans, firsts, bins, across, scratch)
+        out[n] = _affinity(scratch, root_model)

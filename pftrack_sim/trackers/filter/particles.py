@@ -66,7 +66,9 @@ class ParticleFilter:
         else:
             heaviest = np.arange(weights.size)
         share = weights[heaviest] / weights[heaviest].sum()
-        return share @ self.states[heaviest]
+        # About one of them, so that particles that agree to the bit have exactly that mean.
+        one = self.states[heaviest[0]]
+        return one + share @ (self.states[heaviest] - one)
 
     def resample(self, count: int | None = None) -> None:
         """Draw the particles anew by weight; all weigh the same afterwards.
