@@ -57,6 +57,24 @@ def test_the_truth_is_that_of_opengl(pair):
             assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01 + 2.0 / max(other.box[2:].prod(), 1.0)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [203, 328, 422, 503, 578])
+def test_over_two_hundred_frames_boxes_states_and_occluders_agree(pair, seed: int):
+    simulation, caster = pair
+    simulation.reset(seed)
+    world, K = simulation.world, simulation._K
+    caster.rebind(world.model)
+    makers = [TruthMaker(world.model, world.people, one, K) for one in (caster, simulation._renderer)]
+    image = np.zeros((120, 160, 3), dtype=np.uint8)
+    for data, pose in _views(simulation, 10):
+        mine, other = (maker.observe(data, pose, image, world.time_s, world.root_poses())[0] for maker in makers)
+        assert (mine.state, mine.occluders) == (other.state, other.occluders)
+        assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01
+        if other.state == "visible":
+            corners = [np.concatenate([box[:2], box[:2] + box[2:]]) for box in (mine.visible_box, other.visible_box)]
+            assert np.abs(corners[0] - corners[1]).max() <= 1.0
+
+
 def test_colours_and_ids_are_close_to_opengl(pair):
     simulation, caster = pair
     gl, K = simulation._renderer, simulation._K
