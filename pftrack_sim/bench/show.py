@@ -34,7 +34,7 @@ def save_video(
         path: File ending in `.mp4`.
         truth: Draw the truth's boxes.
         entries: Fresh trackers that see every frame; what they say is drawn, with the truth.
-        backend: OpenGL backend.
+        backend: Renderer, by name.
         on_frame: Called after every frame.
     """
     rate_hz = scenario.resolve(seed).camera.rate_hz
@@ -67,7 +67,7 @@ def save_image(
         at_s: Time of the frame since the start of the episode; it must lie within the episode.
         truth: Draw the truth's boxes.
         entries: Fresh trackers that see every frame up to this one; what they say of it is drawn, with the truth.
-        backend: OpenGL backend.
+        backend: Renderer, by name.
     """
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ParameterError(f"an image's name must end in .png or .jpg, got {str(path)!r}")

@@ -35,7 +35,10 @@ Params = Annotated[
         help="Parameter of one tracker or of all, for example ko2012.particles=true; may be repeated.",
     ),
 ]
-Backend = Annotated[str | None, typer.Option(help="OpenGL library: egl or osmesa; default is the first that works.")]
+Backend = Annotated[
+    str | None,
+    typer.Option("--renderer", "--backend", help="gl, egl, osmesa or warp; default: OpenGL if it loads, else warp."),
+]
 
 
 @app.command("list")
