@@ -161,7 +161,7 @@ def column(values: Sequence[Any]) -> np.ndarray:
 
 
 def _lists(rows: Sequence[Sequence[Any]]) -> np.ndarray:
-    # Filled by hand: numpy would make a table out of rows of equal length. What is not there is NULL, not a list of NaN.
+    # Filled by hand: numpy would make a table out of rows of equal length. What is not there is NULL, no list of NaN.
     made = np.empty(len(rows), dtype=object)
     for index, row in enumerate(rows):
         made[index] = None if any(number != number for number in row) else list(row)

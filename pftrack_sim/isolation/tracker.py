@@ -29,12 +29,14 @@ class Limits:
     """What a tracker in a process of its own may take.
 
     Attributes:
-        frame_s: Time for one frame, and for being made.
+        frame_s: Time for one frame.
         memory_mb: Memory on top of what Python takes; 0 is no limit. Held on Linux only.
+        make_s: Time for being made, with all that is imported and loaded for it.
     """
 
     frame_s: float = 60.0
     memory_mb: float = 4096.0
+    make_s: float = 120.0
 
     def __post_init__(self) -> None:
         if not self.frame_s > 0 or not self.memory_mb >= 0:
@@ -90,7 +92,9 @@ class IsolatedTracker:
         self._listener = threading.Thread(target=self._listen, args=(self._noise,), daemon=True)
         self._listener.start()
         try:
-            made = self._ask({"do": "make", "name": name, "seed": seed, "preset": preset, "params": params})
+            made = self._ask(
+                {"do": "make", "name": name, "seed": seed, "preset": preset, "params": params}, limits.make_s
+            )
         except BaseException:
             self.close()
             raise
@@ -158,11 +162,12 @@ class IsolatedTracker:
         # Memory of its own for each tracker: nothing that one does to it can reach another.
         np.ndarray(image.shape, dtype=np.uint8, buffer=self._shared.buf)[:] = image
 
-    def _ask(self, order: dict[str, Any]) -> dict[str, Any]:
+    def _ask(self, order: dict[str, Any], limit_s: float | None = None) -> dict[str, Any]:
+        limit_s = self._limits.frame_s if limit_s is None else limit_s
         try:
             self._orders.send_bytes(json.dumps(order).encode())
-            if not self._orders.poll(self._limits.frame_s):
-                raise Misbehaviour(f"no answer within {self._limits.frame_s:g} s")
+            if not self._orders.poll(limit_s):
+                raise Misbehaviour(f"no answer within {limit_s:g} s")
             reply = json.loads(self._orders.recv_bytes(_MAX_REPLY_BYTES))
         except (EOFError, OSError):
             raise Misbehaviour(self._how_it_ended()) from None

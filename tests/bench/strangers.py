@@ -81,7 +81,7 @@ def os_exit(**_: Any) -> Stranger:
 
 def greedy(**_: Any) -> Stranger:
     def misdeed(image: np.ndarray) -> Any:
-        hoard = [np.ones(10_000_000) for _ in range(100)]
+        hoard = [np.empty(10_000_000) for _ in range(100)]
         return Estimate([float(len(hoard)), 0, 5, 5])
 
     return Stranger(misdeed)
@@ -97,7 +97,7 @@ def scribbles(**_: Any) -> Stranger:
 
 def prints(**_: Any) -> Stranger:
     def misdeed(image: np.ndarray) -> Any:
-        print("rubbish " * 20_000, flush=True)
+        os.write(1, b"rubbish " * 20_000)
         os.write(2, b"more rubbish\n")
         return Estimate([1, 2, 30, 40])
 

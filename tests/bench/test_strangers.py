@@ -10,14 +10,14 @@ from pftrack_sim.isolation import Limits
 from tests.bench.small import small_plan
 
 STRANGERS = "tests.bench.strangers:"
-LIMITS = Limits(frame_s=1.5, memory_mb=300)
+LIMITS = Limits(frame_s=2.5, memory_mb=300)
 
 MISDEEDS = {
     "raises": "frame 2: ValueError: lost my way",
     "says_nan": "frame 2: BoxError: estimated box must be finite",
     "wrong_shape": "frame 2: TrackerError: update must return an Estimate, got ndarray",
     "says_nothing": "frame 2: TrackerError: update must return an Estimate, got NoneType",
-    "endless": "frame 2: no answer within 1.5 s",
+    "endless": "frame 2: no answer within 2.5 s",
     "segfault": "frame 2: its process was ended by SIGSEGV",
     "sys_exit": "frame 2: SystemExit: 0",
     "os_exit": "frame 2: its process ended with exit code 3",
