@@ -112,7 +112,9 @@ class _Table:
     def __init__(self, rows: Iterable[Row]) -> None:
         self._rows: dict[tuple[str, str, int], list[Row]] = {}
         for row in rows:
-            self._rows.setdefault((str(row["tracker"]), str(row["scenario"]), int(row["seed"])), []).append(row)
+            # A suite names its trackers; the preset that it runs them with is no other tracker.
+            tracker = str(row["tracker"]).removesuffix("[preset=paper]")
+            self._rows.setdefault((tracker, str(row["scenario"]), int(row["seed"])), []).append(row)
 
     def by_seed(self, tracker: str, scenarios: Sequence[str], measure: Measure) -> dict[int, float]:
         """A tracker's mean over the scenarios for each seed that has them all."""

@@ -31,7 +31,7 @@ class Block(Section):
     axes: dict[str, tuple[NotNegative, ...]] = Field(
         default_factory=dict, description="Severities of each axis (or of `axis.parameter`, its values); all combined."
     )
-    changes: dict[str, Any] = Field(default_factory=dict, alias="set", description="Dotted keys set in each scenario.")
+    changes: dict[str, Any] = Field(default_factory=dict, description="Dotted keys set in each scenario.")
 
 
 class PaperTable(Section):

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pftrack_sim.errors import ParameterError, UnknownNameError
+
+if TYPE_CHECKING:
+    from pftrack_sim.bench import Contestant
 
 
 def parse_names(text: str) -> list[str]:
@@ -43,11 +47,7 @@ def parse_settings(
         key, equals, text = pair.partition("=")
         if not equals or not key.strip():
             raise ParameterError(f"{option} takes KEY=VALUE, for example {example}; got {pair!r}")
-        try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            value = text
-        settings[key.strip()] = value
+        settings[key.strip()] = _value(text)
     return settings
 
 
@@ -80,8 +80,59 @@ def parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, dic
     return dict(found)
 
 
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def parse_trackers(text: str, preset: str) -> list[Contestant]:
+    """Trackers between commas, each with parameters in brackets where it has some; `preset` is one of them.
+
+    Args:
+        text: As it is typed.
+        preset: Of every tracker that names none.
+
+    Raises:
+        ParameterError: Not of that form.
+
+    >>> [one.label for one in parse_trackers("stay, ko2012[preset=paper,particle_count=50]", "default")]
+    ['stay', 'ko2012[preset=paper,particle_count=50]']
+    """
+    from pftrack_sim.bench import Contestant
+
+    found: list[Contestant] = []
+    for spelled in parse_names(re.sub(r",(?![^\[\]]*\])", "\0", text).replace(",", "\1").replace("\0", ",")):
+        match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", spelled.replace("\1", ","))
+        pairs = [pair for pair in (match[2] or "").split(",") if pair] if match else []
+        if not match or any("=" not in pair for pair in pairs):
+            raise ParameterError(
+                f"--trackers takes names, with parameters in brackets: ko2012[particle_count=50]; got {text!r}"
+            )
+        params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in pairs)}
+        chosen = str(params.pop("preset", preset))
+        found.append(Contestant(name=match[1].strip(), preset=chosen, params=params))
+    return found
+
+
+def parse_part(text: str) -> tuple[int, int]:
+    """`K/N`.
+
+    Raises:
+        ParameterError: Not of that form.
+
+    >>> parse_part("2/4")
+    (2, 4)
+    """
+    match = re.fullmatch(r"(\d+)/(\d+)", text.strip())
+    if not match:
+        raise ParameterError(f"--part takes K/N, for example 1/4 on the first of four machines; got {text!r}")
+    return int(match[1]), int(match[2])
+
+
 def parse_axes(pairs: Sequence[str]) -> dict[str, list[float]]:
-    """`AXIS=0,1,2` pairs.
+    """`AXIS=0,1,2` and `AXIS.PARAMETER=5,10` pairs.
 
     Raises:
         ParameterError: Not of that form.

@@ -17,19 +17,21 @@ from pftrack_sim.errors import RunError
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.data import Run, read_run
 from pftrack_sim.report.strips import strips
+from pftrack_sim.report.suites import told
+from pftrack_sim.scenario import Scenario
 
 _PAGE = Path(__file__).parent / "page"
-_HOW = ("finished", "command", "python", "platform", "graphics", "preset", "seeds", "versions")
+_HOW = ("began", "command", "commit", "versions", "python", "platform")
 
 
-def write_report(path: Path, *, on_row: Callable[[], None] = lambda: None) -> Path:
+def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -> Path:
     """Write `report.html` into a run folder.
 
     The page needs nothing but itself and the videos beside it; it opens from disk, without a network.
 
     Args:
         path: The run folder.
-        on_row: Called after every row of the summary that was read.
+        on_episode: Called after every episode that was read.
 
     Returns:
         The page's path.
@@ -38,7 +40,7 @@ def write_report(path: Path, *, on_row: Callable[[], None] = lambda: None) -> Pa
         RunError: No complete run folder, or one that cannot be written to.
     """
     run = read_run(path)
-    page = _page(run, contents(run, on_row))
+    page = _page(run, contents(run, on_episode))
     target, part = path / "report.html", path / ".report.html.part"
     try:
         part.write_text(page, encoding="utf-8")
@@ -59,11 +61,27 @@ def _page(run: Run, data: Mapping[str, Any]) -> str:
         plotly=Markup(plotly.offline.get_plotlyjs()),
         data=Markup(_script_json(data)),
         strips=[asdict(one) for one in strips(run)],
-        suites=run.record.get("suites", []),
-        how=[(name, _words(run.record[name])) for name in _HOW if name in run.record],
-        scenarios=run.record.get("scenarios", {}),
+        suites=[told(suite, run) for suite in run.plan.suites],
+        how=_how(run),
+        scenarios=_hashes(run),
         failures=[(row.tracker, row.key, row.values["failure"]) for row in run.rows if row.values.get("failure")],
     )
+
+
+def _how(run: Run) -> list[tuple[str, str]]:
+    """What the last session says of itself, and what all of them drew with."""
+    session = run.record["sessions"][-1]
+    said = [(name, _words(session[name])) for name in _HOW if session.get(name)]
+    graphics = dict.fromkeys(str(row.values["graphics"]) for row in run.rows)
+    seeds = sorted({row.key.seed for row in run.rows})
+    state = "all episodes" if run.record["finished"] else "not finished: these are the episodes so far"
+    return [("state", state), *said, ("graphics", "; ".join(graphics)), ("seeds", _words(seeds))]
+
+
+def _hashes(run: Run) -> list[tuple[str, str]]:
+    """Each scenario with the SHA-256 of what it says."""
+    stages = {stage.name: stage.tree for batch in run.plan.batches for stage in batch.scenarios}
+    return [(name, Scenario(name, tree).digest) for name, tree in stages.items()]
 
 
 def _script_json(data: Mapping[str, Any]) -> str:

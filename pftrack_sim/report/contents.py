@@ -35,12 +35,12 @@ MEASURES = {
 COVERED_BELOW = 0.5
 
 
-def contents(run: Run, on_row: Callable[[], None] = lambda: None) -> dict[str, Any]:
+def contents(run: Run, on_episode: Callable[[], None] = lambda: None) -> dict[str, Any]:
     """The page's data.
 
     Args:
         run: The run folder.
-        on_row: Called after every row that was read.
+        on_episode: Called after every episode that was read.
     """
     trackers, episodes = run.trackers, run.episodes
     scenarios = list(dict.fromkeys(one.scenario for one in episodes))
@@ -49,19 +49,21 @@ def contents(run: Run, on_row: Callable[[], None] = lambda: None) -> dict[str, A
     number = {key: index for index, key in enumerate(episodes)}
     rows: list[list[Any]] = []
     curves: dict[tuple[int, int, int], _Counts] = {}
-    shown: list[dict[str, Any]] = [_episode(run, key, scenarios, conditions) for key in episodes]
-    for row in run.rows:
-        tracker, episode = trackers.index(row.tracker), number[row.key]
-        frames = run.frames(row)
-        rows.append([tracker, episode, *(_json(row.number(name)) for name in measures), row.values.get("failure")])
-        at = (tracker, scenarios.index(row.key.scenario), conditions.index(row.key.condition))
-        curves.setdefault(at, _Counts()).add(frames)
-        shown[episode]["overlap"][tracker] = _packed(frames.overlap)
-        shown[episode].setdefault("occluded", _spans(frames.visible_fraction < COVERED_BELOW))
-        video = run.video(row)
-        if video is not None:
-            shown[episode]["video"] = os.path.relpath(video, run.path).replace(os.sep, "/")
-        on_row()
+    shown: list[dict[str, Any]] = []
+    for key, its_rows in run.by_episode().items():
+        by_tracker = run.frames(its_rows)
+        episode = _episode(run, key, its_rows[0], scenarios, conditions)
+        shown.append(episode)
+        for row in its_rows:
+            tracker, frames = trackers.index(row.tracker), by_tracker[row.tracker]
+            rows.append(
+                [tracker, number[key], *(_json(row.number(name)) for name in measures), row.values.get("failure")]
+            )
+            at = (tracker, episode["scenario"], episode["condition"])
+            curves.setdefault(at, _Counts()).add(frames)
+            episode["overlap"][tracker] = _packed(frames.overlap)
+            episode["occluded"] = _spans(frames.visible_fraction < COVERED_BELOW)
+        on_episode()
     return {
         "trackers": trackers,
         "scenarios": scenarios,
@@ -98,15 +100,18 @@ class _Counts:
         return [self.frames, np.rint(self.success).astype(int).tolist(), np.rint(self.precision).astype(int).tolist()]
 
 
-def _episode(run: Run, key: EpisodeKey, scenarios: Sequence[str], conditions: Sequence[str]) -> dict[str, Any]:
-    rate = run.record.get("rates_hz", {}).get(key.scenario)
+def _episode(
+    run: Run, key: EpisodeKey, row: Row, scenarios: Sequence[str], conditions: Sequence[str]
+) -> dict[str, Any]:
+    video = run.video(row)
     return {
         "scenario": scenarios.index(key.scenario),
         "condition": conditions.index(key.condition),
         "seed": key.seed,
-        "rate_hz": rate,
+        "rate_hz": _json(row.number("rate_hz")),
         "overlap": {},
-        "video": None,
+        "occluded": [],
+        "video": os.path.relpath(video, run.path).replace(os.sep, "/") if video is not None else None,
     }
 
 

@@ -1,9 +1,8 @@
-"""A run folder, read back."""
+"""What a report needs of a run folder."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,8 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.bench.plan import Plan
+from pftrack_sim.bench.reading import Run as RunFolder
 from pftrack_sim.errors import RunError
 
 
@@ -71,16 +72,18 @@ class Frames:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A finished run.
+    """A run.
 
     Attributes:
         path: The folder.
         record: What `run.json` says.
-        rows: One for each tracker and episode, in the run's order.
+        plan: What was asked for.
+        rows: One for each tracker and finished episode, in the plan's order.
     """
 
     path: Path
     record: Mapping[str, Any]
+    plan: Plan
     rows: tuple[Row, ...]
 
     @property
@@ -93,72 +96,66 @@ class Run:
         """Every episode, once, in order."""
         return list(dict.fromkeys(row.key for row in self.rows))
 
-    def frames(self, row: Row) -> Frames:
-        """The frames of one row.
+    def by_episode(self) -> dict[EpisodeKey, list[Row]]:
+        """The rows of each episode."""
+        found: dict[EpisodeKey, list[Row]] = {}
+        for row in self.rows:
+            found.setdefault(row.key, []).append(row)
+        return found
+
+    def frames(self, rows: Iterable[Row]) -> dict[str, Frames]:
+        """The frames of one episode, for each of its trackers.
+
+        Args:
+            rows: The episode's rows.
 
         Raises:
             RunError: Its file is missing, broken, or outside the run folder.
         """
-        file = (self.path / str(row.values["file"])).resolve()
+        named = next(iter(rows)).values["file"]
+        file = (self.path / str(named)).resolve()
         if not file.is_relative_to(self.path.resolve()):
-            raise RunError(f"{self.path}: the summary names a file outside the run folder: {row.values['file']!r}")
-        columns = _query(
-            self.path, f"SELECT overlap, centre_error_px, visible_fraction, scored FROM {_quoted(file)} ORDER BY frame"
-        )
-        return Frames(
-            np.asarray(columns["overlap"], dtype=np.float64),
-            np.asarray(columns["centre_error_px"], dtype=np.float64),
-            np.asarray(columns["visible_fraction"], dtype=np.float64),
-            np.asarray(columns["scored"], dtype=np.bool_),
-        )
+            raise RunError(f"{self.path}: the summary names a file outside the run folder: {named!r}")
+        quoted = "'" + str(file).replace("'", "''") + "'"
+        try:
+            with duckdb.connect() as database:
+                table = database.execute(
+                    "SELECT tracker, overlap, centre_error_px, visible_fraction, scored "
+                    f"FROM read_parquet({quoted}) ORDER BY frame"
+                ).fetchnumpy()
+        except duckdb.Error as error:
+            raise RunError(f"{file} cannot be read: {str(error).splitlines()[0]}") from None
+        numbers = {
+            name: np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)
+            for name in ("overlap", "centre_error_px", "visible_fraction")
+        }
+        scored = np.asarray(table["scored"], dtype=np.bool_)
+        found: dict[str, Frames] = {}
+        for tracker in dict.fromkeys(table["tracker"]):
+            own = table["tracker"] == tracker
+            found[str(tracker)] = Frames(**{name: values[own] for name, values in numbers.items()}, scored=scored[own])
+        return found
 
     def video(self, row: Row) -> Path | None:
         """The video of the row's episode, if one was made."""
-        name = Path(str(row.values["file"])).name.rpartition("__")[0]
-        path = self.path / "videos" / f"{name}.mp4"
-        return path if path.is_file() else None
+        below = Path(str(row.values["file"])).relative_to("episodes").with_suffix(".mp4")
+        path = self.path / "videos" / below
+        return path if ".." not in below.parts and path.is_file() else None
 
 
 def read_run(path: Path) -> Run:
-    """Read a run folder.
+    """Read a run folder; an unfinished one as far as it goes.
 
     Raises:
-        RunError: It is no run folder, or not complete.
+        RunError: It is no run folder, or holds no finished episode.
     """
-    if not path.is_dir():
-        raise RunError(f"{path} is not a folder: give the run folder that `pftrack-sim bench` wrote")
-    for name in ("run.json", "summary.parquet"):
-        if not (path / name).is_file():
-            raise RunError(f"{path} has no {name}: it is not a complete run folder")
-    try:
-        record = json.loads((path / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RunError(f"{path / 'run.json'} cannot be read: {error}") from None
-    columns = _query(path, f"SELECT * FROM {_quoted(path / 'summary.parquet')}")
-    rows = []
-    for values in (dict(zip(columns, one, strict=True)) for one in zip(*columns.values(), strict=True)):
-        plain = {key: _plain(value) for key, value in values.items()}
-        key = EpisodeKey(str(plain["scenario"]), str(plain["condition"]), int(plain["seed"]))
-        rows.append(Row(key, str(plain["tracker"]), plain))
-    if not rows:
-        raise RunError(f"{path} holds no episodes")
-    return Run(path, record, tuple(rows))
-
-
-def _query(path: Path, sql: str) -> dict[str, Any]:
-    try:
-        with duckdb.connect() as database:
-            return database.execute(sql).fetchnumpy()
-    except duckdb.Error as error:
-        raise RunError(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
-
-
-def _quoted(path: Path) -> str:
-    escaped = str(path).replace("'", "''")
-    return f"'{escaped}'"
-
-
-def _plain(value: Any) -> Any:
-    if value is np.ma.masked:
-        return None
-    return value.item() if isinstance(value, np.generic) else value
+    folder = RunFolder(path)
+    with folder.open() as database:
+        table = database.execute("SELECT * EXCLUDE levels FROM summary ORDER BY number, place")
+        names = [one[0] for one in table.description or ()]
+        values = [dict(zip(names, one, strict=True)) for one in table.fetchall()]
+    rows = tuple(
+        Row(EpisodeKey(str(one["scenario"]), str(one["condition"]), int(one["seed"])), str(one["tracker"]), one)
+        for one in values
+    )
+    return Run(path, folder.record, folder.plan, rows)

@@ -7,9 +7,10 @@ import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pftrack_sim import score, streams
 from pftrack_sim.errors import ParameterError, RunError, UnknownNameError
@@ -68,26 +69,27 @@ def _style(index: int) -> dict[str, Any]:
     return {"color": COLOURS[index % len(COLOURS)], "linestyle": LINES[index // len(COLOURS) % len(LINES)], "lw": 1.4}
 
 
+def _pooled(run: Run, column: Literal["overlap", "centre_error_px"]) -> dict[str, NDArray[np.float64]]:
+    """The counted frames of every tracker, over all episodes."""
+    found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in run.trackers}
+    for rows in run.by_episode().values():
+        for tracker, frames in run.frames(rows).items():
+            found[tracker].append(getattr(frames, column)[frames.counted])
+    return {tracker: np.concatenate(parts) for tracker, parts in found.items()}
+
+
 def _success(run: Run, axes: Axes) -> None:
     axes.set(xlabel="overlap threshold", ylabel="success rate", xlim=(0, 1), ylim=(0, 1))
-    for index, tracker in enumerate(run.trackers):
-        overlap = np.concatenate(
-            [(f := run.frames(row)).overlap[f.counted] for row in run.rows if row.tracker == tracker]
-        )
-        if overlap.size:
-            label = f"{tracker} [{score.area_under_success(overlap):.3f}]"
-            axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, **_style(index))
+    for index, (tracker, overlap) in enumerate(_pooled(run, "overlap").items()):
+        label = f"{tracker} [{score.area_under_success(overlap):.3f}]"
+        axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, **_style(index))
 
 
 def _precision(run: Run, axes: Axes) -> None:
     axes.set(xlabel="centre error threshold [px]", ylabel="precision", xlim=(0, 50), ylim=(0, 1))
-    for index, tracker in enumerate(run.trackers):
-        error = np.concatenate(
-            [(f := run.frames(row)).centre_error_px[f.counted] for row in run.rows if row.tracker == tracker]
-        )
-        if error.size:
-            curve = score.precision_curve(error)
-            axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=f"{tracker} [{curve[20]:.3f}]", **_style(index))
+    for index, (tracker, error) in enumerate(_pooled(run, "centre_error_px").items()):
+        curve = score.precision_curve(error)
+        axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=f"{tracker} [{curve[20]:.3f}]", **_style(index))
 
 
 def _degradation(run: Run, axes: Axes) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from pftrack_sim import scenario, trackers
 from pftrack_sim.bench.claims import beside_the_paper, judge
-from pftrack_sim.bench.plan import parse_seeds
+from pftrack_sim.bench.planning import parse_seeds, plan_suite
 from pftrack_sim.bench.suite import checked_suite, is_suite, load_suite, suite_names
 from pftrack_sim.errors import ScenarioError, UnknownNameError
 
@@ -65,6 +65,11 @@ def test_claims_hold_fail_or_stay_undecided():
     assert part.seeds == 8
 
 
+def test_the_preset_of_a_suite_is_no_other_tracker():
+    named = [{**row, "tracker": f"{row['tracker']}[preset=paper]"} for row in rows()]
+    assert judge(checked_suite("t", tree()), named) == judge(checked_suite("t", tree()), rows())
+
+
 def test_a_claim_without_results_is_undecided():
     assert {one.verdict for one in judge(checked_suite("t", tree()), [])} == {"undecided"}
 
@@ -118,3 +123,33 @@ def test_every_shipped_suite_names_what_exists(name: str):
         for one in block.scenarios:
             loaded = scenario.load(one, {**block.changes, **levels})
             assert loaded.resolve(0).frame_count > 1
+
+
+def test_a_suite_becomes_a_plan_that_carries_it():
+    suite = checked_suite(
+        "t",
+        {
+            "title": "T",
+            "seeds": "5:7",
+            "preset": "paper",
+            "trackers": ["ko2012", "stay"],
+            "run": [
+                {"scenarios": ["corridor"], "axes": {"jitter": [0.0, 1.0]}},
+                {"scenarios": ["plaza-walk"], "changes": {"duration_s": 2.0}},
+            ],
+        },
+    )
+    plan = plan_suite(suite)
+    assert [(one.scenario.name, one.condition.name, one.seed) for one in plan.episodes()] == [
+        ("corridor", "jitter=0", 5),
+        ("corridor", "jitter=0", 6),
+        ("corridor", "jitter=1", 5),
+        ("corridor", "jitter=1", 6),
+        ("plaza-walk", "base", 5),
+        ("plaza-walk", "base", 6),
+    ]
+    assert plan.labels == ("ko2012[preset=paper]", "stay[preset=paper]")
+    assert plan.suites == (suite,)
+    other = plan_suite(suite, trackers=["stay"], seeds=[1], overrides={"duration_s": 1.0}, preset="default")
+    assert (other.labels, other.episode_count) == (("stay",), 3)
+    assert all(one.scenario.resolve(1).duration_s == 1.0 for one in other.episodes())

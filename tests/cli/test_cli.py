@@ -42,7 +42,8 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     assert (out / "run.json").is_file()
     again = pftrack_sim("bench", "plaza-walk", "--trackers", "oracle", "--out", str(out), *SMALL)
     assert again.returncode == 2
-    assert "not an empty folder" in again.stderr
+    assert "holds another plan" in again.stderr
+    assert "trackers: oracle, stay there, oracle asked for" in again.stderr
 
 
 def test_evaluate_prints_a_mean_overlap(tmp_path: Path):

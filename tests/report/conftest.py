@@ -19,7 +19,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two trackers, two scenarios, two levels of an axis, two seeds; every episode filmed."""
     path = tmp_path_factory.mktemp("report") / "run"
     plan = make_plan(["corridor", "plaza-walk"], ["oracle", "stay"], [0, 1], axes={"jitter": [0, 2]}, overrides=SMALL)
-    run(plan, path, videos="all")
+    run(plan, path, videos="all", workers=0)
     return path
 
 
@@ -28,13 +28,14 @@ def hostile(finished: Path, tmp_path: Path) -> Path:
     """The same run by a tracker whose name is a script."""
     path = tmp_path / "run"
     shutil.copytree(finished, path)
-    summary, changed = path / "summary.parquet", path / "changed.parquet"
-    duckdb.execute(
-        f"COPY (SELECT * REPLACE (CASE tracker WHEN 'stay' THEN $name ELSE tracker END AS tracker) FROM '{summary}') "
-        f"TO '{changed}' (FORMAT parquet)",
-        {"name": HOSTILE},
-    )
-    changed.replace(summary)
+    changed = path / "changed.parquet"
+    for file in [path / "summary.parquet", *(path / "episodes").rglob("*.parquet")]:
+        duckdb.execute(
+            f"COPY (SELECT * REPLACE (CASE tracker WHEN 'stay' THEN $name ELSE tracker END AS tracker) FROM '{file}') "
+            f"TO '{changed}' (FORMAT parquet)",
+            {"name": HOSTILE},
+        )
+        changed.replace(file)
     return path
 
 
