@@ -66,7 +66,7 @@ class World:
         crowd = self._motion.crowd
         for _ in range(self.clock.ticks):
             self._motion.tick(command)
-            self._gait.advance(self.clock.tick_s, crowd.positions_m, crowd.headings_rad)
+            self._gait.advance(self.clock.tick_s, crowd.positions_m, crowd.headings_rad, crowd.crouching, crowd.running)
         self._puppets.write(self.data, *self._gait.poses())
         self._move_carts()
         self._settle()
@@ -130,6 +130,7 @@ class World:
             robot_start_m=start[:2],
             passers=plans.passings,
             carts=plans.carts,
+            target_axis=self.settings.axes.target,
         )
 
     def _rehearse(self, layout: Layout, path: Path, seed: int, until_s: float) -> Rehearsal:

@@ -6,6 +6,7 @@ from pftrack_sim.scenario.axes.axis import Axis
 from pftrack_sim.scenario.axes.distractors import DistractorsAxis
 from pftrack_sim.scenario.axes.jitter import JitterAxis
 from pftrack_sim.scenario.axes.occlusion import OcclusionAxis
+from pftrack_sim.scenario.axes.target import TargetAxis
 from pftrack_sim.scenario.section import Section
 
 
@@ -15,6 +16,7 @@ class Axes(Section):
     jitter: JitterAxis = JitterAxis()
     occlusion: OcclusionAxis = OcclusionAxis()
     distractors: DistractorsAxis = DistractorsAxis()
+    target: TargetAxis = TargetAxis()
 
 
 def axes_by_name() -> dict[str, type[Axis]]:
@@ -27,4 +29,4 @@ def axes_by_name() -> dict[str, type[Axis]]:
     return found
 
 
-__all__ = ["Axes", "Axis", "DistractorsAxis", "JitterAxis", "OcclusionAxis", "axes_by_name"]
+__all__ = ["Axes", "Axis", "DistractorsAxis", "JitterAxis", "OcclusionAxis", "TargetAxis", "axes_by_name"]

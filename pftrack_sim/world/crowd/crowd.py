@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim import streams
 from pftrack_sim.scenario import model
+from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.world.crowd import avoidance
 from pftrack_sim.world.crowd.carts import Carts
 from pftrack_sim.world.crowd.crossing import Crossing, CrossingWalk, Xy, at_different_depths, outside, within
@@ -55,6 +56,7 @@ class Crowd:
         robot_start_m: `(2,)` where the robot starts, kept free of people; None if it does not matter.
         passers: People who pass close by the target.
         carts: Things that drive themselves between the camera and the target.
+        target_axis: What the target does besides walking; None for nothing.
     """
 
     def __init__(
@@ -69,11 +71,12 @@ class Crowd:
         robot_start_m: ArrayLike | None = None,
         passers: Sequence[Passing] = (),
         carts: Sequence[Crossing] = (),
+        target_axis: TargetAxis | None = None,
     ) -> None:
         self._ground = Ground(layout)
         self._routes = Routes(self._ground)
         self._places = Places(self._ground, self._routes, layout.bounds_m, layout.goals_m, target_path)
-        self._target = TargetWalk(target_path, target.speed_m_s)
+        self._target = TargetWalk(target_path, target.speed_m_s, target_axis or TargetAxis())
         self._distractors = distractors
         self._crossings = at_different_depths(crossers)
         self._seed = seed
@@ -114,6 +117,20 @@ class Crowd:
     def target_s_m(self) -> float:
         """How far the target has walked along its path."""
         return self._target.s_m
+
+    @property
+    def crouching(self) -> Array:
+        """`(P,)` 0 for upright, 1 for squatting."""
+        out = np.zeros(self._people)
+        out[0] = self._target.crouch
+        return out
+
+    @property
+    def running(self) -> NDArray[np.bool_]:
+        """`(P,)` who runs."""
+        out = np.zeros(self._people, dtype=bool)
+        out[0] = self._target.running
+        return out
 
     def reset(self) -> None:
         """Everyone back to the start."""
