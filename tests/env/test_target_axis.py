@@ -90,11 +90,11 @@ def test_the_target_leaves_the_view_for_as_long_as_asked_and_comes_back(name: st
 
 def test_the_robot_swings_nearer_and_farther():
     def spread(range_m: float) -> float:
-        asked = {"per_minute": 0.0, "leave_s": 0.0, "faster_m_s": 0.0, "range_m": range_m, "period_s": 6.0}
-        distance = [one.distance_m for one in truths(10.0, name="corridor", from_s=4.0, **asked)][1:]
+        asked = {"per_minute": 0.0, "leave_s": 0.0, "faster_m_s": 0.0, "range_m": range_m, "period_s": 10.0}
+        distance = [one.distance_m for one in truths(13.5, name="corridor", from_s=4.0, **asked)][1:]
         return max(distance) - min(distance)
 
-    assert spread(0.6) == pytest.approx(1.2, abs=0.25)
+    assert spread(0.4) == pytest.approx(0.8, abs=0.15)
     assert spread(0.0) < 0.15
 
 

@@ -35,7 +35,9 @@ class TargetAxis(Axis):
     range_m: NotNegative = Field(
         default=0.4, description="How far the robot swings ahead of and behind its place beside or behind the target."
     )
-    period_s: Positive = Field(default=8.0, description="Period of that swing.")
+    period_s: Positive = Field(
+        default=12.0, description="Period of that swing; a short one asks for more than the robot's top speed."
+    )
     leave_s: NotNegative = Field(default=0.5, description="How long the target is out of view at severity 1.")
     leave_at_s: NotNegative = Field(default=9.0, description="When it leaves; the operator's camera turns away.")
 
