@@ -69,7 +69,7 @@ def run(
         plan: What to run.
         path: Run folder to make; absent or empty.
         videos: `"first"`: of the first seed of each scenario and condition; `"all"`; or `"none"`.
-        backend: OpenGL backend.
+        backend: Renderer, by name.
         on_frame: Called after every frame.
 
     Returns:
