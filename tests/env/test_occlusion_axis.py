@@ -95,3 +95,22 @@ def test_none_at_all_is_the_base_to_the_bit():
     base = truths("plaza-walk", 0.3)
     for axis in ({"count": 0}, {"severity": 0.0, "kind": "stranger"}):
         assert truths("plaza-walk", 0.3, **axis) == base
+
+
+@pytest.mark.parametrize(
+    "route",
+    [
+        {"kind": "still", "start_m": [7.0, -5.0], "heading_deg": 90.0},
+        {"kind": "waypoints", "points_m": [[3.0, -4.0], [20.0, -4.0]], "speed_m_s": 1.0},
+        {"kind": "beside", "distance_m": 3.0, "side": "left", "lead_m": -0.5},
+    ],
+    ids=lambda route: route["kind"],
+)
+def test_a_cover_means_the_same_on_every_route(route: dict[str, Any]):
+    keys = {"robot.route": route, "place.clutter": 0.0, "axes.occlusion.kind": "pillar", "axes.occlusion.at_s": AT_S}
+    with Simulation(scenario.load("plaza-walk", {**CLEAR, **keys})) as simulation:
+        simulation.reset(3)
+        for _ in range(round((AT_S - 0.5) * RATE_HZ)):
+            simulation.world.advance()
+        fraction = np.array([1.0] + [simulation.advance().truth.visible_fraction for _ in range(60)])
+    assert_as_asked(fraction, AT_S - 0.5, ((AT_S, 1.0),), 1.0)
