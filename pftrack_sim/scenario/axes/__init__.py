@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from pftrack_sim.scenario.axes.axis import Axis
+from pftrack_sim.scenario.axes.distractors import DistractorsAxis
 from pftrack_sim.scenario.axes.jitter import JitterAxis
+from pftrack_sim.scenario.axes.occlusion import OcclusionAxis
+from pftrack_sim.scenario.axes.target import TargetAxis
 from pftrack_sim.scenario.section import Section
 
 
@@ -11,6 +14,9 @@ class Axes(Section):
     """Stress axes. Severity 0 leaves the scenario as it is."""
 
     jitter: JitterAxis = JitterAxis()
+    occlusion: OcclusionAxis = OcclusionAxis()
+    distractors: DistractorsAxis = DistractorsAxis()
+    target: TargetAxis = TargetAxis()
 
 
 def axes_by_name() -> dict[str, type[Axis]]:
@@ -23,4 +29,4 @@ def axes_by_name() -> dict[str, type[Axis]]:
     return found
 
 
-__all__ = ["Axes", "Axis", "JitterAxis", "axes_by_name"]
+__all__ = ["Axes", "Axis", "DistractorsAxis", "JitterAxis", "OcclusionAxis", "TargetAxis", "axes_by_name"]
