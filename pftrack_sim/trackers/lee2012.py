@@ -22,17 +22,18 @@ from numpy.typing import NDArray
 from pftrack_sim import boxes, streams
 from pftrack_sim.boxes import Box
 from pftrack_sim.records import Estimate, Image
+from pftrack_sim.trackers.appearance.blocks import block_size, read_blocks
 from pftrack_sim.trackers.appearance.colour import hsv_joint_codes
 from pftrack_sim.trackers.appearance.histogram import distance_layout, histograms
 from pftrack_sim.trackers.appearance.hog import COLUMNS, ROWS, hog
-from pftrack_sim.trackers.appearance.reduced import reduced
 from pftrack_sim.trackers.appearance.subspace import SlidingSubspace, residuals
 from pftrack_sim.trackers.checked import CheckedTracker
 from pftrack_sim.trackers.filter import ConstantVelocity, ParticleFilter
 from pftrack_sim.trackers.params import Between, settle
 
 COLOUR_BINS = (8, 8, 4)
-MIN_SIZE_PX = 2.0
+MIN_SIZE_SHARE = 0.1
+"""Of the first box: no particle is narrower or lower. Not in pixels, which would tell image sizes apart."""
 _LAYOUT = distance_layout(ROWS, COLUMNS, 1, math.prod(COLOUR_BINS))
 
 
@@ -135,6 +136,7 @@ class Lee2012(CheckedTracker):
         self._filter: ParticleFilter
         self._models: tuple[_Model, ...]
         self._state = np.zeros(6)
+        self._first_size = np.zeros(2)
         self._usual: deque[float] = deque(maxlen=params.window)
 
     def _start(self, image: Image, box: Box) -> None:
@@ -145,7 +147,8 @@ class Lee2012(CheckedTracker):
         states[:, :2] += rng.uniform(-1.0, 1.0, (p.particle_count, 2)) * p.start_spread * box[2:]
         self._filter = ParticleFilter(states, rng)
         self._usual.clear()
-        first = _Look(image, box[None], box, self._method.shape).features(box[None])
+        self._first_size = np.array(box[2:])
+        first = _Look(image, box[None], self._block(), self._method.shape).features(box[None])
         window = p.window if self._method.learning else 0
         share = p.alpha if self._method.shape else 1.0
         kinds = ((share, p.sigma_colour, p.learned_sigma_colour), (1.0 - share, p.sigma_hog, p.learned_sigma_hog))
@@ -156,9 +159,10 @@ class Lee2012(CheckedTracker):
         moving = self._filter
         moving.predict(ConstantVelocity(self._reach(), self.params.keep_shape))
         moving.states[:, :2] = np.clip(moving.states[:, :2], 0.0, (width_px, height_px))
-        moving.states[:, 2:4] = np.clip(moving.states[:, 2:4], MIN_SIZE_PX, (2.0 * width_px, 2.0 * height_px))
+        moving.states[:, 2:4] = np.maximum(moving.states[:, 2:4], MIN_SIZE_SHARE * self._first_size)
+        moving.states[:, 2:4] = np.minimum(moving.states[:, 2:4], (2.0 * width_px, 2.0 * height_px))
         particles = _boxes(moving.states)
-        look = _Look(image, particles, _boxes(self._state[None])[0], self._method.shape)
+        look = _Look(image, particles, self._block(), self._method.shape)
         pairs = list(zip(self._models, look.features(particles), strict=True))
         with np.errstate(divide="ignore"):
             moving.weigh(np.log(sum(model.share * model.likelihood(seen) for model, seen in pairs)))
@@ -179,6 +183,10 @@ class Lee2012(CheckedTracker):
             self._usual.append(confidence)
         return believed
 
+    def _block(self) -> tuple[float, float]:
+        """Width and height of the blocks in which the image is read [px]."""
+        return block_size(self._first_size, self._state[2:4], (COLUMNS, ROWS))
+
     def _reach(self) -> tuple[float, float, float, float]:
         """Half the width of the noise of w, h, vx, vy per frame [px]."""
         p = self.params
@@ -195,12 +203,12 @@ class _Look:
     Args:
         image: `(H, W, 3)` uint8 RGB.
         near: `(N, 4)` boxes [px]; those asked for later lie within their hull.
-        box: `(4,)` box whose size says how coarse the image may be read [px].
+        block: Width and height of the blocks in which the image is read [px].
         shape: Whether HOG is wanted.
     """
 
-    def __init__(self, image: Image, near: NDArray[np.float64], box: Box, shape: bool) -> None:
-        self._part = reduced(image, near, (float(box[2]), float(box[3])), (COLUMNS, ROWS))
+    def __init__(self, image: Image, near: NDArray[np.float64], block: tuple[float, float], shape: bool) -> None:
+        self._part = read_blocks(image, near, block)
         self._codes = hsv_joint_codes(self._part.pixels, COLOUR_BINS)
         grey = cv2.cvtColor(self._part.pixels, cv2.COLOR_RGB2GRAY) if shape else None
         self._grey = None if grey is None else np.asarray(grey, dtype=np.uint8)

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pftrack_sim import boxes, trackers
+from pftrack_sim.trackers.appearance.blocks import block_size, read_blocks
 from pftrack_sim.trackers.appearance.colour import hsv_joint_codes
 from pftrack_sim.trackers.appearance.histogram import distance_layout, histogram, histograms
-from pftrack_sim.trackers.appearance.reduced import reduced
 from pftrack_sim.trackers.filter import ConstantVelocity
-from pftrack_sim.trackers.lee2012 import METHODS, PAPER, Lee2012
+from pftrack_sim.trackers.lee2012 import METHODS, PAPER, PRESETS, Lee2012
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 NAMES = sorted(METHODS)
@@ -76,12 +76,16 @@ def test_same_seed_same_bits_and_init_forgets(make_scene: Callable[..., Scene], 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", range(3))
-def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scene], name: str, seed: int):
+@pytest.mark.parametrize("preset", trackers.PRESETS)
+def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scene], name: str, seed: int, preset: str):
+    """The preset `paper` has its noise in pixels, as printed, and so needs twice the noise."""
     images, truth = make_scene(count=25)
     doubled = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST) for image in images]
-    # Until texture of the last pixel's size: a box drawn twice as large has edges twice as wide before it is resized.
-    small = run(images, truth[0], name, seed=seed, window=12)
-    large = run(doubled, 2 * truth[0], name, seed=seed, window=12)
+    numbers = PRESETS[preset]
+    noise = {key: getattr(numbers, key) for key in vars(numbers) if key.startswith("noise_") and key != "noise_unit"}
+    twice = {key: 2 * value for key, value in noise.items()} if numbers.noise_unit == "px" else {}
+    small = run(images, truth[0], name, seed=seed, preset=preset, window=12)
+    large = run(doubled, 2 * truth[0], name, seed=seed, preset=preset, window=12, **twice)
     assert np.abs(large - 2 * small).max() <= 2
 
 
@@ -201,26 +205,56 @@ def test_many_histograms_are_one_and_one(x: float, y: float, w: float, h: float)
     assert both[1].sum() == pytest.approx(1, abs=1e-12)
 
 
-def test_reduced_images_hold_means_of_blocks_and_boxes_stay_where_they_are():
+@pytest.mark.parametrize("block", [(3.0, 3.0), (1.0, 2.0), (1.0, 1.0)])
+def test_blocks_hold_means_and_boxes_stay_where_they_are(block: tuple[float, float]):
     image = np.random.default_rng(0).integers(0, 256, (200, 180, 3), dtype=np.uint8)
     box = np.array([41.0, 33, 48, 72])
-    part = reduced(image, box[None], (48, 72), (16, 24))
-    assert part.step.tolist() == [3, 3]
+    part = read_blocks(image, box[None], block)
+    assert part.step.tolist() == list(block)
     x, y = (int(one) for one in part.origin)
+    width, height = (int(one) for one in block)
     rows, columns = part.pixels.shape[:2]
-    cut = image[y : y + 3 * rows, x : x + 3 * columns].astype(np.float64)
-    means = cut.reshape(rows, 3, columns, 3, 3).mean(axis=(1, 3))
+    cut = image[y : y + height * rows, x : x + width * columns].astype(np.float64)
+    means = cut.reshape(rows, height, columns, width, 3).mean(axis=(1, 3))
     assert np.abs(part.pixels - means).max() <= 0.5 + 1e-9
     local = part.local(box[None])[0]
-    assert np.allclose(local[:2] * 3 + part.origin, box[:2], rtol=0, atol=1e-12)
-    assert np.allclose(local[2:] * 3, box[2:], rtol=0, atol=1e-12)
+    assert np.allclose(local[:2] * block + part.origin, box[:2], rtol=0, atol=1e-12)
+    assert np.allclose(local[2:] * block, box[2:], rtol=0, atol=1e-12)
     assert (local[:2] >= 0).all()
     assert (local[:2] + local[2:] <= [columns, rows]).all()
+
+
+@given(st.floats(1, 9), st.floats(1, 9), st.floats(-20, 90), st.floats(-20, 90))
+def test_blocks_of_broken_size_are_integrals_over_area(width: float, height: float, x: float, y: float):
+    """Against the integral image, read between its points; there the integral of a piecewise constant image is."""
+    image = np.random.default_rng(1).integers(0, 256, (61, 83, 3), dtype=np.uint8)
+    part = read_blocks(image, np.array([[x, y, 20.0, 25]]), (width, height))
+    rows, columns = part.pixels.shape[:2]
+    ends_x = part.origin[0] + np.arange(columns + 1) * width
+    ends_y = part.origin[1] + np.arange(rows + 1) * height
+    for channel in range(3):
+        total = np.pad(image[..., channel].astype(np.float64).cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+        down = np.array([np.interp(ends_y, np.arange(62), column) for column in total.T])
+        both = np.array([np.interp(ends_x, np.arange(84), row) for row in down.T])
+        means = np.diff(np.diff(both, axis=0), axis=1) / (width * height)
+        assert np.abs(part.pixels[..., channel] - means).max() <= 0.51
 
 
 @given(st.integers(1, 60), st.integers(1, 60), st.floats(-90, 90), st.floats(-90, 90), st.floats(0.1, 500))
 def test_some_of_the_image_is_always_left(width: int, height: int, x: float, y: float, side: float):
     image = np.zeros((height, width, 3), np.uint8)
-    part = reduced(image, np.array([[x, y, side, side]]), (side, side), (16, 24))
+    size = np.array([side, side])
+    part = read_blocks(image, np.array([[x, y, side, side]]), block_size(size, size, (16, 24)))
     assert part.pixels.size > 0
-    assert (part.origin + part.step * part.pixels.shape[1::-1] <= [width, height]).all()
+    assert (part.origin >= 0).all()
+    assert (part.origin + part.step * part.pixels.shape[1::-1] <= np.array([width, height]) + 1e-9).all()
+
+
+def test_a_box_is_read_in_as_many_blocks_as_points_whatever_its_size():
+    for factor in np.geomspace(0.2, 5, 40):
+        first = np.array([160.0, 240])
+        width, height = block_size(first, factor * first, (16, 24))
+        assert 0.7 < factor * 160 / width / 16 < 1.42
+        assert width == height
+    small = np.array([3.0, 4])
+    assert block_size(small, small, (16, 24)) == (1, 1)
