@@ -31,7 +31,7 @@ def save_video(
         seed: Root seed.
         path: File ending in `.mp4`.
         truth: Draw the truth's boxes.
-        backend: OpenGL backend.
+        backend: Renderer, by name.
         on_frame: Called after every frame.
     """
     rate_hz = scenario.resolve(seed).camera.rate_hz
@@ -56,7 +56,7 @@ def save_image(
         path: File ending in `.png` or `.jpg`.
         at_s: Time of the frame since the start of the episode; it must lie within the episode.
         truth: Draw the truth's boxes.
-        backend: OpenGL backend.
+        backend: Renderer, by name.
     """
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ParameterError(f"an image's name must end in .png or .jpg, got {str(path)!r}")

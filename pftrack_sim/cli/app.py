@@ -29,7 +29,10 @@ Settings = Annotated[
 Seeds = Annotated[str, typer.Option(metavar="SEEDS", help="Seeds: 3, 0:20 (20 excluded) or 1,5,9.")]
 Trackers = Annotated[str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers, by name.")]
 Preset = Annotated[str, typer.Option(help="Preset of the trackers: default or paper.")]
-Backend = Annotated[str | None, typer.Option(help="OpenGL library: egl or osmesa; default is the first that works.")]
+Backend = Annotated[
+    str | None,
+    typer.Option("--renderer", "--backend", help="gl, egl, osmesa or warp; default: OpenGL if it loads, else warp."),
+]
 
 
 @app.command("list")

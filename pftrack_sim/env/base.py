@@ -35,7 +35,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
         overrides: Dotted keys and values, `{"duration_s": 5, "axes.jitter.severity": 2.0}`.
         render_mode: `"rgb_array"` or None. What it draws has the truth and the last answer on it.
-        backend: `"egl"`, `"osmesa"`, or None for the first that works.
+        backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
 
     Raises:
         UnknownNameError: No such scenario.

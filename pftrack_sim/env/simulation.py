@@ -16,8 +16,7 @@ from pftrack_sim.camera.optics import intrinsics
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.errors import ScenarioError
 from pftrack_sim.records import Frame
-from pftrack_sim.render.context import candidates
-from pftrack_sim.render.rasteriser import Rasteriser
+from pftrack_sim.render.choice import DescribedRenderer, check_name, open_renderer
 from pftrack_sim.render.truth import TruthMaker
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.world import World
@@ -28,19 +27,19 @@ class Simulation:
 
     Args:
         scenario: The scenario with its ranges.
-        backend: `"egl"`, `"osmesa"`, or None for the first that works.
+        backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
 
     Raises:
         UnknownNameError: An unknown backend.
-        RenderError: No OpenGL library can draw off-screen (raised at the first reset).
+        RenderError: Nothing can draw off-screen (raised at the first reset).
     """
 
     def __init__(self, scenario: Scenario, *, backend: str | None = None) -> None:
         self.scenario = scenario
-        candidates(backend)  # a wrong name is told now, not at the first reset
+        check_name(backend)  # a wrong name is told now, not at the first reset
         self._backend = backend
         self._image_size: tuple[int, int] | None = None
-        self._rasteriser: Rasteriser | None = None
+        self._renderer: DescribedRenderer | None = None
         self._world: World | None = None
 
     def reset(self, seed: int) -> Frame:
@@ -62,16 +61,16 @@ class Simulation:
         # The old world goes first: two compiled models at once would double the memory of a reset.
         self._world = None
         world = World(settings, seed)
-        if self._rasteriser is None:
-            self._rasteriser = Rasteriser(world.model, *size, backend=self._backend)
+        if self._renderer is None:
+            self._renderer = open_renderer(world.model, *size, self._backend)
         else:
-            self._rasteriser.rebind(world.model)
+            self._renderer.rebind(world.model)
         self._image_size = size
         self._world = world
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
         self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         self._sensor = Sensor(settings.sensor)
-        self._truth = TruthMaker(world.model, world.people, self._rasteriser, self._K)
+        self._truth = TruthMaker(world.model, world.people, self._renderer, self._K)
         self._index = 0
         return self._shoot()
 
@@ -88,10 +87,10 @@ class Simulation:
 
     def _shoot(self) -> Frame:
         world = self.world
-        assert self._rasteriser is not None
+        assert self._renderer is not None
         T_world_camera = self._vibration.displace(world.camera_pose(), world.time_s)
         world.light()
-        drawn = self._rasteriser.color(world.data, T_world_camera, self._K)
+        drawn = self._renderer.color(world.data, T_world_camera, self._K)
         image = self._sensor.expose(drawn)
         people = self._truth.observe(world.data, T_world_camera, image, world.time_s, world.root_poses())
         image.setflags(write=False)
@@ -111,14 +110,14 @@ class Simulation:
 
     @property
     def graphics(self) -> str:
-        """What draws: the name of the OpenGL backend, its vendor and version; empty before the first reset."""
-        return self._rasteriser.description if self._rasteriser is not None else ""
+        """What draws, in one line; empty before the first reset."""
+        return self._renderer.description if self._renderer is not None else ""
 
     def close(self) -> None:
-        """Free the graphics context. Closing twice is fine."""
-        if self._rasteriser is not None:
-            self._rasteriser.close()
-        self._rasteriser = None
+        """Free the renderer. Closing twice is fine."""
+        if self._renderer is not None:
+            self._renderer.close()
+        self._renderer = None
         self._world = None
 
     def __enter__(self) -> Simulation:

@@ -10,6 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.records import Image
+from pftrack_sim.world.layout import PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP
+
+DRAWN_GROUPS = (SCENERY_GROUP, PEOPLE_GROUP, ROBOT_GROUP)
+"""Geom groups that renderers draw."""
+
+_UNSET_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+
+
+def geoms_drawn(model: Any) -> NDArray[np.bool_]:
+    """`(ngeom,)` which geoms are drawn at all: those of the drawn groups that are not wholly transparent."""
+    opacity = model.geom_rgba[:, 3].copy()
+    # MuJoCo's rule: a geom's own colour holds unless it was left at grey 0.5 and there is a material.
+    by_material = (model.geom_matid >= 0) & (model.geom_rgba == _UNSET_RGBA).all(axis=1)
+    opacity[by_material] = model.mat_rgba[model.geom_matid[by_material], 3]
+    return np.isin(model.geom_group, DRAWN_GROUPS) & (opacity > 0.0)
 
 
 class PixelRect(NamedTuple):

@@ -8,6 +8,7 @@ import sys
 from dataclasses import asdict, dataclass
 
 from pftrack_sim.errors import RenderError
+from pftrack_sim.render.choice import WARP_REMEDY, warp_installed
 from pftrack_sim.render.context import REMEDIES, GLInfo, candidates, probe
 
 _PATIENCE_S = 60.0
@@ -34,32 +35,37 @@ class Report:
     """What was found.
 
     Attributes:
-        attempts: Every library that this system may have, in the order they are tried.
+        attempts: Every OpenGL library that this system may have, in the order they are tried.
+        warp: Whether the ray caster is installed, which needs no OpenGL.
     """
 
     attempts: tuple[Attempt, ...]
+    warp: bool = False
 
     @property
     def chosen(self) -> Attempt | None:
-        """The first that can draw, which is what draws the frames; None if none can."""
+        """The first OpenGL library that can draw; None if none can."""
         return next((attempt for attempt in self.attempts if attempt.info is not None), None)
 
     @property
     def usable(self) -> bool:
         """Whether anything can draw."""
-        return self.chosen is not None
+        return self.chosen is not None or self.warp
 
     def lines(self) -> list[str]:
         """The report as text, a line each."""
         lines = [f"{attempt.backend}: {_sentence(attempt)}" for attempt in self.attempts]
+        lines.append("warp: installed" if self.warp else f"warp: not installed; it needs\n{WARP_REMEDY}")
         if self.chosen is not None:
             return [*lines, f"Frames are drawn with {self.chosen.backend}."]
-        return [*lines, "Nothing can draw. Install one of:", *REMEDIES.splitlines()]
+        if self.warp:
+            return [*lines, "Frames are drawn with warp, as no OpenGL library can draw."]
+        return [*lines, "Nothing can draw. Install one of:", *REMEDIES.splitlines(), *WARP_REMEDY.splitlines()]
 
 
 def report() -> Report:
     """Try every OpenGL library, each in a process of its own: one process can use only one, and drivers crash."""
-    return Report(tuple(_attempt(backend) for backend in candidates()))
+    return Report(tuple(_attempt(backend) for backend in candidates()), warp_installed())
 
 
 def _sentence(attempt: Attempt) -> str:

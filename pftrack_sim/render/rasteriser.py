@@ -18,12 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.camera.optics import camera_matrix, frustum
 from pftrack_sim.errors import ParameterError
 from pftrack_sim.records import Image
-from pftrack_sim.render.backend import Layer, PixelRect
+from pftrack_sim.render.backend import DRAWN_GROUPS, Layer, PixelRect, geoms_drawn
 from pftrack_sim.render.bounds import Bounds
 from pftrack_sim.render.context import GLContext, GLInfo, open_context
-from pftrack_sim.world.layout import PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP
+from pftrack_sim.world.layout import SCENERY_GROUP
 
-_DRAWN_GROUPS = (SCENERY_GROUP, PEOPLE_GROUP, ROBOT_GROUP)
 _NEVER_DRAWN = 5
 """A geom group that no option of ours shows."""
 
@@ -138,7 +137,7 @@ class Rasteriser:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = self._fog
         self._ids_model: mujoco.MjModel | None = None
         self._ids_scene: mujoco.MjvScene | None = None
-        self._visible = self._find_visible()
+        self._visible = geoms_drawn(model)
         self._bounds = Bounds(model)
         self._scene_geoms = list(self._scene.geoms)
 
@@ -282,21 +281,12 @@ class Rasteriser:
             self._ids_model, self._ids_scene = copy.copy(self._model), scene
         return self._ids_model, self._ids_scene
 
-    def _find_visible(self) -> NDArray[np.bool_]:
-        model = self._model
-        opacity = model.geom_rgba[:, 3].copy()
-        # MuJoCo's rule: a geom's own colour holds unless it was left at grey 0.5 and there is a material.
-        by_material = (model.geom_matid >= 0) & (model.geom_rgba == _UNSET_RGBA).all(axis=1)
-        opacity[by_material] = model.mat_rgba[model.geom_matid[by_material], 3]
-        return np.isin(model.geom_group, _DRAWN_GROUPS) & (opacity > 0.0)
-
     def _free_drawing(self) -> None:
         while self._drawing:
             self._drawing.pop().free()
 
 
 _NO_PERTURBATION = mujoco.MjvPerturb()
-_UNSET_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 
 
 def _options() -> mujoco.MjvOption:
@@ -312,7 +302,7 @@ def _options() -> mujoco.MjvOption:
         options.skingroup,
     ):
         groups[:] = 0
-    options.geomgroup[list(_DRAWN_GROUPS)] = 1
+    options.geomgroup[list(DRAWN_GROUPS)] = 1
     return options
 
 

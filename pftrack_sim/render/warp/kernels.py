@@ -1,0 +1,361 @@
+"""What runs on the device: one ray per pixel, its geom and depth, its colour, and boxes around people.
+
+Intersections, textures, sky and light are MuJoCo Warp's own functions. Its ready-made kernel is not used because it
+bakes number of lights and ambient light into the code (a compilation per scene, none of the scenario's schedules), has
+no geoms without a shadow, and always casts the whole image.
+"""
+
+# Warp reads annotations as values: they stay unquoted, and look odd to a type checker.
+# pyright: reportInvalidTypeForm=false, reportPrivateUsage=false, reportGeneralTypeIssues=false
+# pyright: reportIndexIssue=false, reportCallIssue=false, reportArgumentType=false, reportOperatorIssue=false
+# pyright: reportAssignmentType=false, reportAttributeAccessIssue=false, reportPrivateImportUsage=false
+
+import warp as wp
+from mujoco_warp._src import render as caster
+from mujoco_warp._src.types import GeomType
+
+KINDS = tuple(
+    sorted(
+        int(kind)
+        for kind in (
+            GeomType.PLANE,
+            GeomType.SPHERE,
+            GeomType.CAPSULE,
+            GeomType.ELLIPSOID,
+            GeomType.CYLINDER,
+            GeomType.BOX,
+            GeomType.MESH,
+        )
+    )
+)
+"""Types of geoms that can be drawn."""
+
+# One module for all kernels: what they share is compiled once.
+wp.set_module_options({"enable_backward": False})
+
+_nearest = caster._make_cast_ray(KINDS, first_hit=False)
+_lit = caster._make_compute_lighting(caster._make_cast_ray(KINDS, first_hit=True))
+_texture = caster._make_sample_texture(KINDS)
+
+
+@wp.struct
+class Geoms:
+    """Shapes, looks and positions of the geoms of all worlds, one after the other."""
+
+    kind: wp.array(dtype=int)
+    data: wp.array2d(dtype=int)
+    material: wp.array2d(dtype=int)
+    size: wp.array2d(dtype=wp.vec3)
+    rgba: wp.array2d(dtype=wp.vec4)
+    position: wp.array2d(dtype=wp.vec3)
+    turn: wp.array2d(dtype=wp.mat33)
+    mesh: wp.array(dtype=wp.uint64)
+    none_int: wp.array(dtype=int)
+    none_float: wp.array(dtype=float)
+    none_edge: wp.array(dtype=wp.vec2i)
+    none_points: wp.array2d(dtype=wp.vec3)
+    none_ids: wp.array(dtype=wp.uint64)
+    none_rgba: wp.array(dtype=wp.vec4)
+    none_roots: wp.array2d(dtype=int)
+
+
+@wp.struct
+class Looks:
+    """Materials, how textures lie on meshes, and lights."""
+
+    rgba: wp.array2d(dtype=wp.vec4)
+    texture: wp.array(dtype=int)
+    repeat: wp.array(dtype=wp.vec2)
+    uniform: wp.array(dtype=int)
+    emission: wp.array(dtype=float)
+    specular: wp.array(dtype=float)
+    shininess: wp.array(dtype=float)
+    face_start: wp.array(dtype=int)
+    face_texcoord: wp.array(dtype=wp.vec3i)
+    texcoord: wp.array(dtype=wp.vec2)
+    texcoord_start: wp.array(dtype=int)
+    face_normal: wp.array(dtype=wp.vec3i)
+    normal_start: wp.array(dtype=int)
+    normal: wp.array(dtype=wp.vec3)
+    sky: wp.array(dtype=int)
+    sky_width: wp.array(dtype=int)
+    ambient: wp.array(dtype=wp.vec3)
+    light_start: wp.array(dtype=int)
+    light_count: wp.array(dtype=int)
+    light_kind: wp.array(dtype=int)
+    light_shadow: wp.array(dtype=int)
+    light_position: wp.array(dtype=wp.vec3)
+    light_direction: wp.array(dtype=wp.vec3)
+    light_attenuation: wp.array(dtype=wp.vec3)
+    light_cutoff: wp.array(dtype=float)
+    light_exponent: wp.array(dtype=float)
+    light_diffuse: wp.array(dtype=wp.vec3)
+    light_specular: wp.array(dtype=wp.vec3)
+
+
+@wp.struct
+class Tree:
+    """Bounding boxes of some geoms: a group per world."""
+
+    id: wp.uint64
+    roots: wp.array(dtype=int)
+    geoms: wp.array(dtype=int)
+    count: int
+
+
+@wp.struct
+class Cameras:
+    """One camera per world; camera axes as OpenCV."""
+
+    eye: wp.array(dtype=wp.vec3)
+    turn: wp.array(dtype=wp.mat33)
+    focal_centre: wp.array(dtype=wp.vec4)
+    near: float
+    far: float
+
+
+@wp.func
+def ray_of(cameras: Cameras, world: int, x: float, y: float):
+    """Where the ray through image point x, y [px] crosses the near plane, its direction, and the cosine to the axis."""
+    lens = cameras.focal_centre[world]
+    local = wp.normalize(wp.vec3((x - lens[2]) / lens[0], (y - lens[3]) / lens[1], 1.0))
+    direction = cameras.turn[world] @ local
+    return cameras.eye[world] + direction * (cameras.near / local[2]), direction, local[2]
+
+
+@wp.func
+def hit(geoms: Geoms, looks: Looks, tree: Tree, world: int, origin: wp.vec3, direction: wp.vec3, reach: float):
+    """What a ray meets first: geom, distance, normal, barycentric coordinates, face, mesh."""
+    return _nearest(
+        geoms.kind,
+        geoms.data,
+        geoms.material,
+        geoms.size,
+        geoms.rgba,
+        geoms.none_int,
+        geoms.none_edge,
+        geoms.none_float,
+        looks.rgba,
+        geoms.position,
+        geoms.turn,
+        geoms.none_points,
+        tree.id,
+        tree.roots[world],
+        0,
+        tree.count,
+        0,
+        tree.geoms,
+        geoms.mesh,
+        geoms.none_ids,
+        geoms.none_rgba,
+        geoms.none_int,
+        geoms.none_int,
+        geoms.none_ids,
+        geoms.none_roots,
+        origin,
+        direction,
+        reach,
+        True,
+    )
+
+
+@wp.kernel
+def cast_ids(
+    geoms: Geoms,
+    looks: Looks,
+    tree: Tree,
+    cameras: Cameras,
+    left: int,
+    top: int,
+    width: int,
+    ids: wp.array2d(dtype=int),
+    nearness: wp.array2d(dtype=float),
+):
+    """Geom and 1 / depth of each pixel of a rectangle; -1 and 0 where there is none."""
+    world, pixel = wp.tid()
+    x = float(left + pixel % width) + 0.5
+    y = float(top + pixel // width) + 0.5
+    origin, direction, cosine = ray_of(cameras, world, x, y)
+    geom, far, _normal, _u, _v, _face, _mesh = hit(
+        geoms, looks, tree, world, origin, direction, (cameras.far - cameras.near) / cosine
+    )
+    ids[world, pixel] = geom
+    nearness[world, pixel] = 0.0
+    if geom >= 0:
+        nearness[world, pixel] = 1.0 / (cameras.near + far * cosine)
+
+
+@wp.func
+def colour_of(
+    geoms: Geoms,
+    looks: Looks,
+    textures: wp.array(dtype=wp.Texture2D),
+    tree: Tree,
+    casters: Tree,
+    cameras: Cameras,
+    shadows: bool,
+    world: int,
+    x: float,
+    y: float,
+):
+    """Light that arrives through image point x, y: 0 to 1."""
+    origin, direction, cosine = ray_of(cameras, world, x, y)
+    geom, far, normal, u, v, face, mesh = hit(
+        geoms, looks, tree, world, origin, direction, (cameras.far - cameras.near) / cosine
+    )
+    colour = wp.vec3(0.0)
+    if geom < 0:
+        if looks.sky[world] >= 0:
+            colour = caster.sample_skybox(textures[looks.sky[world]], 1.0 / float(looks.sky_width[world]), direction)
+        return colour
+    turn = geoms.turn[0, geom]
+    if mesh >= 0 and face >= 0:
+        flat = wp.transpose(turn) @ normal
+        corners = looks.face_normal[looks.face_start[mesh] + face]
+        start = looks.normal_start[mesh]
+        smooth = (
+            caster.vertex_normal(looks.normal[start + corners[0]], flat) * u
+            + caster.vertex_normal(looks.normal[start + corners[1]], flat) * v
+            + caster.vertex_normal(looks.normal[start + corners[2]], flat) * (1.0 - u - v)
+        )
+        normal = wp.normalize(turn @ smooth)
+    point = origin + direction * far
+    paint, material = caster._geom_rgba(geoms.material, geoms.rgba, looks.rgba, 0, geom)
+    base = wp.vec3(paint[0], paint[1], paint[2])
+    specular = float(0.5)
+    shine = float(64.0)
+    glow = float(0.0)
+    if material >= 0:
+        specular = looks.specular[material]
+        shine = looks.shininess[material] * 128.0
+        glow = looks.emission[material]
+        texture = looks.texture[material]
+        if texture >= 0:
+            base = wp.cw_mul(
+                base,
+                _texture(
+                    geoms.kind,
+                    looks.face_start,
+                    geom,
+                    geoms.size[0, geom],
+                    looks.repeat[material],
+                    looks.uniform[material] != 0,
+                    textures[texture],
+                    geoms.position[0, geom],
+                    turn,
+                    looks.face_texcoord,
+                    looks.texcoord,
+                    looks.texcoord_start,
+                    point,
+                    normal,
+                    u,
+                    v,
+                    face,
+                    mesh,
+                ),
+            )
+    colour = base * glow + wp.cw_mul(base, looks.ambient[world])
+    for index in range(looks.light_count[world]):
+        light = looks.light_start[world] + index
+        diffuse, gloss = _lit(
+            geoms.kind,
+            geoms.data,
+            geoms.material,
+            geoms.size,
+            geoms.rgba,
+            geoms.none_int,
+            geoms.none_edge,
+            geoms.none_float,
+            looks.rgba,
+            geoms.position,
+            geoms.turn,
+            geoms.none_points,
+            shadows and casters.count > 0,
+            casters.id,
+            casters.roots[world],
+            casters.count,
+            0,
+            casters.geoms,
+            0,
+            geoms.mesh,
+            geoms.none_ids,
+            geoms.none_rgba,
+            geoms.none_int,
+            geoms.none_int,
+            geoms.none_ids,
+            geoms.none_roots,
+            True,
+            looks.light_kind[light],
+            looks.light_shadow[light] != 0,
+            looks.light_position[light],
+            looks.light_direction[light],
+            looks.light_attenuation[light],
+            looks.light_cutoff[light],
+            looks.light_exponent[light],
+            looks.light_diffuse[light],
+            looks.light_specular[light],
+            normal,
+            point,
+            -direction,
+            specular,
+            shine,
+            True,
+            0.0,
+            True,
+            False,
+            True,
+        )
+        colour += wp.cw_mul(base, diffuse) + gloss
+    return wp.vec3(wp.clamp(colour[0], 0.0, 1.0), wp.clamp(colour[1], 0.0, 1.0), wp.clamp(colour[2], 0.0, 1.0))
+
+
+@wp.kernel
+def cast_colour(
+    geoms: Geoms,
+    looks: Looks,
+    textures: wp.array(dtype=wp.Texture2D),
+    tree: Tree,
+    casters: Tree,
+    cameras: Cameras,
+    shadows: bool,
+    width: int,
+    samples: int,
+    image: wp.array3d(dtype=wp.uint8),
+):
+    """Colour of each pixel, the mean of samples x samples rays."""
+    world, pixel = wp.tid()
+    total = wp.vec3(0.0)
+    step = 1.0 / float(samples)
+    for sample in range(samples * samples):
+        x = float(pixel % width) + (float(sample % samples) + 0.5) * step
+        y = float(pixel // width) + (float(sample // samples) + 0.5) * step
+        total += colour_of(geoms, looks, textures, tree, casters, cameras, shadows, world, x, y)
+    total = total * (255.0 * step * step)
+    for channel in range(3):
+        image[world, pixel, channel] = wp.uint8(total[channel] + 0.5)
+
+
+@wp.kernel
+def roots_of(tree: wp.uint64, roots: wp.array(dtype=int)):
+    """Where the group of each world begins in a tree."""
+    world = wp.tid()
+    roots[world] = wp.bvh_get_group_root(tree, world)
+
+
+@wp.kernel
+def boxes_of(ids: wp.array2d(dtype=int), person: wp.array(dtype=int), width: int, boxes: wp.array3d(dtype=int)):
+    """First and last column and row of each person's visible pixels: left, top, right, bottom, and their number."""
+    world, pixel = wp.tid()
+    geom = ids[world, pixel]
+    if geom < 0:
+        return
+    who = person[geom]
+    if who < 0:
+        return
+    column = pixel % width
+    row = pixel // width
+    wp.atomic_min(boxes, world, who, 0, column)
+    wp.atomic_min(boxes, world, who, 1, row)
+    wp.atomic_max(boxes, world, who, 2, column)
+    wp.atomic_max(boxes, world, who, 3, row)
+    wp.atomic_add(boxes, world, who, 4, 1)

@@ -1,0 +1,55 @@
+"""OpenGL against the ray caster: a frame with the full truth, by image size, with and without shadows.
+
+    python tests/perf/perf_renderers.py
+
+Prints milliseconds of each and their ratio; the ratio is what to compare between machines.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.render.choice import warp_installed
+from pftrack_sim.scenario import load
+
+SIZES = ((84, 84), (160, 120), (320, 240), (640, 480))
+FRAMES = 5
+
+
+def frame_ms(backend: str, size: tuple[int, int], shadows: bool) -> float:
+    """Median time of drawing and truth, without the world's own motion."""
+    scenario = load("plaza-walk", {"camera.width_px": size[0], "camera.height_px": size[1]})
+    with Simulation(scenario, backend=backend) as simulation:
+        simulation.reset(3)
+        if not shadows:
+            simulation.world.model.light_castshadow[:] = False
+        # What a renderer has copied of the model is read anew.
+        assert simulation._renderer is not None
+        simulation._renderer.rebind(simulation.world.model)
+        simulation._shoot()
+        times = []
+        for _ in range(FRAMES):
+            simulation.world.advance(None)
+            start = time.perf_counter()
+            simulation._shoot()
+            times.append(time.perf_counter() - start)
+    return 1e3 * float(np.median(times))
+
+
+def main() -> None:
+    """Print the table."""
+    if not warp_installed():
+        print("the ray caster is not installed (pip install 'pftrack-sim[warp]'): nothing to compare")
+        return
+    print(f"{'size':>9} {'shadows':>8} {'gl ms':>8} {'warp ms':>8} {'warp/gl':>8}")
+    for size in SIZES:
+        for shadows in (True, False):
+            gl, warp = (frame_ms(name, size, shadows) for name in ("gl", "warp"))
+            print(f"{size[0]:>5}x{size[1]:<3} {'yes' if shadows else 'no':>8} {gl:8.1f} {warp:8.1f} {warp / gl:8.1f}")
+
+
+if __name__ == "__main__":
+    main()

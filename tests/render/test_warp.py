@@ -1,0 +1,186 @@
+"""The ray caster draws what OpenGL draws: same pixels, same truth, nearly the same colours."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.errors import ParameterError, RenderError, UnknownNameError
+from pftrack_sim.render import choice
+from pftrack_sim.render.backend import PixelRect
+from pftrack_sim.render.truth import TruthMaker
+from pftrack_sim.scenario import load, names
+
+pytest.importorskip("mujoco_warp")
+
+SIZE = {"camera.width_px": 160, "camera.height_px": 120}
+
+
+@pytest.fixture(scope="module", params=names())
+def pair(request: pytest.FixtureRequest):
+    """A running episode drawn by OpenGL, and a ray caster of the same model."""
+    from pftrack_sim.render.warp.raycaster import Raycaster
+
+    with Simulation(load(request.param, SIZE), backend="gl") as simulation:
+        simulation.reset(11)
+        world = simulation.world
+        with Raycaster(world.model, 160, 120) as caster:
+            yield simulation, caster
+
+
+def _views(simulation: Simulation, count: int, every: int = 8):
+    for _ in range(count):
+        for _ in range(every):
+            simulation.advance()
+        yield simulation.world.data, simulation.world.camera_pose()
+
+
+def test_the_truth_is_that_of_opengl(pair):
+    simulation, caster = pair
+    world, K = simulation.world, simulation._K
+    ours = TruthMaker(world.model, world.people, caster, K)
+    theirs = TruthMaker(world.model, world.people, simulation._renderer, K)
+    image = np.zeros((120, 160, 3), dtype=np.uint8)
+    for data, pose in _views(simulation, 3):
+        mine, other = (
+            maker.observe(data, pose, image, world.time_s, world.root_poses())[0] for maker in (ours, theirs)
+        )
+        assert mine.state == other.state
+        np.testing.assert_allclose(mine.amodal_box, other.amodal_box, atol=1e-9)
+        if other.state == "visible":
+            corners = [np.concatenate([box[:2], box[:2] + box[2:]]) for box in (mine.visible_box, other.visible_box)]
+            assert np.abs(corners[0] - corners[1]).max() <= 1.0
+            assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01 + 2.0 / max(other.box[2:].prod(), 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [203, 328, 422, 503, 578])
+def test_over_two_hundred_frames_boxes_states_and_occluders_agree(pair, seed: int):
+    simulation, caster = pair
+    simulation.reset(seed)
+    world, K = simulation.world, simulation._K
+    caster.rebind(world.model)
+    makers = [TruthMaker(world.model, world.people, one, K) for one in (caster, simulation._renderer)]
+    image = np.zeros((120, 160, 3), dtype=np.uint8)
+    for data, pose in _views(simulation, 10):
+        mine, other = (maker.observe(data, pose, image, world.time_s, world.root_poses())[0] for maker in makers)
+        assert (mine.state, mine.occluders) == (other.state, other.occluders)
+        assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01
+        if other.state == "visible":
+            corners = [np.concatenate([box[:2], box[:2] + box[2:]]) for box in (mine.visible_box, other.visible_box)]
+            assert np.abs(corners[0] - corners[1]).max() <= 1.0
+
+
+def test_colours_and_ids_are_close_to_opengl(pair):
+    simulation, caster = pair
+    gl, K = simulation._renderer, simulation._K
+    for data, pose in _views(simulation, 2):
+        ours, theirs = (one.color(data, pose, K).astype(float) for one in (caster, gl))
+        assert np.abs(ours - theirs).mean() < 12.0
+        assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 4.0
+        assert np.mean(caster.ids(data, pose, K).ids != gl.ids(data, pose, K).ids) < 0.02
+
+
+def test_a_rectangle_is_cut_out_of_the_whole(pair):
+    simulation, caster = pair
+    data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
+    rect = PixelRect(31, 17, 50, 44)
+    whole, part = caster.ids(data, pose, K), caster.ids(data, pose, K, within=rect)
+    np.testing.assert_array_equal(part.ids, whole.ids[rect.slices])
+    np.testing.assert_array_equal(part.nearness, whole.nearness[rect.slices])
+
+
+def test_only_what_is_shown_is_drawn_and_what_shows_stays_as_near(pair):
+    simulation, caster = pair
+    data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
+    whole = caster.ids(data, pose, K)
+    shown = np.asarray(simulation.world.model.geom_group) == 1
+    alone = caster.ids(data, pose, K, shown=shown)
+    assert shown[alone.ids[alone.ids >= 0]].all()
+    theirs = (whole.ids >= 0) & shown[whole.ids]
+    np.testing.assert_array_equal(alone.ids[theirs], whole.ids[theirs])
+    np.testing.assert_array_equal(alone.nearness[theirs], whole.nearness[theirs])
+    assert (caster.ids(data, pose, K, shown=np.zeros_like(shown)).ids == -1).all()
+
+
+def test_darker_lights_make_a_darker_picture(pair):
+    simulation, caster = pair
+    world, K = simulation.world, simulation._K
+    before = caster.color(world.data, world.camera_pose(), K).mean()
+    kept = world.model.light_diffuse.copy(), np.array(world.model.vis.headlight.ambient)
+    world.model.light_diffuse[:] *= 0.5
+    world.model.vis.headlight.ambient[:] *= 0.5
+    dark = caster.color(world.data, world.camera_pose(), K).mean()
+    world.model.light_diffuse[:], world.model.vis.headlight.ambient[:] = kept
+    assert dark < before
+    assert caster.color(world.data, world.camera_pose(), K).mean() == before
+
+
+def test_wrong_rectangles_poses_and_names_are_told(pair):
+    simulation, caster = pair
+    data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
+    with pytest.raises(ParameterError, match="rectangle"):
+        caster.ids(data, pose, K, within=PixelRect(150, 0, 20, 20))
+    with pytest.raises(ParameterError, match="T_world_camera"):
+        caster.color(data, pose * np.nan, K)
+    with pytest.raises(UnknownNameError, match="warp"):
+        Simulation(simulation.scenario, backend="wrap")
+
+
+_PROGRAM = """
+import hashlib, sys
+{hide}
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.scenario import load
+with Simulation(load("corridor", {size}), backend={backend}) as simulation:
+    digest = hashlib.sha256()
+    simulation.reset(5)
+    for _ in range(3):
+        frame = simulation.advance()
+        digest.update(frame.image.tobytes() + frame.truth.visible_box.tobytes())
+    print(simulation.graphics.split(":")[0], digest.hexdigest())
+"""
+_HIDE = """
+from pftrack_sim.render import platforms
+def hidden(name, mode): raise OSError(name + " is hidden")
+platforms._load = hidden
+"""
+
+
+def _digest(backend: str | None, hide: bool) -> list[str]:
+    program = _PROGRAM.format(hide=_HIDE if hide else "", size=SIZE, backend=repr(backend))
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()[-2:]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="hides what is looked up on Linux")
+def test_without_any_opengl_library_the_ray_caster_draws_the_same_bits_in_any_process():
+    hidden = _digest(None, hide=True)
+    assert hidden[0] == "warp"
+    assert hidden == _digest("warp", hide=False)
+
+
+def test_one_error_names_both_remedies_where_nothing_can_draw(monkeypatch: pytest.MonkeyPatch):
+    def nothing(*_: object) -> None:
+        raise RenderError("no OpenGL library could draw. Install one of:\n" + choice.REMEDIES)
+
+    monkeypatch.setattr(choice, "open_context", nothing)
+    monkeypatch.setattr(choice, "warp_installed", lambda: False)
+    with pytest.raises(RenderError) as caught:
+        choice.open_renderer(None, 16, 16)
+    for word in ("libegl1", "mesa-libEGL", "macOS", "Windows", "pftrack-sim[warp]"):
+        assert word in str(caught.value)
+
+
+def test_nothing_of_warp_is_imported_unless_chosen():
+    program = (
+        "import sys, pftrack_sim.env.simulation, pftrack_sim.render.doctor; "
+        "assert not {'warp', 'mujoco_warp'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
