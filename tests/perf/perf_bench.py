@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from pftrack_sim import trackers
-from pftrack_sim.bench import Contestant, Plan, make_plan, run
+from pftrack_sim.bench import Contestant, make_plan, run
 from pftrack_sim.bench.episode import Job, play
 from pftrack_sim.bench.folder import episode_files
 from pftrack_sim.bench.pools import Done
