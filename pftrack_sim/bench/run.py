@@ -62,17 +62,12 @@ def run(
         workers: Local processes; 0 runs everything in this one.
         scheduler: Address of a Dask scheduler to use instead.
         videos: `"first"`: of the first seed of each scenario and condition; `"all"`; or `"none"`.
-    <<<<<<< HEAD
-        backend: OpenGL backend.
+        backend: Renderer, by name.
         isolation: Which trackers get a process of their own: `"auto"` (those of strangers), `"always"` or `"never"`.
         limits: What those may take.
         part: Part k of n: only every n-th episode, from the k-th (1 is the first); other machines do the others.
         shuffle: A seed to shuffle the order of the episodes with.
         on_status: Called after every episode and a few times a second.
-    =======
-        backend: Renderer, by name.
-        on_frame: Called after every frame.
-    >>>>>>> main
 
     Returns:
         The run folder, to read.
