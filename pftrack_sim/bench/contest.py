@@ -31,7 +31,7 @@ class Entry:
 
     Attributes:
         name: As tables call it.
-        tracker: The tracker; None when it could not be made.
+        tracker: The tracker.
         estimates: One for each frame; None where it gave no valid answer.
         ms: Time it took for each frame.
         statuses: For each frame: `"waiting"` for the target to appear, `"init"`, `"ok"`, or `"failed"`.
@@ -39,7 +39,7 @@ class Entry:
     """
 
     name: str
-    tracker: Tracker | IsolatedTracker | None
+    tracker: Tracker | IsolatedTracker
     estimates: list[Estimate | None] = field(default_factory=list[Estimate | None])
     ms: list[float] = field(default_factory=list[float])
     statuses: list[Status] = field(default_factory=list[Status])
@@ -82,7 +82,6 @@ class Entry:
                 self.tracker.init(image, truth_box)
                 return Estimate(truth_box), self.tracker.took_ms
             return self.tracker.update(image), self.tracker.took_ms
-        assert self.tracker is not None
         own = image.copy()
         if isinstance(self.tracker, trackers.NeedsTruth):
             self.tracker.tell(truth_box)
@@ -145,11 +144,8 @@ def enter(
         if not is_isolated(who.name, isolation):
             entries.append(Entry(who.label, trackers.make(who.name, seed=seed, preset=who.preset, **who.params)))
             continue
-        try:
-            made = IsolatedTracker(who.name, seed=seed, preset=who.preset, params=who.params, limits=limits or Limits())
-            entries.append(Entry(who.label, made))
-        except Misbehaviour as error:
-            entries.append(Entry(who.label, None, failure=f"frame 0: could not be made: {error}"))
+        made = IsolatedTracker(who.name, seed=seed, preset=who.preset, params=who.params, limits=limits or Limits())
+        entries.append(Entry(who.label, made))
     return entries
 
 

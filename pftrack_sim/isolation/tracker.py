@@ -53,6 +53,8 @@ class Misbehaviour(Exception):
 class IsolatedTracker:
     """A tracker that runs in a process of its own; fresh, so that nothing is left over from other episodes.
 
+    It is made while the caller goes on: only the first question waits for it.
+
     Args:
         name: For `trackers.make`.
         seed: Root seed of the episode.
@@ -61,7 +63,6 @@ class IsolatedTracker:
         limits: What it may take.
 
     Raises:
-        Misbehaviour: It cannot be made.
         RunError: This process may not start others.
 
     Attributes:
@@ -91,14 +92,25 @@ class IsolatedTracker:
         self._heard_bytes = 0
         self._listener = threading.Thread(target=self._listen, args=(self._noise,), daemon=True)
         self._listener.start()
-        try:
-            made = self._ask(
-                {"do": "make", "name": name, "seed": seed, "preset": preset, "params": params}, limits.make_s
-            )
-        except BaseException:
-            self.close()
-            raise
-        self.needs_truth = bool(made["needs_truth"])
+        self._needs_truth: bool | None = None
+        # What goes wrong here is told when it is first asked something.
+        with contextlib.suppress(OSError):
+            order = {"do": "make", "name": name, "seed": seed, "preset": preset, "params": params}
+            self._orders.send_bytes(json.dumps(order).encode())
+
+    @property
+    def needs_truth(self) -> bool:
+        """Whether it asks for the truth; waits until it is made, and raises Misbehaviour when it cannot be."""
+        self.wait_until_made()
+        return bool(self._needs_truth)
+
+    def wait_until_made(self) -> None:
+        """Wait until it can be asked; raises Misbehaviour when it cannot be made."""
+        if self._needs_truth is None:
+            try:
+                self._needs_truth = bool(self._reply(self._limits.make_s).get("needs_truth"))
+            except Misbehaviour as error:
+                raise Misbehaviour(f"could not be made: {error}") from None
 
     def hear_truth(self, box: ArrayLike) -> None:
         """The target's true box in the frame to come, for a tracker that `needs_truth`."""
@@ -162,10 +174,16 @@ class IsolatedTracker:
         # Memory of its own for each tracker: nothing that one does to it can reach another.
         np.ndarray(image.shape, dtype=np.uint8, buffer=self._shared.buf)[:] = image
 
-    def _ask(self, order: dict[str, Any], limit_s: float | None = None) -> dict[str, Any]:
-        limit_s = self._limits.frame_s if limit_s is None else limit_s
+    def _ask(self, order: dict[str, Any]) -> dict[str, Any]:
+        self.wait_until_made()
         try:
             self._orders.send_bytes(json.dumps(order).encode())
+        except OSError:
+            raise Misbehaviour(self._how_it_ended()) from None
+        return self._reply(self._limits.frame_s)
+
+    def _reply(self, limit_s: float) -> dict[str, Any]:
+        try:
             if not self._orders.poll(limit_s):
                 raise Misbehaviour(f"no answer within {limit_s:g} s")
             reply = json.loads(self._orders.recv_bytes(_MAX_REPLY_BYTES))
@@ -209,14 +227,17 @@ def try_to_make(name: str, *, preset: str, params: dict[str, Any], limits: Limit
     Raises:
         TrackerError: It cannot be made, and why.
     """
+    tracker = IsolatedTracker(name, seed=0, preset=preset, params=params, limits=limits)
     try:
-        IsolatedTracker(name, seed=0, preset=preset, params=params, limits=limits).close()
+        tracker.wait_until_made()
     except Misbehaviour as error:
-        text = str(error)
+        text = str(error).removeprefix("could not be made: ")
         # What our own registry says is plain already.
         for known in ("TrackerError: ", "ParameterError: ", "UnknownNameError: "):
             text = text.removeprefix(known)
         raise TrackerError(text if name in text else f"tracker {name!r} could not be made: {text}") from None
+    finally:
+        tracker.close()
 
 
 def _context() -> Any:

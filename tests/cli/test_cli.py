@@ -40,6 +40,12 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     assert "oracle" in done.stdout
     assert "1.000" in done.stdout
     assert (out / "run.json").is_file()
+    checked = pftrack_sim("check", str(out))
+    assert checked.returncode == 0
+    assert "2 of 2 episodes are there and unharmed; all is well" in checked.stdout
+    sql = "SELECT tracker, mean_overlap FROM summary WHERE tracker = 'oracle'"
+    for layout, words in (("table", "oracle"), ("csv", "oracle,1.0"), ("json", '{"tracker": "oracle", ')):
+        assert words in pftrack_sim("query", str(out), sql, "--format", layout).stdout
     again = pftrack_sim("bench", "plaza-walk", "--trackers", "oracle", "--out", str(out), *SMALL)
     assert again.returncode == 2
     assert "holds another plan" in again.stderr
@@ -127,6 +133,16 @@ WRONG = [
     (["bench", "plaza-walk", "--seeds", "x"], "seeds are written"),
     (["bench", "plaza-walk", "--axis", "jitter"], "--axis takes AXIS=LEVEL"),
     (["bench", "plaza-walk", "--axis", "jiter=1"], "did you mean 'jitter'"),
+    (["bench", "plaza-walk", "--axis", "jitter.severty=1"], "did you mean 'severity'"),
+    (["bench", "plaza-walk", "--trackers", "ko2012[paper]"], "parameters in brackets"),
+    (["bench", "plaza-walk", "--trackers", "ko2012[particle_cont=3]"], "did you mean 'particle_count'"),
+    (["bench", "plaza-walk", "--part", "3/2"], "part must be K/N"),
+    (["bench", "plaza-walk", "--progress", "loud"], "progress must be one of"),
+    (["bench", "plaza-walk", "--isolation", "some"], "isolation must be one of"),
+    (["bench", "plaza-walk", "--frame-limit-s", "0"], "time limit must be > 0"),
+    (["check", "absent-folder"], "absent-folder is not a run folder"),
+    (["query", "absent-folder", "SELECT 1"], "absent-folder is not a run folder"),
+    (["merge", "out", "absent-folder"], "absent-folder is not a run folder"),
     (["bench", "plaza-walk", "--set", "camera.widthpx=3"], "did you mean 'width_px'"),
     (["bench", "plaza-walk", "--set", "camera"], "--set takes KEY=VALUE"),
     (["bench", "plaza-walk", "--videos", "some"], "videos must be one of"),
