@@ -113,7 +113,8 @@ def test_learning_changes_nothing_before_its_frame_and_something_after(make_scen
 
 def test_checked_learns_from_what_resembles_the_target_only(make_scene: Callable[..., Scene]):
     images, truth = make_scene(count=20)
-    elsewhere = np.random.default_rng(3).integers(0, 90, images[0].shape, dtype=np.uint8)
+    ramp = np.linspace(0, 255, images[0].shape[1]).astype(np.uint8)
+    elsewhere = np.broadcast_to(ramp[None, :, None], images[0].shape).copy()
     for name, remembers in (("lee2012", False), ("lee2012-checked", True)):
         tracker = trackers.make(name, window=10, learn_above=0.5, noise_velocity_x=0.02, noise_velocity_y=0.02)
         tracker.init(images[0], truth[0])
