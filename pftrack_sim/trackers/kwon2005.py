@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pftrack_sim import boxes, streams
 from pftrack_sim.boxes import Box
 from pftrack_sim.records import Estimate, Image
-from pftrack_sim.trackers.appearance.template import MixtureNumbers, Outliers, PixelMixture, grid, patches
+from pftrack_sim.trackers.appearance.template import MixtureNumbers, Outliers, PixelMixture, View, grid
 from pftrack_sim.trackers.checked import CheckedTracker
 from pftrack_sim.trackers.filter import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.filter.adaptive import AdaptiveSpread, shift, slopes
@@ -125,7 +125,7 @@ class Kwon2005(CheckedTracker):
         self._grid = grid(float(box[2]), float(box[3]), p.point_count)
         rest = [0.0, 0.0] if p.motion == "similarity" else [1.0, 0.0, 0.0, 1.0]
         self._state = np.concatenate([boxes.centre(box), rest])
-        self._patch = self._patches(image, self._state[None])[0]
+        self._patch = self._view(image).patches(self._placements(self._state[None]))[0]
         sigmas = p.sigma_wandering, p.sigma_stable, p.sigma_fixed
         self._model = PixelMixture(
             self._patch, MixtureNumbers(p.half_life, *sigmas, p.sigma_min, p.share_min, p.outlier_c)
@@ -136,16 +136,16 @@ class Kwon2005(CheckedTracker):
 
     def _follow(self, image: Image) -> Estimate:
         """Steps 4 to 11 of the procedure in section 2.2."""
-        p, moving = self.params, self._filter
-        velocity, factor, count = self._adapt(image)
+        p, moving, view = self.params, self._filter, self._view(image)
+        velocity, factor, count = self._adapt(image, view)
         moving.restart(self._state + velocity, count)
         moving.predict(RandomWalk(tuple(factor * self._sigma())))
         moving.states = self._inside(moving.states, image)
-        seen = self._patches(image, moving.states)
+        seen = view.patches(self._placements(moving.states))
         moving.weigh(p.independence * self._model.log_likelihood(seen, robust=p.robust))
         self._state = moving.mean()
-        patch = self._patches(image, self._state[None])[0]
-        self._slopes = slopes(moving.states - self._state, seen - patch)
+        patch = view.patches(self._placements(self._state[None]))[0]
+        self._slopes = slopes(moving.states - self._state, seen - patch) if p.velocity else None
         self._occluded = self._notices and self._model.outlier_share(patch, p.outliers) > p.occlusion_share
         confidence = self._model.likeness(patch)
         if not self._occluded:
@@ -154,18 +154,23 @@ class Kwon2005(CheckedTracker):
         shown = self._boxes(moving.states) if p.particles else None
         return Estimate(self._boxes(self._state[None])[0], confidence, self._occluded, shown)
 
-    def _adapt(self, image: Image) -> tuple[NDArray[np.float64], float, int]:
+    def _adapt(self, image: Image, view: View) -> tuple[NDArray[np.float64], float, int]:
         """Velocity nu_t (8), noise factor R_t (9) and number of particles J_t (11) of the frame to come (step 4)."""
         p, nowhere = self.params, np.zeros(self._state.size)
         if self._occluded:
             return nowhere, p.noise_max, p.particle_count_max
         velocity = nowhere
-        predicted = self._patches(image, self._state[None])[0]
-        if p.velocity and self._slopes is not None:
+        predicted = view.patches(self._placements(self._state[None]))[0]
+        if self._slopes is not None:
             velocity = shift(self._slopes, predicted - self._patch)
-            predicted = self._patches(image, self._inside((self._state + velocity)[None], image))[0]
+            arrived = self._inside((self._state + velocity)[None], image)
+            predicted = view.patches(self._placements(arrived))[0]
         factor = self._spread.factor(self._model.error(predicted))
         return velocity, factor, self._spread.particles(factor)
+
+    def _view(self, image: Image) -> View:
+        width, height = self._boxes(self._state[None])[0, 2:]
+        return View(image, (float(width), float(height)), self._grid)
 
     def _sigma(self) -> NDArray[np.float64]:
         """Standard deviation of U_0 in each component of the state."""
@@ -204,9 +209,6 @@ class Kwon2005(CheckedTracker):
         placed = self._placements(states)
         sides = np.column_stack([np.hypot(placed[:, 2], placed[:, 3]), np.hypot(placed[:, 4], placed[:, 5])])
         return np.concatenate([placed[:, :2] - 0.5 * sides, sides], axis=1)
-
-    def _patches(self, image: Image, states: NDArray[np.float64]) -> NDArray[np.float32]:
-        return patches(image, self._placements(states), self._grid)
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Kwon2005:

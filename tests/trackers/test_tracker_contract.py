@@ -12,9 +12,10 @@ from pftrack_sim.records import Estimate, Tracker
 from pftrack_sim.trackers.opencv import KINDS
 
 KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-rgb"]
+KWON2005 = ["kwon2005", "kwon2005-no-occlusion"]
 # The others of OpenCV are in its contrib wheel, and are held to the same where that is the one installed.
 OPENCV = sorted(KINDS) if hasattr(cv2, "legacy") else ["opencv-mil"]
-NAMES = [*KO2012, "ncc", "opencv-camshift", "opencv-meanshift", *OPENCV, "oracle", "stay"]
+NAMES = [*KO2012, *KWON2005, "ncc", "opencv-camshift", "opencv-meanshift", *OPENCV, "oracle", "stay"]
 Scene = tuple[list[np.ndarray], np.ndarray]
 
 
@@ -40,7 +41,7 @@ def test_same_seed_same_bits(name: str, preset: str, scene: Scene):
     assert first == second
 
 
-@pytest.mark.parametrize("name", KO2012)
+@pytest.mark.parametrize("name", [*KO2012, *KWON2005])
 def test_another_seed_other_draws(name: str, scene: Scene):
     images, truth = scene
     assert numbers(follow(trackers.make(name, seed=0), images, truth[0])) != numbers(
