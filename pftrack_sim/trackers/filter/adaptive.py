@@ -72,16 +72,20 @@ def slopes(state_shifts: NDArray[np.float64], observation_shifts: Numbers) -> Nu
         observation_shifts: `(N, d)` their observations less that of the mean.
 
     Returns:
-        `(D, d)` change of the observation per unit of each state component; 0 where the particles do not differ.
+        `(D, d)` change of the observation per unit of each state component; 0 where the particles do not differ, or
+        where what they observe does not.
     """
     # Components have different units: without dividing by their spread, one could be mistaken for rounding.
     spread = np.sqrt(np.mean(np.square(state_shifts), axis=0))
     unit = np.where(spread > 0.0, spread, 1.0)
     shifts = state_shifts / unit
     kind = observation_shifts.dtype
-    solved = np.linalg.pinv(shifts.T @ shifts, rcond=_ROUNDING, hermitian=True) / unit[:, None]
-    # Cast before the long product: observations are many.
-    return solved.astype(kind) @ (shifts.T.astype(kind) @ observation_shifts)
+    solved = np.linalg.pinv(shifts.T @ shifts, rcond=_ROUNDING, hermitian=True).astype(kind)
+    effect = solved @ (shifts.T.astype(kind) @ observation_shifts)
+    # Rounding's effect must be no effect: `shift` would divide by it.
+    size = np.linalg.norm(effect, axis=1)
+    effect[(size <= _ROUNDING * size.max()) | (spread == 0.0)] = 0.0
+    return effect / unit[:, None].astype(kind)
 
 
 def shift(slope: Numbers, surprise: Numbers, weights: Numbers | None = None) -> NDArray[np.float64]:
