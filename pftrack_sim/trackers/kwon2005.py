@@ -91,7 +91,27 @@ class Params:
 
 
 PAPER = Params()
-PRESETS = {"paper": PAPER, "default": replace(PAPER)}
+PRESETS = {
+    "paper": PAPER,
+    "default": replace(
+        PAPER,
+        point_count=200,
+        particle_count=150,
+        particle_count_max=400,
+        noise_min=0.33,
+        noise_max=3.2,
+        sigma_centre=0.064,
+        sigma_scale=0.0038,
+        sigma_angle=0.0003,
+        outliers="all",
+        half_life=33.0,
+        sigma_wandering=0.25,
+        sigma_stable=0.25,
+        sigma_fixed=0.37,
+        sigma_min=0.15,
+        independence=0.43,
+    ),
+}
 
 
 class Kwon2005(CheckedTracker):
@@ -138,8 +158,10 @@ class Kwon2005(CheckedTracker):
         """Steps 4 to 11 of the procedure in section 2.2."""
         p, moving, view = self.params, self._filter, self._view(image)
         velocity, factor, count = self._adapt(image, view)
-        moving.restart(self._state + velocity, count)
+        # As many are drawn as there may ever be: the next frame's draws do not depend on this one's J_t.
+        moving.restart(self._state + velocity, p.particle_count_max)
         moving.predict(RandomWalk(tuple(factor * self._sigma())))
+        moving.keep(count)
         moving.states = self._inside(moving.states, image)
         seen = view.patches(self._placements(moving.states))
         moving.weigh(p.independence * self._model.log_likelihood(seen, robust=p.robust))

@@ -34,7 +34,7 @@ def grid(width: float, height: float, point_count: int) -> tuple[int, int]:
 class View:
     """One frame, from which patches are read; what they touch is made grey and reduced when it is first needed.
 
-    The image is reduced to about one pixel per point of a template of a given size, so that a large target costs no
+    The image is reduced to one or two pixels per point of a template of a given size, so that a large target costs no
     more than a small one and does not alias. What a patch is does not depend on what was read before.
 
     Args:
@@ -73,7 +73,11 @@ class View:
         room = _ROOM * max(self._size)
         near, far = np.minimum(near - room, self._covered[:2]), np.maximum(far + room, self._covered[2:])
         hull = np.concatenate([near, far - near])
-        self._part = reduced(self._image, hull[None], self._size, (self._shape[1], self._shape[0]))
+        points = np.array([self._shape[1], self._shape[0]])
+        # Blocks are powers of two: an image twice as large is reduced to the same.
+        block = np.exp2(np.floor(np.log2(np.maximum(self._size / points, 1.0)) + 1e-9))
+        width, height = points * block
+        self._part = reduced(self._image, hull[None], (float(width), float(height)), (int(points[0]), int(points[1])))
         self._grey = np.asarray(cv2.cvtColor(self._part.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
         self._covered = np.concatenate([near, far])
 
@@ -104,34 +108,42 @@ def _read(
 ) -> None:
     """Fill `out`; nothing is allocated."""
     height, width = grey.shape
+    right_most, lowest = np.float32(width - 1), np.float32(height - 1)
+    count = rows * columns
     for n in range(placements.shape[0]):
         cx, cy, ux, uy, vx, vy = placements[n]
-        total, squares = 0.0, 0.0
+        # Pixel centres lie at half pixels: what is read at 0.5 is pixel 0.
+        cx, cy = cx - 0.5, cy - 0.5
+        across, along = 0.5 * (abs(ux) + abs(vx)), 0.5 * (abs(uy) + abs(vy))
+        inside = cx - across >= 0 and cy - along >= 0 and cx + across < width - 1 and cy + along < height - 1
+        step_x, step_y = np.float32(ux / columns), np.float32(uy / columns)
         for i in range(rows):
-            v = (i + 0.5) / rows - 0.5
-            # Pixel centres lie at half pixels: what is read at 0.5 is pixel 0.
-            x0, y0 = cx + v * vx - 0.5, cy + v * vy - 0.5
+            v, u = (i + 0.5) / rows - 0.5, 0.5 / columns - 0.5
+            x0, y0 = np.float32(cx + v * vx + u * ux), np.float32(cy + v * vy + u * uy)
             for j in range(columns):
-                u = (j + 0.5) / columns - 0.5
-                x = min(max(x0 + u * ux, 0.0), width - 1.0)
-                y = min(max(y0 + u * uy, 0.0), height - 1.0)
-                left, upper = int(x), int(y)
-                right, lower = min(left + 1, width - 1), min(upper + 1, height - 1)
-                along, down = np.float32(x - left), np.float32(y - upper)
+                x, y = x0 + np.float32(j) * step_x, y0 + np.float32(j) * step_y
+                if not inside:
+                    x = min(max(x, np.float32(0.0)), right_most)
+                    y = min(max(y, np.float32(0.0)), lowest)
+                left, upper = np.int32(x), np.int32(y)
+                right = left + 1 if inside else min(left + 1, width - 1)
+                lower = upper + 1 if inside else min(upper + 1, height - 1)
+                part, down = x - np.float32(left), y - np.float32(upper)
                 one, other = np.float32(grey[upper, left]), np.float32(grey[lower, left])
-                above = one + (np.float32(grey[upper, right]) - one) * along
-                below = other + (np.float32(grey[lower, right]) - other) * along
-                value = above + (below - above) * down
-                out[n, i * columns + j] = value
-                total += value
-                squares += np.float64(value) * value
-        count = rows * columns
-        mean = total / count
-        variance = squares / count - mean * mean
-        scale = np.float32(1.0 / math.sqrt(variance)) if variance > _FLAT else np.float32(0.0)
-        centre = np.float32(mean)
+                above = one + (np.float32(grey[upper, right]) - one) * part
+                below = other + (np.float32(grey[lower, right]) - other) * part
+                out[n, i * columns + j] = above + (below - above) * down
+        total, squares = np.float64(0.0), np.float64(0.0)
         for k in range(count):
-            out[n, k] = (out[n, k] - centre) * scale
+            total += out[n, k]
+        mean = np.float32(total / count)
+        for k in range(count):
+            out[n, k] -= mean
+            squares += out[n, k] * out[n, k]
+        variance = squares / count
+        scale = np.float32(1.0 / math.sqrt(variance)) if variance > _FLAT else np.float32(0.0)
+        for k in range(count):
+            out[n, k] *= scale
 
 
 _FLAT = 1e-3
