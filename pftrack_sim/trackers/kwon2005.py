@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pftrack_sim import boxes, streams
 from pftrack_sim.boxes import Box
 from pftrack_sim.records import Estimate, Image
-from pftrack_sim.trackers.appearance.template import MixtureNumbers, Outliers, PixelMixture, grid, patches
+from pftrack_sim.trackers.appearance.template import MixtureNumbers, Outliers, PixelMixture, View, grid
 from pftrack_sim.trackers.checked import CheckedTracker
 from pftrack_sim.trackers.filter import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.filter.adaptive import AdaptiveSpread, shift, slopes
@@ -52,17 +52,12 @@ class Params:
         occlusion_share: lambda: with more outliers than this share of the points, the target is covered. Printed: 0.2.
         outliers: Which component a pixel must be far from to be an outlier; see `PixelMixture.outlier_share`.
             Not printed: `"most"`, as Zhou et al.
-        patience: Most frames in a row that the target is held to be covered; then what is seen is taken for a change of
-            the target's looks, and learnt. Not in the paper, whose flag may stay for ever: 0, no limit.
-        scale_limit: The template stays within this factor of its first size, and within its inverse. Not in the paper:
-            1000, which is no limit.
         half_life: Frames after which what was seen counts half in the mixture. Not printed: 20.
         sigma_wandering: Standard deviation of W, in those of the patch. Not printed: 0.4.
         sigma_stable: Of S at the start. Not printed: 0.4.
         sigma_fixed: Of F. Not printed: 0.4.
         sigma_min: Least of S. Not printed: 0.2.
         share_min: Least mixing weight of a component. Not printed: 0.001.
-        restart_share: Mixing weight below which S starts again from what is seen. Not printed: 0.1, as Jepson et al.
         robust: Whether the likelihood has Huber's function in the place of the square. Printed for the outliers'
             influence in general (12): it has.
         independence: Share of the points that count as independent: the log-likelihood is multiplied by it. Not
@@ -84,22 +79,39 @@ class Params:
     outlier_c: Annotated[float, Between(0.001, 1000.0)] = 1.3
     occlusion_share: Annotated[float, Between(0.0, 1.0)] = 0.2
     outliers: Outliers = "most"
-    patience: Annotated[int, Between(0, 1_000_000)] = 0
-    scale_limit: Annotated[float, Between(1.0, 1000.0)] = 1000.0
     half_life: Annotated[float, Between(0.1, 1e9)] = 20.0
     sigma_wandering: Annotated[float, Between(0.001, 1000.0)] = 0.4
     sigma_stable: Annotated[float, Between(0.001, 1000.0)] = 0.4
     sigma_fixed: Annotated[float, Between(0.001, 1000.0)] = 0.4
     sigma_min: Annotated[float, Between(0.001, 1000.0)] = 0.2
     share_min: Annotated[float, Between(1e-9, 0.3)] = 0.001
-    restart_share: Annotated[float, Between(0.0, 0.3)] = 0.1
     robust: bool = True
     independence: Annotated[float, Between(1e-6, 1.0)] = 1.0
     particles: bool = False
 
 
 PAPER = Params()
-PRESETS = {"paper": PAPER, "default": replace(PAPER)}
+PRESETS = {
+    "paper": PAPER,
+    "default": replace(
+        PAPER,
+        point_count=200,
+        particle_count=150,
+        particle_count_max=400,
+        noise_min=0.33,
+        noise_max=3.2,
+        sigma_centre=0.064,
+        sigma_scale=0.0038,
+        sigma_angle=0.0003,
+        outliers="all",
+        half_life=33.0,
+        sigma_wandering=0.25,
+        sigma_stable=0.25,
+        sigma_fixed=0.37,
+        sigma_min=0.15,
+        independence=0.43,
+    ),
+}
 
 
 class Kwon2005(CheckedTracker):
@@ -126,7 +138,6 @@ class Kwon2005(CheckedTracker):
         self._slopes: NDArray[np.float32] | None = None
         self._patch: NDArray[np.float32]
         self._occluded = False
-        self._covered_for = 0
 
     def _start(self, image: Image, box: Box) -> None:
         p = self.params
@@ -134,29 +145,30 @@ class Kwon2005(CheckedTracker):
         self._grid = grid(float(box[2]), float(box[3]), p.point_count)
         rest = [0.0, 0.0] if p.motion == "similarity" else [1.0, 0.0, 0.0, 1.0]
         self._state = np.concatenate([boxes.centre(box), rest])
-        self._patch = self._patches(image, self._state[None])[0]
+        self._patch = self._view(image).patches(self._placements(self._state[None]))[0]
         sigmas = p.sigma_wandering, p.sigma_stable, p.sigma_fixed
         self._model = PixelMixture(
-            self._patch, MixtureNumbers(p.half_life, *sigmas, p.sigma_min, p.share_min, p.restart_share, p.outlier_c)
+            self._patch, MixtureNumbers(p.half_life, *sigmas, p.sigma_min, p.share_min, p.outlier_c)
         )
         self._filter = ParticleFilter(self._state[None], streams.stream(self._seed, "tracker"))
         self._slopes = None
         self._occluded = False
-        self._covered_for = 0
 
     def _follow(self, image: Image) -> Estimate:
         """Steps 4 to 11 of the procedure in section 2.2."""
-        p, moving = self.params, self._filter
-        velocity, factor, count = self._adapt(image)
-        moving.restart(self._state + velocity, count)
+        p, moving, view = self.params, self._filter, self._view(image)
+        velocity, factor, count = self._adapt(image, view)
+        # As many are drawn as there may ever be: the next frame's draws do not depend on this one's J_t.
+        moving.restart(self._state + velocity, p.particle_count_max)
         moving.predict(RandomWalk(tuple(factor * self._sigma())))
+        moving.keep(count)
         moving.states = self._inside(moving.states, image)
-        seen = self._patches(image, moving.states)
+        seen = view.patches(self._placements(moving.states))
         moving.weigh(p.independence * self._model.log_likelihood(seen, robust=p.robust))
         self._state = moving.mean()
-        patch = self._patches(image, self._state[None])[0]
-        self._slopes = slopes(moving.states - self._state, seen - patch)
-        self._occluded = self._is_covered(patch)
+        patch = view.patches(self._placements(self._state[None]))[0]
+        self._slopes = slopes(moving.states - self._state, seen - patch) if p.velocity else None
+        self._occluded = self._notices and self._model.outlier_share(patch, p.outliers) > p.occlusion_share
         confidence = self._model.likeness(patch)
         if not self._occluded:
             self._model.learn(patch)
@@ -164,28 +176,23 @@ class Kwon2005(CheckedTracker):
         shown = self._boxes(moving.states) if p.particles else None
         return Estimate(self._boxes(self._state[None])[0], confidence, self._occluded, shown)
 
-    def _is_covered(self, patch: NDArray[np.float32]) -> bool:
-        """Whether the target is held to be covered (12)."""
-        p = self.params
-        covered = self._notices and self._model.outlier_share(patch, p.outliers) > p.occlusion_share
-        self._covered_for = self._covered_for + 1 if covered else 0
-        if p.patience and self._covered_for > p.patience:
-            self._covered_for = 0
-            return False
-        return covered
-
-    def _adapt(self, image: Image) -> tuple[NDArray[np.float64], float, int]:
+    def _adapt(self, image: Image, view: View) -> tuple[NDArray[np.float64], float, int]:
         """Velocity nu_t (8), noise factor R_t (9) and number of particles J_t (11) of the frame to come (step 4)."""
         p, nowhere = self.params, np.zeros(self._state.size)
         if self._occluded:
             return nowhere, p.noise_max, p.particle_count_max
         velocity = nowhere
-        predicted = self._patches(image, self._state[None])[0]
-        if p.velocity and self._slopes is not None:
+        predicted = view.patches(self._placements(self._state[None]))[0]
+        if self._slopes is not None:
             velocity = shift(self._slopes, predicted - self._patch)
-            predicted = self._patches(image, self._inside((self._state + velocity)[None], image))[0]
+            arrived = self._inside((self._state + velocity)[None], image)
+            predicted = view.patches(self._placements(arrived))[0]
         factor = self._spread.factor(self._model.error(predicted))
         return velocity, factor, self._spread.particles(factor)
+
+    def _view(self, image: Image) -> View:
+        width, height = self._boxes(self._state[None])[0, 2:]
+        return View(image, (float(width), float(height)), self._grid)
 
     def _sigma(self) -> NDArray[np.float64]:
         """Standard deviation of U_0 in each component of the state."""
@@ -201,9 +208,8 @@ class Kwon2005(CheckedTracker):
         height_px, width_px = image.shape[:2]
         kept = states.copy()
         kept[:, :2] = np.clip(states[:, :2], 0.0, (width_px, height_px))
-        least, most = MIN_SIZE_PX / float(self._size.min()), 2.0 * float(np.min((width_px, height_px) / self._size))
-        limit = self.params.scale_limit
-        low, high = min(max(least, 1.0 / limit), 1.0), max(min(most, limit), 1.0)
+        low, high = MIN_SIZE_PX / float(self._size.min()), 2.0 * float(np.min((width_px, height_px) / self._size))
+        low, high = min(low, 1.0), max(high, 1.0)
         if self.params.motion == "similarity":
             kept[:, 2] = np.clip(states[:, 2], math.log(low), math.log(high))
             return kept
@@ -225,9 +231,6 @@ class Kwon2005(CheckedTracker):
         placed = self._placements(states)
         sides = np.column_stack([np.hypot(placed[:, 2], placed[:, 3]), np.hypot(placed[:, 4], placed[:, 5])])
         return np.concatenate([placed[:, :2] - 0.5 * sides, sides], axis=1)
-
-    def _patches(self, image: Image, states: NDArray[np.float64]) -> NDArray[np.float32]:
-        return patches(image, self._placements(states), self._grid)
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Kwon2005:

@@ -113,16 +113,16 @@ def test_learning_changes_nothing_before_its_frame_and_something_after(make_scen
 
 def test_checked_learns_from_what_resembles_the_target_only(make_scene: Callable[..., Scene]):
     images, truth = make_scene(count=20)
-    ramp = np.linspace(0, 255, images[0].shape[1]).astype(np.uint8)
-    elsewhere = np.broadcast_to(ramp[None, :, None], images[0].shape).copy()
+    blank = np.full_like(images[0], 30)
     for name, remembers in (("lee2012", False), ("lee2012-checked", True)):
-        tracker = trackers.make(name, window=10, learn_above=0.5, noise_velocity_x=0.02, noise_velocity_y=0.02)
+        still = {"noise_unit": "box", "noise_velocity_x": 0.02, "noise_velocity_y": 0.02}
+        tracker = trackers.make(name, preset="paper", window=10, learn_above=0.5, alpha=1.0, **still)
         tracker.init(images[0], truth[0])
         for image in images[1:]:
             tracker.update(image)
         at_target = tracker.update(images[-1]).confidence
         for _ in range(30):
-            lost = tracker.update(elsewhere).confidence
+            lost = tracker.update(blank).confidence
         assert at_target > 0.8
         assert (lost < 0.5) == remembers
 

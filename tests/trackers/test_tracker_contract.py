@@ -42,7 +42,7 @@ def test_same_seed_same_bits(name: str, preset: str, scene: Scene):
     assert first == second
 
 
-@pytest.mark.parametrize("name", KO2012)
+@pytest.mark.parametrize("name", [*KO2012, *KWON2005])
 def test_another_seed_other_draws(name: str, scene: Scene):
     images, truth = scene
     assert numbers(follow(trackers.make(name, seed=0), images, truth[0])) != numbers(

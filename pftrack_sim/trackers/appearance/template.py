@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pftrack_sim.trackers.appearance.reduced import reduced
+from pftrack_sim.trackers.appearance.reduced import Reduced, reduced
 
 Patches: TypeAlias = NDArray[np.float32]
 """`(N, d)` patches, row of points by row of points."""
@@ -31,29 +31,59 @@ def grid(width: float, height: float, point_count: int) -> tuple[int, int]:
     return max(round(point_count / columns), 2), columns
 
 
-def patches(image: NDArray[np.uint8], placements: NDArray[np.float64], shape: tuple[int, int]) -> Patches:
-    """The patches of many placements.
+class View:
+    """One frame, from which patches are read; what they touch is made grey and reduced when it is first needed.
 
-    The image is first reduced to about one pixel per point of the first placement, so that a large target costs no more
-    than a small one and does not alias. Points between pixels are read bilinearly; beyond the image, its edge repeats.
+    The image is reduced to one or two pixels per point of a template of a given size, so that a large target costs no
+    more than a small one and does not alias. What a patch is does not depend on what was read before.
 
     Args:
         image: `(H, W, 3)` uint8 RGB.
-        placements: `(N, 6)`.
+        size: Width and height of the template in the image [px].
         shape: Rows and columns of the template.
-
-    Returns:
-        `(N, rows * columns)`, each of mean 0 and variance 1, or all 0 where everything is of one grey.
     """
-    reach = 0.5 * (np.abs(placements[:, 2:4]) + np.abs(placements[:, 4:6]))
-    hulls = np.concatenate([placements[:, :2] - reach, 2.0 * reach], axis=1)
-    size = (float(np.hypot(*placements[0, 2:4])), float(np.hypot(*placements[0, 4:6])))
-    part = reduced(image, hulls, size, (shape[1], shape[0]))
-    grey = np.asarray(cv2.cvtColor(part.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    local = placements.copy()
-    local[:, :2] -= part.origin
-    local /= np.tile(part.step, 3)
-    return read_patches(grey, local, shape)
+
+    def __init__(self, image: NDArray[np.uint8], size: tuple[float, float], shape: tuple[int, int]) -> None:
+        self._image, self._size, self._shape = image, size, shape
+        self._covered = np.array([np.inf, np.inf, -np.inf, -np.inf])
+        self._grey: NDArray[np.uint8]
+        self._part: Reduced
+
+    def patches(self, placements: NDArray[np.float64]) -> Patches:
+        """The patches of many placements, read bilinearly between pixels; beyond the image, its edge repeats.
+
+        Args:
+            placements: `(N, 6)`.
+
+        Returns:
+            `(N, rows * columns)`, each of mean 0 and variance 1, or all 0 where everything is of one grey.
+        """
+        reach = 0.5 * (np.abs(placements[:, 2:4]) + np.abs(placements[:, 4:6]))
+        near = (placements[:, :2] - reach).min(axis=0)
+        far = (placements[:, :2] + reach).max(axis=0)
+        if (near < self._covered[:2]).any() or (far > self._covered[2:]).any():
+            self._cover(near, far)
+        local = placements.copy()
+        local[:, :2] -= self._part.origin
+        local /= np.tile(self._part.step, 3)
+        return read_patches(self._grey, local, self._shape)
+
+    def _cover(self, near: NDArray[np.float64], far: NDArray[np.float64]) -> None:
+        # The particles come after the state they stand around: room for them at once saves doing it twice.
+        room = _ROOM * max(self._size)
+        near, far = np.minimum(near - room, self._covered[:2]), np.maximum(far + room, self._covered[2:])
+        hull = np.concatenate([near, far - near])
+        points = np.array([self._shape[1], self._shape[0]])
+        # Blocks are powers of two: an image twice as large is reduced to the same.
+        block = np.exp2(np.floor(np.log2(np.maximum(self._size / points, 1.0)) + 1e-9))
+        width, height = points * block
+        self._part = reduced(self._image, hull[None], (float(width), float(height)), (int(points[0]), int(points[1])))
+        self._grey = np.asarray(cv2.cvtColor(self._part.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        self._covered = np.concatenate([near, far])
+
+
+_ROOM = 0.3
+"""Around what is asked for first, in sizes of the template."""
 
 
 def read_patches(grey: NDArray[np.uint8], placements: NDArray[np.float64], shape: tuple[int, int]) -> Patches:
@@ -65,7 +95,7 @@ def read_patches(grey: NDArray[np.uint8], placements: NDArray[np.float64], shape
         shape: Rows and columns of the template.
 
     Returns:
-        `(N, rows * columns)`, normalised as those of `patches`.
+        `(N, rows * columns)`, normalised as those of `View.patches`.
     """
     out = np.empty((len(placements), shape[0] * shape[1]), np.float32)
     _read(grey, placements, shape[0], shape[1], out)
@@ -78,34 +108,42 @@ def _read(
 ) -> None:
     """Fill `out`; nothing is allocated."""
     height, width = grey.shape
+    right_most, lowest = np.float32(width - 1), np.float32(height - 1)
+    count = rows * columns
     for n in range(placements.shape[0]):
         cx, cy, ux, uy, vx, vy = placements[n]
-        total, squares = 0.0, 0.0
+        # Pixel centres lie at half pixels: what is read at 0.5 is pixel 0.
+        cx, cy = cx - 0.5, cy - 0.5
+        across, along = 0.5 * (abs(ux) + abs(vx)), 0.5 * (abs(uy) + abs(vy))
+        inside = cx - across >= 0 and cy - along >= 0 and cx + across < width - 1 and cy + along < height - 1
+        step_x, step_y = np.float32(ux / columns), np.float32(uy / columns)
         for i in range(rows):
-            v = (i + 0.5) / rows - 0.5
-            # Pixel centres lie at half pixels: what is read at 0.5 is pixel 0.
-            x0, y0 = cx + v * vx - 0.5, cy + v * vy - 0.5
+            v, u = (i + 0.5) / rows - 0.5, 0.5 / columns - 0.5
+            x0, y0 = np.float32(cx + v * vx + u * ux), np.float32(cy + v * vy + u * uy)
             for j in range(columns):
-                u = (j + 0.5) / columns - 0.5
-                x = min(max(x0 + u * ux, 0.0), width - 1.0)
-                y = min(max(y0 + u * uy, 0.0), height - 1.0)
-                left, upper = int(x), int(y)
-                right, lower = min(left + 1, width - 1), min(upper + 1, height - 1)
-                along, down = np.float32(x - left), np.float32(y - upper)
+                x, y = x0 + np.float32(j) * step_x, y0 + np.float32(j) * step_y
+                if not inside:
+                    x = min(max(x, np.float32(0.0)), right_most)
+                    y = min(max(y, np.float32(0.0)), lowest)
+                left, upper = np.int32(x), np.int32(y)
+                right = left + 1 if inside else min(left + 1, width - 1)
+                lower = upper + 1 if inside else min(upper + 1, height - 1)
+                part, down = x - np.float32(left), y - np.float32(upper)
                 one, other = np.float32(grey[upper, left]), np.float32(grey[lower, left])
-                above = one + (np.float32(grey[upper, right]) - one) * along
-                below = other + (np.float32(grey[lower, right]) - other) * along
-                value = above + (below - above) * down
-                out[n, i * columns + j] = value
-                total += value
-                squares += np.float64(value) * value
-        count = rows * columns
-        mean = total / count
-        variance = squares / count - mean * mean
-        scale = np.float32(1.0 / math.sqrt(variance)) if variance > _FLAT else np.float32(0.0)
-        centre = np.float32(mean)
+                above = one + (np.float32(grey[upper, right]) - one) * part
+                below = other + (np.float32(grey[lower, right]) - other) * part
+                out[n, i * columns + j] = above + (below - above) * down
+        total, squares = np.float64(0.0), np.float64(0.0)
         for k in range(count):
-            out[n, k] = (out[n, k] - centre) * scale
+            total += out[n, k]
+        mean = np.float32(total / count)
+        for k in range(count):
+            out[n, k] -= mean
+            squares += out[n, k] * out[n, k]
+        variance = squares / count
+        scale = np.float32(1.0 / math.sqrt(variance)) if variance > _FLAT else np.float32(0.0)
+        for k in range(count):
+            out[n, k] *= scale
 
 
 _FLAT = 1e-3
@@ -123,7 +161,6 @@ class MixtureNumbers:
         sigma_fixed: Of F, the first patch; fixed.
         sigma_min: Least standard deviation that S may learn.
         share_min: Least mixing weight, so that no component is lost for good.
-        restart_share: Below this mixing weight S starts again from what is seen now, as at the first frame.
         outlier_c: c of Huber's function (12), in standard deviations of a component.
     """
 
@@ -133,7 +170,6 @@ class MixtureNumbers:
     sigma_fixed: float
     sigma_min: float
     share_min: float
-    restart_share: float
     outlier_c: float
 
 
@@ -196,20 +232,6 @@ class PixelMixture:
         self._first_moment *= raised[1] / shares[1]
         self._second_moment *= raised[1] / shares[1]
         self.shares = raised
-        self._restart(raised[1] < n.restart_share, seen)
-
-    def _restart(self, lost: NDArray[np.bool_], seen: NDArray[np.float64]) -> None:
-        """Let S begin anew at some pixels (Jepson et al. 2003, section 4).
-
-        What has changed for good is explained by W alone: S would never own any of it, and so never learn it.
-        """
-        if not lost.any():
-            return
-        self.shares[:, lost] = 1.0 / 3.0
-        self.means[1, lost] = seen[lost]
-        self.sigmas[1, lost] = self.numbers.sigma_stable
-        self._first_moment[lost] = seen[lost] / 3.0
-        self._second_moment[lost] = (np.square(seen[lost]) + self.numbers.sigma_stable**2) / 3.0
 
     def log_likelihood(self, seen: Patches, *, robust: bool) -> NDArray[np.float64]:
         """Logarithm of the product over the pixels of sum_i m_i N(z; mu_i, sigma_i).
@@ -267,7 +289,7 @@ def huber(x: NDArray[np.float64], c: float) -> NDArray[np.float64]:
     return np.where(size <= c, 0.5 * np.square(x), c * size - 0.5 * c * c)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def _weigh(
     seen: NDArray[np.float32],
     heights: NDArray[np.float32],
@@ -276,25 +298,50 @@ def _weigh(
     c: np.float32,
     out: NDArray[np.float64],
 ) -> None:
-    """Fill `out` with log-likelihoods; nothing is allocated."""
+    """Fill `out` with log-likelihoods. The inner loops are plain enough for the compiler to make them vector code."""
     count = seen.shape[1]
+    total = np.empty(count, np.float32)
+    fraction = np.empty(count, np.float32)
+    bits = np.empty(count, np.int32)
+    power = bits.view(np.float32)
+    half, straight = np.float32(0.5), np.float32(0.5) * c * c if c < np.inf else np.float32(0.0)
     for n in range(seen.shape[0]):
-        total, product, pending = 0.0, 1.0, 0
-        for k in range(count):
-            likelihood = np.float32(0.0)
-            for i in range(3):
+        total[:] = _IMPOSSIBLE
+        for i in range(3):
+            for k in range(count):
                 x = abs(seen[n, k] - means[i, k]) * inverses[i, k]
-                loss = np.float32(0.5) * x * x if x <= c else c * x - np.float32(0.5) * c * c
-                likelihood += heights[i, k] * np.exp(-loss)
-            product *= max(likelihood, _IMPOSSIBLE)
-            pending += 1
+                loss = half * x * x if x <= c else c * x - straight
+                # exp(-loss) = 2^-whole 2^-rest; the first is written as the exponent of a float32.
+                turns = min(loss * _LOG2_E, _FARTHEST)
+                whole = np.int32(turns)
+                fraction[k] = turns - np.float32(whole)
+                bits[k] = np.int32((np.float32(127.0) - np.float32(whole)) * np.float32(8388608.0))
+            for k in range(count):
+                total[k] += heights[i, k] * power[k] * _two_to_minus(fraction[k])
+        logarithm, product = 0.0, 1.0
+        for k in range(count):
+            product *= total[k]
             # A logarithm costs more than the rest: one for many pixels.
-            if pending == _TOGETHER:
-                total += math.log(product)
-                product, pending = 1.0, 0
-        out[n] = total + math.log(product)
+            if k % _TOGETHER == _TOGETHER - 1:
+                logarithm += math.log(product)
+                product = 1.0
+        out[n] = logarithm + math.log(product)
 
 
+@njit(nogil=True, cache=True, inline="always")
+def _two_to_minus(x: np.float32) -> np.float32:
+    """2^-x for x in [0, 1]: the polynomial of degree 6 through Chebyshev's points, to float32's last digits."""
+    return _C0 + x * (_C1 + x * (_C2 + x * (_C3 + x * (_C4 + x * (_C5 + x * _C6)))))
+
+
+_C0, _C1, _C2, _C3, _C4, _C5, _C6 = (
+    np.float32(one)
+    for one in np.polynomial.Chebyshev.interpolate(lambda x: 2.0**-x, 6, domain=[0.0, 1.0])
+    .convert(kind=np.polynomial.Polynomial)
+    .coef
+)
+_LOG2_E = np.float32(math.log2(math.e))
+_FARTHEST = np.float32(120.0)
 _TOGETHER = 8
 _IMPOSSIBLE = np.float32(1e-30)
 """Least likelihood of a pixel: eight of them are still a float64 that is not 0."""

@@ -7,14 +7,15 @@ and an observation is a vector that changes smoothly with the state. Any appeara
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.errors import ParameterError
 
-F = TypeVar("F", np.float32, np.float64)
+Numbers: TypeAlias = NDArray[np.floating[Any]]
+"""Observations, which may be of half the precision of states: they are many."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class AdaptiveSpread:
         return max(min(round(self.count * factor / self.noise), self.count_max), 1)
 
 
-def slopes(state_shifts: NDArray[np.float64], observation_shifts: NDArray[F]) -> NDArray[F]:
+def slopes(state_shifts: NDArray[np.float64], observation_shifts: Numbers) -> Numbers:
     """How observations change with the state: the first-order linear fit over the particles of one frame.
 
     Zhou et al. 2004 fit the state on the observation, which has more unknowns than there are particles; fitted this
@@ -71,19 +72,23 @@ def slopes(state_shifts: NDArray[np.float64], observation_shifts: NDArray[F]) ->
         observation_shifts: `(N, d)` their observations less that of the mean.
 
     Returns:
-        `(D, d)` change of the observation per unit of each state component; 0 where the particles do not differ.
+        `(D, d)` change of the observation per unit of each state component; 0 where the particles do not differ, or
+        where what they observe does not.
     """
     # Components have different units: without dividing by their spread, one could be mistaken for rounding.
     spread = np.sqrt(np.mean(np.square(state_shifts), axis=0))
     unit = np.where(spread > 0.0, spread, 1.0)
     shifts = state_shifts / unit
     kind = observation_shifts.dtype
-    crossed = shifts.T.astype(kind) @ observation_shifts
-    inverse = np.linalg.pinv(shifts.T @ shifts, rcond=_ROUNDING, hermitian=True) / unit[:, None]
-    return np.asarray(inverse.astype(kind) @ crossed, dtype=kind)
+    solved = np.linalg.pinv(shifts.T @ shifts, rcond=_ROUNDING, hermitian=True).astype(kind)
+    effect = solved @ (shifts.T.astype(kind) @ observation_shifts)
+    # Rounding's effect must be no effect: `shift` would divide by it.
+    size = np.linalg.norm(effect, axis=1)
+    effect[(size <= _ROUNDING * size.max()) | (spread == 0.0)] = 0.0
+    return effect / unit[:, None].astype(kind)
 
 
-def shift(slope: NDArray[F], surprise: NDArray[F], weights: NDArray[F] | None = None) -> NDArray[np.float64]:
+def shift(slope: Numbers, surprise: Numbers, weights: Numbers | None = None) -> NDArray[np.float64]:
     """The state's shift that explains an observation by least squares: the adaptive velocity (8).
 
     Args:

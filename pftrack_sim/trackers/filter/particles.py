@@ -89,3 +89,11 @@ class ParticleFilter:
         """
         self.states = np.tile(state, (len(self.states) if count is None else count, 1))
         self.log_weights = np.zeros(len(self.states))
+
+    def keep(self, count: int) -> None:
+        """Drop all particles but the first.
+
+        Args:
+            count: How many are kept, >= 1.
+        """
+        self.states, self.log_weights = self.states[:count], self.log_weights[:count]
