@@ -80,7 +80,7 @@ def test_colours_and_ids_are_close_to_opengl(pair):
     gl, K = simulation._renderer, simulation._K
     for data, pose in _views(simulation, 2):
         ours, theirs = (one.color(data, pose, K).astype(float) for one in (caster, gl))
-        assert np.abs(ours - theirs).mean() < 12.0
+        assert np.abs(ours - theirs).mean() < 4.0
         assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 4.0
         assert np.mean(caster.ids(data, pose, K).ids != gl.ids(data, pose, K).ids) < 0.02
 

@@ -65,6 +65,8 @@ class Looks:
 
     rgba: wp.array2d(dtype=wp.vec4)
     texture: wp.array(dtype=int)
+    texture_levels: wp.array(dtype=int)
+    texture_size: wp.array(dtype=wp.vec2)
     repeat: wp.array(dtype=wp.vec2)
     uniform: wp.array(dtype=int)
     emission: wp.array(dtype=float)
@@ -72,6 +74,7 @@ class Looks:
     shininess: wp.array(dtype=float)
     face_start: wp.array(dtype=int)
     face_texcoord: wp.array(dtype=wp.vec3i)
+    face_density: wp.array(dtype=float)
     texcoord: wp.array(dtype=wp.vec2)
     texcoord_start: wp.array(dtype=int)
     face_normal: wp.array(dtype=wp.vec3i)
@@ -186,6 +189,83 @@ def cast_ids(
 
 
 @wp.func
+def spot(kind: int, local: wp.vec3, normal: wp.vec3, size: wp.vec3, repeat: wp.vec2, uniform: bool):
+    """Where a point of a geom lies on its texture, in repeats of it: all but meshes that say so themselves."""
+    uv = wp.vec2(0.5 * local[0], 0.5 * local[1])
+    _offset = wp.vec2(0.0)
+    times = repeat
+    if kind == int(GeomType.PLANE):
+        uv, _offset, times = caster._texture_plane(local, size, repeat, uniform)
+    elif kind == int(GeomType.BOX):
+        uv, _offset, times = caster._texture_box(local, normal, size, repeat, uniform)
+    elif kind == int(GeomType.CYLINDER):
+        uv, _offset, times = caster._texture_cylinder(local, normal, size, repeat, uniform)
+    elif kind == int(GeomType.CAPSULE):
+        uv, _offset, times = caster._texture_capsule(local, size, repeat, uniform)
+    elif kind == int(GeomType.SPHERE) or kind == int(GeomType.ELLIPSOID):
+        uv, _offset, times = caster._texture_sphere_ellipsoid(
+            local, size, repeat, uniform, kind == int(GeomType.SPHERE)
+        )
+    return wp.cw_mul(uv, times)
+
+
+@wp.func
+def step_on_plane(eye: wp.vec3, direction: wp.vec3, point: wp.vec3, normal: wp.vec3):
+    """How far from a point a neighbouring ray meets the plane that touches the surface there; far off if never."""
+    slope = wp.dot(direction, normal)
+    if wp.abs(slope) < 1.0e-6:
+        slope = 1.0e-6
+    return eye + direction * (wp.dot(point - eye, normal) / slope) - point
+
+
+@wp.func
+def mip_level(
+    geoms: Geoms,
+    looks: Looks,
+    cameras: Cameras,
+    world: int,
+    x: float,
+    y: float,
+    geom: int,
+    material: int,
+    point: wp.vec3,
+    normal: wp.vec3,
+    face: int,
+    mesh: int,
+):
+    """Which level of detail one pixel's footprint on a surface asks for.
+
+    The larger of its two sides counts, as in OpenGL 4.6, 8.14.1: log2 of its length in texels.
+    """
+    eye = cameras.eye[world]
+    _origin, right, _cosine = ray_of(cameras, world, x + 1.0, y)
+    _start, down, _slant = ray_of(cameras, world, x, y + 1.0)
+    across = step_on_plane(eye, right, point, normal)
+    along = step_on_plane(eye, down, point, normal)
+    texels = looks.texture_size[material]
+    own = float(-1.0)
+    if mesh >= 0 and face >= 0:
+        own = looks.face_density[looks.face_start[mesh] + face]
+    if own >= 0.0:
+        longest = wp.max(wp.length(across), wp.length(along)) * own
+        longest *= wp.max(texels[0] * looks.repeat[material][0], texels[1] * looks.repeat[material][1])
+    else:
+        inverse = wp.transpose(geoms.turn[0, geom])
+        local = inverse @ (point - geoms.position[0, geom])
+        facing = inverse @ normal
+        size = geoms.size[0, geom]
+        repeat = looks.repeat[material]
+        uniform = looks.uniform[material] != 0
+        kind = geoms.kind[geom]
+        here = spot(kind, local, facing, size, repeat, uniform)
+        side = spot(kind, local + inverse @ across, facing, size, repeat, uniform) - here
+        below = spot(kind, local + inverse @ along, facing, size, repeat, uniform) - here
+        longest = wp.max(wp.length(wp.cw_mul(side, texels)), wp.length(wp.cw_mul(below, texels)))
+    last = float(looks.texture_levels[material] - 1)
+    return wp.clamp(wp.log2(wp.max(longest, 1.0e-6)), 0.0, last)
+
+
+@wp.func
 def colour_of(
     geoms: Geoms,
     looks: Looks,
@@ -209,6 +289,7 @@ def colour_of(
             colour = caster.sample_skybox(textures[looks.sky[world]], 1.0 / float(looks.sky_width[world]), direction)
         return colour
     turn = geoms.turn[0, geom]
+    touching = normal
     if mesh >= 0 and face >= 0:
         flat = wp.transpose(turn) @ normal
         corners = looks.face_normal[looks.face_start[mesh] + face]
@@ -225,22 +306,32 @@ def colour_of(
     specular = float(0.5)
     shine = float(64.0)
     glow = float(0.0)
+    texel = wp.vec3(1.0)
     if material >= 0:
         specular = looks.specular[material]
         shine = looks.shininess[material] * 128.0
         glow = looks.emission[material]
         texture = looks.texture[material]
         if texture >= 0:
-            base = wp.cw_mul(
-                base,
-                _texture(
+            level = mip_level(geoms, looks, cameras, world, x, y, geom, material, point, touching, face, mesh)
+            finer = int(level)
+            blend = level - float(finer)
+            seen = wp.vec3(0.0)
+            layers = wp.int32(1)
+            if blend > 0.0:
+                layers = 2
+            for layer in range(layers):
+                weight = 1.0 - blend
+                if layer == 1:
+                    weight = blend
+                seen += weight * _texture(
                     geoms.kind,
                     looks.face_start,
                     geom,
                     geoms.size[0, geom],
                     looks.repeat[material],
                     looks.uniform[material] != 0,
-                    textures[texture],
+                    textures[texture + finer + layer],
                     geoms.position[0, geom],
                     turn,
                     looks.face_texcoord,
@@ -252,9 +343,10 @@ def colour_of(
                     v,
                     face,
                     mesh,
-                ),
-            )
+                )
+            texel = seen
     colour = base * glow + wp.cw_mul(base, looks.ambient[world])
+    highlight = wp.vec3(0.0)
     for index in range(looks.light_count[world]):
         light = looks.light_start[world] + index
         diffuse, gloss = _lit(
@@ -305,8 +397,11 @@ def colour_of(
             False,
             True,
         )
-        colour += wp.cw_mul(base, diffuse) + gloss
-    return wp.vec3(wp.clamp(colour[0], 0.0, 1.0), wp.clamp(colour[1], 0.0, 1.0), wp.clamp(colour[2], 0.0, 1.0))
+        colour += wp.cw_mul(base, diffuse)
+        highlight += gloss
+    # As OpenGL's fixed pipeline: what is lit saturates before the texture is laid over it.
+    colour = wp.cw_mul(wp.min(colour, wp.vec3(1.0)), texel) + highlight
+    return wp.max(wp.min(colour, wp.vec3(1.0)), wp.vec3(0.0))
 
 
 @wp.kernel

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import mujoco
 import numpy as np
 import warp as wp
-from mujoco_warp._src.bvh import build_mesh_bvh
-from mujoco_warp._src.render_util import create_warp_texture
 from numpy.typing import NDArray
 
 from pftrack_sim.errors import RenderError
@@ -50,8 +49,11 @@ class SceneTable:
         sizes = _joined(models, "geom_size")
         self._half[planes] = np.where(sizes[planes] > 0.0, sizes[planes], _ENDLESS_M) * (1.0, 1.0, 0.0)
         self._middle[planes] = 0.0
-        self._meshes = [build_mesh_bvh(model, mesh)[0] for model in models for mesh in range(model.nmesh)]
-        self._textures = [create_warp_texture(model, index) for model in models for index in range(model.ntex)]
+        self._meshes = [mesh_of(model, mesh) for model in models for mesh in range(model.nmesh)]
+        pyramids = [pyramid_of(model, index) for model in models for index in range(model.ntex)]
+        self._levels = np.array([len(pyramid) for pyramid in pyramids], dtype=np.int64)
+        self._level_start = _starts(self._levels.tolist())
+        self._textures = [level for pyramid in pyramids for level in pyramid]
         self.textures = wp.array(self._textures, dtype=wp.Texture2D)
         self.geoms = self._make_geoms(kinds, sizes)
         self.looks = self._make_looks()
@@ -139,16 +141,22 @@ class SceneTable:
         looks.rgba = _table(_joined(models, "mat_rgba"), wp.vec4)
         textures = [model.mat_texid[:, _ROLE_RGB] for model in models]
         starts = _starts([model.ntex for model in models])
-        looks.texture = _list(
-            np.concatenate([np.where(own >= 0, own + start, -1) for own, start in zip(textures, starts, strict=True)]),
-            int,
+        texture = np.concatenate(
+            [np.where(own >= 0, own + start, -1) for own, start in zip(textures, starts, strict=True)]
         )
+        textured = texture >= 0
+        first, levels = np.append(self._level_start, -1), np.append(self._levels, 1)
+        looks.texture = _list(np.where(textured, first[texture], -1), int)
+        looks.texture_levels = _list(np.where(textured, levels[texture], 1), int)
+        sizes = np.column_stack([_joined(models, "tex_width"), _joined(models, "tex_height")])
+        looks.texture_size = _list(np.append(sizes, [[1, 1]], axis=0)[texture], wp.vec2)
         looks.repeat = _list(_joined(models, "mat_texrepeat"), wp.vec2)
         looks.uniform = _list(_joined(models, "mat_texuniform").astype(np.int32), int)
         looks.specular = _list(_joined(models, "mat_specular"), float)
         looks.shininess = _list(_joined(models, "mat_shininess"), float)
         looks.face_start = _list(_shifted(models, "mesh_faceadr", [model.nmeshface for model in models]), int)
         looks.face_texcoord = _list(_joined(models, "mesh_facetexcoord"), wp.vec3i)
+        looks.face_density = _list(np.concatenate([_densities(model) for model in models]), float)
         looks.texcoord = _list(_joined(models, "mesh_texcoord"), wp.vec2)
         looks.texcoord_start = _list(
             _shifted(models, "mesh_texcoordadr", [model.nmeshtexcoord for model in models]), int
@@ -158,7 +166,7 @@ class SceneTable:
         looks.normal = _list(_joined(models, "mesh_normal"), wp.vec3)
         skies = [np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX) for model in models]
         looks.sky = _list(
-            np.array([start + sky[0] if sky.size else -1 for sky, start in zip(skies, starts, strict=True)]), int
+            np.array([first[start + sky[0]] if sky.size else -1 for sky, start in zip(skies, starts, strict=True)]), int
         )
         widths = [model.tex_width[sky[0]] if sky.size else 1 for sky, model in zip(skies, models, strict=True)]
         looks.sky_width = _list(np.array(widths), int)
@@ -170,6 +178,59 @@ class SceneTable:
         looks.light_cutoff = _list(np.deg2rad(_joined(models, "light_cutoff")), float)
         looks.light_exponent = _list(_joined(models, "light_exponent"), float)
         return looks
+
+
+def mesh_of(model: mujoco.MjModel, mesh: int) -> wp.Mesh:
+    """A mesh that rays can be cast at."""
+    faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+    points = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
+    return wp.Mesh(
+        wp.array(model.mesh_vert[points], dtype=wp.vec3), wp.array(model.mesh_face[faces].reshape(-1), dtype=int)
+    )
+
+
+def pyramid_of(model: mujoco.MjModel, index: int) -> list[wp.Texture2D]:
+    """A texture and its halves, down to one texel; the sky is seen from one place and needs none.
+
+    Each is half the one before, a texel the mean of those it covers.
+    """
+    start, width, height = model.tex_adr[index], model.tex_width[index], model.tex_height[index]
+    channels = model.tex_nchannel[index]
+    texels = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)
+    picture = np.zeros((height, width, 4), dtype=np.float32)
+    picture[..., 3] = 1.0
+    picture[..., : min(channels, 4)] = texels[..., :4] / np.float32(255.0)
+    if model.tex_type[index] != mujoco.mjtTexture.mjTEXTURE_2D:
+        return [wp.Texture2D(picture, filter_mode=wp.TextureFilterMode.LINEAR)]
+    levels: list[NDArray[np.float32]] = [picture]
+    while max(levels[-1].shape[:2]) > 1:
+        high, wide = levels[-1].shape[:2]
+        half = max(wide // 2, 1), max(high // 2, 1)
+        levels.append(np.asarray(cv2.resize(levels[-1], half, interpolation=cv2.INTER_AREA), dtype=np.float32))
+    return [
+        wp.Texture2D(
+            np.ascontiguousarray(level),
+            filter_mode=wp.TextureFilterMode.LINEAR,
+            address_mode=wp.TextureAddressMode.WRAP,
+        )
+        for level in levels
+    ]
+
+
+def _densities(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """`(nmeshface,)` texture coordinates per metre on each face of the meshes, the mean over directions; -1: none."""
+    densities = np.full(model.nmeshface, -1.0)
+    for mesh in range(model.nmesh):
+        if model.mesh_texcoordadr[mesh] < 0:
+            continue
+        faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+        corners = model.mesh_vert[model.mesh_vertadr[mesh] + model.mesh_face[faces]].astype(np.float64)
+        spots = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + model.mesh_facetexcoord[faces]].astype(np.float64)
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        one, two = spots[:, 1] - spots[:, 0], spots[:, 2] - spots[:, 0]
+        on_texture = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+        densities[faces] = np.sqrt(on_texture / np.maximum(area, 1e-12))
+    return densities
 
 
 def _joined(models: Sequence[mujoco.MjModel], field: str) -> NDArray[Any]:
