@@ -3,41 +3,61 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from pftrack_sim.records import Image
 from pftrack_sim.scenario import model
+from pftrack_sim.scenario.axes import Axes
+
+if TYPE_CHECKING:
+    from pftrack_sim.camera.noise import Noise
 
 
 class Sensor:
-    """Lens and sensor of the camera. It has no state: the same light gives the same numbers.
+    """Lens and sensor of the camera, through one episode: lens, then noise.
 
     Args:
         cfg: Standard deviation of the lens' point-spread function. (Multisampling happens while drawing.)
+        axes: Of the scenario: `noise` acts here.
+        seed: Root seed of the episode.
     """
 
-    def __init__(self, cfg: model.Sensor) -> None:
+    def __init__(self, cfg: model.Sensor, axes: Axes, seed: int) -> None:
+        self._noise = _noise(axes, seed)
         self._radius_px = max(1, math.ceil(4.0 * cfg.psf_sigma_px))
         self._sigma_px = sampled_sigma(cfg.psf_sigma_px, self._radius_px) if cfg.psf_sigma_px > 0.0 else 0.0
 
-    def expose(self, image: Image) -> Image:
+    def expose(self, image: Image, index: int) -> Image:
         """What the sensor reads.
-
-        The blur acts on display-coded values, as the drawing's light does.
 
         Args:
             image: `(H, W, 3)` uint8 RGB as a perfect camera would see it.
+            index: Of the frame in its episode.
 
         Returns:
-            `(H, W, 3)` uint8; the argument itself when the lens is perfect.
+            `(H, W, 3)` uint8; the argument itself when lens and sensor are perfect.
         """
+        focused = self._blur(image)
+        return focused if self._noise is None else self._noise.read(focused, index)
+
+    def _blur(self, image: Image) -> Image:
+        """The image through the lens. The blur acts on display-coded values, as the drawing's light does."""
         if self._sigma_px == 0.0:
             return image
         size = 2 * self._radius_px + 1
         blurred = cv2.GaussianBlur(image, (size, size), self._sigma_px, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(blurred, dtype=np.uint8)
+
+
+def _noise(axes: Axes, seed: int) -> Noise | None:
+    if not axes.noise.on:
+        return None
+    from pftrack_sim.camera.noise import Noise  # numba: imported when it is used
+
+    return Noise(axes.noise, seed)
 
 
 def sampled_sigma(sigma_px: float, radius_px: int) -> float:

@@ -11,12 +11,10 @@ from typing import Literal, TypeAlias
 import mujoco
 import numpy as np
 
+from pftrack_sim.photometry import gain
 from pftrack_sim.scenario.model import LightRamp, Lights, LightStep
 
 Group: TypeAlias = Literal["all", "sun", "lamps"]
-
-DISPLAY_GAMMA = 2.2
-"""Exponent of the display: luminance is the coded value to this power (ITU-R BT.709 displays, sRGB nearly so)."""
 
 _LAMP = "light/lamp"
 _SHINING = "glow-lamp"
@@ -39,11 +37,6 @@ def _progress(change: LightStep | LightRamp, time_s: float) -> float:
     if isinstance(change, LightStep):
         return 1.0 if time_s >= change.at_s else 0.0
     return float(np.clip((time_s - change.from_s) / (change.to_s - change.from_s), 0.0, 1.0))
-
-
-def gain(stops: float) -> float:
-    """Factor on display-coded light for a change of so many stops."""
-    return float(2.0 ** (stops / DISPLAY_GAMMA))
 
 
 class Lighting:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pftrack_sim.scenario.axes.axis import Axis
 from pftrack_sim.scenario.axes.jitter import JitterAxis
+from pftrack_sim.scenario.axes.noise import NoiseAxis
 from pftrack_sim.scenario.section import Section
 
 
@@ -11,6 +12,7 @@ class Axes(Section):
     """Stress axes. Severity 0 leaves the scenario as it is."""
 
     jitter: JitterAxis = JitterAxis()
+    noise: NoiseAxis = NoiseAxis()
 
 
 def axes_by_name() -> dict[str, type[Axis]]:
@@ -23,4 +25,4 @@ def axes_by_name() -> dict[str, type[Axis]]:
     return found
 
 
-__all__ = ["Axes", "Axis", "JitterAxis", "axes_by_name"]
+__all__ = ["Axes", "Axis", "JitterAxis", "NoiseAxis", "axes_by_name"]
