@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from pftrack_sim.camera.exposure import Exposure
 from pftrack_sim.records import Image
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes
@@ -17,31 +18,43 @@ if TYPE_CHECKING:
 
 
 class Sensor:
-    """Lens and sensor of the camera, through one episode: lens, then noise.
+    """Lens and sensor of the camera, through one episode: lens, colour of the light and camera's automatics, noise.
 
     Args:
         cfg: Standard deviation of the lens' point-spread function. (Multisampling happens while drawing.)
-        axes: Of the scenario: `noise` acts here.
+        axes: Of the scenario: the camera's side of `light`, and `noise`.
+        rate_hz: Frames per second.
         seed: Root seed of the episode.
     """
 
-    def __init__(self, cfg: model.Sensor, axes: Axes, seed: int) -> None:
+    def __init__(self, cfg: model.Sensor, axes: Axes, rate_hz: float, seed: int) -> None:
+        self._exposure = Exposure(axes.light, rate_hz) if axes.light.on else None
         self._noise = _noise(axes, seed)
         self._radius_px = max(1, math.ceil(4.0 * cfg.psf_sigma_px))
         self._sigma_px = sampled_sigma(cfg.psf_sigma_px, self._radius_px) if cfg.psf_sigma_px > 0.0 else 0.0
 
-    def expose(self, image: Image, index: int) -> Image:
-        """What the sensor reads.
+    @property
+    def exposure_ev(self) -> float:
+        """Stops by which the next frame is exposed longer than the first; to be drawn that much brighter."""
+        return 0.0 if self._exposure is None else self._exposure.ev
+
+    def expose(self, image: Image, index: int, time_s: float) -> Image:
+        """What the sensor reads. Frames come in the order of the episode: the automatics remember.
 
         Args:
             image: `(H, W, 3)` uint8 RGB as a perfect camera would see it.
             index: Of the frame in its episode.
+            time_s: Since the start of the episode.
 
         Returns:
             `(H, W, 3)` uint8; the argument itself when lens and sensor are perfect.
         """
-        focused = self._blur(image)
-        return focused if self._noise is None else self._noise.read(focused, index)
+        image = self._blur(image)
+        gains = (1.0, 1.0, 1.0)
+        if self._exposure is not None:
+            gains = self._exposure.gains
+            image = self._exposure.balance(image, time_s)
+        return image if self._noise is None else self._noise.read(image, index, gains)
 
     def _blur(self, image: Image) -> Image:
         """The image through the lens. The blur acts on display-coded values, as the drawing's light does."""

@@ -69,7 +69,7 @@ class Simulation:
         self._world = world
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
         self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
-        self._sensor = Sensor(settings.sensor, settings.axes, seed)
+        self._sensor = Sensor(settings.sensor, settings.axes, settings.camera.rate_hz, seed)
         self._truth = TruthMaker(world.model, world.people, self._renderer, self._K)
         self._index = 0
         return self._shoot()
@@ -89,9 +89,9 @@ class Simulation:
         world = self.world
         assert self._renderer is not None
         T_world_camera = self._vibration.displace(world.camera_pose(), world.time_s)
-        world.light()
+        world.light(self._sensor.exposure_ev)
         drawn = self._renderer.color(world.data, T_world_camera, self._K)
-        image = self._sensor.expose(drawn, self._index)
+        image = self._sensor.expose(drawn, self._index, world.time_s)
         people = self._truth.observe(world.data, T_world_camera, image, world.time_s, world.root_poses())
         image.setflags(write=False)
         return Frame(self._index, world.time_s, image, people[0], people)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pftrack_sim.scenario.axes.axis import Axis
 from pftrack_sim.scenario.axes.jitter import JitterAxis
+from pftrack_sim.scenario.axes.light import LightAxis
 from pftrack_sim.scenario.axes.noise import NoiseAxis
 from pftrack_sim.scenario.section import Section
 
@@ -12,6 +13,7 @@ class Axes(Section):
     """Stress axes. Severity 0 leaves the scenario as it is."""
 
     jitter: JitterAxis = JitterAxis()
+    light: LightAxis = LightAxis()
     noise: NoiseAxis = NoiseAxis()
 
 
@@ -25,4 +27,4 @@ def axes_by_name() -> dict[str, type[Axis]]:
     return found
 
 
-__all__ = ["Axes", "Axis", "JitterAxis", "NoiseAxis", "axes_by_name"]
+__all__ = ["Axes", "Axis", "JitterAxis", "LightAxis", "NoiseAxis", "axes_by_name"]
