@@ -73,7 +73,7 @@ class Plan:
     @property
     def frame_count(self) -> int:
         """Frames that will be drawn."""
-        return sum(episode.scenario.resolve(episode.seed).frame_count for episode in self.episodes)
+        return sum(episode.scenario.frame_count(episode.seed) for episode in self.episodes)
 
 
 def make_plan(

@@ -39,7 +39,7 @@ def save_video(
         frame = simulation.reset(seed)
         writer.add(_picture(frame, truth))
         on_frame()
-        for _ in range(simulation.settings.frame_count - 1):
+        for _ in range(simulation.frame_count - 1):
             frame = simulation.advance()
             writer.add(_picture(frame, truth))
             on_frame()
@@ -65,7 +65,7 @@ def save_image(
         raise ParameterError(f"the episode lasts {settled.duration_s:g} s, so there is no frame at {at_s:g} s")
     with Simulation(scenario, backend=backend) as simulation:
         frame = simulation.reset(seed)
-        for _ in range(round(at_s * settled.camera.rate_hz)):
+        while frame.time_s < at_s - 0.5 / settled.camera.rate_hz:
             frame = simulation.advance()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

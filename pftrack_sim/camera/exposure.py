@@ -29,34 +29,47 @@ _LINEAR = (_CODES / 255.0) ** DISPLAY_GAMMA
 class Exposure:
     """Colour, exposure and white balance through one episode.
 
-    The exposure of a frame is known before it is drawn, and the drawing applies it (`ev`): nothing is clipped that the
+    The exposure of a frame is known before it is drawn, and the drawing applies it: nothing is clipped that the
     exposure would have kept. Colours are applied to the drawn frame (`balance`), which is then metered for the next.
 
     Args:
         axis: What the light does, and which automatics are on.
-        rate_hz: Frames per second.
     """
 
-    def __init__(self, axis: LightAxis, rate_hz: float) -> None:
+    def __init__(self, axis: LightAxis) -> None:
         self._axis = axis
-        self._exposure_share = _share(rate_hz, axis.exposure_lag_s)
-        self._balance_share = _share(rate_hz, axis.white_balance_lag_s)
         self._held: Numbers | None = None
-        self._balance_ev = np.zeros(3)
-        self.ev = 0.0
-        """Stops by which the next frame is exposed longer than the first."""
+        self._metered_s = 0.0
+        self._ev, self._error_ev = 0.0, 0.0
+        self._balance_ev, self._balance_error_ev = np.zeros(3), np.zeros(3)
+
+    def settle(self, time_s: float) -> float:
+        """Make up for a part of the errors metered last: the larger, the longer ago that was.
+
+        Args:
+            time_s: When the next frame is taken, since the start of the episode.
+
+        Returns:
+            Stops by which it is exposed longer than the first.
+        """
+        since_s, axis = time_s - self._metered_s, self._axis
+        limit = axis.exposure_range_ev
+        self._ev = min(limit, max(-limit, self._ev + _share(since_s, axis.exposure_lag_s) * self._error_ev))
+        self._balance_ev = self._balance_ev + _share(since_s, axis.white_balance_lag_s) * self._balance_error_ev
+        self._metered_s = time_s
+        return self._ev
 
     @property
     def gains(self) -> tuple[float, float, float]:
-        """How much the camera amplifies linear red, green and blue of the next frame."""
-        red, green, blue = np.exp2(self.ev + self._balance_ev)
+        """How much the camera amplifies linear red, green and blue of the frame that it settled for."""
+        red, green, blue = np.exp2(self._ev + self._balance_ev)
         return float(red), float(green), float(blue)
 
     def balance(self, image: Image, time_s: float) -> Image:
-        """The frame in the colour of the light, balanced; then it is metered, and `ev` and `gains` are the next's.
+        """The frame in the colour of the light, balanced; and metered.
 
         Args:
-            image: `(H, W, 3)` uint8, drawn with exposure `ev` in white light.
+            image: `(H, W, 3)` uint8, drawn as bright as `settle` said, in white light.
             time_s: Since the start of the episode.
 
         Returns:
@@ -72,26 +85,24 @@ class Exposure:
         return coloured
 
     def _meter(self, image: Image) -> None:
-        """Take one step towards what is held."""
+        """How far a frame is off what is held."""
         mean = np.array([_LINEAR[image[2::4, 2::4, channel]].mean() for channel in range(3)])
         if self._held is None:
             self._held = mean
             return
+        self._error_ev, self._balance_error_ev = 0.0, np.zeros(3)
         if min(mean.min(), self._held.min()) < _DARK:
             return
         if self._axis.auto_exposure:
-            error_ev = math.log2((LUMINANCE @ self._held) / (LUMINANCE @ mean))
-            limit = self._axis.exposure_range_ev
-            self.ev = min(limit, max(-limit, self.ev + self._exposure_share * error_ev))
+            self._error_ev = math.log2((LUMINANCE @ self._held) / (LUMINANCE @ mean))
         if self._axis.auto_white_balance:
             # Ratios to green: balancing moves colours and leaves the brightness to the exposure.
-            error_ev = np.log2(self._held / self._held[1]) - np.log2(mean / mean[1])
-            self._balance_ev = self._balance_ev + self._balance_share * error_ev
+            self._balance_error_ev = np.log2(self._held / self._held[1]) - np.log2(mean / mean[1])
 
 
-def _share(rate_hz: float, lag_s: float) -> float:
-    """Share of an error that is made up for from one frame to the next."""
-    return 1.0 if lag_s == 0.0 else -math.expm1(-1.0 / (rate_hz * lag_s))
+def _share(since_s: float, lag_s: float) -> float:
+    """Share of an error that is made up for in a time."""
+    return 1.0 if lag_s == 0.0 else -math.expm1(-since_s / lag_s)
 
 
 def _scaled(image: Image, factors: Numbers) -> Image:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from pftrack_sim.camera.exposure import Exposure
+from pftrack_sim.camera.stream import compressed
 from pftrack_sim.records import Image
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes
@@ -18,33 +19,39 @@ if TYPE_CHECKING:
 
 
 class Sensor:
-    """Lens and sensor of the camera, through one episode: lens, colour of the light and camera's automatics, noise.
+    """Lens and sensor of the camera, through one episode: lens, colour and automatics, noise, JPEG.
 
     Args:
         cfg: Standard deviation of the lens' point-spread function. (Multisampling happens while drawing.)
-        axes: Of the scenario: the camera's side of `light`, and `noise`.
-        rate_hz: Frames per second.
+        axes: Of the scenario: the camera's side of `light`, `noise`, and the compression of `stream`.
         seed: Root seed of the episode.
     """
 
-    def __init__(self, cfg: model.Sensor, axes: Axes, rate_hz: float, seed: int) -> None:
-        self._exposure = Exposure(axes.light, rate_hz) if axes.light.on else None
+    def __init__(self, cfg: model.Sensor, axes: Axes, seed: int) -> None:
+        self._exposure = Exposure(axes.light) if axes.light.on else None
+        self._quality = axes.stream.quality if axes.stream.on else None
         self._noise = _noise(axes, seed)
         self._radius_px = max(1, math.ceil(4.0 * cfg.psf_sigma_px))
         self._sigma_px = sampled_sigma(cfg.psf_sigma_px, self._radius_px) if cfg.psf_sigma_px > 0.0 else 0.0
 
-    @property
-    def exposure_ev(self) -> float:
-        """Stops by which the next frame is exposed longer than the first; to be drawn that much brighter."""
-        return 0.0 if self._exposure is None else self._exposure.ev
+    def settle(self, time_s: float) -> float:
+        """Let the automatics settle until a frame is taken.
+
+        Args:
+            time_s: When that is, since the start of the episode.
+
+        Returns:
+            Stops by which it is exposed longer than the first frame; to be drawn that much brighter.
+        """
+        return 0.0 if self._exposure is None else self._exposure.settle(time_s)
 
     def expose(self, image: Image, index: int, time_s: float) -> Image:
         """What the sensor reads. Frames come in the order of the episode: the automatics remember.
 
         Args:
             image: `(H, W, 3)` uint8 RGB as a perfect camera would see it.
-            index: Of the frame in its episode.
-            time_s: Since the start of the episode.
+            index: Of the frame among those taken in its episode.
+            time_s: When it is taken, since the start of the episode.
 
         Returns:
             `(H, W, 3)` uint8; the argument itself when lens and sensor are perfect.
@@ -54,7 +61,9 @@ class Sensor:
         if self._exposure is not None:
             gains = self._exposure.gains
             image = self._exposure.balance(image, time_s)
-        return image if self._noise is None else self._noise.read(image, index, gains)
+        if self._noise is not None:
+            image = self._noise.read(image, index, gains)
+        return image if self._quality is None else compressed(image, self._quality)
 
     def _blur(self, image: Image) -> Image:
         """The image through the lens. The blur acts on display-coded values, as the drawing's light does."""

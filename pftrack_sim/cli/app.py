@@ -113,9 +113,8 @@ def render(
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
-    settled = loaded.resolve(seed)
     if video is not None:
-        with progress.bar("drawing", settled.frame_count) as tick:
+        with progress.bar("drawing", loaded.frame_count(seed)) as tick:
             save_video(loaded, seed, video, truth=truth, backend=backend, on_frame=tick)
     if image is not None:
         save_image(loaded, seed, image, at_s=at_s, truth=truth, backend=backend)

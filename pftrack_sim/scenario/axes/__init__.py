@@ -6,6 +6,7 @@ from pftrack_sim.scenario.axes.axis import Axis
 from pftrack_sim.scenario.axes.jitter import JitterAxis
 from pftrack_sim.scenario.axes.light import LightAxis
 from pftrack_sim.scenario.axes.noise import NoiseAxis
+from pftrack_sim.scenario.axes.stream import StreamAxis
 from pftrack_sim.scenario.section import Section
 
 
@@ -15,6 +16,7 @@ class Axes(Section):
     jitter: JitterAxis = JitterAxis()
     light: LightAxis = LightAxis()
     noise: NoiseAxis = NoiseAxis()
+    stream: StreamAxis = StreamAxis()
 
 
 def axes_by_name() -> dict[str, type[Axis]]:
@@ -27,4 +29,4 @@ def axes_by_name() -> dict[str, type[Axis]]:
     return found
 
 
-__all__ = ["Axes", "Axis", "JitterAxis", "LightAxis", "NoiseAxis", "axes_by_name"]
+__all__ = ["Axes", "Axis", "JitterAxis", "LightAxis", "NoiseAxis", "StreamAxis", "axes_by_name"]
