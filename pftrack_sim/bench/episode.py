@@ -128,7 +128,7 @@ def _show(
             if writer is not None:
                 writer.add(draw_frame(frame, said))
             on_frame()
-            if len(truths) == simulation.settings.frame_count:
+            if len(truths) == simulation.frame_count:
                 return truths, pixels.hexdigest()
             frame = simulation.advance()
 

@@ -185,7 +185,7 @@ class Plan(Section):
             camera = scenario.tree.get("camera", {})
             varies = is_range(scenario.tree.get("duration_s")) or is_range(camera.get("rate_hz"))
             counted = batch.seeds if varies and len(batch.seeds) <= 100 else batch.seeds[:1]
-            frames = sum(scenario.resolve(seed).frame_count for seed in counted)
+            frames = sum(scenario.frame_count(seed) for seed in counted)
             total += frames * len(batch.seeds) // len(counted)
         return total
 

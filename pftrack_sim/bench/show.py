@@ -42,7 +42,7 @@ def save_video(
         frame = simulation.reset(seed)
         writer.add(_picture(frame, truth, entries))
         on_frame()
-        for _ in range(simulation.settings.frame_count - 1):
+        for _ in range(simulation.frame_count - 1):
             frame = simulation.advance()
             writer.add(_picture(frame, truth, entries))
             on_frame()
@@ -77,7 +77,7 @@ def save_image(
     with Simulation(scenario, backend=backend) as simulation:
         frame = simulation.reset(seed)
         picture = _picture(frame, truth, entries)
-        for _ in range(round(at_s * settled.camera.rate_hz)):
+        while frame.time_s < at_s - 0.5 / settled.camera.rate_hz:
             frame = simulation.advance()
             picture = _picture(frame, truth, entries)
     try:

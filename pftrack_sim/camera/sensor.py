@@ -3,41 +3,83 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from pftrack_sim.camera.exposure import Exposure
+from pftrack_sim.camera.stream import compressed
 from pftrack_sim.records import Image
 from pftrack_sim.scenario import model
+from pftrack_sim.scenario.axes import Axes
+
+if TYPE_CHECKING:
+    from pftrack_sim.camera.noise import Noise
 
 
 class Sensor:
-    """Lens and sensor of the camera. It has no state: the same light gives the same numbers.
+    """Lens and sensor of the camera, through one episode: lens, colour and automatics, noise, JPEG.
 
     Args:
         cfg: Standard deviation of the lens' point-spread function. (Multisampling happens while drawing.)
+        axes: Of the scenario: the camera's side of `light`, `noise`, and the compression of `stream`.
+        seed: Root seed of the episode.
     """
 
-    def __init__(self, cfg: model.Sensor) -> None:
+    def __init__(self, cfg: model.Sensor, axes: Axes, seed: int) -> None:
+        self._exposure = Exposure(axes.light) if axes.light.on else None
+        self._quality = axes.stream.quality if axes.stream.on else None
+        self._noise = _noise(axes, seed)
         self._radius_px = max(1, math.ceil(4.0 * cfg.psf_sigma_px))
         self._sigma_px = sampled_sigma(cfg.psf_sigma_px, self._radius_px) if cfg.psf_sigma_px > 0.0 else 0.0
 
-    def expose(self, image: Image) -> Image:
-        """What the sensor reads.
+    def settle(self, time_s: float) -> float:
+        """Let the automatics settle until a frame is taken.
 
-        The blur acts on display-coded values, as the drawing's light does.
+        Args:
+            time_s: When that is, since the start of the episode.
+
+        Returns:
+            Stops by which it is exposed longer than the first frame; to be drawn that much brighter.
+        """
+        return 0.0 if self._exposure is None else self._exposure.settle(time_s)
+
+    def expose(self, image: Image, index: int, time_s: float) -> Image:
+        """What the sensor reads. Frames come in the order of the episode: the automatics remember.
 
         Args:
             image: `(H, W, 3)` uint8 RGB as a perfect camera would see it.
+            index: Of the frame among those taken in its episode.
+            time_s: When it is taken, since the start of the episode.
 
         Returns:
-            `(H, W, 3)` uint8; the argument itself when the lens is perfect.
+            `(H, W, 3)` uint8; the argument itself when lens and sensor are perfect.
         """
+        image = self._blur(image)
+        gains = (1.0, 1.0, 1.0)
+        if self._exposure is not None:
+            gains = self._exposure.gains
+            image = self._exposure.balance(image, time_s)
+        if self._noise is not None:
+            image = self._noise.read(image, index, gains)
+        return image if self._quality is None else compressed(image, self._quality)
+
+    def _blur(self, image: Image) -> Image:
+        """The image through the lens. The blur acts on display-coded values, as the drawing's light does."""
         if self._sigma_px == 0.0:
             return image
         size = 2 * self._radius_px + 1
         blurred = cv2.GaussianBlur(image, (size, size), self._sigma_px, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(blurred, dtype=np.uint8)
+
+
+def _noise(axes: Axes, seed: int) -> Noise | None:
+    if not axes.noise.on:
+        return None
+    from pftrack_sim.camera.noise import Noise  # numba: imported when it is used
+
+    return Noise(axes.noise, seed)
 
 
 def sampled_sigma(sigma_px: float, radius_px: int) -> float:

@@ -204,13 +204,12 @@ def render(
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
-    settled = loaded.resolve(seed)
     names = parse_names(tracker) if tracker is not None else []
     if params and not names:
         raise ParameterError("--param needs --trackers: it is theirs")
     entries = enter(names, seed=seed, preset=preset, params=parse_params(params or [], names))
     if video is not None:
-        with bars.bar("drawing", settled.frame_count) as tick:
+        with bars.bar("drawing", loaded.frame_count(seed)) as tick:
             save_video(loaded, seed, video, truth=truth, entries=entries, backend=backend, on_frame=tick)
     if image is not None:
         save_image(loaded, seed, image, at_s=at_s, truth=truth, entries=entries, backend=backend)

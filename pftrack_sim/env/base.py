@@ -151,7 +151,7 @@ class CameraEnv(gym.Env[Observation, Any]):
     @property
     def _over(self) -> bool:
         """Whether the last frame of the scenario has been answered."""
-        return self._current.index >= self.simulation.settings.frame_count
+        return self._current.index >= self.simulation.frame_count
 
 
 def box_space(env: CameraEnv) -> BoundingBox:

@@ -19,6 +19,7 @@ from pftrack_sim.records import Frame
 from pftrack_sim.render.choice import DescribedRenderer, check_name, open_renderer
 from pftrack_sim.render.truth import TruthMaker
 from pftrack_sim.scenario import ResolvedScenario, Scenario
+from pftrack_sim.scenario.delivery import arrivals, frame_count
 from pftrack_sim.world import World
 
 
@@ -41,6 +42,8 @@ class Simulation:
         self._image_size: tuple[int, int] | None = None
         self._renderer: DescribedRenderer | None = None
         self._world: World | None = None
+        self.frame_count = 0
+        """Frames shown in the running episode; 0 before the first reset."""
 
     def reset(self, seed: int) -> Frame:
         """Start the episode of a seed.
@@ -69,19 +72,25 @@ class Simulation:
         self._world = world
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
         self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
-        self._sensor = Sensor(settings.sensor)
+        self._sensor = Sensor(settings.sensor, settings.axes, seed)
         self._truth = TruthMaker(world.model, world.people, self._renderer, self._K)
+        self._arrivals = arrivals(settings, seed)
+        self._taken = next(self._arrivals)
         self._index = 0
+        self.frame_count = frame_count(settings, seed)
         return self._shoot()
 
     def advance(self, command: NDArray[np.float64] | None = None) -> Frame:
-        """Let the world move on to the next frame.
+        """Let the world move on to the next frame that is shown: frames lost on the way are not drawn.
 
         Args:
             command: `(4,)` forward speed, turn rate, pan rate, tilt rate, each in [-1, 1] of the robot's limits;
-                None lets the robot follow its script.
+                None lets the robot follow its script. It holds until the frame is there.
         """
-        self.world.advance(command)
+        taken = next(self._arrivals)
+        for _ in range(taken - self._taken):
+            self.world.advance(command)
+        self._taken = taken
         self._index += 1
         return self._shoot()
 
@@ -89,9 +98,9 @@ class Simulation:
         world = self.world
         assert self._renderer is not None
         T_world_camera = self._vibration.displace(world.camera_pose(), world.time_s)
-        world.light()
+        world.light(self._sensor.settle(world.time_s))
         drawn = self._renderer.color(world.data, T_world_camera, self._K)
-        image = self._sensor.expose(drawn)
+        image = self._sensor.expose(drawn, self._taken, world.time_s)
         people = self._truth.observe(world.data, T_world_camera, image, world.time_s, world.root_poses())
         image.setflags(write=False)
         return Frame(self._index, world.time_s, image, people[0], people)

@@ -21,6 +21,7 @@ from pftrack_sim.records import Image
 from pftrack_sim.render.backend import DRAWN_GROUPS, Layer, PixelRect, geoms_drawn
 from pftrack_sim.render.bounds import Bounds
 from pftrack_sim.render.context import GLContext, GLInfo, open_context
+from pftrack_sim.render.sky import Sky
 from pftrack_sim.world.layout import SCENERY_GROUP
 
 _NEVER_DRAWN = 5
@@ -137,6 +138,7 @@ class Rasteriser:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = self._fog
         self._ids_model: mujoco.MjModel | None = None
         self._ids_scene: mujoco.MjvScene | None = None
+        self._sky = Sky(model)
         self._visible = geoms_drawn(model)
         self._bounds = Bounds(model)
         self._scene_geoms = list(self._scene.geoms)
@@ -162,6 +164,7 @@ class Rasteriser:
         whole = mujoco.MjrRect(0, 0, self._width, self._height)
         with self._context:
             drawing = self._drawing[0]
+            self._sky.update(drawing)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, drawing)
             mujoco.mjr_render(whole, self._scene, drawing)
             mujoco.mjr_readPixels(self._pixels, None, whole, drawing)

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from pftrack_sim._data import envs_dir
 from pftrack_sim.errors import ScenarioError, UnknownNameError
 from pftrack_sim.scenario import ranges
+from pftrack_sim.scenario.delivery import frame_count
 from pftrack_sim.scenario.explain import problems
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
@@ -45,6 +46,10 @@ class Scenario:
             return ResolvedScenario.model_validate(tree)
         except ValidationError as error:
             raise ScenarioError(f"{self.name} at seed {seed}", list(problems(error, tree))) from None
+
+    def frame_count(self, seed: int) -> int:
+        """Frames shown in the episode of a seed: those taken, less what the stream leaves out."""
+        return frame_count(self.resolve(seed), seed)
 
     @property
     def digest(self) -> str:

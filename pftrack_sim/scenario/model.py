@@ -230,5 +230,5 @@ class ResolvedScenario(Section):
 
     @property
     def frame_count(self) -> int:
-        """Frames in one episode, at least 2: one to be shown the target, one to find it in."""
+        """Frames that the camera takes in one episode, at least 2; see `delivery.frame_count` for those shown."""
         return max(2, round(self.duration_s * self.camera.rate_hz))

@@ -13,6 +13,9 @@ ROBOT_GROUP = 2
 HIDDEN_GROUP = 3
 """MuJoCo geom groups. Hidden geoms collide and are never drawn; the others are drawn."""
 
+SKY = "sky"
+"""Name of the material whose emission is the brightness of the sky's picture: light changes it, renderers read it."""
+
 
 @dataclass(frozen=True)
 class Footprint:

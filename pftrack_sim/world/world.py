@@ -52,7 +52,8 @@ class World:
             [person.anatomy for person in scene.cast], [streams.stream(seed, "gait", name) for name in self.people]
         )
         self._puppets = Puppets(self.model, self.people)
-        self._lighting = Lighting(self.model, settings.lights)
+        rng = streams.stream(seed, "lights", "axis")
+        self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         self._cart_names = cart_names(settings.axes.occlusion)
         self._start(plans)
 
@@ -96,9 +97,13 @@ class World:
         """x, y [m] and heading [rad] of the robot."""
         return self._motion.drive.pose(self.data)
 
-    def light(self) -> None:
-        """Set the lights to what they are now."""
-        self._lighting.apply(self.time_s)
+    def light(self, exposure_ev: float = 0.0) -> None:
+        """Set the lights to what they are now.
+
+        Args:
+            exposure_ev: Stops by which the camera exposes longer than it does at first.
+        """
+        self._lighting.apply(self.time_s, self._motion.crowd.target_s_m, exposure_ev)
 
     def _start(self, plans: Plans) -> None:
         mujoco.mj_resetData(self.model, self.data)

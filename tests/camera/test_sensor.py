@@ -3,12 +3,13 @@ import pytest
 
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.scenario import model
+from pftrack_sim.scenario.axes import Axes
 
 SIGMAS = [0.3, 0.5, 0.8, 1.5, 3.0, 5.0]
 
 
 def expose(image: np.ndarray, sigma_px: float) -> np.ndarray:
-    return Sensor(model.Sensor(psf_sigma_px=sigma_px)).expose(image)
+    return Sensor(model.Sensor(psf_sigma_px=sigma_px), Axes(), 0).expose(image, 0, 0.0)
 
 
 @pytest.mark.parametrize("sigma_px", SIGMAS)

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pftrack_sim.photometry import DISPLAY_GAMMA, gain
 from pftrack_sim.scenario.model import Lights
-from pftrack_sim.world.lighting import DISPLAY_GAMMA, Lighting, ev, gain
+from pftrack_sim.world.lighting import Lighting, ev
 
 SCHEDULE = Lights.model_validate(
     {

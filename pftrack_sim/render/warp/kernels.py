@@ -82,6 +82,7 @@ class Looks:
     normal: wp.array(dtype=wp.vec3)
     sky: wp.array(dtype=int)
     sky_width: wp.array(dtype=int)
+    sky_brightness: wp.array(dtype=float)
     ambient: wp.array(dtype=wp.vec3)
     light_start: wp.array(dtype=int)
     light_count: wp.array(dtype=int)
@@ -286,7 +287,9 @@ def colour_of(
     colour = wp.vec3(0.0)
     if geom < 0:
         if looks.sky[world] >= 0:
-            colour = caster.sample_skybox(textures[looks.sky[world]], 1.0 / float(looks.sky_width[world]), direction)
+            colour = looks.sky_brightness[world] * caster.sample_skybox(
+                textures[looks.sky[world]], 1.0 / float(looks.sky_width[world]), direction
+            )
         return colour
     turn = geoms.turn[0, geom]
     touching = normal

@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from pftrack_sim.errors import RenderError
+from pftrack_sim.render.sky import sky_material
 from pftrack_sim.render.warp import kernels
 
 _ROLE_RGB = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
@@ -84,6 +85,8 @@ class SceneTable:
         looks.light_diffuse = _list(_joined(models, "light_diffuse") * active, wp.vec3)
         looks.light_specular = _list(_joined(models, "light_specular") * active, wp.vec3)
         looks.emission = _list(_joined(models, "mat_emission"), float)
+        skies = [(model.mat_emission, sky_material(model)) for model in models]
+        looks.sky_brightness = _list(np.array([glow[sky] if sky >= 0 else 1.0 for glow, sky in skies]), float)
         ambient = [
             np.array(model.vis.headlight.ambient) * bool(model.vis.headlight.active)
             + (model.light_ambient * model.light_active[:, None]).sum(axis=0)

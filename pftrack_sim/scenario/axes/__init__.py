@@ -5,7 +5,10 @@ from __future__ import annotations
 from pftrack_sim.scenario.axes.axis import Axis
 from pftrack_sim.scenario.axes.distractors import DistractorsAxis
 from pftrack_sim.scenario.axes.jitter import JitterAxis
+from pftrack_sim.scenario.axes.light import LightAxis
+from pftrack_sim.scenario.axes.noise import NoiseAxis
 from pftrack_sim.scenario.axes.occlusion import OcclusionAxis
+from pftrack_sim.scenario.axes.stream import StreamAxis
 from pftrack_sim.scenario.axes.target import TargetAxis
 from pftrack_sim.scenario.section import Section
 
@@ -17,6 +20,9 @@ class Axes(Section):
     occlusion: OcclusionAxis = OcclusionAxis()
     distractors: DistractorsAxis = DistractorsAxis()
     target: TargetAxis = TargetAxis()
+    light: LightAxis = LightAxis()
+    noise: NoiseAxis = NoiseAxis()
+    stream: StreamAxis = StreamAxis()
 
 
 def axes_by_name() -> dict[str, type[Axis]]:
@@ -29,4 +35,15 @@ def axes_by_name() -> dict[str, type[Axis]]:
     return found
 
 
-__all__ = ["Axes", "Axis", "DistractorsAxis", "JitterAxis", "OcclusionAxis", "TargetAxis", "axes_by_name"]
+__all__ = [
+    "Axes",
+    "Axis",
+    "DistractorsAxis",
+    "JitterAxis",
+    "LightAxis",
+    "NoiseAxis",
+    "OcclusionAxis",
+    "StreamAxis",
+    "TargetAxis",
+    "axes_by_name",
+]

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim._data import assets_dir
 from pftrack_sim.errors import PftrackError
+from pftrack_sim.world.layout import SKY
 from pftrack_sim.world.places.shapes import Array
 
 SHINING = "glow"
@@ -177,6 +178,7 @@ def add_material(spec: mujoco.MjSpec, name: str) -> None:
 def add_sky(spec: mujoco.MjSpec, name: str) -> None:
     """Put up a sky: `"sky-day"` or `"sky-night"`."""
     _add_texture(spec, name, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+    spec.add_material(name=SKY).emission = 1.0
 
 
 def _add_texture(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtTexture) -> None:

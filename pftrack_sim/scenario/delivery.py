@@ -1,0 +1,56 @@
+"""Which of the camera's frames arrive: known before an episode starts, from its settings and its seed alone."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+
+from pftrack_sim.scenario.axes import StreamAxis
+from pftrack_sim.scenario.model import ResolvedScenario
+from pftrack_sim.streams import stream
+
+
+def arrivals(settings: ResolvedScenario, seed: int) -> Iterator[int]:
+    """Indices of the frames taken that are shown, ascending, without end.
+
+    The first frame taken is always shown: the target is selected in it.
+
+    Args:
+        settings: The scenario, every range drawn.
+        seed: Root seed of the episode.
+    """
+    axis = settings.axes.stream
+    if not axis.on:
+        return itertools.count()
+    return _received(axis, _sent(axis.sent_hz / settings.camera.rate_hz), seed)
+
+
+def frame_count(settings: ResolvedScenario, seed: int) -> int:
+    """Frames shown in one episode, at least 2: one to be shown the target, one to find it in."""
+    taken = settings.frame_count
+    if not settings.axes.stream.on:
+        return taken
+    return max(2, sum(1 for _ in itertools.takewhile(lambda index: index < taken, arrivals(settings, seed))))
+
+
+def _sent(share: float) -> Iterator[int]:
+    """Frames that are sent when a share of those taken is: evenly spaced, as nearly as frames can be."""
+    if share >= 1.0:
+        yield from itertools.count()
+    for number in itertools.count():
+        # Rounded first, so that 20 of 30 frames are the same ones however the quotient came out.
+        yield math.ceil(round(number / share, 9))
+
+
+def _received(axis: StreamAxis, sent: Iterator[int], seed: int) -> Iterator[int]:
+    """Frames that are sent and not lost (Gilbert 1960: all are lost in the bad state, none in the good)."""
+    rng = stream(seed, "stream", "lost")
+    fall, leave = axis.transitions
+    yield next(sent)
+    bad = False
+    for index in sent:
+        draw = rng.random()
+        bad = draw >= leave if bad else draw < fall
+        if not bad:
+            yield index

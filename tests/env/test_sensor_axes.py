@@ -1,0 +1,132 @@
+"""The axes of light, noise and stream in whole episodes: the base at severity 0, repeatable, and what arrives."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.camera.stream import compressed
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.records import Frame
+
+SHORT = {"duration_s": 1.0, "camera.width_px": 160, "camera.height_px": 120, "camera.rate_hz": 10.0}
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "light": {"auto_exposure": True, "auto_white_balance": True, "dim_ev": 3.0, "at_s": 0.1, "exposure_lag_s": 0.2},
+    "noise": {"gain": 9.0},
+    "stream": {"jpeg_quality": 20, "dropped_share": 0.4, "rate_hz": 8.0},
+}
+
+
+def overrides(axis: str, severity: float) -> dict[str, Any]:
+    given = {f"axes.{axis}.{key}": value for key, value in PARAMETERS[axis].items()}
+    return {**given, f"axes.{axis}.severity": severity}
+
+
+def episode(changed: dict[str, Any], *, name: str = "street-night", seed: int = 4, runs: int = 1) -> list[Frame]:
+    """The frames of an episode, the last time it was run."""
+    frames: list[Frame] = []
+    with Simulation(scenario.load(name, {**SHORT, **changed})) as simulation:
+        for _ in range(runs):
+            frames = [simulation.reset(seed)]
+            frames += [simulation.advance() for _ in range(simulation.frame_count - 1)]
+    return frames
+
+
+def same(first: list[Frame], second: list[Frame]) -> bool:
+    return len(first) == len(second) and all(
+        one.image.tobytes() == two.image.tobytes() and one.people == two.people and one.time_s == two.time_s
+        for one, two in zip(first, second, strict=True)
+    )
+
+
+@pytest.fixture(scope="module")
+def base() -> list[Frame]:
+    return episode({})
+
+
+@pytest.mark.parametrize("axis", PARAMETERS)
+def test_severity_zero_is_the_base_to_the_bit(axis: str, base: list[Frame]):
+    assert same(episode(overrides(axis, 0.0)), base)
+
+
+@pytest.mark.parametrize("axis", PARAMETERS)
+def test_episodes_differ_from_the_base_and_start_afresh(axis: str, base: list[Frame]):
+    once = episode(overrides(axis, 1.0))
+    assert not same(once, base)
+    assert same(episode(overrides(axis, 1.0), runs=2), once)
+
+
+@pytest.mark.parametrize("axis", ["light", "noise"])
+def test_only_the_pixels_change(axis: str, base: list[Frame]):
+    for changed, plain in zip(episode(overrides(axis, 2.0)), base, strict=True):
+        for one, two in zip(changed.people, plain.people, strict=True):
+            assert (one.box == two.box).all()
+            assert (one.T_world_target == two.T_world_target).all()
+            assert (one.T_world_camera == two.T_world_camera).all()
+            assert (one.visible_fraction, one.state, one.time_s) == (two.visible_fraction, two.state, two.time_s)
+
+
+def test_each_frame_shown_is_one_that_was_taken_with_its_own_truth(base: list[Frame]):
+    lossless = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": 100, "axes.stream.dropped_share": 0.5}
+    shown = episode(lossless)
+    taken = {frame.time_s: frame for frame in base}
+    assert 2 <= len(shown) < len(base)
+    assert [frame.index for frame in shown] == list(range(len(shown)))
+    assert all(one.time_s < two.time_s for one, two in itertools.pairwise(shown))
+    for frame in shown:
+        twin = taken[frame.time_s]
+        assert frame.truth.time_s == frame.time_s
+        assert (frame.truth.box == twin.truth.box).all()
+        assert (frame.truth.T_world_target == twin.truth.T_world_target).all()
+        # JPEG at its best is off by a few levels; the frame before or after is off by far more.
+        assert np.abs(frame.image.astype(int) - twin.image).mean() < 4.0
+
+
+def test_noise_of_a_frame_does_not_depend_on_which_others_arrived():
+    noisy = overrides("noise", 1.0)
+    lossy = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": 100, "axes.stream.dropped_share": 0.5}
+    taken = {frame.time_s: frame for frame in episode(noisy)}
+    for frame in episode({**noisy, **lossy}):
+        assert np.array_equal(frame.image, compressed(taken[frame.time_s].image, 100))
+
+
+def test_the_command_holds_while_frames_are_lost():
+    lossy = {"axes.stream.severity": 1, "axes.stream.dropped_share": 0.5, "duration_s": 2.0}
+    forward = np.array([0.5, 0.2, 0.0, 0.0])
+    with Simulation(scenario.load("plaza-walk", {**SHORT, "duration_s": 2.0})) as simulation:
+        simulation.reset(4)
+        poses = {0.0: simulation.world.robot_pose()}
+        for _ in range(12):
+            time_s = simulation.advance(forward).time_s
+            poses[time_s] = simulation.world.robot_pose()
+    with Simulation(scenario.load("plaza-walk", {**SHORT, **lossy})) as simulation:
+        simulation.reset(4)
+        gaps = []
+        last_s = 0.0
+        while (frame := simulation.advance(forward)).time_s <= 1.2:
+            assert simulation.world.robot_pose() == poses[frame.time_s]
+            gaps.append(round(10.0 * (frame.time_s - last_s)))
+            last_s = frame.time_s
+    assert max(gaps) > 1
+
+
+def test_quality_reaches_the_pixels(base: list[Frame]):
+    errors = []
+    for quality in (95, 60, 20, 5):
+        settings = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": quality, "axes.stream.dropped_share": 0.0,
+                    "axes.stream.rate_hz": 10.0}  # fmt: skip
+        coded = episode(settings)
+        assert len(coded) == len(base)
+        errors.append(np.mean([np.square(a.image.astype(float) - b.image) for a, b in zip(coded, base, strict=True)]))
+    assert (np.diff(errors) > 0.0).all()
+    assert errors[-1] > 4.0 * errors[0]
+
+
+def test_all_at_twice_the_typical_value_run_with_valid_truth():
+    both = {key: value for axis in PARAMETERS for key, value in overrides(axis, 2.0).items()}
+    for frame in episode({**both, "axes.jitter.severity": 2.0}):
+        assert frame.image.shape == (120, 160, 3)
+        assert np.isfinite(frame.truth.box).all()
+        assert 0.0 <= frame.truth.visible_fraction <= 1.0
