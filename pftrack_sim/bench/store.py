@@ -24,6 +24,7 @@ from pftrack_sim.errors import RunError
 from pftrack_sim.records import Truth
 
 FORMAT = 1
+_BOXES = ("box", "amodal_box", "visible_box", "swept_box")
 _REPORTED = ("pftrack-sim", "gymnasium", "mujoco", "numpy", "opencv-python-headless", "numba", "duckdb", "av")
 
 
@@ -130,7 +131,7 @@ def _truth_columns(truths: Sequence[Truth]) -> dict[str, np.ndarray]:
         columns[key] = _column([getattr(truth, key) for truth in truths])
     columns["scored"] = np.array([truth.scored for truth in truths])
     columns["occluders"] = _lists([list(truth.occluders) for truth in truths])
-    for key in ("box", "amodal_box", "visible_box", "T_world_camera", "T_world_target", "K", "distortion"):
+    for key in (*_BOXES, "T_world_camera", "T_world_target", "K", "distortion"):
         columns[key] = _lists([getattr(truth, key).ravel().tolist() for truth in truths])
     return columns
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from pftrack_sim.scenario.axes.axis import Axis
+from pftrack_sim.scenario.axes.blur import BlurAxis
+from pftrack_sim.scenario.axes.distortion import DistortionAxis
 from pftrack_sim.scenario.axes.jitter import JitterAxis
+from pftrack_sim.scenario.axes.rolling_shutter import RollingShutterAxis
 from pftrack_sim.scenario.section import Section
 
 
@@ -11,6 +14,9 @@ class Axes(Section):
     """Stress axes. Severity 0 leaves the scenario as it is."""
 
     jitter: JitterAxis = JitterAxis()
+    blur: BlurAxis = BlurAxis()
+    rolling_shutter: RollingShutterAxis = RollingShutterAxis()
+    distortion: DistortionAxis = DistortionAxis()
 
 
 def axes_by_name() -> dict[str, type[Axis]]:
@@ -23,4 +29,4 @@ def axes_by_name() -> dict[str, type[Axis]]:
     return found
 
 
-__all__ = ["Axes", "Axis", "JitterAxis", "axes_by_name"]
+__all__ = ["Axes", "Axis", "BlurAxis", "DistortionAxis", "JitterAxis", "RollingShutterAxis", "axes_by_name"]
