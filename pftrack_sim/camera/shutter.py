@@ -7,6 +7,7 @@ count from the stamp, so they are <= 0.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +67,16 @@ class Flight:
         self.poses = np.asarray(poses, dtype=np.float64)
         self._base = self.poses[len(self.times_s) // 2, :3, :3]
         self._turn = turns.vectors(self._base.T @ self.poses[:, :3, :3])
+
+    @property
+    def followed_s(self) -> Array:
+        """Instants at which it is worth asking where moving points are: every second one."""
+        return self.times_s[::2]
+
+    def followed(self) -> Iterator[tuple[float, Array]]:
+        """These, and the camera's pose at each."""
+        for index in range(0, len(self.times_s), 2):
+            yield float(self.times_s[index]), self.poses[index]
 
     def rotations(self, times_s: ArrayLike) -> Array:
         """`(..., 3, 3)` rotation of the camera at some instants."""

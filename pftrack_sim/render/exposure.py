@@ -211,9 +211,9 @@ class Exposer:
             return np.full(moving.size, self.shutter.middle_s)
         seen = [
             self.lens.pixels(shutters.slopes(self._past.geoms(when)[0], pose, _AHEAD_M))
-            for when, pose in zip(flight.times_s, flight.poses, strict=True)
+            for when, pose in flight.followed()
         ]
-        when = shutters.meeting(self.shutter, flight.times_s, np.stack(seen))
+        when = shutters.meeting(self.shutter, flight.followed_s, np.stack(seen))
         return np.where(np.isfinite(when), when, self.shutter.middle_s)
 
     def _plan(self, renderer: Renderer) -> tuple[list[int], int, int]:
@@ -358,9 +358,9 @@ def exposer_of(settings: ResolvedScenario, model: mujoco.MjModel, K: Array, vibr
 
 
 def _reach(slopes: Sequence[Array]) -> tuple[Array, Array]:
-    """`(2,)` smallest and `(2,)` largest x / z and y / z."""
-    low = np.min([one.min(axis=(0, 1)) for one in slopes], axis=0)
-    return low, np.max([one.max(axis=(0, 1)) for one in slopes], axis=0)
+    """`(2,)` smallest and `(2,)` largest x / z and y / z: of the borders, which lie around all the rest."""
+    border = np.concatenate([side for one in slopes for side in (one[0], one[-1], one[:, 0], one[:, -1])])
+    return border.min(axis=0), border.max(axis=0)
 
 
 def _framed(lens: Lens, slopes: Sequence[Array], drawn_px: tuple[int, int]) -> Array:

@@ -71,6 +71,7 @@ class Past:
         """Ids of the geoms that moved."""
         self._positions, self._rotations = positions[:, self.moving], rotations[:, self.moving]
         self._turns = _steps(self._rotations)
+        self._known: dict[float, tuple[Array, Array]] = {}
 
     def write(self, data: mujoco.MjData, when_s: ArrayLike) -> None:
         """Put the moving geoms where they were.
@@ -95,6 +96,14 @@ class Past:
         """
         if len(self._times) == 1:
             return self._positions[0], self._rotations[0]
+        if isinstance(when_s, float):
+            # The same few instants are asked for again and again.
+            if when_s not in self._known:
+                self._known[when_s] = self._geoms(when_s)
+            return self._known[when_s]
+        return self._geoms(when_s)
+
+    def _geoms(self, when_s: ArrayLike) -> tuple[Array, Array]:
         place, share = self._place(np.broadcast_to(np.asarray(when_s, dtype=np.float64), self.moving.shape))
         every = np.arange(len(self.moving))
         before, after = self._positions[place, every], self._positions[place + 1, every]

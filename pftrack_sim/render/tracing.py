@@ -92,13 +92,13 @@ def _boxes(
     straight, depths = bodies.boxes(*limbs, taken.T_world_camera, lens.K, near_m)
     points = outlines.find(*limbs, taken.T_world_camera, near_m)
     seen: list[Array] = []
-    for when, pose in zip(flight.times_s, flight.poses, strict=True):
-        positions, rotations = _limbs(taken, geoms, float(when))
+    for when, pose in flight.followed():
+        positions, rotations = _limbs(taken, geoms, when)
         world = points @ rotations.transpose(0, 2, 1) + positions[:, None]
         seen.append(lens.pixels(shutters.slopes(world, pose, near_m)))
     track = np.stack(seen)
-    when = shutters.meeting(shutter, flight.times_s, track)
-    met = shutters.along(flight.times_s, track, when)
+    when = shutters.meeting(shutter, flight.followed_s, track)
+    met = shutters.along(flight.followed_s, track, when)
     # What the points miss of the outline is known through a pinhole, and nearly the same here.
     world = points @ limbs[1].transpose(0, 2, 1) + limbs[0][:, None]
     plain = shutters.slopes(world, taken.T_world_camera, near_m) * lens.K[(0, 1), (0, 1)] + lens.K[:2, 2]
@@ -108,7 +108,7 @@ def _boxes(
     swept = amodal
     if shutter.exposure_s:
         for offset in np.linspace(-0.5, 0.5, _SWEEPS) * shutter.exposure_s:
-            there = _extent(shutters.along(flight.times_s, track, when + offset), bodies.starts) + missed
+            there = _extent(shutters.along(flight.followed_s, track, when + offset), bodies.starts) + missed
             swept = np.concatenate(
                 [np.minimum(swept[:, :2], there[:, :2]), np.maximum(swept[:, 2:], there[:, 2:])], axis=1
             )
@@ -125,7 +125,8 @@ def _limbs(taken: Taken, geoms: NDArray[np.intp], when_s: float) -> tuple[Array,
 
 def _extent(points: Array, starts: NDArray[np.intp]) -> Array:
     """`(B, 4)` left, top, right, bottom of bodies, from `(S, N, 2)` points of their parts; NaN without any."""
-    low, high = np.fmin.reduce(points, axis=1), np.fmax.reduce(points, axis=1)
+    across = np.ascontiguousarray(np.moveaxis(points, -1, 0))
+    low, high = np.fmin.reduce(across, axis=-1).T, np.fmax.reduce(across, axis=-1).T
     return np.concatenate([np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)], axis=1)
 
 
