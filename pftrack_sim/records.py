@@ -42,6 +42,9 @@ class Truth:
     Boxes are `(4,)` x, y, w, h [px]; poses are `(4, 4)` and map the second frame of their name into the first
     (`T_world_camera` maps camera to world; camera axes as OpenCV: x right, y down, z forward).
 
+    Under a lens, an exposure or a rolling shutter every box describes each row's own mid-exposure, through the lens;
+    poses are those of the middle row's. `docs/truth.md` says it box by box and effect by effect.
+
     Attributes:
         name: Who it is: `"target"`, `"distractor-1"`, `"crosser-1"`.
         box: Amodal box clipped to the image: the overlap is scored on it. Zero area when out of view.

@@ -25,6 +25,7 @@ from pftrack_sim.world.layout import PEOPLE_GROUP, SCENERY_GROUP
 FRAME_S = 0.04
 NO_LENS = (0.0, 0.0, 0.0, 0.0, 0.0)
 BENT = DistortionAxis(severity=1.0, k1=-0.3, k2=0.09).coefficients
+POLES = {"pole": [4.0, 0.0, 0.0], "ball": [-9.0, 0.0, 0.0], "both": [2.5, 0.05, 0.0]}
 STILL = Vibration.flat(Jitter(), np.random.default_rng(0))
 
 
@@ -58,7 +59,7 @@ class Studio:
             rgba=[0, 0, 0, 1],
             group=SCENERY_GROUP,
         )
-        pole = spec.worldbody.add_body(name="pole", pos=[4.0, 0.0, 0.0] if kind == "pole" else [-9.0, 0.0, 0.0])
+        pole = spec.worldbody.add_body(name="pole", pos=POLES[kind])
         pole.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 9.0], rgba=[1, 1, 1, 1], group=SCENERY_GROUP)
         ball = spec.worldbody.add_body(name="target/pelvis", mocap=True, pos=[4.0, 0.0, 0.0])
         ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.4, 0, 0], rgba=[1, 1, 1, 1], group=PEOPLE_GROUP)
@@ -236,3 +237,34 @@ def test_a_still_scene_is_the_same_however_long_it_is_exposed(studio):
     assert np.array_equal(long.image, instant.image)
     assert np.array_equal(long.truth.visible_box, instant.truth.visible_box)
     assert np.abs(long.truth.swept_box - long.truth.amodal_box).max() < 1e-9
+
+
+@pytest.mark.parametrize("lens", [NO_LENS, BENT])
+@pytest.mark.parametrize("exposure_s", [0.0, 0.02])
+def test_visible_pixels_are_those_that_each_row_sees_at_its_own_instant(studio, lens, exposure_s: float):
+    room = studio("both", exposure_s=exposure_s, readout_s=0.02, lens=lens)
+    renderer, exposer = room.renderer, room.exposer
+    for index in (-1, 0):
+        moved = FRAME_S * index
+        room.data.mocap_pos[0] = (4.0, 0.3 + 1.5 * moved, 0.2)
+        mujoco.mj_forward(room.model, room.data)
+        pose = facing(0.9 * moved, (0.0, 0.5 * moved, 0.0))
+        taken = exposer.take(renderer, room.data, room.frames * FRAME_S, pose, np.eye(4)[None])
+        (truth,) = room.truth.observe_taken(taken, taken.image, room.frames * FRAME_S)
+        room.frames += 1
+    # Row by row: the whole scene as it was just then, looked at along each pixel's ray.
+    K_wide = np.array(K)
+    K_wide[:2, 2] = renderer.width_px / 2, renderer.height_px / 2
+    visible = np.zeros((HEIGHT, WIDTH), dtype=bool)
+    ball = room.model.body("target/pelvis").geomadr[0]
+    for row in range(HEIGHT):
+        when = float(room.shutter.row_s(row + 0.5))
+        if not truth.amodal_box[1] - 3 < row < truth.amodal_box[1] + truth.amodal_box[3] + 3:
+            continue
+        ids = renderer.ids(exposer.at(when), taken.flight.pose(when), K_wide).ids
+        pixels = np.column_stack([np.arange(WIDTH) + 0.5, np.full(WIDTH, row + 0.5)])
+        at = np.floor(exposer.lens.slopes(pixels) * K[(0, 1), (0, 1)] + K_wide[:2, 2]).astype(int)
+        visible[row] = ids[at[:, 1], at[:, 0]] == ball
+    assert 0.2 < truth.visible_fraction < 0.9
+    assert truth.occluders == ("pole",)
+    assert np.abs(sides(truth.visible_box) - sides(boxes.from_mask(visible))).max() <= 1.0
