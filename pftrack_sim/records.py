@@ -42,12 +42,17 @@ class Truth:
     Boxes are `(4,)` x, y, w, h [px]; poses are `(4, 4)` and map the second frame of their name into the first
     (`T_world_camera` maps camera to world; camera axes as OpenCV: x right, y down, z forward).
 
+    Under a lens, an exposure or a rolling shutter every box describes each row's own mid-exposure, through the lens;
+    poses are those of the middle row's. `docs/truth.md` says it box by box and effect by effect.
+
     Attributes:
         name: Who it is: `"target"`, `"distractor-1"`, `"crosser-1"`.
         box: Amodal box clipped to the image: the overlap is scored on it. Zero area when out of view.
         amodal_box: Extent of the whole body as if nothing covered it and the image had no edge. NaN when no part
             of the body is in front of the camera.
         visible_box: Extent of the pixels that show the person. NaN when there are none.
+        swept_box: Extent of the whole body over the whole exposure, as if nothing covered it and the image had no
+            edge; the amodal box itself where the exposure is an instant. NaN as the amodal box.
         visible_fraction: Visible pixels over the amodal pixels inside the image, in [0, 1]; 0 when there are none.
         truncation: Share of the amodal box's area outside the image, in [0, 1].
         state: `"visible"`: at least one pixel shows; `"occluded"`: inside the image, but fully covered;
@@ -68,6 +73,7 @@ class Truth:
     box: Box
     amodal_box: Box
     visible_box: Box
+    swept_box: Box
     visible_fraction: float
     truncation: float
     state: State
@@ -86,6 +92,7 @@ class Truth:
             "box": (4,),
             "amodal_box": (4,),
             "visible_box": (4,),
+            "swept_box": (4,),
             "T_world_camera": (4, 4),
             "T_world_target": (4, 4),
             "K": (3, 3),

@@ -10,7 +10,7 @@ def test_public_surface():
     assert {"name", "seed", "preset"} <= set(inspect.signature(trackers.make).parameters)
     assert {"TrackingPolicy", "FollowPolicy"} <= set(vars(policies))
     wanted = (
-        "box amodal_box visible_box visible_fraction truncation state occluders distance_m T_world_camera "
+        "box amodal_box visible_box swept_box visible_fraction truncation state occluders distance_m T_world_camera "
         "T_world_target K distortion time_s image_motion_px luminance"
     )
     assert set(wanted.split()) <= set(records.Truth.__dataclass_fields__)

@@ -17,6 +17,7 @@ def truth(state: State = "visible", **changed: Any) -> Truth:
         "box": [0, 0, 5, 6],
         "amodal_box": [-1, 0, 6, 6],
         "visible_box": [np.nan] * 4,
+        "swept_box": [np.nan] * 4,
         "visible_fraction": 0.5,
         "truncation": 0.1,
         "state": state,
@@ -45,7 +46,7 @@ def test_truth_is_frozen():
     assert one.box[0] == 0
     with pytest.raises(dataclasses.FrozenInstanceError):
         one.name = "other"  # pyright: ignore[reportAttributeAccessIssue]
-    assert len(arrays(one)) == 7
+    assert len(arrays(one)) == 8
     for array in arrays(one).values():
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0

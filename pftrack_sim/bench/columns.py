@@ -24,7 +24,7 @@ NOT_COMPARED = ("ms",)
 """Columns of wall-clock time: everything else is the same in every run of a plan."""
 
 _TRUTH_NUMBERS = ("time_s", "state", "visible_fraction", "truncation", "distance_m", "image_motion_px", "luminance")
-_TRUTH_LISTS = ("box", "amodal_box", "visible_box", "T_world_camera", "T_world_target", "K", "distortion")
+_TRUTH_LISTS = ("box", "amodal_box", "visible_box", "swept_box", "T_world_camera", "T_world_target", "K", "distortion")
 
 Columns = Mapping[str, np.ndarray]
 

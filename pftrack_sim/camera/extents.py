@@ -108,7 +108,8 @@ class Bodies:
                 raise ParameterError(f"body {index} has no parts to project")
         self.shapes: tuple[Shape, ...] = tuple(shape for parts in bodies for shape in parts)
         counts = np.array([len(parts) for parts in bodies], dtype=np.intp)
-        self._starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.intp)
+        self.starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.intp)
+        """`(B,)` index of each body's first part."""
         part: list[int] = []
         offsets: list[float] = []
         axes: list[tuple[float, float, float]] = []
@@ -150,10 +151,10 @@ class Bodies:
         fx, fy, cx, cy = focal_and_centre(K)
         extents, depths = self.extents(positions, rotations, T_world_camera, near_m)
         # fmin and fmax pass over the NaN of parts that are cut off altogether.
-        low = np.fmin.reduceat(extents[:, :2], self._starts) * (fx, fy) + (cx, cy)
-        high = np.fmax.reduceat(extents[:, 2:], self._starts) * (fx, fy) + (cx, cy)
-        nearest = np.minimum.reduceat(depths[:, 0], self._starts)
-        farthest = np.maximum.reduceat(depths[:, 1], self._starts)
+        low = np.fmin.reduceat(extents[:, :2], self.starts) * (fx, fy) + (cx, cy)
+        high = np.fmax.reduceat(extents[:, 2:], self.starts) * (fx, fy) + (cx, cy)
+        nearest = np.minimum.reduceat(depths[:, 0], self.starts)
+        farthest = np.maximum.reduceat(depths[:, 1], self.starts)
         return np.concatenate([low, high - low], axis=1), np.stack([nearest, farthest], axis=1)
 
     def extents(
@@ -206,7 +207,7 @@ class Bodies:
             np.minimum.at(lowest, part, ends)
         for part, points in self._hulls:
             lowest[part] = centres[part, 2] + (axes[part, 2:] @ points)[:, 0].min(axis=1)
-        return np.minimum.reduceat(lowest, self._starts)
+        return np.minimum.reduceat(lowest, self.starts)
 
     def _smooth(self, centres: Array, axes: Array, extents: Array, depths: Array) -> None:
         """Fill in the smooth parts as if none was near the camera."""

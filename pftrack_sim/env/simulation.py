@@ -17,6 +17,7 @@ from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.errors import ScenarioError
 from pftrack_sim.records import Frame
 from pftrack_sim.render.choice import DescribedRenderer, check_name, open_renderer
+from pftrack_sim.render.exposure import exposer_of
 from pftrack_sim.render.truth import TruthMaker
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.delivery import arrivals, frame_count
@@ -64,16 +65,21 @@ class Simulation:
         # The old world goes first: two compiled models at once would double the memory of a reset.
         self._world = None
         world = World(settings, seed)
+        self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
+        self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
+        self._exposer = exposer_of(settings, world.model, self._K, self._vibration)
+        drawn = size if self._exposer is None else self._exposer.drawn_size
+        if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) != drawn:
+            self._renderer.close()
+            self._renderer = None
         if self._renderer is None:
-            self._renderer = open_renderer(world.model, *size, self._backend)
+            self._renderer = open_renderer(world.model, *drawn, self._backend)
         else:
             self._renderer.rebind(world.model)
         self._image_size = size
         self._world = world
-        self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
-        self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         self._sensor = Sensor(settings.sensor, settings.axes, seed)
-        self._truth = TruthMaker(world.model, world.people, self._renderer, self._K)
+        self._truth = TruthMaker(world.model, world.people, self._renderer, self._K, size)
         self._arrivals = arrivals(settings, seed)
         self._taken = next(self._arrivals)
         self._index = 0
@@ -97,11 +103,18 @@ class Simulation:
     def _shoot(self) -> Frame:
         world = self.world
         assert self._renderer is not None
-        T_world_camera = self._vibration.displace(world.camera_pose(), world.time_s)
         world.light(self._sensor.settle(world.time_s))
-        drawn = self._renderer.color(world.data, T_world_camera, self._K)
-        image = self._sensor.expose(drawn, self._taken, world.time_s)
-        people = self._truth.observe(world.data, T_world_camera, image, world.time_s, world.root_poses())
+        if self._exposer is None:
+            T_world_camera = self._vibration.displace(world.camera_pose(), world.time_s)
+            drawn = self._renderer.color(world.data, T_world_camera, self._K)
+            image = self._sensor.expose(drawn, self._taken, world.time_s)
+            people = self._truth.observe(world.data, T_world_camera, image, world.time_s, world.root_poses())
+        else:
+            taken = self._exposer.take(
+                self._renderer, world.data, world.time_s, world.camera_pose(), world.root_poses()
+            )
+            image = self._sensor.expose(taken.image, self._taken, world.time_s)
+            people = self._truth.observe_taken(taken, image, world.time_s)
         image.setflags(write=False)
         return Frame(self._index, world.time_s, image, people[0], people)
 

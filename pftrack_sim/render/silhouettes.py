@@ -27,13 +27,17 @@ class Silhouette:
         rect: The part of the image it lies in.
         amodal: `(h, w)` pixels of the whole person.
         visible: `(h, w)` those that show.
-        covering: Geom ids on the pixels that do not show.
+        top: `(h, w)` geom ids of what shows on the person's pixels; anything elsewhere.
     """
 
     rect: PixelRect
     amodal: NDArray[np.bool_]
     visible: NDArray[np.bool_]
-    covering: NDArray[np.int32]
+    top: NDArray[np.int32]
+
+    def covering(self) -> NDArray[np.int32]:
+        """Geom ids on the person's pixels that do not show."""
+        return self.top[self.amodal & ~self.visible]
 
 
 class Silhouettes:
@@ -127,7 +131,24 @@ class Silhouettes:
                 top[here][closer] = other_ids[closer]
                 best[here][closer] = other[closer]
         hidden = amodal & (top != ids)
-        return Silhouette(rect, amodal, amodal & ~hidden, top[hidden])
+        return Silhouette(rect, amodal, amodal & ~hidden, top)
+
+
+def pixels_around(box: Array, size: tuple[int, int], margin_px: int = 1) -> PixelRect | None:
+    """The pixels of an image that a body may touch; None when there are none.
+
+    Args:
+        box: `(4,)` its amodal box [px].
+        size: Width and height of the image [px].
+        margin_px: Pixels around the box that the body could still touch: one, for a rounded triangle.
+    """
+    if not np.isfinite(box).all():
+        return None
+    left, top = np.floor(box[:2]) - margin_px
+    right, bottom = np.ceil(box[:2] + box[2:]) + margin_px
+    x0, y0 = int(max(left, 0.0)), int(max(top, 0.0))
+    x1, y1 = int(min(right, size[0])), int(min(bottom, size[1]))
+    return PixelRect(x0, y0, x1 - x0, y1 - y0) if x0 < x1 and y0 < y1 else None
 
 
 def _apart(rects: dict[int, PixelRect], covered: list[int]) -> list[list[int]]:

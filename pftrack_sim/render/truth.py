@@ -13,10 +13,13 @@ from pftrack_sim import boxes
 from pftrack_sim.camera import extents
 from pftrack_sim.camera.extents import Bodies, Shape
 from pftrack_sim.camera.optics import camera_matrix
+from pftrack_sim.camera.outlines import Outlines
 from pftrack_sim.errors import ParameterError
 from pftrack_sim.records import Image, State, Truth
-from pftrack_sim.render.backend import PixelRect, Renderer
-from pftrack_sim.render.silhouettes import Silhouette, Silhouettes
+from pftrack_sim.render.backend import Renderer
+from pftrack_sim.render.exposure import Taken
+from pftrack_sim.render.silhouettes import Silhouette, Silhouettes, pixels_around
+from pftrack_sim.render.tracing import Traced, trace
 from pftrack_sim.world.layout import PEOPLE_GROUP, owner_name
 
 Array = NDArray[np.float64]
@@ -24,8 +27,8 @@ Array = NDArray[np.float64]
 _LUMA = (0.299, 0.587, 0.114)
 """Weights of red, green and blue in ITU-R BT.601's luma."""
 
-_MARGIN_PX = 1
-"""Pixels around a closed-form box that a rounded triangle of its body could still touch."""
+_NO_DISTORTION = np.zeros(5)
+_NO_DISTORTION.setflags(write=False)
 
 
 class TruthMaker:
@@ -38,16 +41,25 @@ class TruthMaker:
         people: Names, the target's first.
         renderer: Draws ids; it is bound to the model.
         K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
+        size: Width and height of the images, where the renderer draws them with a margin; None: what it draws.
 
     Raises:
         ParameterError: No people, a name without a pelvis or without geoms, or a camera matrix that is none.
     """
 
-    def __init__(self, model: mujoco.MjModel, people: Sequence[str], renderer: Renderer, K: ArrayLike | float) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        people: Sequence[str],
+        renderer: Renderer,
+        K: ArrayLike | float,
+        size: tuple[int, int] | None = None,
+    ) -> None:
         if not people:
             raise ParameterError("truth needs the name of at least one person, the target's first")
         self._renderer = renderer
-        self._K = camera_matrix(K, renderer.width_px, renderer.height_px)
+        self._size = size if size is not None else (renderer.width_px, renderer.height_px)
+        self._K = camera_matrix(K, *self._size)
         self._people = tuple(people)
         self._owners = [owner_name(model.body(body).name) for body in range(model.nbody)]
         self._body_of_geom = np.array(model.geom_bodyid, dtype=np.intp)
@@ -62,6 +74,7 @@ class TruthMaker:
                 raise ParameterError(f"{name!r} has no visible geoms of group {PEOPLE_GROUP} to be seen by")
         self._geoms = np.concatenate(geoms)
         self._bodies = Bodies([[_shape(model, int(geom)) for geom in own] for own in geoms])
+        self._outlines: Outlines | None = None
         self._silhouettes = Silhouettes(model, person_of_geom, renderer.visible_geoms)
         self._previous: Array | None = None
 
@@ -93,24 +106,65 @@ class TruthMaker:
         Raises:
             ParameterError: Poses or an image of the wrong shape.
         """
-        width, height = self._renderer.width_px, self._renderer.height_px
         pose = np.asarray(T_world_camera, dtype=np.float64)
-        roots = np.asarray(T_world_people, dtype=np.float64)
-        if roots.shape != (len(self._people), 4, 4):
-            raise ParameterError(f"T_world_people must have shape ({len(self._people)}, 4, 4), got {roots.shape}")
-        if image.shape != (height, width, 3):
-            raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
+        self._check(image, T_world_people)
         limbs = data.geom_xpos[self._geoms], data.geom_xmat[self._geoms].reshape(-1, 3, 3)
         amodal, depths = self._bodies.boxes(*limbs, pose, self._K, self._renderer.near_m)
         rects = {
-            person: rect
-            for person, box in enumerate(amodal)
-            if (rect := _pixels_around(box, width, height)) is not None
+            person: rect for person, box in enumerate(amodal) if (rect := pixels_around(box, self._size)) is not None
         }
         lowest = self._bodies.lowest(*limbs)
         found = self._silhouettes.find(self._renderer, data, pose, self._K, rects, depths[:, 1], lowest)
+        everybody = Traced(amodal, amodal, found)
+        return self._written(everybody, image, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
+
+    def observe_taken(self, taken: Taken, image: Image, time_s: float) -> tuple[Truth, ...]:
+        """Truth of the next frame, taken by an `Exposer`: with a lens, over an exposure, row by row.
+
+        Args:
+            taken: How it was taken.
+            image: `(H, W, 3)` the frame, for its luminance.
+            time_s: Time of the frame since the start of the episode.
+
+        Returns:
+            As `observe`; poses and distances are those at mid-exposure of the middle row.
+
+        Raises:
+            ParameterError: Poses or an image of the wrong shape.
+        """
+        self._check(image, taken.T_world_people)
+        if self._outlines is None:
+            self._outlines = Outlines(self._bodies.shapes)
+        everybody = trace(taken, self._renderer, self._bodies, self._outlines, self._geoms, self._silhouettes)
+        distortion = taken.exposer.lens.coefficients
+        return self._written(
+            everybody, image, time_s, taken.T_world_camera, taken.T_world_people, taken.bodies, distortion
+        )
+
+    def _check(self, image: Image, T_world_people: ArrayLike) -> None:
+        people, shape = len(self._people), np.shape(T_world_people)
+        if shape != (people, 4, 4):
+            raise ParameterError(f"T_world_people must have shape ({people}, 4, 4), got {shape}")
+        width, height = self._size
+        if image.shape != (height, width, 3):
+            raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
+
+    def _written(
+        self,
+        everybody: Traced,
+        image: Image,
+        time_s: float,
+        pose: Array,
+        T_world_people: ArrayLike,
+        bodies: Array,
+        distortion: Array,
+    ) -> tuple[Truth, ...]:
+        """The records, from boxes and pixels."""
+        width, height = self._size
+        amodal, found = everybody.amodal, everybody.found
+        roots = np.asarray(T_world_people, dtype=np.float64)
         motion = self._motion(amodal)
-        distance = np.linalg.norm(data.xpos[self._pelvis] - pose[:3, 3], axis=1)
+        distance = np.linalg.norm(bodies[self._pelvis] - pose[:3, 3], axis=1)
         truths: list[Truth] = []
         for person, name in enumerate(self._people):
             silhouette = found.get(person)
@@ -124,6 +178,7 @@ class TruthMaker:
                     box=_box_inside(amodal[person], width, height, empty=not inside),
                     amodal_box=amodal[person],
                     visible_box=seen.box,
+                    swept_box=everybody.swept[person],
                     visible_fraction=seen.fraction,
                     truncation=_truncation(amodal[person], width, height),
                     state=seen.state,
@@ -132,7 +187,7 @@ class TruthMaker:
                     T_world_camera=pose,
                     T_world_target=roots[person],
                     K=self._K,
-                    distortion=np.zeros(5),
+                    distortion=distortion,
                     time_s=float(time_s),
                     image_motion_px=float(motion[person]),
                     luminance=seen.luminance,
@@ -148,10 +203,11 @@ class TruthMaker:
 
     def _names(self, silhouette: Silhouette | None) -> tuple[str, ...]:
         """Who covers a person, most pixels first; by name where equal."""
-        if silhouette is None or silhouette.covering.size == 0:
+        covering = silhouette.covering() if silhouette is not None else np.empty(0, dtype=np.int32)
+        if covering.size == 0:
             return ()
         counts: dict[str, int] = {}
-        geoms, pixels = np.unique(silhouette.covering, return_counts=True)
+        geoms, pixels = np.unique(covering, return_counts=True)
         for geom, count in zip(geoms, pixels, strict=True):
             owner = self._owners[self._body_of_geom[geom]]
             counts[owner] = counts.get(owner, 0) + int(count)
@@ -207,17 +263,6 @@ def _shape(model: mujoco.MjModel, geom: int) -> Shape:
             return extents.hull(model.mesh_vert[first : first + count])
         case _:
             raise ParameterError(f"geom {model.geom(geom).name!r} of a person has type {kind.name}, which has no box")
-
-
-def _pixels_around(box: Array, width_px: int, height_px: int) -> PixelRect | None:
-    """The pixels of the image that a body with this amodal box may touch; None when there are none."""
-    if not np.isfinite(box).all():
-        return None
-    left, top = np.floor(box[:2]) - _MARGIN_PX
-    right, bottom = np.ceil(box[:2] + box[2:]) + _MARGIN_PX
-    x0, y0 = int(max(left, 0.0)), int(max(top, 0.0))
-    x1, y1 = int(min(right, width_px)), int(min(bottom, height_px))
-    return PixelRect(x0, y0, x1 - x0, y1 - y0) if x0 < x1 and y0 < y1 else None
 
 
 def _box_inside(amodal: Array, width_px: int, height_px: int, *, empty: bool) -> Array:

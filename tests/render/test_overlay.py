@@ -15,6 +15,7 @@ def truth(box=(100.0, 60.0, 40.0, 90.0), *, name: str = "target", state: State =
         "box": box,
         "amodal_box": box,
         "visible_box": box,
+        "swept_box": box,
         "visible_fraction": 0.6,
         "truncation": 0.0,
         "state": state,

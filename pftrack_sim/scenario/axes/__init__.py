@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pftrack_sim.scenario.axes.axis import Axis
+from pftrack_sim.scenario.axes.blur import BlurAxis
+from pftrack_sim.scenario.axes.distortion import DistortionAxis
 from pftrack_sim.scenario.axes.distractors import DistractorsAxis
 from pftrack_sim.scenario.axes.jitter import JitterAxis
 from pftrack_sim.scenario.axes.light import LightAxis
 from pftrack_sim.scenario.axes.noise import NoiseAxis
 from pftrack_sim.scenario.axes.occlusion import OcclusionAxis
+from pftrack_sim.scenario.axes.rolling_shutter import RollingShutterAxis
 from pftrack_sim.scenario.axes.stream import StreamAxis
 from pftrack_sim.scenario.axes.target import TargetAxis
 from pftrack_sim.scenario.section import Section
@@ -23,6 +26,9 @@ class Axes(Section):
     light: LightAxis = LightAxis()
     noise: NoiseAxis = NoiseAxis()
     stream: StreamAxis = StreamAxis()
+    blur: BlurAxis = BlurAxis()
+    rolling_shutter: RollingShutterAxis = RollingShutterAxis()
+    distortion: DistortionAxis = DistortionAxis()
 
 
 def axes_by_name() -> dict[str, type[Axis]]:
@@ -38,11 +44,14 @@ def axes_by_name() -> dict[str, type[Axis]]:
 __all__ = [
     "Axes",
     "Axis",
+    "BlurAxis",
+    "DistortionAxis",
     "DistractorsAxis",
     "JitterAxis",
     "LightAxis",
     "NoiseAxis",
     "OcclusionAxis",
+    "RollingShutterAxis",
     "StreamAxis",
     "TargetAxis",
     "axes_by_name",

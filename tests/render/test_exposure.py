@@ -1,0 +1,270 @@
+"""Lens, exposure and readout, measured in frames and boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import cv2
+import mujoco
+import numpy as np
+import pytest
+from render_stage import HEIGHT, WIDTH, K, new_spec
+
+from pftrack_sim import boxes
+from pftrack_sim.camera.jitter import Vibration
+from pftrack_sim.camera.lens import Lens
+from pftrack_sim.camera.shutter import Shutter
+from pftrack_sim.records import Frame
+from pftrack_sim.render.exposure import Exposer
+from pftrack_sim.render.rasteriser import Rasteriser
+from pftrack_sim.render.truth import TruthMaker
+from pftrack_sim.scenario.axes import DistortionAxis
+from pftrack_sim.scenario.model import Jitter
+from pftrack_sim.world.layout import PEOPLE_GROUP, SCENERY_GROUP
+
+FRAME_S = 0.04
+NO_LENS = (0.0, 0.0, 0.0, 0.0, 0.0)
+BENT = DistortionAxis(severity=1.0, k1=-0.3, k2=0.09).coefficients
+POLES = {"pole": [4.0, 0.0, 0.0], "ball": [-9.0, 0.0, 0.0], "both": [2.5, 0.05, 0.0]}
+STILL = Vibration.flat(Jitter(), np.random.default_rng(0))
+
+
+def facing(yaw: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """A level camera that looks along x, turned to the left by an angle."""
+    pose = np.eye(4)
+    pose[:3, :3] = np.array([[np.sin(yaw), 0.0, np.cos(yaw)], [-np.cos(yaw), 0.0, np.sin(yaw)], [0.0, -1.0, 0.0]])
+    pose[:3, 3] = at
+    return pose
+
+
+class Studio:
+    """A white ball (the target) or pole before a black wall, evenly lit; frames at FRAME_S."""
+
+    def __init__(self, kind: str, shutter: Shutter, lens: tuple[float, ...]) -> None:
+        spec = new_spec(slices=96)
+        spec.worldbody.add_light(
+            pos=[0, 0, 9],
+            dir=[0, 0, -1],
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            castshadow=False,
+            ambient=[1.0] * 3,
+            diffuse=[0.0] * 3,
+            specular=[0.0] * 3,
+        )
+        wall = spec.worldbody.add_body(name="wall")
+        wall.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.1, 200.0, 200.0],
+            pos=[100.0, 0, 0],
+            rgba=[0, 0, 0, 1],
+            group=SCENERY_GROUP,
+        )
+        pole = spec.worldbody.add_body(name="pole", pos=POLES[kind])
+        pole.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 9.0], rgba=[1, 1, 1, 1], group=SCENERY_GROUP)
+        ball = spec.worldbody.add_body(name="target/pelvis", mocap=True, pos=[4.0, 0.0, 0.0])
+        ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.4, 0, 0], rgba=[1, 1, 1, 1], group=PEOPLE_GROUP)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.shutter = shutter
+        self.exposer = Exposer(self.model, Lens(K, lens, (WIDTH, HEIGHT)), shutter, STILL)
+        self.renderer = Rasteriser(self.model, *self.exposer.drawn_size)
+        self.truth = TruthMaker(self.model, ("target",), self.renderer, K, (WIDTH, HEIGHT))
+        self.frames = 0
+
+    def shoot(self, ball: tuple[float, float, float], pose: np.ndarray) -> Frame:
+        self.data.mocap_pos[0] = ball
+        mujoco.mj_forward(self.model, self.data)
+        root = np.eye(4)[None]
+        time_s = self.frames * FRAME_S
+        taken = self.exposer.take(self.renderer, self.data, time_s, pose, root)
+        (truth,) = self.truth.observe_taken(taken, taken.image, time_s)
+        self.frames += 1
+        return Frame(self.frames - 1, time_s, taken.image, truth, (truth,))
+
+
+@pytest.fixture
+def studio() -> Iterator:
+    opened: list[Studio] = []
+
+    def make(kind: str, *, exposure_s: float = 0.0, readout_s: float = 0.0, lens: tuple[float, ...] = NO_LENS):
+        opened.append(Studio(kind, Shutter(exposure_s, readout_s, HEIGHT), lens))
+        return opened[-1]
+
+    yield make
+    for one in opened:
+        one.renderer.close()
+
+
+def lit(image: np.ndarray) -> np.ndarray:
+    """`(H, W)` share of white, in linear light."""
+    codes = image[:, :, 1] / image.max()
+    return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+
+
+def sphere_extent(centre: np.ndarray, radius: float, lens: tuple[float, ...]) -> np.ndarray:
+    """Left, top, right, bottom of a ball's outline by OpenCV; the camera at the origin, OpenCV's axes."""
+    distance = np.linalg.norm(centre)
+    axis = centre / distance
+    side = np.cross(axis, (0.3, 0.9, 0.1))
+    side /= np.linalg.norm(side)
+    other = np.cross(axis, side)
+    # Tangents touch the ball on a circle.
+    near, across = (distance**2 - radius**2) / distance, radius * np.sqrt(1.0 - (radius / distance) ** 2)
+    angle = np.linspace(0.0, 2.0 * np.pi, 4000)[:, None]
+    outline = near * axis + across * (np.cos(angle) * side + np.sin(angle) * other)
+    seen = cv2.projectPoints(outline, np.zeros(3), np.zeros(3), K, np.array(lens))[0].reshape(-1, 2)
+    return np.concatenate([seen.min(axis=0), seen.max(axis=0)])
+
+
+def sides(box: np.ndarray) -> np.ndarray:
+    return np.concatenate([box[:2], box[:2] + box[2:]])
+
+
+def test_a_ball_through_the_lens_is_where_its_outline_is_projected(studio):
+    room = studio("ball", lens=BENT)
+    for y, z in ((0.0, 0.0), (1.2, 0.5), (-1.4, -0.8), (-1.0, 0.9)):
+        truth = room.shoot((4.0, y, z), facing()).truth
+        expected = sphere_extent(np.array([-y, -z, 4.0]), 0.4, BENT)
+        assert np.abs(sides(truth.amodal_box) - expected).max() < 1.0
+        assert np.abs(sides(truth.visible_box) - expected).max() < 1.5
+        assert np.array_equal(truth.distortion, np.array(BENT))
+        assert np.array_equal(truth.swept_box, truth.amodal_box)
+        assert truth.visible_fraction == 1.0
+
+
+def test_the_picture_agrees_with_the_box_through_the_lens(studio):
+    room = studio("ball", lens=BENT)
+    for y, z in ((0.3, 0.1), (1.2, 0.5), (-1.4, -0.8)):
+        frame = room.shoot((4.0, y, z), facing())
+        seen = boxes.from_mask(lit(frame.image) > 0.5)
+        assert np.abs(sides(frame.truth.visible_box) - sides(seen)).max() <= 1.0
+
+
+def test_every_corner_of_a_bent_image_is_filled(studio):
+    room = studio("ball", lens=BENT)
+    assert (room.shoot((9.0, 40.0, 0.0), facing()).image.min(axis=2) < 40).all()  # the wall, not the sky beyond
+    assert room.renderer.width_px > WIDTH
+
+
+def middles(image: np.ndarray) -> np.ndarray:
+    """`(H,)` where the pole's middle is in each row [px]."""
+    share = lit(image)
+    return (share * (np.arange(WIDTH) + 0.5)).sum(axis=1) / share.sum(axis=1)
+
+
+def test_a_pole_slants_by_speed_times_readout_when_panning(studio):
+    readout_s, turn = 0.03, 1.2
+    room = studio("pole", readout_s=readout_s)
+    for index in (-1, 0):
+        image = room.shoot((-9.0, 0.0, 0.0), facing(turn * FRAME_S * index)).image
+    found = middles(image)
+    # Turning to the left, it saw the pole farther to the left before.
+    before = readout_s * (1.0 - (np.arange(HEIGHT) + 0.5) / HEIGHT)
+    assert np.abs(found - (K[0, 2] - K[0, 0] * np.tan(turn * before))).max() < 0.5
+    assert abs((found[-1] - found[0]) - K[0, 0] * turn * readout_s) < 1.0
+
+
+def test_a_pole_slants_by_speed_times_readout_when_driving_past(studio):
+    readout_s, speed = 0.03, 2.0
+    room = studio("pole", readout_s=readout_s)
+    for index in (-1, 0):
+        image = room.shoot((-9.0, 0.0, 0.0), facing(0.0, (0.0, speed * FRAME_S * index, 0.0))).image
+    found = middles(image)
+    before = readout_s * (1.0 - (np.arange(HEIGHT) + 0.5) / HEIGHT)
+    # The pole's front is at 3.95 m.
+    assert np.abs(found - (K[0, 2] - K[0, 0] * speed * before / 3.95)).max() < 1.5
+    assert abs((found[-1] - found[0]) - K[0, 0] * speed * readout_s / 3.95) < 2.0
+
+
+@pytest.mark.parametrize("lens", [NO_LENS, BENT])
+@pytest.mark.parametrize("way", ["person", "pan", "drive"])
+def test_boxes_are_those_of_each_rows_own_instant(studio, lens, way: str):
+    readout_s = 0.03
+    room = studio("ball", readout_s=readout_s, lens=lens)
+    for index in (-1, 0):
+        moved = FRAME_S * index
+        ball = (4.0, 0.6 + 2.0 * moved * (way == "person"), 0.5)
+        pose = facing(0.8 * moved * (way == "pan"), (0.0, 2.0 * moved * (way == "drive"), 0.0))
+        frame = room.shoot(ball, pose)
+
+    def where(before: float) -> np.ndarray:
+        y = 0.6 - 2.0 * before * (way == "person") + 2.0 * before * (way == "drive")
+        yaw = -0.8 * before * (way == "pan")
+        local = np.array([4.0, y, 0.5]) @ facing(yaw)[:3, :3]
+        return sphere_extent(local, 0.4, lens)
+
+    # Left and right of a ball are reached at its middle row, top and bottom at their own.
+    expected = np.zeros(4)
+    for side in range(4):
+        before = 0.5 * readout_s
+        for _ in range(6):
+            now = where(before)
+            row = now[side] if side % 2 else 0.5 * (now[1] + now[3])
+            before = readout_s * (1.0 - row / HEIGHT)
+        expected[side] = where(before)[side]
+    assert np.abs(sides(frame.truth.amodal_box) - expected).max() < 1.0
+    seen = sides(boxes.from_mask(lit(frame.image) > 0.5))
+    assert np.abs(sides(frame.truth.visible_box) - seen).max() <= 1.0
+    assert np.abs(sides(frame.truth.amodal_box) - seen).max() < 1.5
+
+
+@pytest.mark.parametrize("way", ["person", "pan"])
+def test_a_moving_edge_is_as_wide_as_speed_times_exposure(studio, way: str):
+    exposure_s = 0.03
+    room = studio("ball", exposure_s=exposure_s)
+    for index in (-1, 0):
+        moved = FRAME_S * index
+        pose = facing(0.75 * moved * (way == "pan"))
+        frame = room.shoot((4.0, 3.0 * moved * (way == "person") + 0.045 * (way == "person"), 0.0), pose)
+    row = lit(frame.image)[HEIGHT // 2]
+    width = K[0, 0] * (0.75 if way == "pan" else 3.0 / 4.0) * exposure_s
+    # The spread of a ramp's steps is its width over the root of 12.
+    steps = np.diff(row[: WIDTH // 2])
+    at = np.arange(steps.size)
+    spread = np.sqrt((steps * at**2).sum() / steps.sum() - ((steps * at).sum() / steps.sum()) ** 2)
+    assert abs(np.sqrt(12.0) * spread - width) < 1.0
+    truth = frame.truth
+    assert abs((truth.swept_box[2] - truth.amodal_box[2]) - width) < 1.0
+    assert np.abs(sides(truth.swept_box) - sides(boxes.from_mask(lit(frame.image) > 0.02))).max() < 1.5
+    assert np.abs(sides(truth.amodal_box) - sides(boxes.from_mask(lit(frame.image) > 0.5))).max() < 1.5
+
+
+def test_a_still_scene_is_the_same_however_long_it_is_exposed(studio):
+    instant = studio("ball", readout_s=0.02).shoot((4.0, 0.4, 0.2), facing())
+    rooms = studio("ball", exposure_s=0.03, readout_s=0.02)
+    for _ in range(2):
+        long = rooms.shoot((4.0, 0.4, 0.2), facing())
+    assert np.array_equal(long.image, instant.image)
+    assert np.array_equal(long.truth.visible_box, instant.truth.visible_box)
+    assert np.abs(long.truth.swept_box - long.truth.amodal_box).max() < 1e-9
+
+
+@pytest.mark.parametrize("lens", [NO_LENS, BENT])
+@pytest.mark.parametrize("exposure_s", [0.0, 0.02])
+def test_visible_pixels_are_those_that_each_row_sees_at_its_own_instant(studio, lens, exposure_s: float):
+    room = studio("both", exposure_s=exposure_s, readout_s=0.02, lens=lens)
+    renderer, exposer = room.renderer, room.exposer
+    for index in (-1, 0):
+        moved = FRAME_S * index
+        room.data.mocap_pos[0] = (4.0, 0.3 + 1.5 * moved, 0.2)
+        mujoco.mj_forward(room.model, room.data)
+        pose = facing(0.9 * moved, (0.0, 0.5 * moved, 0.0))
+        taken = exposer.take(renderer, room.data, room.frames * FRAME_S, pose, np.eye(4)[None])
+        (truth,) = room.truth.observe_taken(taken, taken.image, room.frames * FRAME_S)
+        room.frames += 1
+    # Row by row: the whole scene as it was just then, looked at along each pixel's ray.
+    K_wide = np.array(K)
+    K_wide[:2, 2] = renderer.width_px / 2, renderer.height_px / 2
+    visible = np.zeros((HEIGHT, WIDTH), dtype=bool)
+    ball = room.model.body("target/pelvis").geomadr[0]
+    for row in range(HEIGHT):
+        when = float(room.shutter.row_s(row + 0.5))
+        if not truth.amodal_box[1] - 3 < row < truth.amodal_box[1] + truth.amodal_box[3] + 3:
+            continue
+        ids = renderer.ids(exposer.at(when), taken.flight.pose(when), K_wide).ids
+        pixels = np.column_stack([np.arange(WIDTH) + 0.5, np.full(WIDTH, row + 0.5)])
+        at = np.floor(exposer.lens.slopes(pixels) * K[(0, 1), (0, 1)] + K_wide[:2, 2]).astype(int)
+        visible[row] = ids[at[:, 1], at[:, 0]] == ball
+    assert 0.2 < truth.visible_fraction < 0.9
+    assert truth.occluders == ("pole",)
+    assert np.abs(sides(truth.visible_box) - sides(boxes.from_mask(visible))).max() <= 1.0
