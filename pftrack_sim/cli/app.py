@@ -269,4 +269,5 @@ def doctor(
     found = report()
     if not check:
         tables.print_doctor(found)
+        tables.print_frame_times(found)
     raise typer.Exit(0 if found.usable else 1)

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from pftrack_sim.errors import ParameterError, UnknownNameError
+from pftrack_sim.errors import ParameterError, RenderError, UnknownNameError
 
 if TYPE_CHECKING:
     from pftrack_sim.bench import Plan, Result
@@ -231,6 +231,22 @@ def print_answer(answer: Answer, layout: str) -> None:
 def print_doctor(report: Report) -> None:
     """What can draw here, and the remedy where something cannot."""
     for line in report.lines():
+        _console.print(line, markup=False, soft_wrap=True)
+
+
+def print_frame_times(report: Report) -> None:
+    """What a frame with its truth costs with each renderer that can draw here; the first is compiled for, untimed."""
+    from pftrack_sim.cli.timing import SIZE_PX, frame_ms
+
+    drawing = [report.chosen.backend] if report.chosen else []
+    if report.warp:
+        drawing.append("warp")
+    for name in drawing:
+        try:
+            said = f"takes {frame_ms(name):.0f} ms"
+        except RenderError as error:
+            said = f"fails: {error}"
+        line = f"{name}: a frame of {SIZE_PX[0]}x{SIZE_PX[1]} with its truth {said}"
         _console.print(line, markup=False, soft_wrap=True)
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pftrack_sim.env.simulation import Simulation
 from pftrack_sim.errors import ParameterError, RenderError, UnknownNameError
+from pftrack_sim.records import Truth
 from pftrack_sim.render import choice
 from pftrack_sim.render.backend import PixelRect
 from pftrack_sim.render.truth import TruthMaker
@@ -46,15 +49,21 @@ def test_the_truth_is_that_of_opengl(pair):
     theirs = TruthMaker(world.model, world.people, simulation._renderer, K)
     image = np.zeros((120, 160, 3), dtype=np.uint8)
     for data, pose in _views(simulation, 3):
-        mine, other = (
-            maker.observe(data, pose, image, world.time_s, world.root_poses())[0] for maker in (ours, theirs)
-        )
-        assert mine.state == other.state
-        np.testing.assert_allclose(mine.amodal_box, other.amodal_box, atol=1e-9)
-        if other.state == "visible":
-            corners = [np.concatenate([box[:2], box[:2] + box[2:]]) for box in (mine.visible_box, other.visible_box)]
-            assert np.abs(corners[0] - corners[1]).max() <= 1.0
-            assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01 + 2.0 / max(other.box[2:].prod(), 1.0)
+        seen = [maker.observe(data, pose, image, world.time_s, world.root_poses()) for maker in (ours, theirs)]
+        assert [one.name for one in seen[0]] == [one.name for one in seen[1]]
+        for mine, other in zip(*seen, strict=True):
+            assert mine.state == other.state
+            np.testing.assert_allclose(mine.amodal_box, other.amodal_box, atol=1e-9)
+            _same_boxes(mine, other)
+            if other.state == "visible":
+                allowed = 0.01 + 2.0 / max(other.box[2:].prod(), 1.0)
+                assert abs(mine.visible_fraction - other.visible_fraction) <= allowed
+
+
+def _same_boxes(mine: Truth, other: Truth) -> None:
+    if other.state == "visible":
+        corners = [np.concatenate([box[:2], box[:2] + box[2:]]) for box in (mine.visible_box, other.visible_box)]
+        assert np.abs(corners[0] - corners[1]).max() <= 1.0
 
 
 @pytest.mark.slow
@@ -70,9 +79,7 @@ def test_over_two_hundred_frames_boxes_states_and_occluders_agree(pair, seed: in
         mine, other = (maker.observe(data, pose, image, world.time_s, world.root_poses())[0] for maker in makers)
         assert (mine.state, mine.occluders) == (other.state, other.occluders)
         assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01
-        if other.state == "visible":
-            corners = [np.concatenate([box[:2], box[:2] + box[2:]]) for box in (mine.visible_box, other.visible_box)]
-            assert np.abs(corners[0] - corners[1]).max() <= 1.0
+        _same_boxes(mine, other)
 
 
 def test_colours_and_ids_are_close_to_opengl(pair):
@@ -83,6 +90,17 @@ def test_colours_and_ids_are_close_to_opengl(pair):
         assert np.abs(ours - theirs).mean() < 4.0
         assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 4.0
         assert np.mean(caster.ids(data, pose, K).ids != gl.ids(data, pose, K).ids) < 0.02
+
+
+def test_each_level_of_a_texture_is_half_the_one_before_and_as_bright():
+    from pftrack_sim.render.warp.scene import halves
+
+    picture = np.random.default_rng(4).random((64, 16, 4), dtype=np.float32)
+    levels = halves(picture)
+    assert [level.shape[:2] for level in levels] == [(64, 16), (32, 8), (16, 4), (8, 2), (4, 1), (2, 1), (1, 1)]
+    blocks = picture.reshape(32, 2, 8, 2, 4).mean(axis=(1, 3))
+    np.testing.assert_allclose(levels[1], blocks, atol=1e-6)
+    np.testing.assert_allclose(levels[-1][0, 0], picture.mean(axis=(0, 1)), atol=1e-5)
 
 
 def test_a_rectangle_is_cut_out_of_the_whole(pair):
@@ -120,6 +138,26 @@ def test_darker_lights_make_a_darker_picture(pair):
     assert caster.color(world.data, world.camera_pose(), K).mean() == before
 
 
+def test_a_schedule_of_lights_dims_both_pictures_alike():
+    from pftrack_sim.render.warp.raycaster import Raycaster
+
+    schedule = [
+        {"kind": "step", "at_s": 0.2, "ev": -2.0, "lights": "all"},
+        {"kind": "ramp", "from_s": 0.3, "to_s": 0.6, "ev": -1.5, "lights": "lamps"},
+    ]
+    with Simulation(load("street-night", {**SIZE, "lights.schedule": schedule}), backend="gl") as simulation:
+        simulation.reset(2)
+        world, K, pairs = simulation.world, simulation._K, []
+        with Raycaster(world.model, 160, 120) as caster:
+            while world.time_s < 0.7:
+                simulation.advance()
+                pose = world.camera_pose()
+                pairs.append([one.color(world.data, pose, K).mean() for one in (caster, simulation._renderer)])
+    ours, theirs = np.array(pairs).T
+    assert theirs[-1] < 0.6 * theirs[0]
+    np.testing.assert_allclose(ours / ours[0], theirs / theirs[0], atol=0.02)
+
+
 def test_wrong_rectangles_poses_and_names_are_told(pair):
     simulation, caster = pair
     data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
@@ -132,8 +170,7 @@ def test_wrong_rectangles_poses_and_names_are_told(pair):
 
 
 _PROGRAM = """
-import hashlib, sys
-{hide}
+import hashlib
 from pftrack_sim.env.simulation import Simulation
 from pftrack_sim.scenario import load
 with Simulation(load("corridor", {size}), backend={backend}) as simulation:
@@ -144,26 +181,34 @@ with Simulation(load("corridor", {size}), backend={backend}) as simulation:
         digest.update(frame.image.tobytes() + frame.truth.visible_box.tobytes())
     print(simulation.graphics.split(":")[0], digest.hexdigest())
 """
-_HIDE = """
-from pftrack_sim.render import platforms
-def hidden(name, mode): raise OSError(name + " is hidden")
-platforms._load = hidden
+_HIDING = """
+import ctypes
+class Hiding(ctypes.CDLL):
+    def __init__(self, name, *arguments, **named):
+        if name and any(word in str(name) for word in ("libEGL", "libGL", "libOSMesa", "libOpenGL")):
+            raise OSError(f"{name}: cannot open shared object file")
+        super().__init__(name, *arguments, **named)
+ctypes.CDLL = Hiding
 """
 
 
-def _digest(backend: str | None, hide: bool) -> list[str]:
-    program = _PROGRAM.format(hide=_HIDE if hide else "", size=SIZE, backend=repr(backend))
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+def _digest(backend: str | None, hiding: Path | None = None) -> list[str]:
+    """What draws, and the digest of what is drawn; `hiding` is a folder whose start-up file hides OpenGL."""
+    path = [str(folder) for folder in (hiding, Path(__file__).parents[2]) if folder is not None]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path)}
+    program = _PROGRAM.format(size=SIZE, backend=repr(backend))
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()[-2:]
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="hides what is looked up on Linux")
-def test_without_any_opengl_library_the_ray_caster_draws_the_same_bits_in_any_process():
-    hidden = _digest(None, hide=True)
+def test_without_any_opengl_library_the_ray_caster_draws_the_same_bits_in_any_process(tmp_path: Path):
+    (tmp_path / "sitecustomize.py").write_text(_HIDING)
+    hidden = _digest(None, tmp_path)
     assert hidden[0] == "warp"
-    assert hidden == _digest("warp", hide=False)
+    assert hidden == _digest("warp")
 
 
 def test_one_error_names_both_remedies_where_nothing_can_draw(monkeypatch: pytest.MonkeyPatch):

@@ -193,10 +193,7 @@ def mesh_of(model: mujoco.MjModel, mesh: int) -> wp.Mesh:
 
 
 def pyramid_of(model: mujoco.MjModel, index: int) -> list[wp.Texture2D]:
-    """A texture and its halves, down to one texel; the sky is seen from one place and needs none.
-
-    Each is half the one before, a texel the mean of those it covers.
-    """
+    """A texture and its halves; the sky is magnified, never shrunk, and needs none."""
     start, width, height = model.tex_adr[index], model.tex_width[index], model.tex_height[index]
     channels = model.tex_nchannel[index]
     texels = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)
@@ -205,19 +202,24 @@ def pyramid_of(model: mujoco.MjModel, index: int) -> list[wp.Texture2D]:
     picture[..., : min(channels, 4)] = texels[..., :4] / np.float32(255.0)
     if model.tex_type[index] != mujoco.mjtTexture.mjTEXTURE_2D:
         return [wp.Texture2D(picture, filter_mode=wp.TextureFilterMode.LINEAR)]
-    levels: list[NDArray[np.float32]] = [picture]
-    while max(levels[-1].shape[:2]) > 1:
-        high, wide = levels[-1].shape[:2]
-        half = max(wide // 2, 1), max(high // 2, 1)
-        levels.append(np.asarray(cv2.resize(levels[-1], half, interpolation=cv2.INTER_AREA), dtype=np.float32))
     return [
         wp.Texture2D(
             np.ascontiguousarray(level),
             filter_mode=wp.TextureFilterMode.LINEAR,
             address_mode=wp.TextureAddressMode.WRAP,
         )
-        for level in levels
+        for level in halves(picture)
     ]
+
+
+def halves(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """A picture `(H, W, C)` and its halves down to one texel, each texel the mean of those it covers."""
+    levels: list[NDArray[np.float32]] = [picture]
+    while max(levels[-1].shape[:2]) > 1:
+        high, wide = levels[-1].shape[:2]
+        half = max(wide // 2, 1), max(high // 2, 1)
+        levels.append(np.asarray(cv2.resize(levels[-1], half, interpolation=cv2.INTER_AREA), dtype=np.float32))
+    return levels
 
 
 def _densities(model: mujoco.MjModel) -> NDArray[np.float64]:
