@@ -37,8 +37,7 @@ endef
 
 demo: setup
 	rm -rf demo
-	$(BIN)/pftrack-sim bench plaza-walk corridor --seeds 0:1 --trackers ko2012,opencv-mil,stay \
-		--set duration_s=8 --axis jitter=1 --out demo
+	$(BIN)/pftrack-sim bench quick --out demo
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist worksteal -q

@@ -1,6 +1,22 @@
 """Scenarios x seeds x trackers: who is better at what."""
 
-from pftrack_sim.bench.plan import Condition, Episode, Plan, make_plan, parse_seeds
-from pftrack_sim.bench.run import Result, new_run_path, run
+from pftrack_sim.bench.plan import Condition, Contestant, Episode, Plan
+from pftrack_sim.bench.planning import join_plans, make_plan, parse_seeds, plan_all
+from pftrack_sim.bench.reading import Result, Run
+from pftrack_sim.bench.run import Interrupted, new_run_path, run
 
-__all__ = ["Condition", "Episode", "Plan", "Result", "make_plan", "new_run_path", "parse_seeds", "run"]
+__all__ = [
+    "Condition",
+    "Contestant",
+    "Episode",
+    "Interrupted",
+    "Plan",
+    "Result",
+    "Run",
+    "join_plans",
+    "make_plan",
+    "new_run_path",
+    "parse_seeds",
+    "plan_all",
+    "run",
+]

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import entry_points
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from pftrack_sim import boxes, trackers
+from pftrack_sim.bench.plan import Contestant
 from pftrack_sim.boxes import Box
+from pftrack_sim.isolation import IsolatedTracker, Limits, Misbehaviour, checked_answer
+from pftrack_sim.isolation.answers import check_untouched
+from pftrack_sim.isolation.tracker import try_to_make
 from pftrack_sim.records import Estimate, Image, Tracker
+from pftrack_sim.trackers.registry import GROUP
+
+Isolation: TypeAlias = Literal["auto", "always", "never"]
+"""Which trackers get a process of their own; `"auto"`: those of strangers."""
+
+Status: TypeAlias = Literal["waiting", "init", "ok", "failed"]
 
 
 @dataclass
@@ -18,17 +30,19 @@ class Entry:
     """A tracker in a contest, and everything it said so far.
 
     Attributes:
-        name: As given to `trackers.make`.
+        name: As tables call it.
         tracker: The tracker.
         estimates: One for each frame; None where it gave no valid answer.
         ms: Time it took for each frame.
+        statuses: For each frame: `"waiting"` for the target to appear, `"init"`, `"ok"`, or `"failed"`.
         failure: What went wrong, and at which frame; None while all is well. It counts as a miss from there on.
     """
 
     name: str
-    tracker: Tracker
+    tracker: Tracker | IsolatedTracker
     estimates: list[Estimate | None] = field(default_factory=list[Estimate | None])
     ms: list[float] = field(default_factory=list[float])
+    statuses: list[Status] = field(default_factory=list[Status])
     failure: str | None = None
     started: bool = False
 
@@ -43,26 +57,44 @@ class Entry:
         Returns:
             The estimate, or None when there is none.
         """
-        estimate = None
-        own = image.copy()
-        began = time.perf_counter()
+        estimate, took_ms, status = None, 0.0, "waiting"
         if self.failure is None and (self.started or visible):
+            status = "ok" if self.started else "init"
             try:
-                estimate = self._answer(own, truth_box)
-            except Exception as error:  # noqa: BLE001 - a stranger's tracker may raise anything; it is recorded
+                estimate, took_ms = self._answer(image, truth_box)
+            except Misbehaviour as error:
+                self.failure = f"frame {len(self.ms)}: {error}"
+            except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's tracker may raise anything
                 self.failure = f"frame {len(self.ms)}: {type(error).__name__}: {error}"
-        self.ms.append((time.perf_counter() - began) * 1e3)
+            if self.failure is not None:
+                self.close()
+        self.ms.append(took_ms)
         self.estimates.append(estimate)
+        self.statuses.append("failed" if self.failure is not None else status)
         return estimate
 
-    def _answer(self, image: Image, truth_box: Box) -> Estimate:
+    def _answer(self, image: Image, truth_box: Box) -> tuple[Estimate, float]:
+        if isinstance(self.tracker, IsolatedTracker):
+            if self.tracker.needs_truth:
+                self.tracker.hear_truth(truth_box)
+            if not self.started:
+                self.started = True
+                self.tracker.init(image, truth_box)
+                return Estimate(truth_box), self.tracker.took_ms
+            return self.tracker.update(image), self.tracker.took_ms
+        own = image.copy()
         if isinstance(self.tracker, trackers.NeedsTruth):
             self.tracker.tell(truth_box)
+        began = time.perf_counter()
         if not self.started:
             self.started = True
-            self.tracker.init(image, np.array(truth_box))
-            return Estimate(truth_box)
-        return self.tracker.update(image)
+            self.tracker.init(own, np.array(truth_box))
+            took_ms = (time.perf_counter() - began) * 1e3
+            check_untouched(own, image)
+            return Estimate(truth_box), took_ms
+        said = self.tracker.update(own)
+        took_ms = (time.perf_counter() - began) * 1e3
+        return checked_answer(said, own, image), took_ms
 
     @property
     def boxes(self) -> np.ndarray:
@@ -70,17 +102,71 @@ class Entry:
         rows = [boxes.NO_BOX if estimate is None else estimate.box for estimate in self.estimates]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
+    @property
+    def printed(self) -> str | None:
+        """The beginning of what it printed, where that was caught: in a process of its own. It costs nothing."""
+        return self.tracker.printed if isinstance(self.tracker, IsolatedTracker) else None
 
-def enter(names: Sequence[str], *, seed: int, preset: str) -> list[Entry]:
+    def close(self) -> None:
+        """End the tracker's process, if it has one. Closing twice is fine."""
+        if isinstance(self.tracker, IsolatedTracker):
+            self.tracker.close()
+
+
+def enter(
+    names: Sequence[str | Contestant],
+    *,
+    seed: int,
+    preset: str = "default",
+    params: Mapping[str, Mapping[str, Any]] | None = None,
+    isolation: Isolation = "never",
+    limits: Limits | None = None,
+) -> list[Entry]:
     """Fresh trackers, one for each name.
 
     Args:
-        names: Names for `trackers.make`.
+        names: Names for `trackers.make`, or contestants with their own preset and parameters.
         seed: Root seed of the episode: every tracker draws from its own `tracker` stream of it.
-        preset: Preset of every tracker that has presets.
+        preset: Preset of every tracker that is given by its name.
+        params: Parameters of trackers that are given by their names, by that name.
+        isolation: Which trackers get a process of their own.
+        limits: What those may take.
 
     Raises:
         UnknownNameError: No such tracker.
-        ParameterError: No such preset.
+        ParameterError: No such preset or parameter.
+        TrackerError: A tracker that shares this process cannot be made.
     """
-    return [Entry(name, trackers.make(name, seed=seed, preset=preset)) for name in names]
+    own = params or {}
+    entries: list[Entry] = []
+    for one in names:
+        who = one if isinstance(one, Contestant) else Contestant(name=one, preset=preset, params=dict(own.get(one, {})))
+        if not is_isolated(who.name, isolation):
+            entries.append(Entry(who.label, trackers.make(who.name, seed=seed, preset=who.preset, **who.params)))
+            continue
+        made = IsolatedTracker(who.name, seed=seed, preset=who.preset, params=who.params, limits=limits or Limits())
+        entries.append(Entry(who.label, made))
+    return entries
+
+
+def try_out(contestants: Sequence[Contestant], isolation: Isolation, limits: Limits) -> None:
+    """Make every tracker once: mistakes in names, presets or parameters are told before anything is written.
+
+    Raises:
+        PftrackError: As `enter`; TrackerError for those in a process of their own.
+    """
+    for who in contestants:
+        if who.name not in trackers.names() and ":" not in who.name:
+            trackers.describe(who.name)
+        if is_isolated(who.name, isolation):
+            try_to_make(who.name, preset=who.preset, params=who.params, limits=limits)
+        else:
+            trackers.make(who.name, preset=who.preset, **who.params)
+
+
+def is_isolated(name: str, isolation: Isolation) -> bool:
+    """Whether a tracker gets a process of its own."""
+    if isolation != "auto":
+        return isolation == "always"
+    strangers = {point.name for point in entry_points(group=GROUP)}
+    return name not in trackers.names() or name in strangers

@@ -1,54 +1,39 @@
-"""Draw every episode of a plan once, show it to all trackers, score them, and leave a run folder."""
+"""Run a plan: every episode that is not there yet, on whatever workers there are, into a run folder."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
+from typing import cast
 
-import numpy as np
-
-from pftrack_sim import score
-from pftrack_sim.bench.contest import Entry, enter
-from pftrack_sim.bench.plan import Episode, Plan, slug
-from pftrack_sim.bench.store import RunFolder
-from pftrack_sim.bench.video import VideoWriter
+from pftrack_sim.bench.cluster import DaskWorkers
+from pftrack_sim.bench.contest import Isolation, try_out
+from pftrack_sim.bench.episode import Job
+from pftrack_sim.bench.folder import RunFolder
+from pftrack_sim.bench.naming import slug
+from pftrack_sim.bench.plan import Episode, Plan
+from pftrack_sim.bench.pools import Done, LocalWorkers, Pool, ThisProcess
+from pftrack_sim.bench.reading import Run
+from pftrack_sim.bench.status import Standing, Status
+from pftrack_sim.bench.tables import write_results
 from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.errors import ParameterError
-from pftrack_sim.records import Estimate, Truth
-from pftrack_sim.render.overlay import draw_frame
-from pftrack_sim.score import Summary
+from pftrack_sim.errors import ParameterError, RunError
+from pftrack_sim.isolation import Limits
 
 VIDEOS = ("first", "all", "none")
+ISOLATIONS = ("auto", "always", "never")
 
 
-@dataclass(frozen=True)
-class Result:
-    """What one tracker scored in one episode.
-
-    Attributes:
-        scenario: Name of the scenario.
-        condition: Name of the axis levels, `"base"` when there are none.
-        seed: Root seed.
-        tracker: Name of the tracker.
-        summary: Its scores.
-        failure: What went wrong and at which frame, or None.
-    """
-
-    scenario: str
-    condition: str
-    seed: int
-    tracker: str
-    summary: Summary
-    failure: str | None
+class Interrupted(RunError):
+    """The run was stopped by hand; what is finished stays."""
 
 
 def new_run_path(plan: Plan) -> Path:
     """A run folder's name that is not taken: `runs/<time>-<first scenario>`."""
-    stem = f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{slug(plan.episodes[0].scenario.name)}"
+    stem = f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{slug(plan.batches[0].scenarios[0].name)}"
     taken = 0
     while (path := Path("runs") / (stem if not taken else f"{stem}-{taken}")).exists():
         taken += 1
@@ -59,89 +44,113 @@ def run(
     plan: Plan,
     path: Path,
     *,
+    workers: int = 0,
+    scheduler: str | None = None,
     videos: str = "first",
     backend: str | None = None,
-    on_frame: Callable[[], None] = lambda: None,
-) -> list[Result]:
-    """Run a plan.
+    isolation: str = "auto",
+    limits: Limits | None = None,
+    part: tuple[int, int] = (1, 1),
+    shuffle: int | None = None,
+    on_status: Callable[[Status], None] = lambda _: None,
+) -> Run:
+    """Run a plan, or what is left of it.
 
     Args:
         plan: What to run.
-        path: Run folder to make; absent or empty.
+        path: Run folder: absent, empty, or begun with the same plan. Finished episodes in it are not run again.
+        workers: Local processes; 0 runs everything in this one.
+        scheduler: Address of a Dask scheduler to use instead.
         videos: `"first"`: of the first seed of each scenario and condition; `"all"`; or `"none"`.
         backend: Renderer, by name.
-        on_frame: Called after every frame.
+        isolation: Which trackers get a process of their own: `"auto"` (those of strangers), `"always"` or `"never"`.
+        limits: What those may take.
+        part: Part k of n: only every n-th episode, from the k-th (1 is the first); other machines do the others.
+        shuffle: A seed to shuffle the order of the episodes with.
+        on_status: Called after every episode and a few times a second.
 
     Returns:
-        One result for each episode and tracker, in the plan's order.
+        The run folder, to read.
 
     Raises:
         UnknownNameError: An unknown tracker.
-        RunError: The folder cannot be made or written.
+        ParameterError: An option that is not allowed.
+        RunError: The folder holds something else or cannot be written; an episode could not be run.
+        Interrupted: Ctrl-C.
         RenderError: Nothing can draw.
-        ScenarioError: A scenario contradicts itself at one of its seeds.
     """
+    _check(videos, isolation, workers, part)
+    apart = cast("Isolation", isolation)
+    limits = limits or Limits()
+    # Mistakes in names or presets are told before anything is written.
+    try_out(plan.trackers, apart, limits)
+    Simulation(next(plan.episodes()).scenario, backend=backend)
+    pool = _pool(plan, workers, scheduler)
+    problems: list[str] = []
+    with contextlib.closing(pool), contextlib.closing(_Held(path, plan)) as held:
+        standing = Standing(plan, path, part)
+        on_status(standing.status(0))
+
+        def job(episode: Episode) -> Job:
+            film = videos == "all" or (videos == "first" and episode.leads)
+            return Job(episode, plan.trackers, film, backend, apart, limits)
+
+        missing = (one for one in _share(plan, part, shuffle) if not held.folder.has(one))
+        try:
+            for done in pool.play_all(map(job, missing)):
+                if done is not None:
+                    _take(held.folder, standing, problems, done)
+                on_status(standing.status(pool.frames_drawn))
+        except KeyboardInterrupt:
+            raise Interrupted(f"stopped; {standing.told()}") from None
+        except RunError as error:
+            raise RunError(f"{error}\n{standing.told()}; the same command goes on from there") from None
+        if problems:
+            told = "\n".join(f"  {line}" for line in problems)
+            raise RunError(f"{len(problems)} of the episodes could not be run; {standing.told()}\n{told}")
+        held.finished = standing.done == plan.episode_count
+        write_results(path, plan)
+    return Run(path)
+
+
+class _Held:
+    """The folder, given back when the block ends, however it ends."""
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self.folder = RunFolder(path, plan)
+        self.finished = False
+
+    def close(self) -> None:
+        if self.finished:
+            self.folder.close(finished=True)
+        else:
+            self.folder.release()
+
+
+def _take(folder: RunFolder, standing: Standing, problems: list[str], done: Done) -> None:
+    if done.outcome is None:
+        problems.append(str(done.problem))
+        return
+    folder.add(done.job.episode, done.outcome.table, done.outcome.video)
+    standing.add(done.job.episode, done.outcome)
+
+
+def _share(plan: Plan, part: tuple[int, int], shuffle: int | None) -> Iterator[Episode]:
+    return islice(plan.episodes(shuffle=shuffle), part[0] - 1, None, part[1])
+
+
+def _pool(plan: Plan, workers: int, scheduler: str | None) -> Pool:
+    if scheduler is not None:
+        return DaskWorkers(scheduler)
+    return LocalWorkers(min(workers, plan.episode_count)) if workers else ThisProcess()
+
+
+def _check(videos: str, isolation: str, workers: int, part: tuple[int, int]) -> None:
     if videos not in VIDEOS:
         raise ParameterError(f"videos must be one of {', '.join(VIDEOS)}, got {videos!r}")
-    # Mistakes in names or presets are told before anything is written.
-    enter(plan.trackers, seed=0, preset=plan.preset)
-    Simulation(plan.episodes[0].scenario, backend=backend)
-    folder = RunFolder(path)
-    first_seed = plan.episodes[0].seed
-    results: list[Result] = []
-    digests: dict[str, str] = {}
-    graphics = ""
-    for episode in plan.episodes:
-        wanted = videos == "all" or (videos == "first" and episode.seed == first_seed)
-        entries = enter(plan.trackers, seed=episode.seed, preset=plan.preset)
-        with Simulation(episode.scenario, backend=backend) as simulation:
-            video = path / "videos" / f"{episode.name}.mp4" if wanted else None
-            truths, digests[episode.name] = _play(simulation, episode, entries, video, on_frame)
-            graphics = simulation.graphics
-        results += [_settle(folder, episode, truths, entry, plan.preset) for entry in entries]
-    folder.finish(plan, graphics, digests)
-    return results
-
-
-def _play(
-    simulation: Simulation, episode: Episode, entries: list[Entry], video: Path | None, on_frame: Callable[[], None]
-) -> tuple[list[Truth], str]:
-    """Show every frame to every tracker; the target's truths and a digest of all pixels."""
-    truths: list[Truth] = []
-    pixels = hashlib.blake2b(digest_size=16)
-    frame = simulation.reset(episode.seed)
-    with ExitStack() as open_files:
-        writer = None
-        if video is not None:
-            writer = open_files.enter_context(VideoWriter(video, simulation.settings.camera.rate_hz))
-        while True:
-            pixels.update(np.ascontiguousarray(frame.image).data)
-            said: dict[str, Estimate] = {}
-            for entry in entries:
-                estimate = entry.see(frame.image, frame.truth.box, frame.truth.scored)
-                if estimate is not None:
-                    said[entry.name] = estimate
-            truths.append(frame.truth)
-            if writer is not None:
-                writer.add(draw_frame(frame, said))
-            on_frame()
-            if len(truths) == simulation.frame_count:
-                return truths, pixels.hexdigest()
-            frame = simulation.advance()
-
-
-def _settle(folder: RunFolder, episode: Episode, truths: list[Truth], entry: Entry, preset: str) -> Result:
-    """Score one tracker's episode and write it down."""
-    truth = np.array([one.box for one in truths])
-    overlap = score.overlaps(entry.boxes, truth)
-    error = score.centre_errors(entry.boxes, truth)
-    summary = score.summarise(overlap, error, np.array([one.scored for one in truths]), np.array(entry.ms))
-    key = {
-        "scenario": episode.scenario.name,
-        "condition": episode.condition.name,
-        "seed": episode.seed,
-        "tracker": entry.name,
-        "preset": preset,
-    }
-    folder.add_episode(key, episode.name, truths, entry, overlap, error, summary.as_dict())
-    return Result(key["scenario"], key["condition"], episode.seed, entry.name, summary, entry.failure)
+    if isolation not in ISOLATIONS:
+        raise ParameterError(f"isolation must be one of {', '.join(ISOLATIONS)}, got {isolation!r}")
+    if workers < 0:
+        raise ParameterError(f"workers must be >= 0, got {workers}")
+    if not 1 <= part[0] <= part[1]:
+        raise ParameterError(f"part must be K/N with 1 <= K <= N, got {part[0]}/{part[1]}")

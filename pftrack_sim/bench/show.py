@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
 
+from pftrack_sim.bench.contest import Entry
 from pftrack_sim.bench.video import VideoWriter
 from pftrack_sim.env.simulation import Simulation
 from pftrack_sim.errors import ParameterError, RunError
@@ -21,6 +22,7 @@ def save_video(
     path: Path,
     *,
     truth: bool = False,
+    entries: Sequence[Entry] = (),
     backend: str | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
@@ -31,22 +33,30 @@ def save_video(
         seed: Root seed.
         path: File ending in `.mp4`.
         truth: Draw the truth's boxes.
+        entries: Fresh trackers that see every frame; what they say is drawn, with the truth.
         backend: Renderer, by name.
         on_frame: Called after every frame.
     """
     rate_hz = scenario.resolve(seed).camera.rate_hz
     with Simulation(scenario, backend=backend) as simulation, VideoWriter(path, rate_hz) as writer:
         frame = simulation.reset(seed)
-        writer.add(_picture(frame, truth))
+        writer.add(_picture(frame, truth, entries))
         on_frame()
         for _ in range(simulation.frame_count - 1):
             frame = simulation.advance()
-            writer.add(_picture(frame, truth))
+            writer.add(_picture(frame, truth, entries))
             on_frame()
 
 
 def save_image(
-    scenario: Scenario, seed: int, path: Path, *, at_s: float = 0.0, truth: bool = False, backend: str | None = None
+    scenario: Scenario,
+    seed: int,
+    path: Path,
+    *,
+    at_s: float = 0.0,
+    truth: bool = False,
+    entries: Sequence[Entry] = (),
+    backend: str | None = None,
 ) -> None:
     """Write one frame as PNG or JPEG.
 
@@ -56,6 +66,7 @@ def save_image(
         path: File ending in `.png` or `.jpg`.
         at_s: Time of the frame since the start of the episode; it must lie within the episode.
         truth: Draw the truth's boxes.
+        entries: Fresh trackers that see every frame up to this one; what they say of it is drawn, with the truth.
         backend: Renderer, by name.
     """
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
@@ -65,16 +76,21 @@ def save_image(
         raise ParameterError(f"the episode lasts {settled.duration_s:g} s, so there is no frame at {at_s:g} s")
     with Simulation(scenario, backend=backend) as simulation:
         frame = simulation.reset(seed)
+        picture = _picture(frame, truth, entries)
         while frame.time_s < at_s - 0.5 / settled.camera.rate_hz:
             frame = simulation.advance()
+            picture = _picture(frame, truth, entries)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        written = cv2.imwrite(str(path), cv2.cvtColor(_picture(frame, truth), cv2.COLOR_RGB2BGR))
+        written = cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     except (OSError, cv2.error) as error:
         raise RunError(f"cannot write the image {path}: {error}") from None
     if not written:
         raise RunError(f"cannot write the image {path}")
 
 
-def _picture(frame: Frame, truth: bool) -> Image:
-    return draw_frame(frame, {}) if truth else frame.image
+def _picture(frame: Frame, truth: bool, entries: Sequence[Entry]) -> Image:
+    """Show a frame to the trackers, and draw what is wanted over it."""
+    answers = [(one.name, one.see(frame.image, frame.truth.box, frame.truth.scored)) for one in entries]
+    said = {name: estimate for name, estimate in answers if estimate is not None}
+    return draw_frame(frame, said) if truth or entries else frame.image

@@ -8,8 +8,10 @@ from typing import Annotated
 
 import typer
 
-from pftrack_sim.cli import progress, tables
-from pftrack_sim.cli.values import parse_axes, parse_names, parse_settings
+from pftrack_sim.cli import progress as bars
+from pftrack_sim.cli import tables
+from pftrack_sim.cli.run_progress import cores, show_run
+from pftrack_sim.cli.values import parse_axes, parse_names, parse_params, parse_part, parse_settings, parse_trackers
 from pftrack_sim.errors import ParameterError
 
 app = typer.Typer(
@@ -27,6 +29,14 @@ Settings = Annotated[
 Seeds = Annotated[str, typer.Option(metavar="SEEDS", help="Seeds: 3, 0:20 (20 excluded) or 1,5,9.")]
 Trackers = Annotated[str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers, by name.")]
 Preset = Annotated[str, typer.Option(help="Preset of the trackers: default or paper.")]
+Params = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--param",
+        metavar="[TRACKER.]KEY=VALUE",
+        help="Parameter of one tracker or of all, for example ko2012.particles=true; may be repeated.",
+    ),
+]
 Backend = Annotated[
     str | None,
     typer.Option("--renderer", "--backend", help="gl, egl, osmesa or warp; default: OpenGL if it loads, else warp."),
@@ -35,7 +45,7 @@ Backend = Annotated[
 
 @app.command("list")
 def list_names(
-    what: Annotated[str, typer.Argument(help="scenarios, trackers, controllers or axes.")] = "scenarios",
+    what: Annotated[str, typer.Argument(help="scenarios, suites, trackers, controllers or axes.")] = "scenarios",
 ) -> None:
     """List what there is by name."""
     tables.print_names(what)
@@ -44,34 +54,100 @@ def list_names(
 @app.command()
 def bench(
     scenarios: Annotated[list[str], typer.Argument(help="Scenarios: names or paths of TOML files.")],
-    trackers: Trackers = "ko2012,opencv-mil,stay",
+    trackers: Annotated[
+        str,
+        typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers: name, or name[key=value,...]."),
+    ] = "ko2012,opencv-mil,stay",
     seeds: Seeds = "0:3",
     axis: Annotated[
         list[str] | None,
-        typer.Option("--axis", metavar="AXIS=0,1,2", help="Severities of a stress axis; may be repeated."),
+        typer.Option(
+            "--axis",
+            metavar="AXIS=0,1,2",
+            help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated.",
+        ),
     ] = None,
     settings: Settings = None,
-    preset: Preset = "default",
-    out: Annotated[Path | None, typer.Option(help="Run folder to make; default is a new one in runs/.")] = None,
+    preset: Annotated[
+        str | None, typer.Option(help="Preset of the trackers: default or paper; default: default; a suite's own.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Run folder; the same command goes on with one. Default is a new one in runs/."),
+    ] = None,
     videos: Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")] = "first",
     backend: Backend = None,
+    workers: Annotated[int | None, typer.Option(min=0, help="Processes; default is one for each core.")] = None,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")] = None,
+    part: Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")] = "1/1",
+    isolation: Annotated[str, typer.Option(help="Trackers in processes of their own: auto, always or never.")] = "auto",
+    frame_limit_s: Annotated[float, typer.Option(help="Time for a frame, for those trackers.")] = 60.0,
+    memory_limit_mb: Annotated[float, typer.Option(help="Memory for each of them; 0 is no limit.")] = 4096.0,
+    progress: Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")] = "",
 ) -> None:
-    """Run trackers on scenarios: every frame is drawn once and shown to all of them."""
-    from pftrack_sim.bench import make_plan, new_run_path, parse_seeds, run
+    """Run trackers on suites or scenarios: every frame is drawn once and shown to all of them."""
+    from pftrack_sim.bench import new_run_path, parse_seeds, plan_all, run
+    from pftrack_sim.isolation import Limits
 
-    plan = make_plan(
+    plan = plan_all(
         scenarios,
-        parse_names(trackers),
-        parse_seeds(seeds),
+        trackers=parse_trackers(trackers, preset or "default") if trackers is not None else None,
+        seeds=parse_seeds(seeds) if seeds is not None else None,
         axes=parse_axes(axis or []),
         overrides=parse_settings(settings or []),
         preset=preset,
     )
     path = out if out is not None else new_run_path(plan)
-    with progress.bar("drawing and tracking", plan.frame_count) as tick:
-        results = run(plan, path, videos=videos, backend=backend, on_frame=tick)
-    tables.print_bench(results)
+    with show_run(progress, path) as on_status:
+        finished = run(
+            plan,
+            path,
+            workers=workers if workers is not None else cores(),
+            scheduler=scheduler,
+            videos=videos,
+            backend=backend,
+            isolation=isolation,
+            limits=Limits(frame_limit_s, memory_limit_mb),
+            part=parse_part(part),
+            on_status=on_status,
+        )
+    tables.print_bench(finished.results())
+    tables.print_suites(plan, finished.results())
     tables.print_folder(path)
+    _report(path)
+
+
+@app.command()
+def merge(
+    out: Annotated[Path, typer.Argument(help="Run folder to make, or to add to.")],
+    folders: Annotated[list[Path], typer.Argument(help="Run folders of the same plan.")],
+) -> None:
+    """Join what several machines did of one plan (bench --part)."""
+    from pftrack_sim.bench.merge import merge as merge_runs
+
+    tables.print_lines(merge_runs(out, folders).lines())
+
+
+@app.command()
+def check(folder: Annotated[Path, typer.Argument(help="Run folder.")]) -> None:
+    """Verify a run folder: every episode there once, unharmed, and of the plan it names."""
+    from pftrack_sim.bench.check import check as check_run
+
+    found = check_run(folder)
+    tables.print_lines(found.lines())
+    raise typer.Exit(0 if found.good else 1)
+
+
+@app.command()
+def query(
+    folder: Annotated[Path, typer.Argument(help="Run folder.")],
+    sql: Annotated[str, typer.Argument(help="A question to the views episodes, frames and summary.")],
+    format_: Annotated[str, typer.Option("--format", help="table, csv or json.")] = "table",
+) -> None:
+    """Ask a run folder in SQL."""
+    from pftrack_sim.bench.query import ask
+
+    tables.print_answer(ask(folder, sql), format_)
 
 
 @app.command()
@@ -80,6 +156,11 @@ def evaluate(
     tracker: Trackers = "ko2012",
     seeds: Seeds = "0:5",
     preset: Preset = "default",
+    params: Params = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
+    ] = None,
 ) -> None:
     """Run trackers on recorded sequences with known boxes."""
     from pftrack_sim.bench import parse_seeds
@@ -88,11 +169,14 @@ def evaluate(
 
     names = parse_names(tracker)
     chosen = parse_seeds(seeds)
+    settled = parse_params(params or [], names)
     read = [read_sequence(path) for path in sequences]
     total = sum(len(sequence) for sequence in read) * len(names) * len(chosen)
-    with progress.bar("tracking", total) as tick:
-        results = evaluate_recorded(read, names, chosen, preset=preset, on_frame=tick)
+    with bars.bar("tracking", total) as tick:
+        results = evaluate_recorded(read, names, chosen, preset=preset, params=settled, video=video, on_frame=tick)
     tables.print_recorded(results)
+    if video is not None:
+        tables.print_folder(video)
 
 
 @app.command()
@@ -103,22 +187,59 @@ def render(
     image: Annotated[Path | None, typer.Option(help="PNG to write: one frame.")] = None,
     at_s: Annotated[float, typer.Option(min=0.0, help="Time of the frame for --image.")] = 0.0,
     truth: Annotated[bool, typer.Option("--truth", help="Draw the truth's boxes.")] = False,
+    tracker: Annotated[
+        str | None,
+        typer.Option("--trackers", "--tracker", metavar="A,B", help="Draw what these trackers say, and the truth."),
+    ] = None,
+    preset: Preset = "default",
+    params: Params = None,
     settings: Settings = None,
     backend: Backend = None,
 ) -> None:
     """Look at a scenario: write its episode as a video, or one of its frames."""
     from pftrack_sim import scenario as scenarios
+    from pftrack_sim.bench.contest import enter
     from pftrack_sim.bench.show import save_image, save_video
 
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
+    names = parse_names(tracker) if tracker is not None else []
+    if params and not names:
+        raise ParameterError("--param needs --trackers: it is theirs")
+    entries = enter(names, seed=seed, preset=preset, params=parse_params(params or [], names))
     if video is not None:
-        with progress.bar("drawing", loaded.frame_count(seed)) as tick:
-            save_video(loaded, seed, video, truth=truth, backend=backend, on_frame=tick)
+        with bars.bar("drawing", loaded.frame_count(seed)) as tick:
+            save_video(loaded, seed, video, truth=truth, entries=entries, backend=backend, on_frame=tick)
     if image is not None:
-        save_image(loaded, seed, image, at_s=at_s, truth=truth, backend=backend)
+        save_image(loaded, seed, image, at_s=at_s, truth=truth, entries=entries, backend=backend)
     tables.print_folder(video or image)
+
+
+def _report(run: Path) -> None:
+    from pftrack_sim.report import write_report
+    from pftrack_sim.report.data import read_run
+
+    with bars.bar("reading", len(read_run(run).episodes)) as tick:
+        page = write_report(run, on_episode=tick)
+    tables.print_folder(page)
+
+
+@app.command()
+def report(
+    run: Annotated[Path, typer.Argument(help="Run folder that bench wrote.")],
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="Draw one figure for a paper instead: success.pdf, precision.pdf or axis.pdf (.svg, .png)."),
+    ] = None,
+) -> None:
+    """Write report.html into a run folder: one page that opens from disk, with every result of the run."""
+    from pftrack_sim.report import write_figure
+
+    if figure is not None:
+        tables.print_folder(write_figure(run, figure))
+        return
+    _report(run)
 
 
 @app.command()

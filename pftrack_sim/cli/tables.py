@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -12,14 +14,19 @@ import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from pftrack_sim.errors import UnknownNameError
+from pftrack_sim.errors import ParameterError, UnknownNameError
 
 if TYPE_CHECKING:
-    from pftrack_sim.bench import Result
+    from pftrack_sim.bench import Plan, Result
+    from pftrack_sim.bench.query import Answer
     from pftrack_sim.bench.recorded import RecordedResult
     from pftrack_sim.render.doctor import Report
     from pftrack_sim.score import Summary
+
+# More than this nobody reads on a terminal; the run folder has them all.
+_MOST_EPISODES, _MOST_FAILURES = 40, 20
 
 # In a file or a pipe there is no terminal's width to keep to.
 _console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
@@ -29,6 +36,7 @@ def print_names(what: str) -> None:
     """Names of scenarios, trackers, controllers or stress axes, one on a line with what it is."""
     listings: dict[str, Callable[[], Iterable[tuple[str, str]]]] = {
         "scenarios": _scenarios,
+        "suites": _suites,
         "trackers": _trackers,
         "controllers": _controllers,
         "axes": _axes,
@@ -45,6 +53,12 @@ def _scenarios() -> Iterable[tuple[str, str]]:
     from pftrack_sim import scenario
 
     return [(name, str(scenario.load(name).tree["title"])) for name in scenario.names()]
+
+
+def _suites() -> Iterable[tuple[str, str]]:
+    from pftrack_sim.bench.suite import load_suite, suite_names
+
+    return [(name, load_suite(name).title) for name in suite_names()]
 
 
 def _trackers() -> Iterable[tuple[str, str]]:
@@ -70,7 +84,23 @@ def _axes() -> Iterable[tuple[str, str]]:
 
 def print_bench(results: Sequence[Result]) -> None:
     """Overlap of each tracker in each episode, then over all seeds."""
+    _print_episodes(results)
+    groups: dict[tuple[str, ...], list[Summary]] = {}
+    for one in results:
+        groups.setdefault((one.scenario, one.condition, one.tracker), []).append(one.summary)
+    _print_groups("Over all seeds", ("scenario", "condition", "tracker"), groups)
+    failed = [one for one in results if one.failure]
+    for one in failed[:_MOST_FAILURES]:
+        where = one.scenario if one.condition == "base" else f"{one.scenario} {one.condition}"
+        _console.print(f"{one.tracker} failed on {where} seed {one.seed}, {one.failure}", markup=False, soft_wrap=True)
+    if len(failed) > _MOST_FAILURES:
+        _console.print(f"and {len(failed) - _MOST_FAILURES} failures more: see summary.parquet")
+
+
+def _print_episodes(results: Sequence[Result]) -> None:
     trackers = list(dict.fromkeys(one.tracker for one in results))
+    if len(results) > _MOST_EPISODES * len(trackers):
+        return
     by_episode = _table(
         "Mean overlap per episode (frames where the target can be seen)",
         ("scenario", "condition"),
@@ -84,13 +114,40 @@ def print_bench(results: Sequence[Result]) -> None:
         cells = [_number(scored[tracker].summary.mean_overlap) for tracker in trackers]
         by_episode.add_row(scenario, condition, str(seed), str(frames), *cells)
     _console.print(by_episode)
-    groups: dict[tuple[str, ...], list[Summary]] = {}
-    for one in results:
-        groups.setdefault((one.scenario, one.condition, one.tracker), []).append(one.summary)
-    _print_groups("Over all seeds", ("scenario", "condition", "tracker"), groups)
-    for one in results:
-        if one.failure:
-            _console.print(f"{one.tracker} failed on {one.scenario} seed {one.seed}, {one.failure}", markup=False)
+
+
+def print_suites(plan: Plan, results: Sequence[Result]) -> None:
+    """For each suite of a plan the paper's table beside ours, and what became of its claims."""
+    from pftrack_sim.bench.claims import beside_the_paper, judge
+
+    rows = [
+        {"scenario": one.scenario, "seed": one.seed, "tracker": one.tracker, **one.summary.as_dict()} for one in results
+    ]
+    for suite in plan.suites:
+        beside = beside_the_paper(suite, rows)
+        if suite.table is not None:
+            heads = [name.rpartition("/")[2] for name in suite.table.columns]
+            table = _table(
+                f"{suite.table.title}: printed / ours (95% interval over seeds)", ("tracker",), (*heads, "mean")
+            )
+            for row in beside:
+                cells = [
+                    f"{printed:.1f} / {ours:.1f}\n{low:.1f}-{high:.1f}"
+                    for printed, ours, low, high in zip(row.printed, row.ours, row.low, row.high, strict=True)
+                ]
+                mean, low, high = row.ours_mean
+                cells.append(f"{sum(row.printed) / len(row.printed):.1f} / {mean:.1f}\n{low:.1f}-{high:.1f}")
+                table.add_row(row.tracker, *cells)
+            _console.print(table)
+        for finding in judge(suite, rows):
+            _console.print(f"\n{finding.verdict.upper()}: {finding.says}", markup=False, soft_wrap=True)
+            for part in finding.parts:
+                _console.print(
+                    f"  {part.what}: {part.difference:+.3f} [{part.low:+.3f}, {part.high:+.3f}] "
+                    f"over {part.seeds} seeds: {part.verdict}",
+                    markup=False,
+                    soft_wrap=True,
+                )
 
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:
@@ -105,18 +162,23 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
 
 
 def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ...], list[Summary]]) -> None:
+    from pftrack_sim.score import bootstrap_interval
+
     table = _table(title, heads, ("seeds", "mean\noverlap", "success\n@ 0.5", "precision\n@ 20 px", "ms per\nframe"))
+    several = False
     for names, summaries in groups.items():
-        table.add_row(
-            *names,
-            str(len(summaries)),
-            *(
-                _number(_mean([getattr(one, key) for one in summaries]))
-                for key in ("mean_overlap", "success", "precision")
-            ),
-            f"{float(np.median([one.ms_median for one in summaries])):.2f}",
-        )
+        cells: list[str] = []
+        for key in ("mean_overlap", "success", "precision"):
+            scores = [float(getattr(one, key)) for one in summaries]
+            # One stream for every cell: a group's interval does not depend on which others are printed with it.
+            low, high = bootstrap_interval(scores, np.random.default_rng(0))
+            several = several or not math.isnan(low)
+            cells.append(_number(_mean(scores)) + ("" if math.isnan(low) else f"\n{low:.3f}-{high:.3f}"))
+        ms = float(np.median([one.ms_median for one in summaries]))
+        table.add_row(*names, str(len(summaries)), *cells, f"{ms:.2f}")
     _console.print(table)
+    if several:
+        _console.print("Below each score: the 95% bootstrap interval of its mean over seeds.", soft_wrap=True)
 
 
 def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
@@ -124,7 +186,7 @@ def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
     _console.print(f"\n{title}", soft_wrap=True)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for head in names:
-        table.add_column(head, overflow="fold", vertical="bottom")
+        table.add_column(head, overflow="fold")
     for head in numbers:
         table.add_column(head, justify="right", no_wrap=True)
     return table
@@ -133,6 +195,37 @@ def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
 def print_folder(path: Path | None) -> None:
     """Where the results lie."""
     _console.print(f"written: {path}", markup=False, soft_wrap=True)
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Lines as they are."""
+    for line in lines:
+        _console.print(line, markup=False, soft_wrap=True)
+
+
+def print_answer(answer: Answer, layout: str) -> None:
+    """The rows that SQL gave: as a table, or as CSV or JSON lines for other programs.
+
+    Raises:
+        ParameterError: No such layout.
+    """
+    if layout == "csv":
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(answer.heads)
+        writer.writerows(answer.rows)
+    elif layout == "json":
+        for row in answer.rows:
+            print(json.dumps(dict(zip(answer.heads, row, strict=True)), default=str))  # noqa: T201
+    elif layout == "table":
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+        for place, head in enumerate(answer.heads):
+            is_text = bool(answer.rows) and isinstance(answer.rows[0][place], str)
+            table.add_column(Text(head), justify="left" if is_text else "right", overflow="fold")
+        for row in answer.rows:
+            table.add_row(*(Text(f"{cell:.6g}" if isinstance(cell, float) else str(cell)) for cell in row))
+        _console.print(table)
+    else:
+        raise ParameterError(f"--format must be table, csv or json, got {layout!r}")
 
 
 def print_doctor(report: Report) -> None:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
+from collections import defaultdict
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.errors import ParameterError, UnknownNameError
+
+if TYPE_CHECKING:
+    from pftrack_sim.bench import Contestant
 
 
 def parse_names(text: str) -> list[str]:
@@ -21,8 +26,15 @@ def parse_names(text: str) -> list[str]:
     return names
 
 
-def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:
+def parse_settings(
+    pairs: Sequence[str], *, option: str = "--set", example: str = "camera.width_px=320"
+) -> dict[str, Any]:
     """`KEY=VALUE` pairs; a value is read as TOML (numbers, true, lists, tables), or else as plain text.
+
+    Args:
+        pairs: As typed.
+        option: Where they were typed, for the message.
+        example: Of a pair, for the message.
 
     Raises:
         ParameterError: Not of that form.
@@ -34,17 +46,93 @@ def parse_settings(pairs: Sequence[str]) -> dict[str, Any]:
     for pair in pairs:
         key, equals, text = pair.partition("=")
         if not equals or not key.strip():
-            raise ParameterError(f"--set takes KEY=VALUE, for example camera.width_px=320; got {pair!r}")
-        try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            value = text
-        settings[key.strip()] = value
+            raise ParameterError(f"{option} takes KEY=VALUE, for example {example}; got {pair!r}")
+        settings[key.strip()] = _value(text)
     return settings
 
 
+def parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """`KEY=VALUE` pairs for every tracker, and `TRACKER.KEY=VALUE` pairs for one.
+
+    Args:
+        pairs: As typed.
+        trackers: Names of the trackers that take part.
+
+    Returns:
+        Parameters by the tracker's name.
+
+    Raises:
+        ParameterError: Not of that form.
+        UnknownNameError: A tracker that does not take part.
+
+    >>> parse_params(["particles=true", "opencv-vit.model=vit.onnx"], ["ko2012", "opencv-vit"])
+    {'ko2012': {'particles': True}, 'opencv-vit': {'particles': True, 'model': 'vit.onnx'}}
+    """
+    found: defaultdict[str, dict[str, Any]] = defaultdict(dict)
+    given = parse_settings(pairs, option="--param", example="ko2012.particle_count=200")
+    for key, value in given.items():
+        # A factory that is spelled out has dots of its own: the last one divides.
+        tracker, _, name = key.rpartition(".")
+        if tracker and tracker not in trackers:
+            raise UnknownNameError("tracker before a parameter's name", tracker, trackers)
+        for one in [tracker] if tracker else trackers:
+            found[one][name] = value
+    return dict(found)
+
+
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def parse_trackers(text: str, preset: str) -> list[Contestant]:
+    """Trackers between commas, each with parameters in brackets where it has some; `preset` is one of them.
+
+    Args:
+        text: As it is typed.
+        preset: Of every tracker that names none.
+
+    Raises:
+        ParameterError: Not of that form.
+
+    >>> [one.label for one in parse_trackers("stay, ko2012[preset=paper,particle_count=50]", "default")]
+    ['stay', 'ko2012[preset=paper,particle_count=50]']
+    """
+    from pftrack_sim.bench import Contestant
+
+    found: list[Contestant] = []
+    for spelled in parse_names(re.sub(r",(?![^\[\]]*\])", "\0", text).replace(",", "\1").replace("\0", ",")):
+        match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", spelled.replace("\1", ","))
+        pairs = [pair for pair in (match[2] or "").split(",") if pair] if match else []
+        if not match or any("=" not in pair for pair in pairs):
+            raise ParameterError(
+                f"--trackers takes names, with parameters in brackets: ko2012[particle_count=50]; got {text!r}"
+            )
+        params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in pairs)}
+        chosen = str(params.pop("preset", preset))
+        found.append(Contestant(name=match[1].strip(), preset=chosen, params=params))
+    return found
+
+
+def parse_part(text: str) -> tuple[int, int]:
+    """`K/N`.
+
+    Raises:
+        ParameterError: Not of that form.
+
+    >>> parse_part("2/4")
+    (2, 4)
+    """
+    match = re.fullmatch(r"(\d+)/(\d+)", text.strip())
+    if not match:
+        raise ParameterError(f"--part takes K/N, for example 1/4 on the first of four machines; got {text!r}")
+    return int(match[1]), int(match[2])
+
+
 def parse_axes(pairs: Sequence[str]) -> dict[str, list[float]]:
-    """`AXIS=0,1,2` pairs.
+    """`AXIS=0,1,2` and `AXIS.PARAMETER=5,10` pairs.
 
     Raises:
         ParameterError: Not of that form.

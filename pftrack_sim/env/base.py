@@ -70,7 +70,8 @@ class CameraEnv(gym.Env[Observation, Any]):
         )
         self.simulation = Simulation(self.scenario, backend=backend)
         self._frame: Frame | None = None
-        self._answered: tuple[Frame, Estimate | None] | None = None
+        self._answered: tuple[Frame, Mapping[str, Estimate]] | None = None
+        self._shown: Mapping[str, Estimate] | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -86,7 +87,7 @@ class CameraEnv(gym.Env[Observation, Any]):
             raise ParameterError(f"reset takes no options, got {sorted(options)}")
         self.episode_seed = seed if seed is not None else int(self.np_random.integers(2**31))
         self._frame = self.simulation.reset(self.episode_seed)
-        self._answered = None
+        self._answered = self._shown = None
         return self._observation(self._frame), self._info(self._frame)
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -97,13 +98,24 @@ class CameraEnv(gym.Env[Observation, Any]):
         if self.render_mode is None:
             gym.logger.warn("render() needs render_mode='rgb_array', given to gym.make")
             return None
-        frame, estimate = self._answered if self._answered is not None else (self._current, None)
-        return draw_frame(frame, {} if estimate is None else {"action": estimate})
+        return draw_frame(*(self._answered if self._answered is not None else (self._current, {})))
+
+    def show(self, estimates: Mapping[str, Estimate]) -> None:
+        """Have `render` draw these over the frame in the observation, instead of the bare action that answers it.
+
+        An action is a box; an estimate also tells whether the target is held to be covered and, if the tracker gives
+        them, the particles: `env.unwrapped.show({"ko2012": policy.estimate})` before `env.step`. It holds for one
+        step.
+
+        Args:
+            estimates: By name, in the order of their colours.
+        """
+        self._shown = dict(estimates)
 
     def close(self) -> None:
         """Free the graphics context."""
         self.simulation.close()
-        self._frame = self._answered = None
+        self._frame = self._answered = self._shown = None
 
     @property
     def _current(self) -> Frame:
@@ -130,7 +142,9 @@ class CameraEnv(gym.Env[Observation, Any]):
     def _advance(self, command: NDArray[np.float64] | None, answer: Estimate | None) -> Frame:
         """Keep the answer for `render`, then move on to the next frame."""
         shown = self._current
-        self._answered = (shown, answer)
+        bare = {} if answer is None else {"action": answer}
+        self._answered = (shown, bare if self._shown is None else self._shown)
+        self._shown = None
         self._frame = self.simulation.advance(command)
         return self._frame
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim import boxes
+from pftrack_sim.boxes import Box
 from pftrack_sim.records import Estimate, Frame, Image, Truth
 
 Colour = tuple[int, int, int]
@@ -90,8 +91,37 @@ def draw_boxes(
     _outline(canvas, truth.visible_box, _WHITE, 1, None)
     for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
         _outline(canvas, estimate.box, colour, style.line, style.dash if estimate.occluded else None)
-    _legend(canvas, style, truth, estimates)
+    _legend(canvas, style, truth.box if truth.scored else None, estimates)
     _footer(canvas, style, truth)
+    return canvas
+
+
+def draw_recorded(
+    image: Image, truth: Box, estimates: Mapping[str, Estimate], *, caption: str = "", particles: bool = True
+) -> Image:
+    """Boxes over a frame of a recorded sequence, of which nothing is known but a box.
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB; stays as it is.
+        truth: `(4,)` the box drawn by hand [px]; NaN where there is none.
+        estimates: By name, in the order of their colours.
+        caption: A line at the bottom.
+        particles: Whether the centres of an estimate's particles are dotted.
+
+    Returns:
+        A new `(H, W, 3)` uint8 image.
+    """
+    canvas = np.array(image, dtype=np.uint8, order="C")
+    style = _Style(canvas)
+    if particles:
+        for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
+            _dots(canvas, estimate.particles, colour)
+    _outline(canvas, truth, _WHITE, 1, None)
+    for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
+        _outline(canvas, estimate.box, colour, style.line, style.dash if estimate.occluded else None)
+    _legend(canvas, style, truth if np.isfinite(truth).all() else None, estimates)
+    if caption:
+        _caption(canvas, style, caption)
     return canvas
 
 
@@ -175,11 +205,11 @@ def _labels(canvas: Image, style: _Style, people: Sequence[Truth], target: Truth
             _write(canvas, person.name, (x + 1, y), _GREY, size)
 
 
-def _legend(canvas: Image, style: _Style, truth: Truth, estimates: Mapping[str, Estimate]) -> None:
-    """Top left: a line per tracker with its colour, name and overlap with the truth."""
+def _legend(canvas: Image, style: _Style, truth: Box | None, estimates: Mapping[str, Estimate]) -> None:
+    """Top left: a line per tracker with its colour, name and overlap with the truth, where there is one."""
     rows: list[tuple[str, str, Colour, int | None]] = [("truth", "", _WHITE, None)]
     for (name, estimate), colour in zip(estimates.items(), _colours(len(estimates)), strict=True):
-        overlap = f"{boxes.iou(estimate.box, truth.box):.2f}" if truth.scored else "-"
+        overlap = f"{boxes.iou(estimate.box, truth):.2f}" if truth is not None else "-"
         rows.append((name, overlap, colour, style.dash if estimate.occluded else None))
     swatch = 2 * style.text
     name_width = max(_width(name, style.text) for name, *_ in rows)
@@ -213,7 +243,10 @@ def _footer(canvas: Image, style: _Style, truth: Truth) -> None:
     room = canvas.shape[1] - 2 * style.pad
     while len(parts) > 1 and _width("   ".join(parts), style.text) > room:
         parts.pop()
-    text = "   ".join(parts)
+    _caption(canvas, style, "   ".join(parts))
+
+
+def _caption(canvas: Image, style: _Style, text: str) -> None:
     top = canvas.shape[0] - style.row - style.pad // 2
     _darken(canvas, 0, top, _width(text, style.text) + 2 * style.pad, canvas.shape[0] - top)
     _write(canvas, text, (style.pad, canvas.shape[0] - style.pad), _WHITE, style.text)

@@ -14,20 +14,22 @@ from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 
 
-def problems(error: ValidationError, tree: Tree) -> Iterator[str]:
+def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None = None) -> Iterator[str]:
     """One line for each finding.
 
     Args:
         error: What pydantic found in `tree`.
         tree: The tree that was validated, ranges already replaced.
+        schema: JSON Schema of what it was validated as; that of a scenario if None.
     """
+    schema = schema if schema is not None else json_schema()
     for found in error.errors(include_url=False):
         path = _path_in(tree, found["loc"])
         kind = found["type"]
         given = found.get("input")
         context = found.get("ctx", {})
         if kind == "extra_forbidden":
-            allowed = _allowed_keys(path[:-1], tree)
+            allowed = _allowed_keys(path[:-1], tree, schema)
             yield (
                 f"{dotted(path)}: unknown key (value {_short(given)}){did_you_mean(str(path[-1]), allowed)} "
                 f"(allowed: {', '.join(allowed)})"
@@ -75,9 +77,8 @@ def json_schema() -> dict[str, Any]:
     return ResolvedScenario.model_json_schema()
 
 
-def _allowed_keys(path: KeyPath, tree: object) -> list[str]:
+def _allowed_keys(path: KeyPath, tree: object, schema: dict[str, Any]) -> list[str]:
     """Keys that the table at `path` may have; for a union, those of the alternative its `kind` picks."""
-    schema = json_schema()
     node: Any = schema
     value: Any = tree
     for part in path:

@@ -8,8 +8,10 @@ import mujoco
 
 from pftrack_sim import streams
 from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scenario.model import Occluder
 from pftrack_sim.world import occlusion, places, robot
 from pftrack_sim.world.layout import Layout
+from pftrack_sim.world.occlusion.carts import asked_of, cart_names
 from pftrack_sim.world.people import Person, add_person, sample_cast
 
 NEAR_M = 0.05
@@ -53,12 +55,21 @@ def build(settings: ResolvedScenario, seed: int, step_s: float) -> Scene:
         settings.target.height_m,
         settings.distractors.count,
         settings.distractors.similarity,
-        [one.similarity for one in settings.occluders if one.kind == "walker"],
+        [one.similarity for one in walkers(settings)],
+        [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
     )
     for person in cast:
         add_person(spec, person)
     occlusion.add_occluders(spec, settings.occluders)
+    occlusion.add_carts(spec, settings.axes.occlusion)
     return Scene(spec.compile(), layout, cast)
+
+
+def walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:
+    """Who crosses: the scenario's own walkers, then the people of the stress axis."""
+    axis = settings.axes.occlusion
+    own = tuple(one for one in settings.occluders if one.kind == "walker")
+    return own if cart_names(axis) else (*own, *asked_of(axis))
 
 
 def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:

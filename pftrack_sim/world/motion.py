@@ -42,7 +42,7 @@ class Motion:
         self._clock = clock
         self.crowd = crowd
         self.drive = Drive(model, settings.robot, settings.camera)
-        self.script = Script(settings.robot, path, settings.target.speed_m_s)
+        self.script = Script(settings.robot, path, settings.target.speed_m_s, settings.axes.target, settings.camera)
         jitter = settings.axes.jitter
         self._road = Road(model, jitter, seed) if jitter.roughness > 0.0 else None
         self.ticks = 0
@@ -70,7 +70,7 @@ class Motion:
         if command is None:
             target_m = crowd.positions_m[0]
             forward, turn = self.script.command(self.time_s, drive.pose(data), crowd.target_s_m, target_m)
-            pan, tilt = self.script.gaze(drive.camera_pose(data), target_m, tick_s)
+            pan, tilt = self.script.gaze(drive.camera_pose(data), target_m, tick_s, self.time_s)
         else:
             forward, turn, pan, tilt = drive.scaled(command)
         drive.command(data, forward, turn, pan, tilt, tick_s)

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim import streams
-from pftrack_sim.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.model import Distractors
 from pftrack_sim.world import occlusion
 from pftrack_sim.world.build import build
 from pftrack_sim.world.clock import Clock
-from pftrack_sim.world.crowd import Crossing, Crowd
+from pftrack_sim.world.crowd import Crowd
 from pftrack_sim.world.layout import Layout
 from pftrack_sim.world.lighting import Lighting
 from pftrack_sim.world.motion import Motion
-from pftrack_sim.world.occlusion import Placement
+from pftrack_sim.world.occlusion import Rehearsal
+from pftrack_sim.world.occlusion.carts import cart_names, move_cart, size_cart
 from pftrack_sim.world.path import Path
 from pftrack_sim.world.people import Gait, Puppets
+from pftrack_sim.world.plans import Plans, plan
 from pftrack_sim.world.robot import Script
 
 
@@ -33,7 +34,7 @@ class World:
         seed: Root seed of the episode.
 
     Raises:
-        ScenarioError: An occlusion that was asked for cannot happen.
+        ScenarioError: An occlusion or a passing that was asked for cannot happen.
     """
 
     def __init__(self, settings: ResolvedScenario, seed: int) -> None:
@@ -44,8 +45,8 @@ class World:
         self.data = mujoco.MjData(scene.model)
         self.people = tuple(person.name for person in scene.cast)
         path = Path(settings.target.path_m)
-        layout, placements, crossings = self._plan_occlusions(scene.layout, path, seed)
-        crowd = self._crowd(layout, path, settings.distractors, crossings, seed)
+        plans = plan(settings, seed, scene.layout, path, partial(self._rehearse, scene.layout, path, seed))
+        crowd = self._crowd(path, plans, settings.distractors, seed)
         self._motion = Motion(self.model, self.data, settings, self.clock, path, crowd, seed)
         self._gait = Gait(
             [person.anatomy for person in scene.cast], [streams.stream(seed, "gait", name) for name in self.people]
@@ -53,7 +54,8 @@ class World:
         self._puppets = Puppets(self.model, self.people)
         rng = streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
-        self._start(placements)
+        self._cart_names = cart_names(settings.axes.occlusion)
+        self._start(plans)
 
     def advance(self, command: NDArray[np.float64] | None = None) -> None:
         """Move on to the next frame.
@@ -65,8 +67,9 @@ class World:
         crowd = self._motion.crowd
         for _ in range(self.clock.ticks):
             self._motion.tick(command)
-            self._gait.advance(self.clock.tick_s, crowd.positions_m, crowd.headings_rad)
+            self._gait.advance(self.clock.tick_s, crowd.positions_m, crowd.headings_rad, crowd.crouching, crowd.running)
         self._puppets.write(self.data, *self._gait.poses())
+        self._move_carts()
         self._settle()
 
     @property
@@ -102,14 +105,17 @@ class World:
         """
         self._lighting.apply(self.time_s, self._motion.crowd.target_s_m, exposure_ev)
 
-    def _start(self, placements: dict[int, Placement]) -> None:
+    def _start(self, plans: Plans) -> None:
         mujoco.mj_resetData(self.model, self.data)
-        for index, placement in placements.items():
+        for index, placement in plans.placements.items():
             occlusion.place(self.model, self.data, index, placement)
+        for name, crossing, height in zip(self._cart_names, plans.carts, plans.cart_heights_m, strict=True):
+            size_cart(self.model, name, crossing.half_width_m, height)
         self._motion.reset()
         crowd = self._motion.crowd
         self._gait.reset(crowd.positions_m, crowd.headings_rad, crowd.speeds_m_s)
         self._puppets.write(self.data, *self._gait.poses())
+        self._move_carts()
         self._settle()
 
     def _settle(self) -> None:
@@ -117,47 +123,30 @@ class World:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    def _crowd(
-        self,
-        layout: Layout,
-        path: Path,
-        distractors: Distractors,
-        crossings: list[Crossing],
-        seed: int,
-    ) -> Crowd:
+    def _crowd(self, path: Path, plans: Plans, distractors: Distractors, seed: int) -> Crowd:
         start = Script(self.settings.robot, path, self.settings.target.speed_m_s).start_pose()
-        return Crowd(layout, self.settings.target, path, distractors, crossings, seed, robot_start_m=start[:2])
+        return Crowd(
+            plans.layout,
+            self.settings.target,
+            path,
+            distractors,
+            plans.crossings,
+            seed,
+            robot_start_m=start[:2],
+            passers=plans.passings,
+            carts=plans.carts,
+            target_axis=self.settings.axes.target,
+        )
 
-    def _plan_occlusions(
-        self, layout: Layout, path: Path, seed: int
-    ) -> tuple[Layout, dict[int, Placement], list[Crossing]]:
-        """Where standing occluders go and how walkers cross, found by running the episode without pictures.
+    def _rehearse(self, layout: Layout, path: Path, seed: int, until_s: float) -> Rehearsal:
+        """The target and the robot alone."""
+        nobody = self.settings.distractors.model_copy(update={"count": 0})
+        alone = self._crowd(path, Plans(layout, {}), nobody, seed)
+        motion = Motion(self.model, self.data, self.settings, self.clock, path, alone, seed)
+        return motion.rehearse(until_s, self.settings.target.height_m)
 
-        The target and the robot follow their scripts whoever else is about, so the rehearsal needs no strangers.
-        """
-        occluders = self.settings.occluders
-        if not occluders:
-            return layout, {}, []
-        alone = self._crowd(layout, path, self.settings.distractors.model_copy(update={"count": 0}), [], seed)
-        rehearsing = Motion(self.model, self.data, self.settings, self.clock, path, alone, seed)
-        last_s = max(one.at_s + one.duration_s for one in occluders)
-        rehearsal = rehearsing.rehearse(last_s + 3.0, self.settings.target.height_m)
-        placements: dict[int, Placement] = {}
-        crossings: list[Crossing] = []
-        problems: list[str] = []
-        names = occlusion.occluder_names(occluders)
-        # Standing things first: walkers must know what they walk around.
-        for index in sorted(range(len(occluders)), key=lambda index: names[index] is None):
-            occluder, name = occluders[index], names[index]
-            try:
-                if name is None:
-                    crossings.append(occlusion.plan_walker(occluder, rehearsal, layout, f"occluders.{index}"))
-                else:
-                    found = occlusion.plan_static(occluder, rehearsal, layout, f"occluders.{index}")
-                    placements[index] = found
-                    layout = replace(layout, footprints=(*layout.footprints, found.footprint(name)))
-            except ParameterError as error:
-                problems.append(str(error))
-        if problems:
-            raise ScenarioError(f"{self.settings.title!r} at seed {seed}", problems)
-        return layout, placements, crossings
+    def _move_carts(self) -> None:
+        carts = self._motion.crowd.carts
+        for index, name in enumerate(self._cart_names):
+            x, y = carts.state[:2, index].tolist()
+            move_cart(self.model, self.data, name, (x, y), float(carts.yaw_rad[index]))

@@ -40,9 +40,16 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     assert "oracle" in done.stdout
     assert "1.000" in done.stdout
     assert (out / "run.json").is_file()
+    checked = pftrack_sim("check", str(out))
+    assert checked.returncode == 0
+    assert "2 of 2 episodes are there and unharmed; all is well" in checked.stdout
+    sql = "SELECT tracker, mean_overlap FROM summary WHERE tracker = 'oracle'"
+    for layout, words in (("table", "oracle"), ("csv", "oracle,1.0"), ("json", '{"tracker": "oracle", ')):
+        assert words in pftrack_sim("query", str(out), sql, "--format", layout).stdout
     again = pftrack_sim("bench", "plaza-walk", "--trackers", "oracle", "--out", str(out), *SMALL)
     assert again.returncode == 2
-    assert "not an empty folder" in again.stderr
+    assert "holds another plan" in again.stderr
+    assert "trackers: oracle, stay there, oracle asked for" in again.stderr
 
 
 def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
@@ -50,6 +57,45 @@ def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
     assert done.returncode == 0, done.stderr
     assert "square" in done.stdout
     assert "ko2012" in done.stdout
+    assert "95% bootstrap interval" in done.stdout
+
+
+def test_evaluate_writes_a_video(tmp_path: Path):
+    square, video = sequence(tmp_path / "square"), tmp_path / "square.mp4"
+    done = pftrack_sim("evaluate", "--tracker", "ncc", "--seeds", "0", "--video", str(video), str(square))
+    assert done.returncode == 0, done.stderr
+    assert "bootstrap" not in done.stdout, "one seed has no spread"
+    assert video.stat().st_size > 1000
+    twice = pftrack_sim("evaluate", "--tracker", "ncc", "--video", str(video), str(square), str(square))
+    assert twice.returncode == 2
+    assert "give a folder" in twice.stderr
+
+
+def test_parameters_reach_one_tracker_or_all(tmp_path: Path):
+    square = str(sequence(tmp_path / "square"))
+    with_dots, without = tmp_path / "dots.mp4", tmp_path / "plain.mp4"
+    common = ("evaluate", "--trackers", "ko2012,ko2012-hsv", "--seeds", "0", square, "--video")
+    assert pftrack_sim(*common, str(without), "--param", "ko2012.particle_count=50").returncode == 0
+    done = pftrack_sim(*common, str(with_dots), "--param", "particles=true", "--param", "ko2012.particle_count=50")
+    assert done.returncode == 0, done.stderr
+    assert with_dots.read_bytes() != without.read_bytes()
+
+
+def test_a_tracker_that_needs_what_is_not_there_says_so(tmp_path: Path):
+    square, absent = str(sequence(tmp_path / "square")), str(tmp_path / "absent.onnx")
+    for given, words in (
+        (["opencv-nano"], "needs model files"),
+        (["opencv-vit", "--param", f"opencv-vit.model={absent}"], absent),
+        (["ko2021"], "did you mean 'ko2012'"),
+        (["ko2012,stay", "--param", "ko2012.aplha=0.1"], "did you mean 'alpha'"),
+        (["ko2012,stay", "--param", "alpha=0.1"], "stay: unknown parameter 'alpha'"),
+        (["stay", "--video", f"{square}/groundtruth_rect.txt"], "neither a folder nor a name that ends in .mp4"),
+    ):
+        done = pftrack_sim("evaluate", square, "--tracker", *given)
+        assert done.returncode == 2
+        assert words in done.stderr
+        assert "Traceback" not in done.stderr
+        assert [one.name for one in tmp_path.iterdir()] == ["square"]
 
 
 def test_render_writes_a_video_and_a_frame(tmp_path: Path):
@@ -59,6 +105,13 @@ def test_render_writes_a_video_and_a_frame(tmp_path: Path):
     done = pftrack_sim("render", "corridor", "--image", str(tmp_path / "a.png"), "--at-s", "0.2", *SMALL)
     assert done.returncode == 0, done.stderr
     assert cv2.imread(str(tmp_path / "a.png")).shape == (72, 96, 3)
+    seen = ("render", "corridor", "--at-s", "0.2", "--trackers", "ko2012", *SMALL)
+    for name, extra in (("b.png", ()), ("c.png", ("--param", "particles=true"))):
+        done = pftrack_sim(*seen, "--image", str(tmp_path / name), *extra)
+        assert done.returncode == 0, done.stderr
+    plain, boxes, dots = (cv2.imread(str(tmp_path / name)).astype(int) for name in ("a.png", "b.png", "c.png"))
+    assert (plain != boxes).any()
+    assert 5 < (dots != boxes).any(axis=2).sum() < 1000
 
 
 def test_lists_schema_and_doctor():
@@ -80,6 +133,16 @@ WRONG = [
     (["bench", "plaza-walk", "--seeds", "x"], "seeds are written"),
     (["bench", "plaza-walk", "--axis", "jitter"], "--axis takes AXIS=LEVEL"),
     (["bench", "plaza-walk", "--axis", "jiter=1"], "did you mean 'jitter'"),
+    (["bench", "plaza-walk", "--axis", "jitter.severty=1"], "did you mean 'severity'"),
+    (["bench", "plaza-walk", "--trackers", "ko2012[paper]"], "parameters in brackets"),
+    (["bench", "plaza-walk", "--trackers", "ko2012[particle_cont=3]"], "did you mean 'particle_count'"),
+    (["bench", "plaza-walk", "--part", "3/2"], "part must be K/N"),
+    (["bench", "plaza-walk", "--progress", "loud"], "progress must be one of"),
+    (["bench", "plaza-walk", "--isolation", "some"], "isolation must be one of"),
+    (["bench", "plaza-walk", "--frame-limit-s", "0"], "time limit must be > 0"),
+    (["check", "absent-folder"], "absent-folder is not a run folder"),
+    (["query", "absent-folder", "SELECT 1"], "absent-folder is not a run folder"),
+    (["merge", "out", "absent-folder"], "absent-folder is not a run folder"),
     (["bench", "plaza-walk", "--set", "camera.widthpx=3"], "did you mean 'width_px'"),
     (["bench", "plaza-walk", "--set", "camera"], "--set takes KEY=VALUE"),
     (["bench", "plaza-walk", "--videos", "some"], "videos must be one of"),
@@ -89,8 +152,13 @@ WRONG = [
     (["bnch"], "bnch"),
     (["bench", "plaza-walk", "--sedes", "3"], "--seeds"),
     (["evaluate", "absent-folder"], "absent-folder"),
+    (["evaluate", "absent-folder", "--seeds", "x"], "seeds are written"),
+    (["evaluate", "absent-folder", "--param", "alpha"], "--param takes KEY=VALUE"),
+    (["evaluate", "absent-folder", "--param", "ko2021.alpha=0.1"], "did you mean 'ko2012'"),
     (["render", "plaza-walk"], "--video"),
     (["render", "plaza-walk", "--video", "a.avi"], ".mp4"),
+    (["render", "plaza-walk", "--video", "a.mp4", "--trackers", "ko2021"], "did you mean 'ko2012'"),
+    (["render", "plaza-walk", "--video", "a.mp4", "--param", "particles=true"], "needs --trackers"),
     (["render", "plaza-walk", "--image", "a.png", "--at-s", "500"], "lasts"),
     (["list", "trakers"], "did you mean 'trackers'"),
 ]

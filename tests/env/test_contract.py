@@ -16,6 +16,7 @@ from gymnasium.utils.env_checker import check_env
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import scenario
 from pftrack_sim.errors import BoxError, CommandError, ParameterError, ScenarioError, UnknownNameError
+from pftrack_sim.records import Estimate
 
 IDS = ["pftrack_sim/Track-v0", "pftrack_sim/Follow-v0", "pftrack_sim/TrackAndFollow-v0"]
 SMALL: dict[str, Any] = {
@@ -190,6 +191,23 @@ def test_render_shows_the_answered_frame_and_leaves_the_observation_alone():
     env.step(info["truth"].box)
     assert (env.render() != picture).any()
     np.testing.assert_array_equal(observation["image"], before)
+    env.close()
+
+
+def test_render_shows_an_estimate_with_its_particles_for_one_step():
+    env = make(render_mode="rgb_array")
+    _, info = env.reset(seed=1)
+    box = info["truth"].box
+    estimate = Estimate(box, particles=box + np.linspace([-9, -9, 0, 0], [9, 9, 0, 0], 40))
+    pictures = []
+    for shown in ({"mine": Estimate(box)}, {"mine": estimate}, None):
+        env.reset(seed=1)
+        if shown is not None:
+            env.unwrapped.show(shown)
+        env.step(box)
+        pictures.append(env.render().astype(int))
+    assert 10 < (pictures[1] != pictures[0]).any(axis=2).sum() <= 40
+    assert (pictures[2] != pictures[0]).any(), "the legend names the action, not the tracker of an earlier step"
     env.close()
 
 

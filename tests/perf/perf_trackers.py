@@ -1,35 +1,185 @@
-"""What a frame costs `ko2012`, as ratios: a machine's speed divides out.
+"""What a frame costs the trackers of the three papers, as ratios to OpenCV's TrackerMIL beside them in the same run.
 
-python tests/perf/perf_trackers.py
+    tracker.update / cv2.TrackerMIL.update
+
+One thread, 640x480, a box of 80x160 px, 100 particles, the medians over `FRAMES` frames. Every frame is shown to all
+in turn, so that a noisy machine disturbs all alike. Then, for `ko2012`, the cost against the number of particles and
+the size of the box, and where its time goes. Run as a program, with names of trackers if not all are wanted.
 """
 
-import time
+from __future__ import annotations
 
+import os
+import sys
+import time
+from collections.abc import Callable
+from statistics import median
+from typing import Any
+
+# Libraries of linear algebra read it when they are loaded.
+for _library in ("OMP", "OPENBLAS", "MKL"):
+    os.environ[f"{_library}_NUM_THREADS"] = "1"
+
+import cv2
 import numpy as np
 
 from pftrack_sim import trackers
+from pftrack_sim.errors import ParameterError
+from pftrack_sim.trackers import ko2012
+from pftrack_sim.trackers.appearance import colour, histogram, texture
+from pftrack_sim.trackers.appearance.model import window
+from pftrack_sim.trackers.filter import ParticleFilter, RandomWalk
+
+WIDTH, HEIGHT, FRAMES, COUNT = 640, 480, 300, 100
+TARGETS = {
+    **dict.fromkeys(["ko2012", "ko2012-rgb", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-cslbp"], 25),
+    "lee2012-color": 25,
+    "lee2012-color-hog": 25,
+    "lee2012": 12,
+    "kwon2005": 12,
+    "kwon2005-no-occlusion": 12,
+}
+"""How many times faster than TrackerMIL each shall be."""
+
+write = sys.stdout.write
 
 
-def cost_ms(side_px: float, particle_count: int) -> float:
-    """Least processor time of a frame at 640x480 [ms]."""
+class Walk:
+    """A textured target that sways over a textured background."""
+
+    def __init__(self, width_px: int = 80, height_px: int = 160) -> None:
+        rng = np.random.default_rng(0)
+        self._background = _blotches(rng, WIDTH, HEIGHT, 20)
+        self._target = _blotches(rng, width_px, height_px, 5)
+        self._target[..., 2] //= 3
+        self._room = (WIDTH - width_px, HEIGHT - height_px)
+
+    def box(self, index: int) -> np.ndarray:
+        """`(4,)` true box [px]."""
+        x = round(self._room[0] * (0.5 + 0.3 * np.sin(index / 20)))
+        y = round(self._room[1] * (0.5 + 0.2 * np.sin(index / 13)))
+        return np.array([x, y, self._target.shape[1], self._target.shape[0]], dtype=np.float64)
+
+    def image(self, index: int) -> np.ndarray:
+        """`(480, 640, 3)` uint8."""
+        image = self._background.copy()
+        x, y, w, h = (int(one) for one in self.box(index))
+        image[y : y + h, x : x + w] = self._target
+        return image
+
+
+def _blotches(rng: np.random.Generator, width: int, height: int, size: int) -> np.ndarray:
+    coarse = rng.integers(0, 256, (height // size, width // size, 3), dtype=np.uint8)
+    return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC))
+
+
+def costs_ms(made: dict[str, Any], walk: Walk, frames: int) -> dict[str, float]:
+    """Median ms of `update` of each tracker, every frame shown to all in turn."""
+    taken: dict[str, list[float]] = {name: [] for name in made}
+    for tracker in made.values():
+        tracker.init(walk.image(0), walk.box(0))
+    for index in range(1, frames + 1):
+        image = walk.image(index)
+        for name, tracker in made.items():
+            taken[name].append(clock_ms(lambda one=tracker, image=image: one.update(image)))
+    return {name: median(values) for name, values in taken.items()}
+
+
+def clock_ms(call: Callable[[], Any]) -> float:
+    """Processor time of one call [ms]: all is in this thread, and other programs' time does not count."""
+    began = time.thread_time()
+    call()
+    return (time.thread_time() - began) * 1e3
+
+
+def make(name: str, count: int = COUNT) -> Any:
+    """A tracker with so many particles, if it can be told."""
+    try:
+        return trackers.make(name, particle_count=count)
+    except ParameterError:
+        return trackers.make(name)
+
+
+def compare(names: list[str]) -> None:
+    """Every tracker beside TrackerMIL."""
+    ms = costs_ms({name: make(name) for name in ("opencv-mil", *names)}, Walk(), FRAMES)
+    write(f"{'tracker':<24}{'ms':>8}{'of MIL':>10}{'at most':>10}\n")
+    for name, value in ms.items():
+        ratio = ms["opencv-mil"] / value
+        target = TARGETS.get(name)
+        least = f"1/{target}" if target else "-"
+        verdict = "" if not target or ratio >= target else "  too slow"
+        write(f"{name:<24}{value:>8.3f}{f'1/{ratio:.1f}':>10}{least:>10}{verdict}\n")
+
+
+def curves(name: str) -> None:
+    """Cost against particles and against the size of the box, each beside its own smallest."""
+    write(f"\n{name}: particles, ms, and the growth of each beside the least\n")
+    counts = (50, 100, 200, 500, 1000, 2000, 5000)
+    ms = costs_ms({str(count): make(name, count) for count in counts}, Walk(), 40)
+    for count in counts:
+        value = ms[str(count)]
+        write(f"{count:>10}{value:>9.3f}   particles x{count / counts[0]:<6.0f}time x{value / ms['50']:.1f}\n")
+    write(f"\n{name}: box, ms at {COUNT} particles\n")
+    for scale in (1, 2, 4, 8):
+        width, height = 20 * scale, 40 * scale
+        value = costs_ms({name: make(name)}, Walk(width, height), 40)[name]
+        write(f"{f'{width}x{height}':>10}{value:>9.3f}   area x{scale**2}\n")
+
+
+def breakdown() -> None:
+    """Where the time of a frame of `ko2012` goes, each part alone on what it would be given."""
+    walk, tracker = Walk(), make("ko2012")
+    tracker.init(walk.image(0), walk.box(0))
+    params, box = tracker.params, walk.box(0)
     rng = np.random.default_rng(0)
-    images = [rng.integers(0, 255, (480, 640, 3), dtype=np.uint8) for _ in range(4)]
-    tracker = trackers.make("ko2012", particle_count=particle_count, sigma_centre=0.01, sigma_size=0.0)
-    tracker.init(images[0], np.array([200.0, 150, side_px, side_px]))
-    times: list[float] = []
-    for index in range(40):
-        began = time.process_time()
-        tracker.update(images[index % 4])
-        times.append((time.process_time() - began) * 1e3)
-    return min(times)
+    state = np.array([box[0] + 40, box[1] + 80, 80.0, 160.0])
+    filtered = ParticleFilter(np.tile(state, (COUNT, 1)), rng)
+    side = np.sqrt(box[2] * box[3])
+    walk_sigma = (params.sigma_centre * side,) * 2 + (params.sigma_size * box[2], params.sigma_size * box[3])
+    filtered.predict(RandomWalk(walk_sigma, params.size_correlation))
+    particles = np.concatenate([filtered.states[:, :2] - 0.5 * filtered.states[:, 2:], filtered.states[:, 2:]], axis=1)
+    image = walk.image(1)
+    part, corner = window(image, particles)
+    local = particles - corner
+    hsv, patterns = colour.hsv_codes(part, ko2012.COLOUR_BINS), texture.cs_lbp_codes(part)
+    kernel, cells = (one.layout for one in tracker.features)
+    models = [histogram.histogram(codes, local[0], one) for codes, one in ((hsv, kernel), (patterns, cells))]
+
+    def steps() -> None:
+        filtered.predict(RandomWalk(walk_sigma, params.size_correlation))
+        filtered.weigh(np.zeros(COUNT))
+        filtered.mean(params.top_count)
+        filtered.restart(state)
+
+    parts: dict[str, Callable[[], Any]] = {
+        "colour histograms of the particles": lambda: histogram.similarities(hsv, local, kernel, models[0]),
+        "texture histograms of the particles": lambda: histogram.similarities(patterns, local, cells, models[1]),
+        f"colours of the {part.shape[1]}x{part.shape[0]} window into codes": lambda: colour.hsv_codes(
+            part, ko2012.COLOUR_BINS
+        ),
+        "its texture into codes": lambda: texture.cs_lbp_codes(part),
+        "predict, weigh, estimate, resample": steps,
+    }
+    whole = median(costs_ms({"ko2012": tracker}, walk, 100).values())
+    write(f"\nko2012, {COUNT} particles: {whole:.3f} ms a frame, of which\n")
+    rest = whole
+    for what, call in parts.items():
+        value = median(clock_ms(call) for _ in range(100))
+        rest -= value
+        write(f"{value:>9.3f}   {100 * value / whole:>3.0f} %  {what}\n")
+    write(f"{rest:>9.3f}   {100 * rest / whole:>3.0f} %  checks, copies, and the confidence of the estimate\n")
 
 
 def main() -> None:
-    """Print the ratios."""
-    base = cost_ms(60, 400)
-    print(f"60x60 px, 400 particles: {base:.2f} ms")
-    print(f"box of 4x the area:      x{cost_ms(120, 400) / base:.2f} (nearly free: the grid is fixed)")
-    print(f"4x the particles:        x{cost_ms(60, 1600) / base:.2f} (at most 4)")
+    """Print the tables."""
+    cv2.setNumThreads(1)
+    names = sys.argv[1:] or list(TARGETS)
+    compare(names)
+    for name in [one for one in names if one in ("ko2012", "lee2012", "kwon2005")]:
+        curves(name)
+    if "ko2012" in names:
+        breakdown()
 
 
 if __name__ == "__main__":

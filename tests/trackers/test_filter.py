@@ -62,6 +62,15 @@ def test_random_walk_has_the_noise_it_says():
     assert (states == [10, 20, 30]).all()
 
 
+@pytest.mark.parametrize("wanted", [0.0, 0.6, 1.0])
+def test_random_walk_has_the_correlation_it_says(wanted: float):
+    drawn = RandomWalk((1.0, 1.0, 2.0, 0.5), wanted).draw(np.zeros((200_000, 4)), np.random.default_rng(0))
+    assert np.allclose(drawn.std(axis=0), [1, 1, 2, 0.5], rtol=0, atol=0.01)
+    expected = np.eye(4)
+    expected[2, 3] = expected[3, 2] = wanted
+    assert np.allclose(np.corrcoef(drawn.T), expected, rtol=0, atol=0.01)
+
+
 def test_filter_agrees_with_the_kalman_filter():
     """x' = x + N(0, q), y = x + N(0, r): mean and variance are known in closed form."""
     q, r, steps, runs = 0.5, 0.8, 15, 40
@@ -123,3 +132,11 @@ def test_resampling_and_restarting_forget_the_weights():
     moving.restart(np.array([7.0]))
     assert moving.states.ravel().tolist() == [7.0] * 8
     assert given_states.ravel().tolist() == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("top", [None, 20])
+def test_particles_that_agree_have_exactly_that_mean(top: int | None):
+    state = np.array([28.1, 41.0, 20.7, 32.3])
+    moving = ParticleFilter(np.tile(state, (400, 1)), np.random.default_rng(0))
+    moving.weigh(np.random.default_rng(1).normal(size=400))
+    assert moving.mean(top).tolist() == state.tolist()

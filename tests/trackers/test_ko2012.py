@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import boxes, trackers
-from pftrack_sim.trackers.ko2012 import PAPER
+from pftrack_sim.trackers.ko2012 import METHODS, PAPER
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 
@@ -21,6 +21,7 @@ def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> np.ndarray:
 
 def test_paper_preset_holds_the_printed_values():
     assert (PAPER.sigma_centre, PAPER.sigma_size, PAPER.sigma_unit, PAPER.alpha) == (1.0, 0.64, "px", 0.4)
+    assert PAPER.size_correlation == 0.0
 
 
 @pytest.mark.parametrize("preset", trackers.PRESETS)
@@ -114,3 +115,53 @@ def test_the_box_stays_near_the_image_and_never_collapses():
     assert (found[:, 2:] >= 2 - 1e-9).all()
     assert (centres >= -1e-9).all()
     assert (centres <= [50 + 1e-9, 40 + 1e-9]).all()
+
+
+@pytest.mark.parametrize("name", sorted(METHODS))
+def test_all_five_methods_follow_an_easy_target(name: str, make_scene: Callable[..., Scene]):
+    images, truth = make_scene(count=15, step_px=1.0)
+    tracker = trackers.make(name)
+    tracker.init(images[0], truth[0])
+    found = np.array([tracker.update(image).box for image in images[1:]])
+    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.5
+
+
+@pytest.mark.parametrize(("alone", "alpha"), [("ko2012-hsv-kernel", 0.0), ("ko2012-cslbp", 1.0)])
+@pytest.mark.parametrize("likelihood", ["linear", "exponential"])
+def test_a_method_of_one_histogram_is_the_proposed_one_without_the_other(
+    alone: str, alpha: float, likelihood: str, scene: Scene
+):
+    images, truth = scene
+    found = []
+    for name, given in ((alone, {}), ("ko2012", {"alpha": alpha})):
+        tracker = trackers.make(name, seed=2, likelihood=likelihood, **given)
+        tracker.init(images[0], truth[0])
+        found.append([tracker.update(image) for image in images[1:]])
+    for one, other in zip(*found, strict=True):
+        assert np.allclose(one.box, other.box, rtol=0, atol=1e-6)
+        assert one.confidence == pytest.approx(other.confidence, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["ko2012-rgb", "ko2012-hsv"])
+def test_without_a_kernel_the_corners_count(name: str):
+    """A change in a corner alone, outside the inscribed ellipse, is seen without the kernel and not with it.
+
+    Of the box's 48 x 24 points 6 x 3 change the bin of every channel: the coefficient is sqrt(1 - 1/64) exactly.
+    """
+    image = np.full((80, 80, 3), (200, 40, 80), np.uint8)
+    changed = image.copy()
+    changed[10:16, 10:16] = (60, 150, 90)
+    confidences = {}
+    for one in (name, "ko2012-hsv-kernel"):
+        tracker = trackers.make(one, sigma_centre=0, sigma_size=0)
+        tracker.init(image, np.array([10.0, 10, 48, 48]))
+        confidences[one] = tracker.update(changed).confidence
+    assert confidences["ko2012-hsv-kernel"] == pytest.approx(1, abs=1e-9)
+    assert confidences[name] == pytest.approx(np.sqrt(63 / 64), abs=1e-9)
+
+
+def test_the_shape_is_kept_when_width_and_height_move_as_one(scene: Scene):
+    images, truth = scene
+    found = run(images, truth[0], size_correlation=1.0, sigma_size=0.05, sigma_unit="box")
+    assert np.ptp(found[:, 2]) > 0.1
+    assert np.allclose(found[:, 2] / found[:, 3], truth[0, 2] / truth[0, 3], rtol=0, atol=1e-3)

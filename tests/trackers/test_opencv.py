@@ -1,6 +1,8 @@
-"""OpenCV's tracker: the same bits for the same seed, whatever else draws random numbers in the process."""
+"""OpenCV's trackers: the same bits for the same seed, whatever else draws random numbers in the process."""
 
 import ctypes
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.errors import TrackerError
+from pftrack_sim.trackers.opencv import KINDS
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 
@@ -64,3 +67,88 @@ def test_the_size_and_the_fraction_of_a_pixel_are_kept(scene: Scene):
 def test_an_image_too_small_for_it_is_refused():
     with pytest.raises(TrackerError, match="at least 32x32 pixels"):
         trackers.make("opencv-mil").init(np.zeros((20, 60, 3), np.uint8), np.array([2.0, 2, 5, 5]))
+
+
+class Fake:
+    """What the contrib wheel's trackers look like from outside; it says that the target moves right and grows."""
+
+    def __init__(self, *, lost: bool = False) -> None:
+        self.lost = lost
+
+    def init(self, image: np.ndarray, box: tuple[int, int, int, int]) -> None:
+        assert all(type(one) is int for one in box)
+        self.drawn = [int(cv2.randu(np.zeros((1, 1), np.int32), 0, 1 << 30)[0, 0])]
+        self.box = box
+
+    def update(self, image: np.ndarray) -> tuple[bool, tuple[int, int, int, int]]:
+        self.drawn.append(int(cv2.randu(np.zeros((1, 1), np.int32), 0, 1 << 30)[0, 0]))
+        x, y, w, h = self.box
+        self.box = (x + 2, y, w + 1, h)
+        return (False, (0, 0, 0, 0)) if self.lost else (True, self.box)
+
+
+CONTRIB = sorted(set(KINDS) - {"opencv-mil"})
+
+
+def pretend_contrib(monkeypatch: pytest.MonkeyPatch, made: list[Fake], *, lost: bool = False) -> None:
+    def create() -> Fake:
+        made.append(Fake(lost=lost))
+        return made[-1]
+
+    monkeypatch.setattr(cv2, "legacy", SimpleNamespace(), raising=False)
+    for kind in KINDS.values():
+        home: Any = cv2.legacy if kind.legacy else cv2  # pyright: ignore[reportAttributeAccessIssue]
+        monkeypatch.setattr(home, kind.class_name, SimpleNamespace(create=create), raising=False)
+
+
+@pytest.mark.parametrize("name", CONTRIB)
+def test_without_the_contrib_wheel_it_says_which_wheel(name: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delattr(cv2, "legacy", raising=False)
+    monkeypatch.delattr(cv2, KINDS[name].class_name, raising=False)
+    with pytest.raises(
+        TrackerError, match=r"opencv-contrib-python-headless.* excludes opencv-python-headless"
+    ) as caught:
+        trackers.make(name)
+    assert str(caught.value).startswith(name)
+    assert "opencv-contrib-python-headless" in trackers.describe(name)
+
+
+@pytest.mark.parametrize("name", CONTRIB)
+def test_with_the_contrib_wheel_it_says_what_opencv_says(name: str, scene: Scene, monkeypatch: pytest.MonkeyPatch):
+    images, truth = scene
+    pretend_contrib(monkeypatch, [])
+    tracker = trackers.make(name)
+    tracker.init(images[0], truth[0] + [0.25, 0, 0.5, 0])
+    wider = float(KINDS[name].resizes)
+    for step in (1.0, 2.0):
+        estimate = tracker.update(images[1])
+        assert estimate.box.tolist() == (truth[0] + [0.25 + 2 * step, 0, 0.5 + wider * step, 0]).tolist()
+        assert estimate.confidence == 1.0
+
+
+def test_with_the_contrib_wheel_nobody_elses_draws_are_felt(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+    images, truth = scene
+    made: list[Fake] = []
+    pretend_contrib(monkeypatch, made)
+    for disturb in (False, True):
+        tracker = trackers.make("opencv-tld", seed=3)
+        for index, image in enumerate(images[:4]):
+            if disturb:
+                cv2.setRNGSeed(index)
+            if index == 0:
+                tracker.init(image, truth[0])
+            else:
+                tracker.update(image)
+    quiet, disturbed = made
+    assert quiet.drawn == disturbed.drawn
+    assert len(set(quiet.drawn)) == len(quiet.drawn), "every frame must draw anew"
+
+
+def test_a_target_not_found_repeats_the_last_box(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+    images, truth = scene
+    pretend_contrib(monkeypatch, [], lost=True)
+    tracker = trackers.make("opencv-kcf")
+    tracker.init(images[0], truth[0])
+    estimate = tracker.update(images[1])
+    assert estimate.box.tolist() == truth[0].tolist()
+    assert estimate.confidence == 0.0

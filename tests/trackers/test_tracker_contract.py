@@ -2,14 +2,21 @@
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from pftrack_sim import boxes, trackers
 from pftrack_sim.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.records import Estimate, Tracker
+from pftrack_sim.trackers.opencv import KINDS
 
-NAMES = ["ko2012", "opencv-mil", "oracle", "stay"]
+KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-rgb"]
+# The others of OpenCV are in its contrib wheel, and are held to the same where that is the one installed.
+OPENCV = sorted(KINDS) if hasattr(cv2, "legacy") else ["opencv-mil"]
+LEE2012 = ["lee2012", "lee2012-checked", "lee2012-color", "lee2012-color-hog"]
+KWON2005 = ["kwon2005", "kwon2005-no-occlusion"]
+NAMES = [*KO2012, *LEE2012, *KWON2005, "ncc", "opencv-camshift", "opencv-meanshift", *OPENCV, "oracle", "stay"]
 Scene = tuple[list[np.ndarray], np.ndarray]
 
 
@@ -35,7 +42,7 @@ def test_same_seed_same_bits(name: str, preset: str, scene: Scene):
     assert first == second
 
 
-@pytest.mark.parametrize("name", ["ko2012"])
+@pytest.mark.parametrize("name", [*KO2012, *KWON2005])
 def test_another_seed_other_draws(name: str, scene: Scene):
     images, truth = scene
     assert numbers(follow(trackers.make(name, seed=0), images, truth[0])) != numbers(
@@ -54,7 +61,7 @@ def test_init_forgets_everything(name: str, scene: Scene):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("other", NAMES)
+@pytest.mark.parametrize("other", ["ko2012", "lee2012", "kwon2005", *OPENCV])  # one of each family
 def test_two_trackers_never_touch_each_other(name: str, other: str, scene: Scene):
     images, truth = scene
     alone = numbers(follow(trackers.make(name, seed=2), images, truth[0]))
@@ -171,7 +178,12 @@ def test_update_before_init_is_refused(name: str, scene: Scene):
         refused.update(scene[0][0])
 
 
-@pytest.mark.parametrize("name", ["ko2012", "opencv-mil", "oracle"])
+# CamShift swells over a background that shares hues with the target: its own test is on a grey one. MOSSE learns the
+# clutter of so small a box.
+STRAYING = ("stay", "opencv-camshift", "opencv-mosse")
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in STRAYING])
 def test_an_easy_target_is_followed(name: str, scene: Scene):
     images, truth = scene
     tracker = trackers.make(name)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import trackers
+from pftrack_sim.errors import TrackerError
 
 IMAGE = np.zeros((60, 80, 3), np.uint8)
 BOX = np.array([10.5, 10, 20, 30])
@@ -16,7 +17,14 @@ def test_stay_stays():
 
 
 def test_only_the_oracle_is_told():
-    told = [name for name in trackers.names() if isinstance(trackers.make(name), trackers.NeedsTruth)]
+    told: list[str] = []
+    for name in trackers.names():
+        try:
+            tracker = trackers.make(name)
+        except TrackerError:
+            continue  # it needs model files or another wheel
+        if isinstance(tracker, trackers.NeedsTruth):
+            told.append(name)
     assert told == ["oracle"]
 
 

@@ -37,29 +37,67 @@ class HistogramModel:
 
     def __init__(self, features: Sequence[Feature], image: NDArray[np.uint8], box: Box) -> None:
         self.features = tuple(features)
-        window, local = _window(image, box[None])
-        self.histograms = tuple(histogram(one.encode(window), local[0], one.layout) for one in self.features)
+        part, corner = window(image, box[None])
+        self.histograms = tuple(histogram(one.encode(part), box - corner, one.layout) for one in self.features)
 
-    def similarities(self, image: NDArray[np.uint8], boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Bhattacharyya coefficient of every box with the model, feature by feature.
+    def look(self, image: NDArray[np.uint8], boxes: NDArray[np.float64]) -> Look:
+        """Look at the part of an image that these boxes touch: what costs most, done once for all of them.
 
         Args:
             image: `(H, W, 3)` uint8 RGB.
             boxes: `(N, 4)` boxes [px].
+        """
+        part, corner = window(image, boxes)
+        return Look(self, tuple(one.encode(part) for one in self.features), corner)
+
+    def similarities(self, image: NDArray[np.uint8], boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """`(F, N)` Bhattacharyya coefficients of boxes in an image: `look`, and then `Look.similarities`."""
+        return self.look(image, boxes).similarities(boxes)
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A part of an image, seen in every feature of a model.
+
+    Attributes:
+        model: What boxes are compared with.
+        codes: The part's code image in each feature.
+        corner: `(4,)` x, y of the part in the image [px], 0, 0.
+    """
+
+    model: HistogramModel
+    codes: tuple[NDArray[np.uint8], ...]
+    corner: NDArray[np.float64]
+
+    def similarities(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bhattacharyya coefficient of every box with the model, feature by feature.
+
+        Args:
+            boxes: `(N, 4)` boxes [px] in the image, none reaching farther than those that were given to `look`.
 
         Returns:
             `(F, N)` numbers in [0, 1], 1 for identical; the distance of Ko et al. 2012, eq. 7, is `sqrt(1 - it)`.
         """
-        window, local = _window(image, boxes)
-        pairs = zip(self.features, self.histograms, strict=True)
-        return np.stack([similarities(one.encode(window), local, one.layout, model) for one, model in pairs])
+        local = boxes - self.corner
+        out = np.empty((len(self.codes), len(boxes)))
+        for index, one in enumerate(self.model.features):
+            out[index] = similarities(self.codes[index], local, one.layout, self.model.histograms[index])
+        return out
 
 
-def _window(image: NDArray[np.uint8], boxes: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """The part of the image that the boxes touch, and the boxes in its coordinates.
+def window(image: NDArray[np.uint8], boxes: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """The part of the image that the boxes touch.
 
     Converting colours costs more than comparing particles, so only this part is converted. One pixel more on every
     side keeps texture patterns at its border what they are in the whole image.
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB.
+        boxes: `(N, 4)` boxes [px].
+
+    Returns:
+        `(h, w, 3)` part of the image, at least one pixel, and `(4,)` its x and y in the image [px], 0, 0: boxes less
+        this are boxes in the part.
     """
     height, width = image.shape[:2]
     near = boxes[:, :2].min(axis=0)
@@ -68,4 +106,4 @@ def _window(image: NDArray[np.uint8], boxes: NDArray[np.float64]) -> tuple[NDArr
     top = min(max(math.floor(near[1]) - 1, 0), height - 1)
     right = max(min(math.ceil(far[0]) + 1, width), left + 1)
     bottom = max(min(math.ceil(far[1]) + 1, height), top + 1)
-    return np.ascontiguousarray(image[top:bottom, left:right]), boxes - np.array([left, top, 0.0, 0.0])
+    return np.ascontiguousarray(image[top:bottom, left:right]), np.array([left, top, 0.0, 0.0])

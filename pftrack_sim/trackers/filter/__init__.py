@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pftrack_sim.trackers.filter.dynamics import Dynamics, RandomWalk
+from pftrack_sim.trackers.filter.dynamics import ConstantVelocity, Dynamics, RandomWalk
 from pftrack_sim.trackers.filter.particles import ParticleFilter
 from pftrack_sim.trackers.filter.resampling import effective_sample_size, systematic
 
-__all__ = ["Dynamics", "ParticleFilter", "RandomWalk", "effective_sample_size", "systematic"]
+__all__ = ["ConstantVelocity", "Dynamics", "ParticleFilter", "RandomWalk", "effective_sample_size", "systematic"]

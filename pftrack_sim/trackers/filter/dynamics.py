@@ -37,3 +37,28 @@ class RandomWalk:
             own = math.sqrt(1.0 - self.last_two_correlation**2)
             noise[:, -1] = self.last_two_correlation * noise[:, -2] + own * noise[:, -1]
         return states + noise * np.asarray(self.sigma)
+
+
+@dataclass(frozen=True)
+class ConstantVelocity:
+    """Position moves by the velocity; size and velocity wander by uniform noise (Lee et al. 2012, eq. 9).
+
+    States are `(N, 6)`: x, y, w, h, vx, vy. As printed, a velocity's noise moves the position one frame later.
+
+    Attributes:
+        reach: `(4,)` half the width of the noise of w, h, vx, vy, in the component's unit.
+        keep_shape: Whether one draw serves width and height; each has its own as printed.
+    """
+
+    reach: tuple[float, float, float, float]
+    keep_shape: bool = False
+
+    def draw(self, states: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """`(N, 6)` next states, given `(N, 6)` states."""
+        moved = states.copy()
+        moved[:, :2] += states[:, 4:]
+        noise = rng.uniform(-1.0, 1.0, (len(states), 4))
+        if self.keep_shape:
+            noise[:, 1] = noise[:, 0]
+        moved[:, 2:] += noise * np.asarray(self.reach)
+        return moved

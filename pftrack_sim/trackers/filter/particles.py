@@ -66,7 +66,9 @@ class ParticleFilter:
         else:
             heaviest = np.arange(weights.size)
         share = weights[heaviest] / weights[heaviest].sum()
-        return share @ self.states[heaviest]
+        # About one of them, so that particles that agree to the bit have exactly that mean.
+        one = self.states[heaviest[0]]
+        return one + share @ (self.states[heaviest] - one)
 
     def resample(self, count: int | None = None) -> None:
         """Draw the particles anew by weight; all weigh the same afterwards.
@@ -78,7 +80,20 @@ class ParticleFilter:
         self.states = self.states[chosen]
         self.log_weights = np.zeros(chosen.size)
 
-    def restart(self, state: NDArray[np.float64]) -> None:
-        """Put every particle at one `(D,)` state; all weigh the same afterwards."""
-        self.states = np.tile(state, (len(self.states), 1))
+    def restart(self, state: NDArray[np.float64], count: int | None = None) -> None:
+        """Put every particle at one `(D,)` state; all weigh the same afterwards.
+
+        Args:
+            state: Where.
+            count: How many there shall be; as many as now if None.
+        """
+        self.states = np.tile(state, (len(self.states) if count is None else count, 1))
         self.log_weights = np.zeros(len(self.states))
+
+    def keep(self, count: int) -> None:
+        """Drop all particles but the first.
+
+        Args:
+            count: How many are kept, >= 1.
+        """
+        self.states, self.log_weights = self.states[:count], self.log_weights[:count]

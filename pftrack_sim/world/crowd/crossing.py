@@ -29,6 +29,9 @@ _EXIT_MARGIN_M = 0.9
 _EXIT_LIMIT_S = 3.0
 _WALK_M_S = 1.25
 
+_DRIFT = 0.15
+"""Share of the way across that is made at an even pace by those who linger."""
+
 Xy = tuple[float, float]
 
 
@@ -44,6 +47,8 @@ class Crossing:
         stage_m: Where it waits before; None for a place guessed from the target's path.
         lead_s: How long before `at_s` it sets off; None for as long as the way needs.
         half_width_m: Half of the width that covers the line of sight.
+        edge_m_s: Speed across the line of sight while the edges pass it; in between it lingers. None for one even speed
+            all the way, which lets the target out of cover gradually.
 
     Raises:
         ParameterError: A value is outside what it may be.
@@ -56,6 +61,7 @@ class Crossing:
     stage_m: Xy | None = None
     lead_s: float | None = None
     half_width_m: float = WALKER_HALF_WIDTH_M
+    edge_m_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.at_s < 0.0 or self.duration_s <= 0.0:
@@ -72,8 +78,22 @@ class Crossing:
 
     @property
     def rate_m_s(self) -> float:
-        """Speed across the line of sight while covering it."""
-        return 2.0 * self.half_width_m / self.duration_s
+        """Speed across the line of sight as it is covered and set free."""
+        return max(2.0 * self.half_width_m / self.duration_s, self.edge_m_s or 0.0)
+
+    def across_m(self, before_s: float) -> float:
+        """Way from the line of sight while covering it, `before_s` before the middle of the cover: odd in it.
+
+        From one half width to the other, at `rate_m_s` at both ends: |x| falls as a power of the time left, the
+        gentlest curve that does so without turning back, plus a slow drift so that nothing ever stands.
+        """
+        half_s = 0.5 * self.duration_s
+        steepness = self.rate_m_s * half_s / self.half_width_m
+        if steepness <= 1.0 + 1e-9:
+            return self.half_width_m * before_s / half_s
+        power = (steepness - _DRIFT) / (1.0 - _DRIFT)
+        share = before_s / half_s
+        return self.half_width_m * share * (_DRIFT + (1.0 - _DRIFT) * abs(share) ** (power - 1.0))
 
 
 class CrossingWalk:
@@ -169,7 +189,9 @@ class CrossingWalk:
         half, rate = crossing.half_width_m, crossing.rate_m_s
         over_s = time_s - crossing.until_s
         if over_s <= 0.0:
-            return self.side * (half - rate * (time_s - crossing.at_s))
+            if crossing.edge_m_s is None or time_s <= crossing.at_s:
+                return self.side * (half - rate * (time_s - crossing.at_s))
+            return self.side * crossing.across_m(-over_s - 0.5 * crossing.duration_s)
         if math.isnan(self._exit_m_s):
             self._exit_m_s = self._choose_exit_rate()
         x = min(over_s / _EXIT_RAMP_S, 1.0)

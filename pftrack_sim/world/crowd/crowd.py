@@ -15,10 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim import streams
 from pftrack_sim.scenario import model
+from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.world.crowd import avoidance
+from pftrack_sim.world.crowd.carts import Carts
 from pftrack_sim.world.crowd.crossing import Crossing, CrossingWalk, Xy, at_different_depths, outside, within
 from pftrack_sim.world.crowd.errands import Errands
 from pftrack_sim.world.crowd.ground import Ground
+from pftrack_sim.world.crowd.passing import Passers, Passing
 from pftrack_sim.world.crowd.places import WALK_OFF_S, Places
 from pftrack_sim.world.crowd.routes import Routes
 from pftrack_sim.world.crowd.target import TargetWalk
@@ -41,7 +44,7 @@ _CLEAR_OF_ROBOT_M = 0.7
 
 
 class Crowd:
-    """The people of one episode, in the order target, distractor-1.., crosser-1...
+    """The people of one episode, in the order target, distractor-1.., crosser-1.., passer-1...
 
     Args:
         layout: Where one can walk and what stands there.
@@ -51,6 +54,9 @@ class Crowd:
         crossers: Walkers who come between the camera and the target, each at its time.
         seed: Root seed of the episode. Every person draws from a stream of its own.
         robot_start_m: `(2,)` where the robot starts, kept free of people; None if it does not matter.
+        passers: People who pass close by the target.
+        carts: Things that drive themselves between the camera and the target.
+        target_axis: What the target does besides walking; None for nothing.
     """
 
     def __init__(
@@ -63,20 +69,27 @@ class Crowd:
         seed: int,
         *,
         robot_start_m: ArrayLike | None = None,
+        passers: Sequence[Passing] = (),
+        carts: Sequence[Crossing] = (),
+        target_axis: TargetAxis | None = None,
     ) -> None:
         self._ground = Ground(layout)
         self._routes = Routes(self._ground)
         self._places = Places(self._ground, self._routes, layout.bounds_m, layout.goals_m, target_path)
-        self._target = TargetWalk(target_path, target.speed_m_s)
+        self._target = TargetWalk(target_path, target.speed_m_s, target_axis or TargetAxis())
         self._distractors = distractors
         self._crossings = at_different_depths(crossers)
         self._seed = seed
         self._robot_start = None if robot_start_m is None else np.asarray(robot_start_m, dtype=np.float64)
-        self._people = 1 + distractors.count + len(self._crossings)
+        self._passers = Passers(passers, target_path, self._ground)
+        self.carts = Carts(carts, self._ground)
+        self._first_passer = 1 + distractors.count + len(self._crossings)
+        self._people = self._first_passer + len(passers)
         self.names: tuple[str, ...] = (
             "target",
             *(f"distractor-{i + 1}" for i in range(distractors.count)),
             *(f"crosser-{i + 1}" for i in range(len(self._crossings))),
+            *(f"passer-{i + 1}" for i in range(len(passers))),
         )
         self.reset()
 
@@ -105,18 +118,37 @@ class Crowd:
         """How far the target has walked along its path."""
         return self._target.s_m
 
+    @property
+    def crouching(self) -> Array:
+        """`(P,)` 0 for upright, 1 for squatting."""
+        out = np.zeros(self._people)
+        out[0] = self._target.crouch
+        return out
+
+    @property
+    def running(self) -> NDArray[np.bool_]:
+        """`(P,)` who runs."""
+        out = np.zeros(self._people, dtype=bool)
+        out[0] = self._target.running
+        return out
+
     def reset(self) -> None:
         """Everyone back to the start."""
         count, crossers, people = self._distractors.count, len(self._crossings), self._people
-        # Rows x, y, vx, vy; the last column is the robot's.
-        self._state = np.zeros((4, people + 1))
+        # Rows x, y, vx, vy; after the people come the robot and the carts.
+        self.carts.reset()
+        self._passers.reset()
+        self._state = np.zeros((4, people + 1 + self.carts.state.shape[1]))
         self._state[:2, people] = NOWHERE_M
+        self._state[:, people + 1 :] = self.carts.state
         self._heading = np.zeros(people)
         rngs = [streams.stream(self._seed, "distractors", i) for i in range(count)]
         rngs += [streams.stream(self._seed, "crossers", i) for i in range(crossers)]
+        rngs += [streams.stream(self._seed, "passers", i) for i in range(len(self._passers.passings))]
         near_target = [0 < person <= count for person in range(people)]
         self._errands = Errands(self._ground, self._routes, self._places, rngs, near_target)
         self._released = [False] * crossers
+        self._passed = [False] * len(self._passers.passings)
         self._robot_seen = False
         self._ticks = 0
         self._target.reset()
@@ -125,7 +157,8 @@ class Crowd:
         if self._robot_start is not None:
             taken.append(self._robot_start)
         self._place_distractors(rngs[:count], taken)
-        self._place_crossers(rngs[count:], taken)
+        self._place_crossers(rngs[count : count + crossers], taken)
+        self._place_passers()
         self._regroup()
 
     def tick(self, dt_s: float, time_s: float, robot_xy: ArrayLike | None, camera_xy: ArrayLike | None) -> None:
@@ -145,6 +178,14 @@ class Crowd:
         if self._crossings and camera_xy is not None:
             camera = np.asarray(camera_xy, dtype=np.float64)
             self._cross(dt_s, time_s, (float(camera[0]), float(camera[1])))
+        if camera_xy is not None and self.carts.state.size:
+            camera = np.asarray(camera_xy, dtype=np.float64)
+            robot_m = self._state[:2, self._people].tolist()
+            target_m = (float(self._state[0, 0]), float(self._state[1, 0]))
+            self.carts.advance(dt_s, time_s, (float(camera[0]), float(camera[1])), target_m, robot_m)
+            self._state[:, self._people + 1 :] = self.carts.state
+        if self._passed:
+            self._pass_by(dt_s, time_s)
         who = self._yielders.who
         if len(who):
             self._errands.tend(dt_s, time_s, who, self._state, self._heading, self.target_s_m)
@@ -197,6 +238,25 @@ class Crowd:
             self._state[:2, person] = there
         if changed:
             self._regroup()
+
+    def _pass_by(self, dt_s: float, time_s: float) -> None:
+        """Move those who pass the target; let go those who have."""
+        target, robot = self._state[:2, 0].tolist(), self._state[:2, self._people].tolist()
+        for index, passed in enumerate(self._passed):
+            person = self._first_passer + index
+            if passed:
+                continue
+            here = (float(self._state[0, person]), float(self._state[1, person]))
+            there, done = self._passers.advance(index, dt_s, time_s, here, target, robot)
+            if done:
+                self._passed[index] = True
+                self._errands.set_out(
+                    person, time_s, self._state[:2, person], self.target_s_m, float(self._heading[person])
+                )
+                self._regroup()
+                continue
+            self._state[2:, person] = ((there[0] - here[0]) / dt_s, (there[1] - here[1]) / dt_s)
+            self._state[:2, person] = there
 
     def _way_of(self, walk: CrossingWalk, dt_s: float, time_s: float, here: Xy) -> tuple[Xy, bool]:
         """Where a crossing walker goes from here, and whether it is done with crossing."""
@@ -274,14 +334,22 @@ class Crowd:
             x, y, _ = self._target.foresee(crossing.at_s)
             self._heading[person] = math.atan2(y - stage[1], x - stage[0])
 
+    def _place_passers(self) -> None:
+        people = slice(self._first_passer, self._people)
+        self._state[:, people] = self._passers.state
+        self._heading[people] = self._passers.heading_rad
+        self._errands.speed_m_s[people] = [one.speed_m_s for one in self._passers.passings]
+
     def _regroup(self) -> None:
         """Who yields and who does not, after that has changed."""
         first = 1 + self._distractors.count
         begun = [walk.begun for walk in self._walks]
         forced = [first + i for i, done in enumerate(self._released) if begun[i] and not done]
+        forced += [self._first_passer + i for i, done in enumerate(self._passed) if not done]
         who = [person for person in range(1, self._people) if person not in forced]
-        waiting = [person >= first and not self._released[person - first] for person in who]
-        self._yielders = Yielders(self._ground, who, waiting, [0, *forced], self._people)
+        waiting = [first <= person < self._first_passer and not self._released[person - first] for person in who]
+        machines = range(self._people, self._state.shape[1])
+        self._yielders = Yielders(self._ground, who, waiting, [0, *forced], machines)
 
 
 def _frozen(array: Array) -> Array:

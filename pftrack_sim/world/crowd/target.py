@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.scenario.axes import TargetAxis
+from pftrack_sim.world.crowd.manoeuvres import ACCELERATION_M_S2, Manoeuvres
+
 if TYPE_CHECKING:
     from pftrack_sim.world.path import Path
 
@@ -27,20 +30,25 @@ class TargetWalk:
     Args:
         path: Where it walks.
         speed_m_s: Its speed. It is already walking at the start.
+        axis: What it does besides.
 
     Attributes:
         s_m: How far along the path it is.
-        heading_rad: Where it faces: the path's direction.
+        heading_rad: Where it faces: the path's direction, unless it faces about.
+        crouch: 0 upright, 1 squatting.
+        running: Whether it runs.
     """
 
-    def __init__(self, path: Path, speed_m_s: float) -> None:
+    def __init__(self, path: Path, speed_m_s: float, axis: TargetAxis) -> None:
         self._path = path
-        self._speed_m_s = speed_m_s
+        self._script = Manoeuvres(axis, speed_m_s) if axis.on else None
+        self._speed_m_s = speed_m_s if self._script is None else self._script.walk_m_s
         self.reset()
 
     def reset(self) -> None:
         """Back to the start of the path."""
         self.s_m = 0.0
+        self.crouch, self.running, self._facing_rad, self._time_s = 0.0, False, 0.0, 0.0
         self._now_m_s = min(self._speed_m_s, math.sqrt(2.0 * STOP_M_S2 * self._path.length_m))
         self._look()
 
@@ -55,13 +63,29 @@ class TargetWalk:
         # The fastest from which, after this tick, an even deceleration still ends at the end of the path.
         brake = STOP_M_S2 * dt_s
         stopping = math.sqrt(brake * brake + 2.0 * STOP_M_S2 * left) - brake
-        wanted = min(self._speed_m_s, stopping, self._now_m_s + brake)
+        wish_m_s, harder = self._speed_m_s, brake
+        if self._script is not None:
+            wish_m_s, harder = self._manoeuvre(dt_s)
+        wanted = min(wish_m_s, stopping, self._now_m_s + harder)
+        if wanted < self._now_m_s - harder and harder > brake:
+            wanted = min(self._now_m_s - harder, stopping)
         if robot is not None:
             # Never harder than it can brake: a robot that jumps in front is met while still slowing down.
             wanted = max(min(wanted, self._behind_robot(robot)), min(self._now_m_s - HURRY_M_S2 * dt_s, wanted))
-        self._now_m_s = min(max(wanted, 0.0), left / dt_s if dt_s > 0.0 else 0.0)
+        least = 0.0 if wish_m_s >= 0.0 and self._now_m_s >= 0.0 else max(wish_m_s, -self.s_m / dt_s)
+        self._now_m_s = min(max(wanted, least), left / dt_s if dt_s > 0.0 else 0.0)
         self.s_m += self._now_m_s * dt_s
         self._look()
+
+    def _manoeuvre(self, dt_s: float) -> tuple[float, float]:
+        """Take up what the script says now: speed wanted [m/s], and how much it may change in this tick [m/s]."""
+        assert self._script is not None
+        self._time_s += dt_s
+        wish = self._script.wish(self._time_s)
+        self._facing_rad, self.crouch = wish.facing_rad, wish.crouch
+        # Running ends when the target has slowed down to a walk.
+        self.running = wish.running or (self.running and self._now_m_s > 1.15 * self._speed_m_s)
+        return wish.speed_m_s, ACCELERATION_M_S2 * dt_s
 
     def foresee_s(self, ahead_s: float) -> float:
         """How far along the path it will be, undisturbed."""
@@ -85,6 +109,7 @@ class TargetWalk:
 
     def _look(self) -> None:
         x, y, heading = self._path.at(self.s_m)
-        self.heading_rad = float(heading)
+        along = float(heading)
+        self.heading_rad = along + self._facing_rad
         speed = self._now_m_s
-        self._state = (float(x), float(y), speed * math.cos(self.heading_rad), speed * math.sin(self.heading_rad))
+        self._state = (float(x), float(y), speed * math.cos(along), speed * math.sin(along))

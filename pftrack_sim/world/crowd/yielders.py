@@ -48,17 +48,17 @@ class Yielders:
         who: Persons who yield, rising.
         waiting: Which of them wait at their place.
         firm: Persons who do not.
-        people: How many people there are; this column of the state is the robot's.
+        machines: Columns of the state that are the robot's and other machines', the rising rest.
     """
 
     def __init__(
-        self, ground: Ground, who: Sequence[int], waiting: Sequence[bool], firm: Sequence[int], people: int
+        self, ground: Ground, who: Sequence[int], waiting: Sequence[bool], firm: Sequence[int], machines: Sequence[int]
     ) -> None:
         self._ground = ground
         self.who = np.array(who, dtype=np.intp)
         self._count = len(who)
-        self._order = np.array([*who, *firm, people], dtype=np.intp)
-        self._extra_m = np.where(self._order == people, avoidance.ROBOT_EXTRA_M, 0.0)
+        self._order = np.array([*who, *firm, *machines], dtype=np.intp)
+        self._extra_m = np.where(self._order >= machines[0], avoidance.ROBOT_EXTRA_M, 0.0)
         is_firm = np.arange(len(self._order)) >= self._count
         self._weight = np.where(is_firm, avoidance.YIELD, 1.0)
         self._share = np.where(is_firm, 1.0, 0.5)

@@ -58,6 +58,17 @@ class Rehearsal:
             array.setflags(write=False)
         return cls(times, camera, target, robot, float(target_height_m))
 
+    def until(self, time_s: float) -> Rehearsal:
+        """The part up to the first instant after a time."""
+        count = max(2, int(np.searchsorted(self.times_s, time_s, side="right")) + 1)
+        return Rehearsal.of(
+            self.times_s[:count],
+            self.camera_m[:count],
+            self.target_m[:count],
+            self.robot_m[:count],
+            self.target_height_m,
+        )
+
     def at(self, times_s: ArrayLike) -> tuple[Array, Array]:
         """Camera `(N, 3)` and target `(N, 2)` at given times, in between by straight lines."""
         wanted = np.atleast_1d(np.asarray(times_s, dtype=np.float64))

@@ -23,12 +23,40 @@ STEP_S = 1.0 / 30.0
 FASTEST_M_S = 2.2
 _PLEASANT_M_S = 1.2
 _ASIDE_M = (2.6, 1.9, 3.4, 1.3)
-_WALL_GAP_M = 0.42
 _SHOULDERS_M = 0.22
 _CHEST_M = 0.14
 """Half widths of a walking person with swinging arms, seen from behind and from the side."""
 
+_ARMS_M = 0.03
+"""So much of the half width is swinging arms, which cover little."""
+
 _DEPTHS = (0.0, -0.1, 0.1, -0.2, 0.2, -0.3, 0.3)
+
+
+@dataclass(frozen=True)
+class Mover:
+    """What crosses.
+
+    Attributes:
+        what: What to call it.
+        edge_m_s: Speed across the line of sight as it covers and frees the target; None for one even speed.
+        half_width_m: Half of the width that covers the line of sight.
+        wall_gap_m: Room that its centre likes to have to walls and things.
+        least_gap_m: Room that it needs while it covers the target.
+        depths: Where else it may cross, relative to what is asked.
+        asides_m: How far from the line of sight it may wait.
+    """
+
+    what: str
+    edge_m_s: float | None
+    half_width_m: float
+    wall_gap_m: float
+    least_gap_m: float
+    depths: tuple[float, ...] = _DEPTHS
+    asides_m: tuple[float, ...] = _ASIDE_M
+
+
+PASSER_BY = Mover("walker", None, WALKER_HALF_WIDTH_M, 0.42, 0.2)
 
 
 @dataclass(frozen=True)
@@ -38,7 +66,13 @@ class _Try:
     hits_now: bool
 
 
-def plan_walker(occluder: model.Occluder, rehearsal: Rehearsal, layout: Layout, name: str = "occluder") -> Crossing:
+def plan_walker(
+    occluder: model.Occluder,
+    rehearsal: Rehearsal,
+    layout: Layout,
+    name: str = "occluder",
+    mover: Mover = PASSER_BY,
+) -> Crossing:
     """Choose side, depth and waiting place so that the walk is an easy one through free space.
 
     The walk itself is evaluated as it happens, from the camera and the target as they then are.
@@ -48,6 +82,7 @@ def plan_walker(occluder: model.Occluder, rehearsal: Rehearsal, layout: Layout, 
         rehearsal: Where camera and target will be, more or less.
         layout: What stands there, other occluders included.
         name: What to call it in an error.
+        mover: Who or what crosses.
 
     Raises:
         ParameterError: It would have to walk through something while covering the target, or the times do not fit.
@@ -55,22 +90,25 @@ def plan_walker(occluder: model.Occluder, rehearsal: Rehearsal, layout: Layout, 
     check_times(occluder, rehearsal, name)
     ground = Ground(layout)
     best: _Try | None = None
-    for shift in _DEPTHS:
+    for shift in mover.depths:
         depth = min(max(occluder.depth + shift, 0.2), 0.9)
         for side in (1, -1):
-            for aside in _ASIDE_M:
-                found = _attempt(occluder, rehearsal, ground, depth, side, aside)
+            for aside in mover.asides_m:
+                found = _attempt(occluder, rehearsal, ground, depth, side, aside, mover)
                 if best is None or found.cost < best.cost:
                     best = found
         if best is not None and best.cost < 0.35:
             break
     if best is None or best.hits_now:
         raise ParameterError(
-            f"{name}: a walker who covers the target from {occluder.at_s:g} s to "
+            f"{name}: a {mover.what} that covers the target from {occluder.at_s:g} s to "
             f"{occluder.at_s + occluder.duration_s:g} s would have to walk through something that stands there, "
             "at any depth from 0.2 to 0.9; use another at_s or a shorter duration_s"
         )
-    return replace(best.crossing, half_width_m=_seen_half_width(best.crossing, rehearsal))
+    if mover.half_width_m != WALKER_HALF_WIDTH_M:
+        return best.crossing
+    slimmer_m = 0.0 if mover.edge_m_s is None else _ARMS_M
+    return replace(best.crossing, half_width_m=_seen_half_width(best.crossing, rehearsal) - slimmer_m)
 
 
 def _seen_half_width(crossing: Crossing, rehearsal: Rehearsal) -> float:
@@ -91,14 +129,22 @@ def _seen_half_width(crossing: Crossing, rehearsal: Rehearsal) -> float:
 
 
 def _attempt(
-    occluder: model.Occluder, rehearsal: Rehearsal, ground: Ground, depth: float, side: Literal[-1, 1], aside: float
+    occluder: model.Occluder,
+    rehearsal: Rehearsal,
+    ground: Ground,
+    depth: float,
+    side: Literal[-1, 1],
+    aside: float,
+    mover: Mover,
 ) -> _Try:
     """One way to do it, and how bad it is: below 0.35 is a walk without fault."""
     begin_s = float(rehearsal.times_s[0])
     until_s = occluder.at_s + occluder.duration_s
     lead = min(aside / 0.9 + 0.6, occluder.at_s - begin_s)
-    stage = _stage(occluder, rehearsal, depth, side, lead, aside)
-    crossing = Crossing(occluder.at_s, occluder.duration_s, depth, side, stage, lead)
+    stage = _stage(occluder, rehearsal, depth, side, lead, aside, mover.half_width_m)
+    crossing = Crossing(
+        occluder.at_s, occluder.duration_s, depth, side, stage, lead, mover.half_width_m, mover.edge_m_s
+    )
     start_s = max(occluder.at_s - lead - 5.0 * STEP_S, begin_s)
     grid = np.arange(start_s, min(until_s + 3.2, float(rehearsal.times_s[-1])), STEP_S)
     camera, target = rehearsal.at(grid)
@@ -110,14 +156,14 @@ def _attempt(
     # After the crossing it may leave its course: what stands there is a nuisance, no more.
     before = grid <= until_s
     forced = before & (grid >= occluder.at_s)
-    hits = max(0.0, _WALL_GAP_M - float(clearance[before].min()))
+    hits = max(0.0, mover.wall_gap_m - float(clearance[before].min()))
     fast = max(0.0, float(speed.max()) - 0.95 * FASTEST_M_S)
     pleasant = abs(float(np.median(speed)) - _PLEASANT_M_S)
     near = max(0.0, 0.8 - float(np.hypot(*(track - target).T).min()))
     cost = 20.0 * hits + 4.0 * fast + 0.3 * pleasant + near + 1.0 * abs(depth - occluder.depth)
-    cost += 2.0 * max(0.0, _WALL_GAP_M - float(clearance.min()))
+    cost += 2.0 * max(0.0, mover.wall_gap_m - float(clearance.min()))
     cost += _spoils(crossing, rehearsal, start_s, grid, track)
-    return _Try(crossing, cost, bool(clearance[forced].min() < 0.2))
+    return _Try(crossing, cost, bool(clearance[forced].min() < mover.least_gap_m))
 
 
 def _spoils(crossing: Crossing, rehearsal: Rehearsal, start_s: float, grid: Array, track: Array) -> float:
@@ -141,7 +187,7 @@ def _spoils(crossing: Crossing, rehearsal: Rehearsal, start_s: float, grid: Arra
 
 
 def _stage(
-    occluder: model.Occluder, rehearsal: Rehearsal, depth: float, side: int, lead: float, aside: float
+    occluder: model.Occluder, rehearsal: Rehearsal, depth: float, side: int, lead: float, aside: float, half_m: float
 ) -> tuple[float, float]:
     """Where to wait so that the walk to the crossing is a natural one."""
     camera, target = rehearsal.at([occluder.at_s - 0.1, occluder.at_s, occluder.at_s + 0.1])
@@ -155,10 +201,10 @@ def _stage(
         camera, target = rehearsal.at(occluder.at_s - lead)
         way = target[0] - camera[0, :2]
         left = np.array([-way[1], way[0]]) / max(float(np.hypot(*way)), 1e-9)
-        rate = 2.0 * WALKER_HALF_WIDTH_M / occluder.duration_s
-        stage = camera[0, :2] + depth * way + side * (WALKER_HALF_WIDTH_M + rate * lead) * left
+        rate = 2.0 * half_m / occluder.duration_s
+        stage = camera[0, :2] + depth * way + side * (half_m + rate * lead) * left
     else:
         # From rest it covers half the way that the line of sight covers at the end.
         reach = min(aside, 0.9 * lead)
-        stage = points[1] - 0.5 * lead * along + side * (WALKER_HALF_WIDTH_M + reach) * left
+        stage = points[1] - 0.5 * lead * along + side * (half_m + reach) * left
     return float(stage[0]), float(stage[1])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.world.people import soles
 from pftrack_sim.world.people.anatomy import Anatomy
-from pftrack_sim.world.people.gauges import look_up, table
+from pftrack_sim.world.people.gauges import RUN_STANCE, blended, look_up, run_gauge, table
 from pftrack_sim.world.people.rotations import wrapped
 
 Array = NDArray[np.float64]
@@ -34,6 +34,9 @@ _AT_REST_M_S = 0.06
 _HASTE = 2.5
 """How strongly the stride quickens when a foot is left behind, as at a start."""
 _TOLERATED_LAG = 0.06
+_RUN_LAG_S = 0.5
+_ROLLED = 0.56
+"""Share of the stride over which a foot is thought to roll."""
 _FIDGET_HZ = 0.85
 """Stride frequency at which feet are brought together near rest, and below which speed that begins [m/s]."""
 _FIDGET_BELOW_M_S = 0.28
@@ -72,10 +75,13 @@ class Footfalls:
         yaw: Where feet point [rad].
         pitch: Toes-up angle of feet [rad].
         standing: Whether a foot is on the ground.
+        running: Share of running in the gait.
     """
 
     def __init__(self, anatomies: Sequence[Anatomy], habits: Sequence[Habits]) -> None:
         people = len(anatomies)
+        self._anatomies = tuple(anatomies)
+        self.running = np.zeros(people)
         soles_m = np.array([one.sole_m for one in anatomies]).reshape(people, 4)[:, :, None]
         self._heel, self._toe = (soles_m[:, 0], soles_m[:, 1]), (soles_m[:, 2], soles_m[:, 3])
         self._ankle = np.array([one.ankle_m for one in anatomies])[:, None]
@@ -93,6 +99,7 @@ class Footfalls:
             headings: `(P,)` [rad].
             speeds: `(P,)` forward speeds [m/s].
         """
+        self.running = np.zeros(len(positions))
         self._positions, self._headings = positions.copy(), headings.copy()
         cos, sin = np.cos(headings), np.sin(headings)
         self.velocity = np.stack([cos * speeds, sin * speeds], axis=-1)
@@ -119,6 +126,25 @@ class Footfalls:
     def cycle(self) -> Array:
         """`(P, 2)` share of the stride since each foot's contact."""
         return (self.phase[:, None] + _HALF_A_STRIDE) % 1.0
+
+    def run(self, dt_s: float, who: NDArray[np.bool_]) -> None:
+        """Take up or give up running over about two steps, before `advance`.
+
+        Args:
+            dt_s: Time since the last call [s].
+            who: Who runs.
+        """
+        if who.any() or self.running.any():
+            step = dt_s / _RUN_LAG_S
+            self.running = np.clip(self.running + np.where(who, step, -step), 0.0, 1.0)
+
+    @property
+    def _underfoot(self) -> Array:
+        """`(P, 1)` share of the stride after contact at which the body is above the foot."""
+        if not self.running.any():
+            return np.full((len(self.running), 1), soles.UNDERFOOT)
+        run = self.running[:, None]
+        return np.where(run > 0.0, soles.UNDERFOOT + run * (0.5 * RUN_STANCE - soles.UNDERFOOT), soles.UNDERFOOT)
 
     def advance(self, dt_s: float, positions: Array, headings: Array) -> None:
         """Go on to where bodies are now, `dt_s` later.
@@ -151,6 +177,8 @@ class Footfalls:
 
     def _adapt(self, speed: Array) -> None:
         self.gauge = look_up(self._tables, speed)
+        if self.running.any():
+            self.gauge = blended(self.gauge, run_gauge(self._anatomies, speed), self.running)
         share = np.exp(-((speed / 0.45) ** 2))
         self._half = self._walk_half + (self._stand_half - self._walk_half) * share
 
@@ -161,7 +189,7 @@ class Footfalls:
         ahead = (away_x * self.velocity[:, 0, None] + away_y * self.velocity[:, 1, None]) / np.maximum(speed, 1e-6)[
             :, None
         ]
-        lag = ((soles.UNDERFOOT - cycle) - ahead / stride[:, None]) * self.standing
+        lag = ((self._underfoot - cycle) - ahead / stride[:, None]) * self.standing
         haste = 1.0 + _HASTE * np.minimum(np.maximum(lag.max(axis=1) - _TOLERATED_LAG, 0.0), 0.5)
 
         cos, sin = np.cos(self._headings), np.sin(self._headings)
@@ -176,7 +204,9 @@ class Footfalls:
 
     def _aim(self, cycle: Array) -> tuple[Array, Array, Array]:
         """Where a foot in the air, or one just landed, will stand flat: x, y [m] and the body's heading [rad]."""
-        share = soles.UNDERFOOT + np.where(cycle < 0.5, 0.0, 1.0) - cycle
+        # A runner's foot is in the air before half the stride is over.
+        landed = cycle < np.where(self.running > 0.0, 0.3, 0.5)[:, None]
+        share = self._underfoot + np.where(landed, 0.0, 1.0) - cycle
         ahead_s = np.minimum(share / np.maximum(self._rate, 0.2)[:, None], 1.5)
         bend = 0.5 * np.minimum(np.maximum(self.turn[:, None] * ahead_s, -0.9), 0.9)
         # Along the chord of the arc that the body will walk.
@@ -203,7 +233,12 @@ class Footfalls:
         progress = np.maximum(cycle - self._lift_share, 0.0) / (1.0 - self._lift_share)
         travel, pitch, lift = soles.swing(progress, strike, push)
         travel = np.where(standing, 0.0, travel)
-        self.pitch = np.where(standing, soles.stance_pitch(cycle, gauge.stance[:, None], strike, push), pitch)
+        stance, rolling = gauge.stance[:, None], cycle
+        if self.running.any():
+            # A short stance is rolled over as a long one is, only faster.
+            quicker = np.where(self.running > 0.0, 1.0 + self.running * (_ROLLED / gauge.stance - 1.0), 1.0)[:, None]
+            stance, rolling = stance * quicker, cycle * quicker
+        self.pitch = np.where(standing, soles.stance_pitch(rolling, stance, strike, push), pitch)
         self.yaw = self._spot_yaw + travel * (yaw - self._spot_yaw)
         roll, high = soles.rolled(self.pitch, self._ankle, self._heel, self._toe)
         self.ankles = np.empty((*cycle.shape, 3))

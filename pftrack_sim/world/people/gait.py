@@ -17,6 +17,7 @@ from pftrack_sim.world.people.anatomy import Anatomy
 from pftrack_sim.world.people.body import PARTS
 from pftrack_sim.world.people.curves import elbow_angles, shoulder_angles
 from pftrack_sim.world.people.footfalls import SIDES, Footfalls, Habits
+from pftrack_sim.world.people.gauges import RUN_STANCE
 from pftrack_sim.world.people.legs import STRAIGHT, bent_legs
 from pftrack_sim.world.people.rotations import moved, quaternions, turned
 
@@ -33,6 +34,12 @@ _LEAN_PER_SPEED = np.radians(1.8)
 _HEAD_DOWN = np.radians(2.0)
 _IDLE_ANGLES = np.radians([[0.6], [4.0]])
 """How far breathing moves the chest, and how far the eyes wander."""
+_SQUAT = 0.46
+"""How far the seat sinks when squatting [legs]."""
+_SEAT_BACK = 0.38
+"""How far it goes back [thighs]."""
+_SQUAT_LEAN, _REACH_OUT = 0.55, 0.7
+_RUNNING_ELBOW = np.radians(62.0)
 _SHOULDERS_BACK = 0.008
 """Shoulder joints behind the base of the neck [statures]."""
 
@@ -106,19 +113,33 @@ class Gait:
             speeds_m_s: `(P,)` forward speeds.
         """
         self._clock = 0.0
+        self._crouch = np.zeros(len(self._waist))
         headings = np.asarray(headings_rad, dtype=float)
         positions = np.asarray(positions_m, dtype=float)
         self._feet.reset(positions, headings, np.asarray(speeds_m_s, dtype=float))
         self._stand(positions, headings)
 
-    def advance(self, dt_s: float, positions_m: ArrayLike, headings_rad: ArrayLike) -> None:
+    def advance(
+        self,
+        dt_s: float,
+        positions_m: ArrayLike,
+        headings_rad: ArrayLike,
+        crouching: ArrayLike | None = None,
+        running: ArrayLike | None = None,
+    ) -> None:
         """Follow the people to where they are now.
 
         Args:
             dt_s: Time since the last call.
             positions_m: `(P, 2)` on the ground.
             headings_rad: `(P,)` where they face; need not be wrapped.
+            crouching: `(P,)` 0 for upright, 1 for squatting; None for nobody.
+            running: `(P,)` who runs instead of walking; None for nobody.
         """
+        if crouching is not None:
+            self._crouch = np.array(crouching, dtype=float)
+        if running is not None:
+            self._feet.run(dt_s, np.asarray(running, dtype=bool))
         self._clock += dt_s
         headings = np.asarray(headings_rad, dtype=float)
         positions = np.asarray(positions_m, dtype=float)
@@ -171,7 +192,13 @@ class Gait:
 
         swing = (self._arm_swing * gauge.vigour)[:, None]
         cycle = feet.cycle
-        turns = self._turns(headings, shoulder_angles(cycle, swing), elbow_angles(cycle, swing))
+        shoulders, elbows = shoulder_angles(cycle, swing), elbow_angles(cycle, swing)
+        if self._crouch.any():
+            shoulders = shoulders + _REACH_OUT * self._crouch[:, None]
+            elbows = elbows + 0.5 * _REACH_OUT * self._crouch[:, None]
+        if feet.running.any():
+            elbows = elbows + _RUNNING_ELBOW * feet.running[:, None]
+        turns = self._turns(headings, shoulders, elbows)
         rotations[:, : _HEAD + 1] = turns[:, :3]
         rotations[:, _FEET] = turns[:, 3:5]
         rotations[:, _UPPER_ARMS] = rotations[:, _TORSO, None] @ turns[:, 5:7]
@@ -182,6 +209,11 @@ class Gait:
         pelvis = places[:, _PELVIS]
         pelvis[:, 0] = positions[:, 0] - sway * np.sin(headings)
         pelvis[:, 1] = positions[:, 1] + sway * np.cos(headings)
+        if self._crouch.any():
+            # The seat goes back as the chest leans forward: the weight stays above the feet.
+            back = _SEAT_BACK * self._thigh[:, 0] * self._crouch
+            pelvis[:, 0] -= back * np.cos(headings)
+            pelvis[:, 1] -= back * np.sin(headings)
         pelvis[:, 2] = self._pelvis_height(pelvis, hips)
         places[:, _TORSO] = pelvis + moved(rotations[:, _PELVIS], self._waist)
         places[:, _HEAD] = places[:, _TORSO] + moved(rotations[:, _TORSO], self._neck)
@@ -220,7 +252,7 @@ class Gait:
         bank = np.minimum(np.maximum(-0.6 / _GRAVITY * feet.speed * feet.turn, -0.2), 0.2)
         gaze = np.minimum(np.maximum(0.35 * feet.turn, -0.5), 0.5)
         breath, glance = _IDLE_ANGLES * np.sin(self._idle_start + self._idle_rate * self._clock).T
-        lean = self._lean + _LEAN_PER_SPEED * feet.speed
+        lean = self._lean + _LEAN_PER_SPEED * feet.speed + _SQUAT_LEAN * self._crouch
         yaw, roll, pitch = angles
         yaw[:, 0] = headings - twist
         yaw[:, 1] = headings + 0.8 * twist + 0.3 * gaze
@@ -241,7 +273,13 @@ class Gait:
         """Height of the pelvis `(P,)` [m]: the published bob, never more than both legs can reach."""
         feet, gauge = self._feet, self._feet.gauge
         bob = 0.5 - 0.5 * np.cos(4.0 * np.pi * (feet.phase - 0.04))
+        if feet.running.any():
+            # Runners are lowest in the middle of a stance and highest in the middle of a flight.
+            fall = 0.5 - 0.5 * np.cos(4.0 * np.pi * (feet.phase - 0.5 * RUN_STANCE))
+            bob = bob + feet.running * (fall - bob)
         wanted = gauge.low_m + (gauge.high_m - gauge.low_m) * bob
+        if self._crouch.any():
+            wanted = wanted - _SQUAT * (self._thigh[:, 0] + self._shank[:, 0]) * self._crouch
         away = feet.ankles[..., :2] - hips[..., :2] - pelvis[:, None, :2]
         above = np.sqrt(np.maximum(self._reach_squared - away[..., 0] ** 2 - away[..., 1] ** 2, 0.04))
         limit = feet.ankles[..., 2] + above - hips[..., 2]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.scenario import model as scenario
+from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.world.path import Path
 from pftrack_sim.world.robot import gaze, steering
 
@@ -17,6 +18,13 @@ GAP_S = 0.8
 
 BRAKE_M_S2 = 0.8
 """Deceleration to a stop at the end of a route."""
+
+_TURN_AWAY_S = 0.35
+_COME_BACK_S = 0.1
+"""How long the camera needs to turn so far that the target leaves the view, and until a part of it is back."""
+
+_BODY_RAD = math.radians(14.0)
+"""Half the width of a body, and room to spare."""
 
 _SAMPLE_M = 0.1
 _FAR_M = 1e4
@@ -45,9 +53,22 @@ class Script:
         robot: Route, gaze and limits.
         target: The target's path.
         target_speed_m_s: How fast the target walks at the start.
+        axis: How the distance to the target swings, and when the camera turns away from it; None for never.
+        camera: Its field of view decides how far the camera must turn to lose the target.
     """
 
-    def __init__(self, robot: scenario.Robot, target: Path, target_speed_m_s: float) -> None:
+    def __init__(
+        self,
+        robot: scenario.Robot,
+        target: Path,
+        target_speed_m_s: float,
+        axis: TargetAxis | None = None,
+        camera: scenario.Camera | None = None,
+    ) -> None:
+        self._axis = axis or TargetAxis()
+        view = camera or scenario.Camera()
+        half = math.atan(math.tan(math.radians(0.5 * view.fovy_deg)) * view.width_px / view.height_px)
+        self._away_rad = half + _BODY_RAD + gaze.DEAD_ZONE_RAD
         self._robot = robot
         self._target = target
         self._target_speed_m_s = target_speed_m_s
@@ -102,24 +123,38 @@ class Script:
             left = lane.path.length_m - self._s_m
             forward = min(route.speed_m_s, math.sqrt(2.0 * BRAKE_M_S2 * max(left - 0.01, 0.0)))
         else:
+            if self._axis.on:
+                turn = 2.0 * math.pi / self._axis.period_s
+                target_s_m += self._axis.swing_m * math.sin(turn * time_s)
+                speed += self._axis.swing_m * turn * math.cos(turn * time_s)
             wanted, rate = lane.abreast(target_s_m)
             forward = rate * speed + (wanted - self._s_m) / GAP_S
         return steering.follow(lane.path, self._s_m, pose, forward, self._limits)
 
-    def gaze(self, T_world_camera: NDArray[np.float64], target_m: ArrayLike, tick_s: float) -> tuple[float, float]:
+    def gaze(
+        self, T_world_camera: NDArray[np.float64], target_m: ArrayLike, tick_s: float, time_s: float = 0.0
+    ) -> tuple[float, float]:
         """How to move the head in the coming tick.
 
         Args:
             T_world_camera: `(4, 4)` where the camera is and looks now.
             target_m: `(2,)` x, y of the target.
             tick_s: Length of the tick.
+            time_s: Since the start of the episode.
 
         Returns:
             Pan and tilt rate [rad/s].
         """
         if self._robot.gaze == "forward":
             return 0.0, 0.0
-        return gaze.rates(T_world_camera, np.asarray(target_m, dtype=np.float64), tick_s)
+        wanted = np.asarray(target_m, dtype=np.float64)
+        begin_s = self._axis.leave_at_s
+        if self._axis.away_s > 0.0 and begin_s - _TURN_AWAY_S <= time_s < begin_s + self._axis.away_s - _COME_BACK_S:
+            # To the right or left of the target, as if it had gone off to the other side.
+            way = wanted - T_world_camera[:2, 3]
+            cos, sin = math.cos(self._away_rad), math.sin(self._away_rad)
+            wanted = T_world_camera[:2, 3] + np.array([cos * way[0] - sin * way[1], sin * way[0] + cos * way[1]])
+        return gaze.rates(T_world_camera, wanted, tick_s)
 
     def _target_speed(self, time_s: float, target_s_m: float) -> float:
         """Speed of the target along its path since the last tick [m/s]."""

@@ -87,3 +87,44 @@ def test_shapes_that_do_not_fit_are_refused():
         score.centre_errors(np.zeros(4), np.zeros(4))
     with pytest.raises(ParameterError, match="one number per frame"):
         score.summarise([1.0], [1.0, 2.0], [True], [1.0])
+
+
+def test_bootstrap_intervals_cover_the_mean_about_as_often_as_they_say():
+    rng = np.random.default_rng(0)
+    hits = 0
+    for _ in range(400):
+        low, high = score.bootstrap_interval(rng.normal(0.5, 0.1, 40), rng, draw_count=400)
+        hits += low <= 0.5 <= high
+    assert 0.90 < hits / 400 < 0.98
+
+
+def test_bootstrap_intervals_against_the_normal_one():
+    values = np.random.default_rng(1).normal(0.6, 0.05, 200)
+    half = 1.96 * values.std() / np.sqrt(values.size)
+    found = score.bootstrap_interval(values, np.random.default_rng(2), draw_count=20_000)
+    assert np.allclose(found, [values.mean() - half, values.mean() + half], rtol=0, atol=0.1 * half)
+
+
+def test_bootstrap_intervals_of_little():
+    rng = np.random.default_rng(0)
+    for few in ([], [0.3], [0.3, math.nan]):
+        assert all(math.isnan(end) for end in score.bootstrap_interval(few, rng))
+    assert score.bootstrap_interval([0.25, 0.25, math.nan, 0.25], rng) == (0.25, 0.25)
+    low, high = score.bootstrap_interval([0.2, 0.4, 0.3], rng)
+    assert 0.2 - 1e-12 <= low < 0.3 < high <= 0.4 + 1e-12
+
+
+def test_bootstrap_intervals_draw_from_the_given_generator_only():
+    values = np.linspace(0, 1, 7)
+    first, second = (score.bootstrap_interval(values, np.random.default_rng(5)) for _ in range(2))
+    assert first == second
+    wide = score.bootstrap_interval(values, np.random.default_rng(5), level=0.99)
+    assert wide[0] <= first[0] < first[1] <= wide[1]
+
+
+@pytest.mark.parametrize("given", [{"level": 0.0}, {"level": 1.0}, {"draw_count": 0}])
+def test_bootstrap_intervals_refuse_what_cannot_be(given: dict[str, float]):
+    with pytest.raises(ParameterError, match="level must be in"):
+        score.bootstrap_interval([0.1, 0.2], np.random.default_rng(0), **given)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ParameterError, match="shape"):
+        score.bootstrap_interval([[0.1, 0.2]], np.random.default_rng(0))

@@ -1,0 +1,124 @@
+"""How a run shows where it stands, always on standard error so that tables can be piped."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from pftrack_sim.errors import ParameterError
+
+if TYPE_CHECKING:
+    from pftrack_sim.bench.status import Status
+
+MODES = ("bar", "lines", "json", "quiet")
+
+_LINE_EVERY_S = 5.0
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def show_run(mode: str, path: Path) -> Iterator[Callable[[Status], None]]:
+    """Show a run's progress while the block runs; when it is stopped by hand, say how to go on.
+
+    Args:
+        mode: `"bar"`; `"lines"`: now and then a line; `"json"`: a line of JSON for every episode; `"quiet"`; or empty
+            for a bar on a terminal and lines elsewhere.
+        path: The run folder.
+
+    Yields:
+        What to call with every status.
+
+    Raises:
+        ParameterError: No such mode.
+    """
+    from pftrack_sim.bench import Interrupted
+
+    chosen = mode or ("bar" if sys.stderr.isatty() else "lines")
+    if chosen not in MODES:
+        raise ParameterError(f"progress must be one of {', '.join(MODES)}, got {mode!r}")
+    try:
+        if chosen == "bar":
+            with _bar() as show:
+                yield show
+        else:
+            yield {"lines": _Lines(), "json": _show_json, "quiet": lambda _: None}[chosen]
+    except Interrupted as stopped:
+        print(f"pftrack-sim: {stopped}. Go on with: {_again(path)}", file=sys.stderr)  # noqa: T201
+        sys.exit(130)
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[Status], None]]:
+    columns = (BarColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("", total=1.0)
+        yield lambda status: shown.update(task, completed=status.share, description=_told(status))
+
+
+class _Lines:
+    """A line for the first episodes, then one every few seconds."""
+
+    def __init__(self) -> None:
+        self._last_s = -math.inf
+
+    def __call__(self, status: Status) -> None:
+        now_s = time.monotonic()
+        over = status.episode is not None and status.done == status.total
+        if over or (status.episode is not None and now_s - self._last_s >= _LINE_EVERY_S):
+            self._last_s = now_s
+            print(_told(status), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
+
+
+def _show_json(status: Status) -> None:
+    if status.episode is None:
+        return
+    record = {
+        "episode": status.episode,
+        "done": status.done,
+        "total": status.total,
+        "frames": status.frames,
+        "elapsed_s": round(status.elapsed_s, 3),
+        "left_s": None if math.isnan(status.left_s) else round(status.left_s, 1),
+        "means": {name: None if math.isnan(mean) else mean for name, mean in status.means.items()},
+        "failures": dict(status.failures),
+    }
+    print(json.dumps(record), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
+
+
+def _told(status: Status) -> str:
+    means = ", ".join(
+        f"{name} {mean:.3f}" + (f" ({status.failures[name]} failed)" if status.failures.get(name) else "")
+        for name, mean in status.means.items()
+        if not math.isnan(mean)
+    )
+    left = "" if math.isnan(status.left_s) else f"  {_clock(status.left_s)} left"
+    return f"{status.done} of {status.total} episodes{left}  {means}".rstrip()
+
+
+def _clock(seconds: float) -> str:
+    whole = round(seconds)
+    hours, minutes = whole // 3600, whole // 60 % 60
+    return f"{hours}:{minutes:02d}:{whole % 60:02d}"
+
+
+def _again(path: Path) -> str:
+    import shlex
+
+    words = ["pftrack-sim", *sys.argv[1:]]
+    if not any(word == "--out" or word.startswith("--out=") for word in words):
+        words += ["--out", str(path)]
+    return shlex.join(words)

@@ -1,0 +1,96 @@
+"""Film strips: a few frames of the best, the median and the worst episode, as the papers show them."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+from av.error import FFmpegError
+
+from pftrack_sim.errors import RunError
+from pftrack_sim.report.data import Row, Run
+
+FRAMES = 5
+WIDTH_PX = 320
+_QUALITY = 82
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Frames of one episode.
+
+    Attributes:
+        title: Which it is.
+        tracker: By whose overlap it was chosen.
+        overlap: Its mean overlap.
+        frames: Index of each picture.
+        pictures: JPEG as data URIs.
+    """
+
+    title: str
+    tracker: str
+    overlap: float
+    frames: tuple[int, ...]
+    pictures: tuple[str, ...]
+
+
+def strips(run: Run) -> list[Strip]:
+    """Strips of the leading tracker, among the episodes that have a video.
+
+    Args:
+        run: The run folder.
+
+    Raises:
+        RunError: A video is broken.
+    """
+    means: dict[str, list[float]] = {}
+    for row in run.rows:
+        means.setdefault(row.tracker, []).append(row.number("mean_overlap"))
+    # Those who are told the truth are no example.
+    told = {"oracle"}
+    leader = max((name for name in means if name not in told), key=lambda name: np.nanmean(means[name]), default=None)
+    filmed = [
+        (row, video)
+        for row in run.rows
+        if row.tracker == leader and np.isfinite(row.number("mean_overlap")) and (video := run.video(row)) is not None
+    ]
+    filmed.sort(key=lambda pair: pair[0].number("mean_overlap"))
+    if not filmed:
+        return []
+    chosen = {"worst": filmed[0], "median": filmed[len(filmed) // 2], "best": filmed[-1]}
+    found: list[Strip] = []
+    seen: set[Path] = set()
+    for title in ("best", "median", "worst"):
+        row, video = chosen[title]
+        if video not in seen:
+            seen.add(video)
+            found.append(_strip(title, row, video))
+    return found
+
+
+def _strip(title: str, row: Row, video: Path) -> Strip:
+    try:
+        with av.open(str(video)) as container:
+            frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    except (OSError, FFmpegError) as error:
+        raise RunError(f"{video} cannot be read: {error}") from None
+    indices = tuple(int(index) for index in np.linspace(0, len(frames) - 1, FRAMES))
+    key = row.key
+    return Strip(
+        f"{title}: {key.scenario}, {key.condition}, seed {key.seed}",
+        row.tracker,
+        row.number("mean_overlap"),
+        indices,
+        tuple(_data_uri(frames[index]) for index in indices),
+    )
+
+
+def _data_uri(image: np.ndarray) -> str:
+    height, width = image.shape[:2]
+    small = cv2.resize(image, (WIDTH_PX, round(WIDTH_PX * height / width)), interpolation=cv2.INTER_AREA)
+    _, encoded = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode()

@@ -1,0 +1,183 @@
+"""What happens in the course of an episode: failures, recovery after an occlusion, drift, loss for good.
+
+A tracker is never started again: what it loses it must find by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pftrack_sim.errors import ParameterError
+from pftrack_sim.score.episode import SUCCESS_OVERLAP
+
+COVERED_BELOW = 0.5
+"""Visible fraction below which the target counts as occluded."""
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What came after an occlusion.
+
+    Attributes:
+        first: First occluded frame.
+        last: Last occluded frame.
+        after_s: Time from the first frame after it until the target is tracked again; 0 when it is at once, infinite
+            when it is not before the next occlusion or the end.
+        watched_s: Time there was for it, so that an infinite `after_s` can be read as "more than this" (censored).
+    """
+
+    first: int
+    last: int
+    after_s: float
+    watched_s: float
+
+
+def failures(overlap: ArrayLike, scored: ArrayLike) -> int:
+    """How often the tracker loses the target altogether: overlaps that fall to 0 from above (Kristan et al. 2016).
+
+    VOT starts a tracker anew after each; here it goes on, so a long absence counts once.
+
+    Args:
+        overlap: `(N,)` overlaps.
+        scored: `(N,)` true where the target can be seen.
+
+    Raises:
+        ParameterError: The lengths differ.
+
+    >>> failures([0.8, 0.0, 0.0, 0.4, 0.0], [True] * 5)
+    2
+    """
+    seen, _ = _seen(overlap, scored)
+    return int(np.count_nonzero((seen[1:] == 0.0) & (seen[:-1] > 0.0)))
+
+
+def occlusions(visible_fraction: ArrayLike, covered_below: float = COVERED_BELOW) -> list[tuple[int, int]]:
+    """Spans of frames in which the target is occluded.
+
+    Args:
+        visible_fraction: `(N,)` in [0, 1]; NaN counts as 0.
+        covered_below: Less than this is occluded.
+
+    Returns:
+        First and last frame of each span.
+
+    >>> occlusions([1.0, 0.4, 0.0, 0.9, 0.2])
+    [(1, 2), (4, 4)]
+    """
+    visible = np.nan_to_num(np.asarray(visible_fraction, dtype=np.float64), nan=0.0)
+    return list(_spans(visible < covered_below))
+
+
+def recoveries(
+    overlap: ArrayLike,
+    visible_fraction: ArrayLike,
+    rate_hz: float,
+    *,
+    threshold: float = SUCCESS_OVERLAP,
+    covered_below: float = COVERED_BELOW,
+) -> list[Recovery]:
+    """How long after each occlusion the target is tracked again.
+
+    An occlusion that lasts to the end has nothing after it and is left out.
+
+    Args:
+        overlap: `(N,)` overlaps.
+        visible_fraction: `(N,)` in [0, 1].
+        rate_hz: Frames per second.
+        threshold: Overlap from which the target counts as tracked.
+        covered_below: Visible fraction below which it is occluded.
+
+    Raises:
+        ParameterError: The lengths differ.
+    """
+    values, visible = _pair("visible_fraction", overlap, visible_fraction)
+    spans = occlusions(visible, covered_below)
+    starts = [first for first, _ in spans] + [values.size]
+    found: list[Recovery] = []
+    for (first, last), end in zip(spans, starts[1:], strict=True):
+        if last + 1 >= end:
+            continue
+        tracked = np.flatnonzero(values[last + 1 : end] >= threshold)
+        after = float(tracked[0]) / rate_hz if tracked.size else math.inf
+        found.append(Recovery(first, last, after, (end - last - 1) / rate_hz))
+    return found
+
+
+def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: ArrayLike, rate_hz: float) -> float:
+    """How fast the box slides off while the target is still held: slope of the centre error over time.
+
+    Ordinary least squares over the frames before the first failure (overlap 0), where the target can be seen.
+
+    Args:
+        normalised_error: `(N,)` centre errors in sizes of the box, from `normalised_centre_errors`.
+        overlap: `(N,)` overlaps.
+        scored: `(N,)` true where the target can be seen.
+        rate_hz: Frames per second.
+
+    Returns:
+        Box sizes per second; NaN for fewer than 3 frames.
+
+    Raises:
+        ParameterError: The lengths differ.
+
+    >>> round(drift_per_second([0.0, 0.1, 0.2, 9.0], [1.0, 0.9, 0.8, 0.0], [True] * 4, 10.0), 6)
+    1.0
+    """
+    values, _ = _pair("normalised_error", overlap, normalised_error)
+    seen, frames = _seen(values, scored)
+    lost = np.flatnonzero(seen == 0.0)
+    held = frames[: lost[0]] if lost.size else frames
+    if held.size < 3:
+        return math.nan
+    slope, _ = np.polyfit(held / rate_hz, np.asarray(normalised_error, dtype=np.float64)[held], 1)
+    return float(slope)
+
+
+def share_lost_for_good(overlap: ArrayLike, scored: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> float:
+    """Share of the scored frames after the last one in which the target was tracked.
+
+    Args:
+        overlap: `(N,)` overlaps.
+        scored: `(N,)` true where the target can be seen.
+        threshold: Overlap from which the target counts as tracked.
+
+    Returns:
+        0 when the last frame is tracked, 1 when none is; NaN for no frames.
+
+    Raises:
+        ParameterError: The lengths differ.
+
+    >>> share_lost_for_good([0.9, 0.6, 0.1, 0.0], [True] * 4)
+    0.5
+    """
+    seen, _ = _seen(overlap, scored)
+    if not seen.size:
+        return math.nan
+    tracked = np.flatnonzero(seen >= threshold)
+    return 1.0 - (float(tracked[-1]) + 1.0) / seen.size if tracked.size else 1.0
+
+
+def _seen(overlap: ArrayLike, scored: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Overlaps of the scored frames, and which these are."""
+    values, counted = _pair("scored", overlap, scored)
+    frames = np.flatnonzero(counted)
+    return values[frames], frames
+
+
+def _pair(name: str, overlap: ArrayLike, other: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    values, others = np.asarray(overlap, dtype=np.float64), np.asarray(other, dtype=np.float64)
+    if values.ndim != 1 or values.shape != others.shape:
+        raise ParameterError(f"overlap and {name} must have one number per frame, got {values.shape}, {others.shape}")
+    return values, others
+
+
+def _spans(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First and last index of every run of true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    for first, end in edges.reshape(-1, 2):
+        yield int(first), int(end) - 1

@@ -1,0 +1,163 @@
+"""People who come along the target's way and pass close by it at a given time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.errors import ParameterError
+from pftrack_sim.world.crowd.crossing import Xy, outside, within
+from pftrack_sim.world.crowd.ground import Ground
+from pftrack_sim.world.path import Path
+
+Array = NDArray[np.float64]
+
+NEAR_M = 2.0
+"""This near to the passing, along the way, the passer keeps its lane to the centimetre."""
+
+ROBOT_LANE_M = 1.0
+"""Past the target it keeps at least this far from the target's line: a robot may come along it."""
+
+_LIMIT_M_S = 2.4
+_START_S = 1.0
+_WALL_GAP_M = 0.34
+_LEAST_GAP_M = 0.22
+
+
+@dataclass(frozen=True)
+class Passing:
+    """What one passer does: it walks against the target's direction, beside the target's path.
+
+    Attributes:
+        at_s: When it is nearest to the target.
+        meets_at_m: Where the target then is, along its path.
+        left_m: Its place to the left of the path when it passes; negative is to the right.
+        speed_m_s: How fast it walks.
+    """
+
+    at_s: float
+    meets_at_m: float
+    left_m: float
+    speed_m_s: float
+
+
+def plan_passing(
+    at_s: float,
+    distance_m: float,
+    speed_m_s: float,
+    path: Path,
+    ground: Ground,
+    target_s_at: Callable[[float], float],
+    side: int,
+    name: str,
+) -> Passing:
+    """Choose the side on which there is room.
+
+    Args:
+        at_s: When it should be nearest to the target.
+        distance_m: How near.
+        speed_m_s: How fast it walks.
+        path: The target's.
+        ground: What stands where.
+        target_s_at: How far along its path the target is at a time.
+        side: Side that is preferred: 1 is left of the target's path, -1 right.
+        name: What to call it in an error.
+
+    Raises:
+        ParameterError: There is no room on either side.
+    """
+    meets = target_s_at(at_s)
+    along = np.linspace(meets - NEAR_M, meets + NEAR_M, 21)
+    x, y, heading = path.at(along)
+    rooms: dict[int, float] = {}
+    for one in (side, -side):
+        left = one * distance_m
+        lane = np.stack([x - left * np.sin(heading), y + left * np.cos(heading)], axis=1)
+        rooms[one] = float(ground.clearance_m(lane)[5:16].min())
+    best = max(rooms, key=lambda one: min(rooms[one], _WALL_GAP_M))
+    if rooms[best] < _LEAST_GAP_M:
+        raise ParameterError(
+            f"{name}: nobody can pass the target {distance_m:g} m away at {at_s:g} s: something stands there on both "
+            "sides; use another time or a smaller distance_m"
+        )
+    return Passing(at_s, meets, best * distance_m, speed_m_s)
+
+
+class Passers:
+    """The passers of one episode.
+
+    Args:
+        passings: What each one does.
+        path: The target's.
+        ground: What stands where.
+
+    Attributes:
+        state: `(4, K)` x, y [m] and velocity [m/s].
+        heading_rad: `(K,)` where they face.
+    """
+
+    def __init__(self, passings: Sequence[Passing], path: Path, ground: Ground) -> None:
+        self.passings = tuple(passings)
+        self._path = path
+        self._ground = ground
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to where they come from."""
+        count = len(self.passings)
+        self.state: Array = np.zeros((4, count))
+        self.heading_rad: Array = np.zeros(count)
+        for index, one in enumerate(self.passings):
+            s = self._s_m(one, 0.0)
+            _, _, heading = self._path.at(s)
+            x, y = self._ground.outside(self._lane(one, s), _WALL_GAP_M)
+            walked = (self._s_m(one, 0.0) - self._s_m(one, 1e-3)) / 1e-3
+            back = float(heading) + math.pi
+            self.heading_rad[index] = back
+            self.state[:, index] = (x, y, walked * math.cos(back), walked * math.sin(back))
+
+    def advance(
+        self, index: int, dt_s: float, time_s: float, here: Xy, target: Sequence[float], robot: Sequence[float]
+    ) -> tuple[Xy, bool]:
+        """Where a passer goes from `here` in one tick, and whether it is done with passing.
+
+        Args:
+            index: Which one.
+            dt_s: Length of the tick.
+            time_s: Time at its end.
+            here: Where it is.
+            target: x, y of the target.
+            robot: x, y of the robot.
+        """
+        one = self.passings[index]
+        s = self._s_m(one, time_s)
+        there = self._lane(one, s)
+        if abs(s - one.meets_at_m) > NEAR_M:
+            there = self._ground.outside(there, _WALL_GAP_M)
+            there = outside(there, target, abs(one.left_m))
+        there = outside(there, robot, 0.75)
+        done = s < one.meets_at_m - 6.0 or s < -2.0
+        return within(here, there, _LIMIT_M_S * dt_s), done
+
+    def _s_m(self, one: Passing, time_s: float) -> float:
+        """How far along the target's path, counted as the target does: it falls."""
+        reach = self._path.length_m - one.meets_at_m
+        whole_s = reach / one.speed_m_s + 0.5 * _START_S
+        begin_s = one.at_s - whole_s
+        if begin_s <= 0.0:
+            return one.meets_at_m + one.speed_m_s * (one.at_s - time_s)
+        # One whose way is longer than the path waits at the path's end, and sets off in a second.
+        since = max(time_s - begin_s, 0.0)
+        walked = since - 0.5 * _START_S if since > _START_S else 0.5 * since * since / _START_S
+        return self._path.length_m - one.speed_m_s * walked
+
+    def _lane(self, one: Passing, s_m: float) -> Xy:
+        x, y, heading = (float(v) for v in self._path.at(s_m))
+        past = min(max((one.meets_at_m - s_m - 0.5) / (NEAR_M - 0.5), 0.0), 1.0)
+        room = max(ROBOT_LANE_M - abs(one.left_m), 0.0) * past * past * (3.0 - 2.0 * past)
+        left = math.copysign(abs(one.left_m) + room, one.left_m)
+        return x - left * math.sin(heading), y + left * math.cos(heading)

@@ -1,0 +1,113 @@
+"""The distractors axis: so many pass, at their times, as near as asked, and as alike as asked."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.records import Frame
+from pftrack_sim.scenario.axes import DistractorsAxis
+from pftrack_sim.world import World
+
+BASE: dict[str, Any] = {"lights.shadows": False}
+
+
+def walk(name: str, until_s: float, seed: int = 3, **axis: Any) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names, and `(T, P, 2)` places of everyone at 30 Hz."""
+    keys = {f"axes.distractors.{key}": value for key, value in axis.items()}
+    world = World(scenario.load(name, {**BASE, **keys}).resolve(seed), seed)
+    places = [world.root_poses()[:, :2, 3]]
+    for _ in range(round(until_s * 30.0)):
+        world.advance()
+        places.append(world.root_poses()[:, :2, 3])
+    return world.people, np.array(places)
+
+
+@pytest.mark.parametrize("distance_m", [0.6, 1.1])
+@pytest.mark.parametrize("name", scenario.names())
+def test_they_pass_at_their_time_and_distance(name: str, distance_m: float):
+    axis = DistractorsAxis(severity=1.0, count=2, at_s=2.5, every_s=2.5, distance_m=distance_m)
+    names, places = walk(name, 6.0, **axis.model_dump())
+    passers = [index for index, person in enumerate(names) if person.startswith("passer")]
+    assert len(passers) == 2
+    for person, at_s in zip(passers, axis.passings_s, strict=True):
+        apart = np.hypot(*(places[:, person] - places[:, 0]).T)
+        assert apart.min() == pytest.approx(distance_m, abs=0.15)
+        assert apart.argmin() / 30.0 == pytest.approx(at_s, abs=0.25)
+
+
+def test_they_are_seen_as_they_pass():
+    keys = {"axes.distractors.count": 1, "axes.distractors.at_s": 2.0, "distractors.count": 0, "occluders": []}
+    small = {"camera.width_px": 160, "camera.height_px": 120}
+    for name in scenario.names():
+        with Simulation(scenario.load(name, {**BASE, **small, **keys})) as simulation:
+            simulation.reset(3)
+            for _ in range(59):
+                simulation.world.advance()
+            people = {one.name: one for one in simulation.advance().people}
+        assert people["passer-1"].visible_fraction > 0.3
+        assert people["target"].visible_fraction > 0.7
+
+
+def test_severity_counts_people():
+    for severity, count in ((0.0, 0), (0.5, 1), (1.0, 2), (2.0, 4)):
+        assert len(DistractorsAxis(severity=severity).passings_s) == count
+
+
+def histogram(image: np.ndarray) -> np.ndarray:
+    """Joint RGB histogram, of sum 1."""
+    counts, _ = np.histogramdd(image.reshape(-1, 3), bins=(6, 6, 6), range=[(0, 256)] * 3)
+    return counts.ravel() / counts.sum()
+
+
+def clothes(frame: Frame, name: str) -> np.ndarray:
+    """`(h, w, 3)` pixels of the middle of a person's visible box: trunk and legs, and hardly anything behind them."""
+    x, y, w, h = next(one.visible_box for one in frame.people if one.name == name)
+    rows = slice(int(y + 0.2 * h), int(y + 0.75 * h))
+    return frame.image[rows, round(x + 0.35 * w) : round(x + 0.65 * w)]
+
+
+def test_likeness_of_the_rendered_clothes_grows_with_the_request():
+    means = []
+    for similarity in (0.0, 0.35, 0.7, 1.0):
+        found = []
+        for seed in (1, 2, 3, 4):
+            found.append(likeness(similarity, seed))
+        means.append(float(np.mean(found)))
+    assert (np.diff(means) > 0.03).all(), means
+    assert means[0] < 0.55
+    assert means[-1] > 0.8
+
+
+def likeness(similarity: float, seed: int) -> float:
+    """Bhattacharyya coefficient of what is drawn of the passer and of the target when they are abreast."""
+    keys: dict[str, Any] = {
+        "axes.distractors.count": 1,
+        "axes.distractors.at_s": 0.7,
+        "axes.distractors.similarity": similarity,
+        "distractors.count": 0,
+        "occluders": [],
+        "camera.width_px": 320,
+        "camera.height_px": 240,
+    }
+    with Simulation(scenario.load("plaza-walk", {**BASE, **keys})) as simulation:
+        simulation.reset(seed)
+        for _ in range(19):
+            simulation.world.advance()
+        frame = simulation.advance()
+    drawn = [clothes(frame, name) for name in ("target", "passer-1")]
+    assert min(one.size for one in drawn) > 900
+    return float(np.sqrt(histogram(drawn[0]) * histogram(drawn[1])).sum())
+
+
+def test_the_target_does_not_notice_and_everyone_starts_where_they_did():
+    names, without = walk("plaza-walk", 2.0, severity=0.0)
+    more, together = walk("plaza-walk", 2.0, count=2, at_s=3.0)
+    assert more[: len(names)] == names
+    assert np.array_equal(without[:, 0], together[:, 0])
+    assert np.array_equal(without[0], together[0, : len(names)])
+    # People feel each other faintly from afar: those whom nobody meets walk on as before, but not to the bit.
+    moved = np.hypot(*(together[:, : len(names)] - without).T).max(axis=1)
+    assert np.median(moved) < 0.01

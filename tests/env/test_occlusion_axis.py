@@ -1,0 +1,116 @@
+"""The occlusion axis: a cover asked for is in the truth of the frames, in every scenario, at its time and as long."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.records import Truth
+from pftrack_sim.scenario.axes import OcclusionAxis
+
+AT_S, RATE_HZ, FRAMES = 2.6, 30.0, 2
+CLEAR: dict[str, Any] = {
+    "camera.width_px": 240,
+    "camera.height_px": 180,
+    "lights.shadows": False,
+    "distractors.count": 0,
+    "occluders": [],
+    "jitter.angular_rms_deg": 0.0,
+    "jitter.translational_rms_mm": 0.0,
+}
+NEXT_TO_PILLARS_AT_S = 3.2
+"""In the warehouse: the pillars of the place are not in the line of sight around this time."""
+
+
+def truths(name: str, until_s: float, seed: int = 3, from_s: float = 0.0, **axis: Any) -> list[Truth]:
+    """Truth of the target from a time on; before it only the world moves."""
+    keys = {f"axes.occlusion.{key}": value for key, value in axis.items()}
+    with Simulation(scenario.load(name, {**CLEAR, **keys})) as simulation:
+        seen = [simulation.reset(seed).truth]
+        for _ in range(round(from_s * RATE_HZ) - 1):
+            simulation.world.advance()
+        return seen + [simulation.advance().truth for _ in range(round((until_s - from_s) * RATE_HZ))]
+
+
+def assert_as_asked(fraction: np.ndarray, from_s: float, spans_s: tuple[tuple[float, float], ...], share: float):
+    """Half way down and half way up within two frames of the request, the share asked for in between, nothing else."""
+    times = from_s + np.arange(1, len(fraction)) / RATE_HZ
+    fraction = fraction[1:]
+    covered = fraction < 1.0 - 0.5 * share
+    ramp_s = 0.35
+    clear = np.ones(len(times), dtype=bool)
+    for begin_s, length_s in spans_s:
+        asked = (times >= begin_s) & (times < begin_s + length_s)
+        wide = (times >= begin_s - ramp_s) & (times < begin_s + length_s + ramp_s)
+        hidden = times[covered & wide]
+        assert hidden[0] == pytest.approx(begin_s, abs=(FRAMES + 0.5) / RATE_HZ)
+        assert hidden[-1] == pytest.approx(begin_s + length_s - 1.0 / RATE_HZ, abs=(FRAMES + 0.5) / RATE_HZ)
+        assert len(hidden) == pytest.approx(asked.sum(), abs=2 * FRAMES)
+        inner = (times >= begin_s + ramp_s) & (times < begin_s + length_s - ramp_s)
+        assert np.abs(fraction[inner] - (1.0 - share)).max() <= 0.1
+        clear &= ~wide
+    assert (fraction[clear] > 0.9).all()
+
+
+@pytest.mark.parametrize("kind", ["pillar", "wall", "stranger", "lookalike"])
+@pytest.mark.parametrize("name", scenario.names())
+def test_a_cover_means_the_same_in_every_scenario(name: str, kind: str):
+    at_s = NEXT_TO_PILLARS_AT_S if name == "warehouse" else AT_S
+    share = 0.5 if kind == "wall" else 1.0
+    seen = truths(name, at_s + 1.5, from_s=at_s - 0.5, kind=kind, at_s=at_s, share=share)
+    assert_as_asked(np.array([one.visible_fraction for one in seen]), at_s - 0.5, ((at_s, 1.0),), share)
+    middle = seen[round(1.0 * RATE_HZ)]
+    assert middle.occluders[0] == {"pillar": "cabinet-1", "wall": "cart-1"}.get(kind, "crosser-1")
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_low_cart_covers_the_share_asked_for(share: float):
+    seen = truths("corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", at_s=AT_S, share=share)
+    assert_as_asked(np.array([one.visible_fraction for one in seen]), AT_S - 0.4, ((AT_S, 1.0),), share)
+
+
+def test_severity_stretches_the_cover_and_several_come_one_after_the_other():
+    axis = OcclusionAxis(severity=1.6, duration_s=0.5, count=2, gap_s=1.2, at_s=2.4)
+    assert axis.spans_s == ((2.4, 0.8), (2.4 + 0.8 + 1.2, 0.8))
+    given = axis.model_dump()
+    seen = truths("plaza-walk", 5.8, from_s=1.9, **given)
+    assert_as_asked(np.array([one.visible_fraction for one in seen]), 1.9, axis.spans_s, 1.0)
+    assert {one.occluders[0] for one in seen if one.visible_fraction < 0.2} == {"cabinet-1", "cabinet-2"}
+
+
+def test_back_to_back_one_cover_begins_as_the_other_ends():
+    seen = truths("corridor", 4.4, from_s=1.8, count=2, gap_s=0.0, duration_s=0.8, at_s=2.4)
+    fraction = np.array([one.visible_fraction for one in seen])
+    times = 1.8 + np.arange(len(fraction)) / RATE_HZ
+    hidden = times[fraction < 0.5]
+    assert hidden[0] == pytest.approx(2.4, abs=(FRAMES + 0.5) / RATE_HZ)
+    assert hidden[-1] == pytest.approx(4.0 - 1.0 / RATE_HZ, abs=(FRAMES + 0.5) / RATE_HZ)
+    # Both edges are on the target's centre line at once: at no time is much of it to be seen.
+    assert fraction[(times > 2.75) & (times < 3.65)].max() < 0.5
+
+
+def test_none_at_all_is_the_base_to_the_bit():
+    base = truths("plaza-walk", 0.3)
+    for axis in ({"count": 0}, {"severity": 0.0, "kind": "stranger"}):
+        assert truths("plaza-walk", 0.3, **axis) == base
+
+
+@pytest.mark.parametrize(
+    "route",
+    [
+        {"kind": "still", "start_m": [7.0, -5.0], "heading_deg": 90.0},
+        {"kind": "waypoints", "points_m": [[3.0, -4.0], [20.0, -4.0]], "speed_m_s": 1.0},
+        {"kind": "beside", "distance_m": 3.0, "side": "left", "lead_m": -0.5},
+    ],
+    ids=lambda route: route["kind"],
+)
+def test_a_cover_means_the_same_on_every_route(route: dict[str, Any]):
+    keys = {"robot.route": route, "place.clutter": 0.0, "axes.occlusion.kind": "pillar", "axes.occlusion.at_s": AT_S}
+    with Simulation(scenario.load("plaza-walk", {**CLEAR, **keys})) as simulation:
+        simulation.reset(3)
+        for _ in range(round((AT_S - 0.5) * RATE_HZ)):
+            simulation.world.advance()
+        fraction = np.array([1.0] + [simulation.advance().truth.visible_fraction for _ in range(60)])
+    assert_as_asked(fraction, AT_S - 0.5, ((AT_S, 1.0),), 1.0)

@@ -1,0 +1,56 @@
+"""A small run, made once; and a browser."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import pytest
+from report_stage import HOSTILE
+
+from pftrack_sim.bench import make_plan, run
+
+SMALL = {"duration_s": 0.8, "camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "occluders": []}
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two trackers, two scenarios, two levels of an axis, two seeds; every episode filmed."""
+    path = tmp_path_factory.mktemp("report") / "run"
+    plan = make_plan(["corridor", "plaza-walk"], ["oracle", "stay"], [0, 1], axes={"jitter": [0, 2]}, overrides=SMALL)
+    run(plan, path, videos="all", workers=0)
+    return path
+
+
+@pytest.fixture
+def hostile(finished: Path, tmp_path: Path) -> Path:
+    """The same run by a tracker whose name is a script."""
+    path = tmp_path / "run"
+    shutil.copytree(finished, path)
+    changed = path / "changed.parquet"
+    for file in [path / "summary.parquet", *(path / "episodes").rglob("*.parquet")]:
+        duckdb.execute(
+            f"COPY (SELECT * REPLACE (CASE tracker WHEN 'stay' THEN $name ELSE tracker END AS tracker) FROM '{file}') "
+            f"TO '{changed}' (FORMAT parquet)",
+            {"name": HOSTILE},
+        )
+        changed.replace(file)
+    return path
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Debian's Chromium, without a network."""
+    found = next(
+        (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+    )
+    if found is None:
+        pytest.skip("no Chromium here: install Debian's package chromium")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        options = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update"]
+        browser = playwright.chromium.launch(executable_path=found, args=options)
+        yield browser
+        browser.close()

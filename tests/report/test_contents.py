@@ -1,0 +1,108 @@
+"""What the page is told agrees with the run folder."""
+
+import base64
+import json
+import shutil
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pytest
+from report_stage import HOSTILE
+
+from pftrack_sim import report, score
+from pftrack_sim.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.report.contents import axis_of, contents
+from pftrack_sim.report.data import read_run
+
+
+def test_rows_and_curves_are_those_of_the_folder(finished: Path):
+    told = contents(read_run(finished))
+    assert told["trackers"] == ["oracle", "stay"]
+    assert told["scenarios"] == ["corridor", "plaza-walk"]
+    assert told["conditions"] == ["jitter=0", "jitter=2"]
+    assert len(told["rows"]) == 16
+    assert len(told["episodes"]) == 8
+    summary = duckdb.sql(f"SELECT tracker, mean_overlap FROM '{finished}/summary.parquet'").fetchall()
+    column = 2 + [name for name, _ in told["measures"]].index("mean_overlap")
+    assert [row[column] for row in told["rows"]] == pytest.approx([value for _, value in summary], abs=1e-6)
+    for tracker, _, _, frames, success, precision in told["curves"]:
+        assert len(success) == score.SUCCESS_THRESHOLDS.size
+        assert len(precision) == score.PRECISION_THRESHOLDS_PX.size
+        if tracker == 0:
+            assert success == [frames] * 20 + [0]
+            assert precision == [frames] * 51
+    packed = np.frombuffer(base64.b64decode(told["episodes"][0]["overlap"][0]), np.uint8)
+    assert (packed[1:] == 250).all()
+    json.dumps(told, allow_nan=False)
+
+
+def test_axes_are_told_in_their_own_unit():
+    severe = axis_of("jitter=2")
+    assert severe is not None
+    assert severe["label"] == "jitter [deg RMS]"
+    assert severe["x"] == pytest.approx(2 * np.hypot(0.2, 0.3))
+    assert axis_of("jitter=0")["x"] == 0.0  # type: ignore[index]
+    assert axis_of("jitter.wind_rms_deg=0.5") == {
+        "axis": "jitter.wind_rms_deg",
+        "level": 0.5,
+        "x": 0.5,
+        "label": "jitter.wind_rms_deg",
+    }
+    assert axis_of("base") is axis_of("jitter=1,light=1") is axis_of("who=1") is None
+
+
+def test_the_matrix_is_paired_by_seed(finished: Path):
+    matrix = contents(read_run(finished))["matrix"]
+    (pair,) = matrix["pairs"]
+    assert (pair["one"], pair["other"], pair["seeds"]) == (0, 1, 2)
+    assert pair["difference"] > 0
+    assert matrix["wins"] == [[0, 0], [0, 0]]  # two seeds prove nothing
+
+
+def test_no_name_ends_the_script_or_becomes_markup(hostile: Path):
+    page = report.write_report(hostile).read_text()
+    assert HOSTILE not in page
+    data = page.split('id="data">')[1].split("</script>")[0]
+    assert json.loads(data)["trackers"] == ["oracle", HOSTILE]
+
+
+def test_an_unfinished_run_is_reported_as_far_as_it_goes(finished: Path, tmp_path: Path):
+    path = tmp_path / "run"
+    shutil.copytree(finished, path)
+    (path / "summary.parquet").unlink()
+    next((path / "episodes").rglob("*.parquet")).unlink()
+    assert len(contents(read_run(path))["episodes"]) == 7
+    report.write_report(path)
+
+
+def test_what_is_no_run_folder_is_told(tmp_path: Path):
+    for path in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(RunError, match="is not a run folder"):
+            report.write_report(path)
+
+
+def test_a_summary_cannot_name_files_elsewhere(finished: Path, tmp_path: Path):
+    path = tmp_path / "run"
+    shutil.copytree(finished, path)
+    duckdb.execute(
+        f"COPY (SELECT * REPLACE ('../../etc/passwd' AS file) FROM '{finished}/summary.parquet') "
+        f"TO '{path}/summary.parquet' (FORMAT parquet)"
+    )
+    with pytest.raises(RunError, match="outside the run folder"):
+        report.write_report(path)
+
+
+@pytest.mark.parametrize("name", ["success.pdf", "precision.svg", "axis.png"])
+def test_figures_for_papers(finished: Path, tmp_path: Path, name: str):
+    target = report.write_figure(finished, tmp_path / "figures" / name)
+    head = target.read_bytes()[:8]
+    assert head.startswith({"pdf": b"%PDF", "svg": b"<?xml", "png": b"\x89PNG"}[name[-3:]])
+    assert [path.name for path in target.parent.iterdir()] == [name]
+
+
+def test_unknown_figures_are_told(finished: Path, tmp_path: Path):
+    with pytest.raises(UnknownNameError, match="did you mean 'success'"):
+        report.write_figure(finished, tmp_path / "succes.pdf")
+    with pytest.raises(ParameterError, match=r"\.pdf, \.svg or \.png"):
+        report.write_figure(finished, tmp_path / "success.gif")

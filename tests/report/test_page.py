@@ -1,0 +1,97 @@
+"""The page in a real browser, opened from disk."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from report_stage import HOSTILE
+
+from pftrack_sim import report
+
+CENTRE_OF_FRAME = """frame => {
+    const plot = document.getElementById('overlap'), box = plot.getBoundingClientRect(), full = plot._fullLayout;
+    const y = plot.data[0].y[frame];
+    return [box.x + full.xaxis._offset + full.xaxis.l2p(frame), box.y + full.yaxis._offset + full.yaxis.l2p(y)];
+}"""
+
+
+@pytest.fixture
+def opened(browser: Any, finished: Path) -> Iterator[Any]:
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.complaints = []
+    page.on("console", lambda message: page.complaints.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.goto(report.write_report(finished).as_uri())
+    page.wait_for_selector("body[data-ready=yes]")
+    yield page
+    assert page.complaints == []
+    page.close()
+
+
+def board(page: Any) -> dict[str, list[str]]:
+    rows = page.locator("#board tbody tr").all()
+    return {row.locator("th").inner_text(): row.locator("td").all_inner_texts() for row in rows}
+
+
+def test_it_opens_from_disk_and_ranks(opened: Any):
+    assert list(board(opened)) == ["oracle", "stay"]
+    assert board(opened)["oracle"][1].startswith("1.000")
+    assert opened.locator("#success .legendtext").count() == 2
+    assert opened.locator("#axes .plot").count() == 1
+    assert opened.locator(".strip img").count() >= 5
+
+
+def test_filters_change_the_board(opened: Any):
+    everywhere = board(opened)["stay"][1]
+    opened.select_option("#filter-scenario", label="corridor")
+    assert board(opened)["stay"][1] != everywhere
+    opened.get_by_label("oracle").uncheck()
+    assert list(board(opened)) == ["stay"]
+    opened.select_option("#filter-condition", label="jitter=2")
+    assert board(opened)["stay"][0] == "2"
+
+
+def test_a_click_on_the_curve_seeks_the_video_and_keys_step(opened: Any):
+    opened.wait_for_function("document.getElementById('video').readyState >= 1")
+    opened.locator("#overlap").scroll_into_view_if_needed()
+    rate = 30.0
+    x, y = opened.evaluate(CENTRE_OF_FRAME, 12)
+    opened.mouse.click(x, y)
+    opened.wait_for_function(f"Math.abs(document.getElementById('video').currentTime - 12.5 / {rate}) < 0.5 / {rate}")
+    opened.locator("#viewer").focus()
+    opened.keyboard.press("ArrowRight")
+    opened.wait_for_function(f"Math.abs(document.getElementById('video').currentTime - 13.5 / {rate}) < 0.5 / {rate}")
+    opened.keyboard.press("ArrowLeft")
+    opened.keyboard.press("ArrowLeft")
+    opened.wait_for_function(f"Math.abs(document.getElementById('video').currentTime - 11.5 / {rate}) < 0.5 / {rate}")
+
+
+def test_a_name_that_is_a_script_stays_text(browser: Any, hostile: Path):
+    page = browser.new_page()
+    page.goto(report.write_report(hostile).as_uri())
+    page.wait_for_selector("body[data-ready=yes]")
+    assert page.title() != "taken"
+    assert HOSTILE in board(page)
+    assert HOSTILE in page.locator("#success .legendtext").all_text_contents()
+    assert page.locator("img[src=x]").count() == 0
+    page.close()
+
+
+def test_everything_can_be_reached_by_keyboard(opened: Any):
+    reached = set()
+    for _ in range(90):  # Plotly has buttons of its own
+        opened.keyboard.press("Tab")
+        reached.add(opened.evaluate("document.activeElement.id || document.activeElement.type"))
+    assert {"checkbox", "filter-scenario", "filter-condition", "episode", "viewer"} <= reached
+
+
+def test_nothing_is_fetched_from_elsewhere(browser: Any, finished: Path):
+    page = browser.new_page()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(report.write_report(finished).as_uri())
+    page.wait_for_selector("body[data-ready=yes]")
+    page.wait_for_timeout(500)
+    assert all(url.startswith(("file:", "data:", "blob:")) for url in asked)
+    page.close()

@@ -1,0 +1,63 @@
+"""What happens over time, by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pftrack_sim import score
+from pftrack_sim.errors import ParameterError
+
+
+def test_a_long_absence_is_one_failure_and_unseen_frames_are_none():
+    overlap = [0.9, 0.0, 0.0, 0.3, 0.0, 0.2]
+    assert score.failures(overlap, [True] * 6) == 2
+    assert score.failures(overlap, [True, False, False, True, True, True]) == 1
+    assert score.failures([0.0, 0.0], [True, True]) == 0
+
+
+def test_recovery_is_measured_from_the_end_of_each_occlusion():
+    #            0    1    2    3    4    5    6    7    8    9
+    visible = [1.0, 0.3, 0.0, 1.0, 1.0, 1.0, 0.1, 1.0, 1.0, 0.0]
+    overlap = [0.9, 0.6, 0.0, 0.1, 0.2, 0.7, 0.0, 0.1, 0.4, 0.0]
+    first, second = score.recoveries(overlap, visible, rate_hz=10.0)
+    assert (first.first, first.last, first.after_s, first.watched_s) == (1, 2, 0.2, 0.3)
+    assert (second.first, second.last, second.after_s, second.watched_s) == (6, 6, math.inf, 0.2)
+
+
+def test_held_through_an_occlusion_is_recovery_at_once():
+    (only,) = score.recoveries([0.8] * 5, [1, 0, 0, 1, 1], rate_hz=25.0)
+    assert only.after_s == 0.0
+
+
+@given(st.lists(st.floats(0, 1), max_size=40))
+def test_occlusions_cover_exactly_the_covered_frames(visible: list[float]):
+    inside = {frame for first, last in score.occlusions(visible) for frame in range(first, last + 1)}
+    assert inside == {index for index, value in enumerate(visible) if value < 0.5}
+
+
+def test_drift_is_the_slope_until_the_first_failure():
+    rate = 25.0
+    frames = np.arange(50)
+    error = 0.02 + 0.3 * frames / rate
+    overlap = np.where(frames < 40, 0.7, 0.0)
+    scored = frames % 3 > 0
+    assert score.drift_per_second(error, overlap, scored, rate) == pytest.approx(0.3)
+    assert math.isnan(score.drift_per_second([0.1, 0.2], [1, 1], [True, True], rate))
+
+
+@pytest.mark.parametrize(
+    ("overlap", "share"), [([0.9, 0.9], 0.0), ([0.1, 0.1], 1.0), ([0.9, 0.1, 0.9, 0.2, 0.3], 0.4), ([], math.nan)]
+)
+def test_share_lost_for_good(overlap: list[float], share: float):
+    assert score.share_lost_for_good(overlap, [True] * len(overlap)) == pytest.approx(share, nan_ok=True)
+
+
+def test_lengths_must_agree():
+    for call in (score.failures, score.share_lost_for_good):
+        with pytest.raises(ParameterError, match="per frame"):
+            call([0.1, 0.2], [True])
+    with pytest.raises(ParameterError, match="per frame"):
+        score.recoveries([0.1, 0.2], [1.0], 25.0)

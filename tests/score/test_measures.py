@@ -1,0 +1,56 @@
+"""One row per episode, from the frames."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from pftrack_sim import score
+from pftrack_sim.errors import ParameterError
+
+TRUTH = np.tile([10.0, 10.0, 20.0, 40.0], (8, 1))
+SAID = TRUTH + np.array([0, 0, 2, 4, 100, 100, 5, 2])[:, None] * [1, 0, 0, 0]
+VISIBLE = [1.0, 1.0, 1.0, 0.2, 0.0, 0.9, 1.0, 1.0]
+SCORED = np.array(VISIBLE) > 0.0
+MS = [50.0, 1, 2, 3, 4, 5, 6, 7]
+
+
+def row() -> score.Measures:
+    return score.measure(score.frame_scores(SAID, TRUTH), SCORED, VISIBLE, MS, rate_hz=10.0)
+
+
+def test_everything_agrees_with_the_parts():
+    overlap = score.overlaps(SAID, TRUTH)
+    counted = np.array([False, True, True, True, False, True, True, True])
+    got = row()
+    assert got.frames == 6
+    assert got.mean_overlap == pytest.approx(overlap[counted].mean())
+    assert got.auc == score.area_under_success(overlap[counted])
+    assert (got.sr_50, got.sr_75) == (5 / 6, 3 / 6)
+    assert got.failures == 1
+    assert (got.occlusions, got.recovered, got.recovery_s) == (1, 1.0, pytest.approx(0.1))
+    assert got.lost_for_good == 0.0
+    assert got.drift_per_s == pytest.approx(1.0)  # 0, 2 and 4 px of 20 in tenths of a second
+    assert got.ms_median == 4.0
+    assert got.ms_p95 == pytest.approx(np.percentile(MS[1:], 95))
+
+
+def test_a_tracker_that_never_answers():
+    got = score.measure(score.frame_scores(np.full_like(SAID, math.nan), TRUTH), SCORED, VISIBLE, MS, 10.0)
+    assert (got.mean_overlap, got.auc, got.normalised_precision, got.lost_for_good) == (0.0, 0.0, 0.0, 1.0)
+    assert (got.recovered, got.failures) == (0.0, 0)
+    assert math.isnan(got.recovery_s)
+    assert math.isnan(got.drift_per_s)
+
+
+def test_nothing_to_see_is_nan_and_a_row_all_the_same():
+    got = score.measure(score.frame_scores(SAID, TRUTH), [False] * 8, [0.0] * 8, MS, 10.0)
+    assert got.frames == 0
+    assert math.isnan(got.mean_overlap)
+    assert set(got.as_dict()) == {field.name for field in dataclasses.fields(score.Measures)}
+
+
+def test_a_rate_must_be_positive():
+    with pytest.raises(ParameterError, match="rate_hz"):
+        score.measure(score.frame_scores(SAID, TRUTH), SCORED, VISIBLE, MS, 0.0)

@@ -1,0 +1,86 @@
+"""The incremental subspace against a full decomposition of the same window."""
+
+import numpy as np
+import pytest
+
+from pftrack_sim.trackers.appearance.subspace import SlidingSubspace, residuals
+
+
+def stream(kind: str, dimension: int, count: int, seed: int = 0) -> np.ndarray:
+    """`(count, dimension)` vectors like those a tracker sees."""
+    rng = np.random.default_rng(seed)
+    if kind == "random":
+        return rng.standard_normal((count, dimension))
+    if kind == "histograms":  # alike, summing to 1, drifting: one direction holds nearly everything
+        drift = np.cumsum(0.05 * rng.standard_normal((count, dimension)), axis=0)
+        raw = np.exp(rng.standard_normal(dimension) + drift)
+        return raw / raw.sum(axis=1, keepdims=True)
+    low = rng.standard_normal((3, dimension))  # "flat": of rank three
+    return rng.standard_normal((count, 3)) @ low
+
+
+def sine_of_largest_angle(first: np.ndarray, second: np.ndarray) -> float:
+    """Of the principal angles between two orthonormal bases; accurate for small ones, as a cosine is not."""
+    assert first.shape == second.shape
+    return float(np.linalg.svd(first - second @ (second.T @ first), compute_uv=False)[0])
+
+
+@pytest.mark.parametrize("kind", ["random", "histograms"])
+@pytest.mark.parametrize("dimension", [192, 256, 60])
+def test_it_is_the_full_decomposition_of_the_window(kind: str, dimension: int):
+    """While the window slides on, so that the oldest is dropped every time."""
+    window, seen = 40, stream(kind, dimension, 160)
+    subspace = SlidingSubspace(seen[:window].T)
+    for last in range(window, len(seen)):
+        u, s, _ = np.linalg.svd(seen[last - window : last].T, full_matrices=False)
+        for count in (1, 5, 10, 40):
+            assert sine_of_largest_angle(subspace.basis(count), u[:, :count]) < 1e-6
+        assert np.allclose(subspace.singular_values, s, rtol=0, atol=1e-10 * s[0])
+        subspace.slide(seen[last])
+
+
+def test_it_stays_exact_over_thousands_of_frames():
+    window, seen = 40, stream("histograms", 192, 3000)
+    subspace = SlidingSubspace(seen[:window].T)
+    for vector in seen[window:]:
+        subspace.slide(vector)
+    u = np.linalg.svd(seen[-window:].T, full_matrices=False)[0]
+    basis = subspace.basis(window)
+    assert np.allclose(basis.T @ basis, np.eye(window), rtol=0, atol=1e-11)
+    assert sine_of_largest_angle(subspace.basis(10), u[:, :10]) < 1e-6
+
+
+def test_what_was_dropped_is_forgotten():
+    seen = stream("random", 50, 9)
+    subspace = SlidingSubspace(seen[:4].T)
+    for vector in seen[4:]:
+        subspace.slide(vector)
+    assert np.allclose(residuals(seen[5:], subspace.basis(4)), 0, rtol=0, atol=1e-12)
+    assert (residuals(seen[:5], subspace.basis(4)) > 1).all()
+
+
+def test_vectors_that_say_nothing_new_add_no_direction():
+    """Of rank three, and then the same vector for ever: as when a still target is watched."""
+    seen = stream("flat", 80, 60)
+    subspace = SlidingSubspace(seen[:20].T)
+    for vector in seen[20:]:
+        subspace.slide(vector)
+        assert subspace.basis(99).shape == (80, 3)
+    for _ in range(25):
+        subspace.slide(seen[0])
+    assert subspace.basis(99).shape == (80, 1)
+    assert residuals(seen[:1], subspace.basis(1))[0] < 1e-10
+
+
+def test_nothing_but_zeros_is_a_window_too():
+    subspace = SlidingSubspace(np.zeros((6, 4)))
+    subspace.slide(np.zeros(6))
+    assert subspace.basis(3).shape == (6, 0)
+    subspace.slide(np.array([0.0, 2, 0, 0, 0, 0]))
+    assert np.allclose(np.abs(subspace.basis(3)[:, 0]), [0, 1, 0, 0, 0, 0], rtol=0, atol=1e-12)
+    assert subspace.singular_values.tolist() == pytest.approx([2.0])
+
+
+def test_residuals_by_hand():
+    basis = np.eye(4)[:, :2]
+    assert residuals(np.array([[5.0, 7, 3, 4], [1, 1, 0, 0]]), basis).tolist() == [5.0, 0.0]
