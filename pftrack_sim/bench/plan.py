@@ -179,11 +179,12 @@ class Plan(Section):
 
     @cached_property
     def frame_count(self) -> int:
-        """Frames that will be drawn. Where a scenario's length is a range, as many as its first seed has."""
+        """Frames that will be drawn. Where many seeds have different lengths, as many as the first has."""
         total = 0
         for batch, scenario, _ in self._settings():
             camera = scenario.tree.get("camera", {})
             varies = is_range(scenario.tree.get("duration_s")) or is_range(camera.get("rate_hz"))
+            varies = varies or scenario.resolve(batch.seeds[0]).axes.stream.on
             counted = batch.seeds if varies and len(batch.seeds) <= 100 else batch.seeds[:1]
             frames = sum(scenario.frame_count(seed) for seed in counted)
             total += frames * len(batch.seeds) // len(counted)

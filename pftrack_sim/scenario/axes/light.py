@@ -33,8 +33,8 @@ class LightAxis(Axis):
         "frequencies stay; -1 EV halves the luminance of everything that the light falls on, the sky included"
     )
     source: ClassVar[str] = (
-        "Ko, Nam & Kwak 2012, table 2 (light and colour change); Lee & Kang 2012, section 4 (sudden changes); IEC "
-        "TR 61547-1 (flicker depth); Kim et al. 2002, US 7024034 (Planckian locus)"
+        "Ko, Nam & Kwak 2012, table 2 (light and colour change); Lee et al. 2012 (sudden changes at night); IEEE "
+        "1789-2015 (flicker depth); Kim et al. 2002, US 7024034 (Planckian locus)"
     )
 
     parts: Annotated[tuple[Part, ...], Field(min_length=1)] = Field(

@@ -17,9 +17,11 @@ class NoiseAxis(Axis):
     unit: ClassVar[str] = "x analogue gain"
     law: ClassVar[str] = (
         "gain and read noise are multiplied by the severity; a white pixel is full_well_e / gain electrons, their "
-        "number is Poisson, read noise [e-] is added, and the sum is clipped, display-coded and rounded"
+        "number is Poisson, read noise in electrons is added, and the sum is clipped, display-coded and rounded"
     )
-    source: ClassVar[str] = "EMVA Standard 1288, release 4.0, section 2; typical values: 1/3-inch CMOS at ISO 400"
+    source: ClassVar[str] = (
+        "EMVA Standard 1288, release 4.0, section 2; typical values are round numbers for a small CMOS"
+    )
 
     full_well_e: Positive = Field(default=10000.0, description="Electrons of a white pixel at gain 1.")
     read_noise_e: NotNegative = Field(default=6.0, description="Standard deviation of what reading out adds [e-].")
