@@ -1,0 +1,69 @@
+"""Every axis leaves the base untouched at severity 0, and all of them work together."""
+
+import hashlib
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import boxes, scenario
+from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.records import Frame
+from pftrack_sim.scenario.axes import axes_by_name
+
+SMALL: dict[str, Any] = {"camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "duration_s": 1.2}
+AXES = list(axes_by_name())
+
+
+def frames(name: str, overrides: dict[str, Any], seed: int = 5) -> list[Frame]:
+    with Simulation(scenario.load(name, {**SMALL, **overrides})) as simulation:
+        shown = [simulation.reset(seed)]
+        shown += [simulation.advance() for _ in range(simulation.frame_count - 1)]
+    return shown
+
+
+def digest(shown: list[Frame]) -> str:
+    return hashlib.sha256(b"".join(frame.image.tobytes() for frame in shown)).hexdigest()
+
+
+def assert_same(one: list[Frame], other: list[Frame]) -> None:
+    assert digest(one) == digest(other)
+    assert [frame.people for frame in one] == [frame.people for frame in other]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["plaza-walk", "corridor", "warehouse", "street-night"])
+def test_severity_zero_of_all_axes_is_the_base_to_the_bit(name: str):
+    assert_same(frames(name, {f"axes.{axis}.severity": 0.0 for axis in AXES}), frames(name, {}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", AXES)
+def test_severity_zero_is_the_base_whatever_the_parameters(axis: str):
+    kind = axes_by_name()[axis]
+    headline = kind.headline
+    # Some headlines are worked out from several parameters.
+    given = {f"axes.{axis}.{headline}": getattr(kind(), headline)} if headline in kind.model_fields else {}
+    assert_same(frames("corridor", {**given, f"axes.{axis}.severity": 0.0}), frames("corridor", {}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["plaza-walk", "warehouse"])
+def test_all_axes_at_severity_two_at_once(name: str):
+    shown = frames(name, {**{f"axes.{axis}.severity": 2.0 for axis in AXES}, "duration_s": 3.0})
+    assert len(shown) > 5
+    times = [frame.time_s for frame in shown]
+    assert times == sorted(set(times))
+    for frame in shown:
+        for truth in frame.people:
+            assert 0.0 <= truth.visible_fraction <= 1.0
+            assert truth.time_s == frame.time_s
+            if truth.state == "visible":
+                assert np.isfinite(truth.visible_box).all()
+                assert boxes.area(truth.visible_box) > 0
+                inside = truth.visible_box[:2] >= truth.amodal_box[:2] - 1.5
+                reach = truth.visible_box[:2] + truth.visible_box[2:]
+                assert inside.all()
+                assert (reach <= truth.amodal_box[:2] + truth.amodal_box[2:] + 1.5).all()
+    again = frames(name, {**{f"axes.{axis}.severity": 2.0 for axis in AXES}, "duration_s": 3.0})
+    assert_same(shown, again)
