@@ -24,6 +24,9 @@ Map = NDArray[np.float32]
 Light = NDArray[np.unsignedinteger[Any]]
 """Display-coded, 8 bits, or linear, 16 bits."""
 
+_LOWEST_M = 0.1
+"""A camera below this height sees no ground."""
+
 CELL_PX = 4
 """Distance of the pixels for which rays are computed."""
 
@@ -61,6 +64,25 @@ class Rays:
         rays = self._rays[first : last + 2] @ np.swapaxes(rotations, -1, -2)
         return rays[..., :2] / rays[..., 2:]
 
+    def carried(self, first: int, last: int, poses: Array, T_world_drawing: Array) -> Array:
+        """The same for a camera that also travels over level ground.
+
+        What a ray sees is taken to lie on the ground z = 0, and above the horizon infinitely far away. (The
+        homography of a plane: Hartley and Zisserman, 2nd ed., section 13.1.)
+
+        Args:
+            first: First band of `CELL_PX` rows wanted.
+            last: One past the last.
+            poses: `(last - first + 2, 4, 4)` of the camera at each of the grid's rows; or one `(4, 4)` for all.
+            T_world_drawing: `(4, 4)` pose of the drawing's camera.
+        """
+        axes = T_world_drawing[:3, :3]
+        rays = self._rays[first : last + 2] @ np.swapaxes(poses[..., :3, :3], -1, -2)
+        nearness = ground_nearness(rays, poses[..., None, :3, 3])
+        travelled = (poses[..., None, :3, 3] - T_world_drawing[:3, 3]) * nearness[..., None]
+        local = (rays + travelled) @ axes
+        return local[..., :2] / local[..., 2:]
+
     def places(self, first: int, last: int, slopes: Array, K_drawing: Array) -> Map:
         """`(rows, W, 2)` where on a drawing each pixel of some bands looks, as indices of pixels (x, y).
 
@@ -88,6 +110,17 @@ class Rays:
     def rows(self, first: int, last: int) -> slice:
         """The rows of the image in some bands."""
         return slice(first * CELL_PX, min(self._size[1], last * CELL_PX))
+
+
+def ground_nearness(rays: Array, eyes: Array) -> Array:
+    """`(...,)` inverse of how many times its length each ray goes until it meets the ground z = 0; 0 if it never does.
+
+    Args:
+        rays: `(..., 3)` world frame.
+        eyes: `(..., 3)` where they begin [m]. Of one that is hardly above the ground, no ray meets it.
+    """
+    height = eyes[..., 2]
+    return np.where(height > _LOWEST_M, np.maximum(-rays[..., 2], 0.0) / np.maximum(height, _LOWEST_M), 0.0)
 
 
 class Lightmeter:
