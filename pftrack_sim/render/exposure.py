@@ -25,7 +25,7 @@ from pftrack_sim.camera.jitter import Vibration
 from pftrack_sim.camera.lens import Lens
 from pftrack_sim.camera.optics import focal_and_centre
 from pftrack_sim.camera.shutter import Flight, Shutter
-from pftrack_sim.camera.warp import CELL_PX, Lightmeter, Map, Rays, ground_nearness
+from pftrack_sim.camera.warp import Lightmeter, Map, Rays, ground_nearness
 from pftrack_sim.errors import ParameterError, ScenarioError
 from pftrack_sim.records import Image
 from pftrack_sim.render.backend import Renderer
@@ -35,7 +35,7 @@ from pftrack_sim.world.layout import PEOPLE_GROUP, SCENERY_GROUP
 
 Array = NDArray[np.float64]
 
-_SHAKE_PX = 12
+_SHAKE_PX = 6
 """Margin of a drawing for the turning of the camera within a frame; beyond it, the drawing is made smaller."""
 
 _LARGEST = 1.6
@@ -71,7 +71,7 @@ class Drawing:
     """One drawing of a frame, and what is taken from it.
 
     Attributes:
-        bands: First and one past the last of the bands of `CELL_PX` rows that it serves.
+        bands: First and one past the last of the bands of rows that it serves.
         sample_s: Distance of its light from each row's mid-exposure.
         T_world_camera: `(4, 4)` its camera's pose.
         K: `(3, 3)` its camera's matrix [px].
@@ -192,7 +192,7 @@ class Exposer:
         if self._past.moving.size == 0 or self.shutter.instant:
             self._past.write(self._scratch, 0.0)
             return self._scratch
-        first, last = self.shutter.row_s(CELL_PX * np.array(drawing.bands, dtype=np.float64))
+        first, last = self.shutter.row_s(self.rays.cell_px * np.array(drawing.bands, dtype=np.float64))
         when = np.clip(self._when, first, last) + drawing.sample_s
         self._past.write(self._scratch, when)
         moving, eyes = self._past.moving, self.flight.centres(when)
