@@ -107,6 +107,11 @@ class Rays:
         """`(rows, W, 3)` the light of a drawing at some places, interpolated."""
         # The stub knows no map in one piece.
         one_map: Any = None
+        if light.dtype == np.uint8:
+            # A map of fixed-point numbers is quicker, and no coarser: to a 1/32 px, as OpenCV rounds any map.
+            fixed, shares = cv2.convertMaps(places, one_map, cv2.CV_16SC2)
+            fetched = cv2.remap(light, fixed, shares, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            return np.asarray(fetched, dtype=np.uint8)
         fetched = cv2.remap(light, places, one_map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(fetched, dtype=light.dtype)
 
