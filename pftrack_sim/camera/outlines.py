@@ -53,7 +53,9 @@ class Outlines:
         angles = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
         self._directions = np.stack([np.cos(angles), np.sin(angles)])
 
-    def find(self, positions: Array, rotations: Array, T_world_camera: Array, near_m: float) -> Array:
+    def find(
+        self, positions: Array, rotations: Array, T_world_camera: Array, near_m: float, wanted: NDArray[np.bool_]
+    ) -> Array:
         """Where the parts' outlines are, seen from a camera.
 
         Args:
@@ -61,14 +63,17 @@ class Outlines:
             rotations: `(S, 3, 3)` of every part; maps its own axes to the world's.
             T_world_camera: `(4, 4)` camera pose.
             near_m: Depth below which nothing is seen.
+            wanted: `(S,)` which parts are asked for.
 
         Returns:
-            `(S, POINTS, 3)` points in each part's own axes [m]. Of a part that the near plane cuts, points behind the
-            plane may be among them.
+            `(N, POINTS, 3)` points in the own axes of each part that is asked for [m]. Of a part that the near plane
+            cuts, points behind the plane may be among them.
         """
         turn, eye = T_world_camera[:3, :3], T_world_camera[:3, 3]
         found = np.empty((self._count, POINTS, 3))
-        for parts, points in self._groups:
+        for every, clouds in self._groups:
+            asked = wanted[every]
+            parts, points = every[asked], clouds[asked]
             local = points @ (turn.T @ rotations[parts]).transpose(0, 2, 1)
             local += ((positions[parts] - eye) @ turn)[:, None]
             depth = np.maximum(local[..., 2:], near_m)
@@ -77,7 +82,7 @@ class Outlines:
             following = np.roll(farthest, -1, axis=1)
             chords = farthest[:, :, None] + _CHORD[:, None] * (following - farthest)[:, :, None]
             found[parts] = chords.reshape(len(parts), POINTS, 3)
-        return found
+        return found[wanted]
 
 
 def _surface(shape: Shape) -> Array:

@@ -89,11 +89,16 @@ class Flight:
         times = np.asarray(times_s, dtype=np.float64)
         return np.stack([np.interp(times, self.times_s, self.poses[:, axis, 3]) for axis in range(3)], axis=-1)
 
+    def at(self, times_s: ArrayLike) -> Array:
+        """`(..., 4, 4)` T_world_camera at some instants."""
+        times = np.asarray(times_s, dtype=np.float64)
+        poses = np.zeros((*times.shape, 4, 4))
+        poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = self.rotations(times), self.centres(times), 1.0
+        return poses
+
     def pose(self, time_s: float) -> Array:
         """`(4, 4)` T_world_camera at an instant."""
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = self.rotations(time_s), self.centres(time_s)
-        return pose
+        return self.at(time_s)
 
 
 def slopes(points: Array, pose: Array, near_m: float) -> Array:

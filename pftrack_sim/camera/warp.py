@@ -5,7 +5,7 @@ same light from elsewhere on the plane (Hartley and Zisserman, Multiple View Geo
 homography K R K'). So the lens and the turning of the camera while a row is read are one map from pixels of the image
 to places on the drawing, and each drawing is resampled once.
 
-The map is smooth: it is computed on every fourth pixel and interpolated, which is exact within 0.03 px.
+The map is smooth: it is computed on every fourth or eighth pixel and interpolated, which is exact within 0.03 px.
 """
 
 from __future__ import annotations
@@ -24,8 +24,11 @@ Map = NDArray[np.float32]
 Light = NDArray[np.unsignedinteger[Any]]
 """Display-coded, 8 bits, or linear, 16 bits."""
 
-CELL_PX = 4
-"""Distance of the pixels for which rays are computed."""
+_LOWEST_M = 0.1
+"""A camera below this height sees no ground."""
+
+_BENT_CELL_PX, _STRAIGHT_CELL_PX = 4, 8
+"""Distance of the pixels for which rays are computed, with a lens that bends them and without."""
 
 
 class Rays:
@@ -37,10 +40,13 @@ class Rays:
 
     def __init__(self, lens: Lens) -> None:
         width, height = lens.size
-        self.columns, self.bands = -(-width // CELL_PX), -(-height // CELL_PX)
+        cell = _BENT_CELL_PX if lens.bends else _STRAIGHT_CELL_PX
+        self.cell_px = cell
+        """Height of a band of rows, and width of the grid's cells [px]."""
+        self.columns, self.bands = -(-width // cell), -(-height // cell)
         self._size = lens.size
-        x = CELL_PX * (np.arange(self.columns + 2) - 0.5)
-        self.y_px: Array = CELL_PX * (np.arange(self.bands + 2, dtype=np.float64) - 0.5)
+        x = cell * (np.arange(self.columns + 2) - 0.5)
+        self.y_px: Array = cell * (np.arange(self.bands + 2, dtype=np.float64) - 0.5)
         """`(bands + 2,)` heights of the grid's rows [px]; the first and last are beside the image."""
         grid = np.stack(np.broadcast_arrays(x, self.y_px[:, None]), axis=-1)
         rays = lens.slopes(grid)
@@ -50,7 +56,7 @@ class Rays:
         """Slopes of the rays in the axes of a drawing.
 
         Args:
-            first: First band of `CELL_PX` rows wanted.
+            first: First band of rows wanted.
             last: One past the last.
             rotations: `(last - first + 2, 3, 3)` from the camera at each of the grid's rows to the drawing; or one
                 `(3, 3)` for all.
@@ -60,6 +66,25 @@ class Rays:
         """
         rays = self._rays[first : last + 2] @ np.swapaxes(rotations, -1, -2)
         return rays[..., :2] / rays[..., 2:]
+
+    def carried(self, first: int, last: int, poses: Array, T_world_drawing: Array) -> Array:
+        """The same for a camera that also travels over level ground.
+
+        What a ray sees is taken to lie on the ground z = 0, and above the horizon infinitely far away. (The
+        homography of a plane: Hartley and Zisserman, 2nd ed., section 13.1.)
+
+        Args:
+            first: First band of rows wanted.
+            last: One past the last.
+            poses: `(last - first + 2, 4, 4)` of the camera at each of the grid's rows; or one `(4, 4)` for all.
+            T_world_drawing: `(4, 4)` pose of the drawing's camera.
+        """
+        axes = T_world_drawing[:3, :3]
+        rays = self._rays[first : last + 2] @ np.swapaxes(poses[..., :3, :3], -1, -2)
+        nearness = ground_nearness(rays, poses[..., None, :3, 3])
+        travelled = (poses[..., None, :3, 3] - T_world_drawing[:3, 3]) * nearness[..., None]
+        local = (rays + travelled) @ axes
+        return local[..., :2] / local[..., 2:]
 
     def places(self, first: int, last: int, slopes: Array, K_drawing: Array) -> Map:
         """`(rows, W, 2)` where on a drawing each pixel of some bands looks, as indices of pixels (x, y).
@@ -72,22 +97,38 @@ class Rays:
         """
         fx, fy, cx, cy = focal_and_centre(K_drawing)
         coarse = (slopes * (fx, fy) + (cx - 0.5, cy - 0.5)).astype(np.float32)
-        whole = ((self.columns + 2) * CELL_PX, (last - first + 2) * CELL_PX)
+        whole = ((self.columns + 2) * self.cell_px, (last - first + 2) * self.cell_px)
         fine = np.asarray(cv2.resize(coarse, whole, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
-        rows = min(self._size[1], last * CELL_PX) - first * CELL_PX
-        return fine[CELL_PX : CELL_PX + rows, CELL_PX : CELL_PX + self._size[0]]
+        rows = min(self._size[1], last * self.cell_px) - first * self.cell_px
+        return fine[self.cell_px : self.cell_px + rows, self.cell_px : self.cell_px + self._size[0]]
 
     @staticmethod
     def fetch(light: Light, places: Map) -> Light:
         """`(rows, W, 3)` the light of a drawing at some places, interpolated."""
         # The stub knows no map in one piece.
         one_map: Any = None
+        if light.dtype == np.uint8:
+            # A map of fixed-point numbers is quicker, and no coarser: to a 1/32 px, as OpenCV rounds any map.
+            fixed, shares = cv2.convertMaps(places, one_map, cv2.CV_16SC2)
+            fetched = cv2.remap(light, fixed, shares, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            return np.asarray(fetched, dtype=np.uint8)
         fetched = cv2.remap(light, places, one_map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(fetched, dtype=light.dtype)
 
     def rows(self, first: int, last: int) -> slice:
         """The rows of the image in some bands."""
-        return slice(first * CELL_PX, min(self._size[1], last * CELL_PX))
+        return slice(first * self.cell_px, min(self._size[1], last * self.cell_px))
+
+
+def ground_nearness(rays: Array, eyes: Array) -> Array:
+    """`(...,)` inverse of how many times its length each ray goes until it meets the ground z = 0; 0 if it never does.
+
+    Args:
+        rays: `(..., 3)` world frame.
+        eyes: `(..., 3)` where they begin [m]. Of one that is hardly above the ground, no ray meets it.
+    """
+    height = eyes[..., 2]
+    return np.where(height > _LOWEST_M, np.maximum(-rays[..., 2], 0.0) / np.maximum(height, _LOWEST_M), 0.0)
 
 
 class Lightmeter:

@@ -25,7 +25,7 @@ from pftrack_sim.camera.jitter import Vibration
 from pftrack_sim.camera.lens import Lens
 from pftrack_sim.camera.optics import focal_and_centre
 from pftrack_sim.camera.shutter import Flight, Shutter
-from pftrack_sim.camera.warp import CELL_PX, Lightmeter, Map, Rays
+from pftrack_sim.camera.warp import Lightmeter, Map, Rays, ground_nearness
 from pftrack_sim.errors import ParameterError, ScenarioError
 from pftrack_sim.records import Image
 from pftrack_sim.render.backend import Renderer
@@ -35,7 +35,7 @@ from pftrack_sim.world.layout import PEOPLE_GROUP, SCENERY_GROUP
 
 Array = NDArray[np.float64]
 
-_SHAKE_PX = 12
+_SHAKE_PX = 6
 """Margin of a drawing for the turning of the camera within a frame; beyond it, the drawing is made smaller."""
 
 _LARGEST = 1.6
@@ -44,7 +44,7 @@ _LARGEST = 1.6
 _KNOTS = 9
 """Instants at which the camera's pose is known within a frame; straight in between."""
 
-_BAND_PX, _MOST_BANDS = 2.0, 6
+_BAND_PX, _MOST_BANDS = 1.5, 6
 """Shift of scenery while the rows are read that needs another band; the error is half of it, either way."""
 
 _SAMPLE_PX, _MOST_SAMPLES = 1.0, 8
@@ -71,7 +71,7 @@ class Drawing:
     """One drawing of a frame, and what is taken from it.
 
     Attributes:
-        bands: First and one past the last of the bands of `CELL_PX` rows that it serves.
+        bands: First and one past the last of the bands of rows that it serves.
         sample_s: Distance of its light from each row's mid-exposure.
         T_world_camera: `(4, 4)` its camera's pose.
         K: `(3, 3)` its camera's matrix [px].
@@ -192,11 +192,14 @@ class Exposer:
         if self._past.moving.size == 0 or self.shutter.instant:
             self._past.write(self._scratch, 0.0)
             return self._scratch
-        first, last = self.shutter.row_s(CELL_PX * np.array(drawing.bands, dtype=np.float64))
+        first, last = self.shutter.row_s(self.rays.cell_px * np.array(drawing.bands, dtype=np.float64))
         when = np.clip(self._when, first, last) + drawing.sample_s
         self._past.write(self._scratch, when)
-        travelled = drawing.T_world_camera[:2, 3] - self.flight.centres(when)[:, :2]
-        self._scratch.geom_xpos[self._past.moving, :2] += travelled
+        moving, eyes = self._past.moving, self.flight.centres(when)
+        # What stands on the ground is carried with it already, by the map of the rays.
+        away = self._scratch.geom_xpos[moving] - eyes
+        free = 1.0 - np.clip(ground_nearness(away, eyes), 0.0, 1.0)[:, None]
+        self._scratch.geom_xpos[moving, :2] += free * (drawing.T_world_camera[:2, 3] - eyes[:, :2])
         return self._scratch
 
     def at(self, when_s: float) -> mujoco.MjData:
@@ -299,15 +302,18 @@ class Exposer:
         return points[(local[:, 2] > _AHEAD_M) & (np.abs(slopes) < reach).all(axis=1)]
 
     def _scenery_shift(self, points: Array | None, from_s: float, to_s: float) -> float:
-        """How far scenery in view shifts [px], beyond the camera's turning."""
+        """How far scenery in view shifts [px], beyond the camera's turning and its travel over the ground."""
         if points is None or len(points) == 0:
             return 0.0
-        turn = self.flight.rotations(self.shutter.middle_s)
+        pose = self.flight.pose(self.shutter.middle_s)
+        here = points - pose[:3, 3]
         seen: list[Array] = []
         for when in (from_s, to_s):
-            local = (points - self.flight.centres(when)) @ turn
-            seen.append(self.lens.K[0, 0] * local[:, :2] / np.maximum(local[:, 2:], _AHEAD_M))
-        return float(np.linalg.norm(seen[1] - seen[0], axis=1).max())
+            eye = self.flight.centres(when)
+            away = points - eye
+            carried = away + (eye - pose[:3, 3]) * ground_nearness(away, eye)[:, None]
+            seen.append(_flat(carried @ pose[:3, :3]) - _flat(here @ pose[:3, :3]))
+        return float(self.lens.K[0, 0] * np.linalg.norm(seen[1] - seen[0], axis=1).max())
 
     def _drawing(self, bands: tuple[int, int], offsets_s: Array, drawn_px: tuple[int, int]) -> Drawing:
         """A drawing that holds the light of some rows at some offsets from their mid-exposure."""
@@ -320,11 +326,8 @@ class Exposer:
         pose = self.flight.pose(float(self.shutter.row_s(0.5 * (heights[0] + heights[-1]))) + sample_s)
         slopes: list[Array] = []
         for offset in offsets_s:
-            if self.shutter.readout_s:
-                rotations = self.flight.rotations(self.shutter.row_s(heights) + offset)
-            else:
-                rotations = self.flight.rotations(self.shutter.middle_s + offset)
-            slopes.append(self.rays.turned(first, last, pose[:3, :3].T @ rotations))
+            when = self.shutter.row_s(heights) if self.shutter.readout_s else np.array(self.shutter.middle_s)
+            slopes.append(self.rays.carried(first, last, self.flight.at(when + offset), pose))
         K = _framed(self.lens, slopes, drawn_px)
         places = tuple(self.rays.places(first, last, one, K) for one in slopes)
         drawing = Drawing(bands, sample_s, pose, K, places)
@@ -355,6 +358,11 @@ def exposer_of(settings: ResolvedScenario, model: mujoco.MjModel, K: Array, vibr
     except ParameterError as error:
         raise ScenarioError(repr(settings.title), [f"axes.distortion: {error}"]) from None
     return Exposer(model, lens, shutter, vibration)
+
+
+def _flat(local: Array) -> Array:
+    """`(N, 2)` slopes of `(N, 3)` points in camera axes."""
+    return np.asarray(local[:, :2] / np.maximum(local[:, 2:], _AHEAD_M))
 
 
 def _reach(slopes: Sequence[Array]) -> tuple[Array, Array]:

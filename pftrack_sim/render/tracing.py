@@ -90,29 +90,33 @@ def _boxes(
     lens, shutter, flight = taken.exposer.lens, taken.exposer.shutter, taken.flight
     limbs = _limbs(taken, geoms, shutter.middle_s)
     straight, depths = bodies.boxes(*limbs, taken.T_world_camera, lens.K, near_m)
-    points = outlines.find(*limbs, taken.T_world_camera, near_m)
+    amodal = np.full((len(straight), 4), np.nan)
+    swept = amodal.copy()
+    ahead = np.isfinite(straight).all(axis=1)
+    if not ahead.any():
+        return amodal, swept
+    counts = np.diff(np.append(bodies.starts, len(geoms)))
+    wanted, starts = np.repeat(ahead, counts), np.concatenate([[0], np.cumsum(counts[ahead])[:-1]]).astype(np.intp)
+    points = outlines.find(*limbs, taken.T_world_camera, near_m, wanted)
+    own = geoms[wanted]
     seen: list[Array] = []
     for when, pose in flight.followed():
-        positions, rotations = _limbs(taken, geoms, when)
-        world = points @ rotations.transpose(0, 2, 1) + positions[:, None]
+        world = _placed(points, *_limbs(taken, own, when))
         seen.append(lens.pixels(shutters.slopes(world, pose, near_m)))
     track = np.stack(seen)
     when = shutters.meeting(shutter, flight.followed_s, track)
-    met = shutters.along(flight.followed_s, track, when)
     # What the points miss of the outline is known through a pinhole, and nearly the same here.
-    world = points @ limbs[1].transpose(0, 2, 1) + limbs[0][:, None]
+    world = _placed(points, *_limbs(taken, own, shutter.middle_s))
     plain = shutters.slopes(world, taken.T_world_camera, near_m) * lens.K[(0, 1), (0, 1)] + lens.K[:2, 2]
     exact = np.concatenate([straight[:, :2], straight[:, :2] + straight[:, 2:]], axis=1)
-    missed = exact - _extent(plain, bodies.starts)
-    amodal = _extent(met, bodies.starts) + missed
-    swept = amodal
+    missed = exact[ahead] - _extent(plain, starts)
+    swept[ahead] = amodal[ahead] = _extent(shutters.along(flight.followed_s, track, when), starts) + missed
     if shutter.exposure_s:
         for offset in np.linspace(-0.5, 0.5, _SWEEPS) * shutter.exposure_s:
-            there = _extent(shutters.along(flight.followed_s, track, when + offset), bodies.starts) + missed
-            swept = np.concatenate(
-                [np.minimum(swept[:, :2], there[:, :2]), np.maximum(swept[:, 2:], there[:, 2:])], axis=1
-            )
-    for person in np.flatnonzero((depths[:, 0] < near_m) & np.isfinite(straight).all(axis=1)):
+            there = _extent(shutters.along(flight.followed_s, track, when + offset), starts) + missed
+            swept[ahead, :2] = np.minimum(swept[ahead, :2], there[:, :2])
+            swept[ahead, 2:] = np.maximum(swept[ahead, 2:], there[:, 2:])
+    for person in np.flatnonzero((depths[:, 0] < near_m) & ahead):
         # The near plane cuts the body: its outline is that of the cut, whose box is known through a pinhole.
         amodal[person] = swept[person] = _through(lens, exact[person])
     return _as_boxes(amodal), _as_boxes(swept)
@@ -121,6 +125,11 @@ def _boxes(
 def _limbs(taken: Taken, geoms: NDArray[np.intp], when_s: float) -> tuple[Array, Array]:
     data = taken.exposer.at(when_s)
     return data.geom_xpos[geoms], data.geom_xmat[geoms].reshape(-1, 3, 3)
+
+
+def _placed(points: Array, positions: Array, rotations: Array) -> Array:
+    """`(S, N, 3)` points of parts in the world."""
+    return points @ rotations.transpose(0, 2, 1) + positions[:, None]
 
 
 def _extent(points: Array, starts: NDArray[np.intp]) -> Array:
