@@ -8,16 +8,33 @@ A policy notices the first frame of an episode by itself (`observation["first"]`
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers import Controller
+from pftrack_sim.controllers import Controller, Rig
 from pftrack_sim.errors import TrackerError
 from pftrack_sim.records import Estimate, Tracker, Truth
+from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.trackers import NeedsTruth
+
+
+def rig_of(settings: ResolvedScenario) -> Rig:
+    """What a controller may know of the robot and the task of a scenario."""
+    robot, camera = settings.robot, settings.camera
+    return Rig(
+        (camera.width_px, camera.height_px),
+        math.radians(camera.fovy_deg),
+        camera.rate_hz,
+        robot.max_speed_m_s,
+        math.radians(robot.max_turn_deg_s),
+        math.radians(robot.max_pan_deg_s),
+        math.radians(robot.max_tilt_deg_s),
+        settings.follow.distance_m,
+    )
 
 
 class TrackingPolicy:
@@ -65,11 +82,13 @@ class FollowPolicy:
     Args:
         tracker: Any `records.Tracker`.
         controller: Any `controllers.Controller`.
+        rig: What the controller may know of the robot, see `rig_of`; None knows nothing but the size of the image.
     """
 
-    def __init__(self, tracker: Tracker, controller: Controller) -> None:
+    def __init__(self, tracker: Tracker, controller: Controller, rig: Rig | None = None) -> None:
         self.tracking = TrackingPolicy(tracker)
         self.controller = controller
+        self._rig = rig
 
     @property
     def estimate(self) -> Estimate | None:
@@ -90,7 +109,7 @@ class FollowPolicy:
         assert self.tracking.estimate is not None
         if observation["first"]:
             height_px, width_px = observation["image"].shape[:2]
-            self.controller.reset((width_px, height_px))
+            self.controller.reset(self._rig if self._rig is not None else Rig((width_px, height_px)))
         return self.controller.act(self.tracking.estimate, observation["proprio"])
 
 
