@@ -74,14 +74,15 @@ class Simulation:
         self._index = 0
         return self._shoot()
 
-    def advance(self, command: NDArray[np.float64] | None = None) -> Frame:
+    def advance(self, command: NDArray[np.float64] | None = None, late_s: float = 0.0) -> Frame:
         """Let the world move on to the next frame.
 
         Args:
             command: `(4,)` forward speed, turn rate, pan rate, tilt rate, each in [-1, 1] of the robot's limits;
                 None lets the robot follow its script.
+            late_s: How long after the last frame the command is given; until then the one before stays in force.
         """
-        self.world.advance(command)
+        self.world.advance(command, late_s)
         self._index += 1
         return self._shoot()
 

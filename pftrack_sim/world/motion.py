@@ -64,11 +64,12 @@ class Motion:
         """Simulated time since the start."""
         return self._clock.time_s(self.ticks)
 
-    def tick(self, command: NDArray[np.float64] | None) -> None:
+    def tick(self, command: NDArray[np.float64] | None, late_s: float = 0.0) -> None:
         """Move on by one control tick.
 
         Args:
             command: `(4,)` shares of the robot's limits in [-1, 1]; None follows the script.
+            late_s: How far into the tick the command is given; until then the one before stays in force.
         """
         data, drive, crowd = self._data, self.drive, self.crowd
         tick_s = self._clock.tick_s
@@ -78,7 +79,7 @@ class Motion:
             pan, tilt = self.script.gaze(drive.camera_pose(data), target_m, tick_s)
         else:
             forward, turn, pan, tilt = drive.scaled(command)
-        for steps, speeds in self._delay.pass_on((forward, turn, pan, tilt)):
+        for steps, speeds in self._delay.pass_on((forward, turn, pan, tilt), late_s):
             drive.command(data, *speeds, tick_s * (steps / self._clock.steps))
             self._step(steps)
         self.ticks += 1
