@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.controllers.base import Rig
 from pftrack_sim.controllers.servo import TURN_S
-from pftrack_sim.proprio import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGES
+from pftrack_sim.proprio import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.records import Estimate
 
 HULL_M = 0.245
@@ -36,6 +37,11 @@ REACT_S = 0.15
 
 COMMIT_RAD = math.radians(25.0)
 """A way once chosen is kept unless another is better by this: no dithering before a post."""
+
+MEMORY_S = 20.0
+"""What was seen is remembered so long: odometry drifts, and people walk on."""
+
+_SCANS_HZ = 5.0
 
 _DIRECTIONS_RAD = np.deg2rad(np.linspace(-100.0, 100.0, 81))
 
@@ -66,6 +72,9 @@ class Avoiding:
     taken, which is where the head looks. The speed is such that the robot could stop before whatever its hull would
     meet straight ahead: v <= sqrt(2 a gap + (a t)^2) - a t, with the braking a and the time t until it begins.
 
+    There are no eyes at the back: going backwards, the same holds for what was seen in the last `MEMORY_S`, remembered
+    in the frame of the odometry.
+
     Args:
         inner: Wants to go somewhere.
     """
@@ -79,6 +88,9 @@ class Avoiding:
         self._inner.reset(rig)
         self._limits = rig.limits
         self._way_rad: float | None = None
+        self._every = max(1, round(rig.rate_hz / _SCANS_HZ))
+        self._frames = 0
+        self._scans: deque[NDArray[np.float64]] = deque(maxlen=round(MEMORY_S * _SCANS_HZ))
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> NDArray[np.float64]:
         """The inner controller's command, its forward speed and turn rate bent; see `Controller.act`."""
@@ -97,9 +109,12 @@ class Avoiding:
                 turn = way / TURN_S
                 bend = math.cos(way)
                 forward = max(bend, 0.0) * forward
-            forward = min(forward, _safe_speed(ranges))
+            forward = min(forward, _safe_speed(*_ahead(ranges)))
         else:
             self._way_rad = None
+        self._remember(proprio, ranges)
+        if forward < 0.0:
+            forward = max(forward, -_safe_speed(*self._behind(proprio)))
         bent = np.clip(np.array([forward, turn]) / self._limits[:2], -1.0, 1.0)
         return np.concatenate([bent, command[2:]])
 
@@ -117,6 +132,28 @@ class Avoiding:
         self._way_rad = float(ways[np.argmin(cost)])
         return self._way_rad
 
+    def _remember(self, proprio: NDArray[Any], ranges: NDArray[np.float64]) -> None:
+        """Keep where the beams met something, in the frame of the odometry."""
+        if self._frames % self._every == 0:
+            x, y, heading = (float(one) for one in proprio[:3])
+            met = ranges < RANGE_M
+            at = heading + RANGE_ANGLES_RAD[met]
+            self._scans.append(np.stack([x + ranges[met] * np.cos(at), y + ranges[met] * np.sin(at)]))
+        self._frames += 1
+
+    def _behind(self, proprio: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """How far behind the axle, and how far aside, what is remembered there lies [m]."""
+        x, y, heading = (float(one) for one in proprio[:3])
+        dx, dy = np.concatenate(self._scans, axis=1) - np.array([[x], [y]])
+        back = -(dx * math.cos(heading) + dy * math.sin(heading))
+        aside = np.abs(dy * math.cos(heading) - dx * math.sin(heading))
+        return back[back > 0.0], aside[back > 0.0]
+
+
+def _ahead(ranges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How far ahead of the axle, and how far aside, the beams end [m]."""
+    return ranges * np.cos(RANGE_ANGLES_RAD), np.abs(ranges * np.sin(RANGE_ANGLES_RAD))
+
 
 def _clear(ways_rad: NDArray[np.float64], ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.bool_]:
     """Which of the directions `(N,)` are not barred by anything within reach."""
@@ -126,9 +163,13 @@ def _clear(ways_rad: NDArray[np.float64], ranges: NDArray[np.float64], reach_m: 
     return ~np.any(barred, axis=1)
 
 
-def _safe_speed(ranges: NDArray[np.float64]) -> float:
-    """The fastest forward from which the robot stops before what its hull would meet [m/s]."""
-    ahead, aside = ranges * np.cos(RANGE_ANGLES_RAD), np.abs(ranges * np.sin(RANGE_ANGLES_RAD))
+def _safe_speed(ahead: NDArray[np.float64], aside: NDArray[np.float64]) -> float:
+    """The fastest from which the robot stops before what its hull would meet [m/s].
+
+    Args:
+        ahead: `(N,)` along the way, from the axle [m].
+        aside: `(N,)` off the way [m].
+    """
     wide = HULL_M + TIGHT_M
     meets = aside < wide
     if not meets.any():

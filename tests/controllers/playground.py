@@ -75,6 +75,8 @@ class Playground:
     def proprio(self) -> np.ndarray:
         values = np.zeros(len(PROPRIO_NAMES), dtype=np.float32)
         for name, value in {
+            "odometry_x_m": self.x,
+            "odometry_y_m": self.y,
             "odometry_heading_rad": math.remainder(self.heading, 2.0 * math.pi),
             "pan_rad": self.pan,
             "tilt_rad": self.tilt,

@@ -57,3 +57,15 @@ def test_the_head_looks_where_servo_would():
         world.play(made(), 1.0 / 30.0)
     np.testing.assert_array_equal(clear.commands[0][2:], blocked.commands[0][2:])
     assert not math.isclose(clear.commands[0][1], blocked.commands[0][1], abs_tol=1e-3)
+
+
+def test_it_does_not_back_into_what_it_has_driven_past():
+    world = Playground((5.5, 0.0), posts=[(1.2, 0.62, 0.3)])
+    controller = made()
+    world.play(controller, 5.0)
+    assert world.x > 2.0
+    # The person comes back at the robot, pushing it towards the post.
+    world.target = np.array([world.x + 1.5, world.y - 0.9])
+    for _ in range(60):
+        world.play(controller, 0.1, (-0.3, -0.1) if world.x > 0.5 else (0.0, 0.0))
+    assert world.nearest_m > HULL_M
