@@ -97,9 +97,9 @@ def print_bench(results: Sequence[Result]) -> None:
 def print_follow(results: Sequence[Driven]) -> None:
     """How each pair of tracker and controller followed, over all seeds, with 95% intervals."""
     table = _table(
-        "Following over all seeds (mean and 95% interval: Wilson's for shares of episodes, else Student's)",
+        "Following over all seeds; 95% intervals: Wilson's for shares of episodes, else Student's. RMS m: error of distance",
         ("scenario", "condition", "controller", "tracker"),
-        ("ms", "seeds", "success", "tracking\nrate", "collision\nrate", "length", "distance\nRMS m", "overlap"),
+        ("ms", "seeds", "success", "tracked", "collided", "frames", "RMS m", "overlap"),
     )
     groups: dict[tuple[str, str, str, str, float], list[Driven]] = {}
     for one in results:
@@ -130,7 +130,7 @@ def _share(values: Sequence[float]) -> str:
     count, share, z = len(values), _mean(values), 1.96
     middle = (share + z * z / (2 * count)) / (1 + z * z / count)
     half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count)) / (1 + z * z / count)
-    return f"{share:.2f} [{max(middle - half, 0.0):.2f}, {min(middle + half, 1.0):.2f}]"
+    return f"{share:.2f}\n{max(middle - half, 0.0):.2f}..{min(middle + half, 1.0):.2f}"
 
 
 def _interval(values: Sequence[float]) -> str:
@@ -142,7 +142,7 @@ def _interval(values: Sequence[float]) -> str:
     points = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14, 2.13)
     point = points[known.size - 2] if known.size - 2 < len(points) else 1.96 + 2.5 / known.size
     half = point * float(known.std(ddof=1)) / math.sqrt(known.size)
-    return f"{known.mean():.2f} ± {half:.2f}"
+    return f"{known.mean():.2f}\n± {half:.2f}"
 
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:
