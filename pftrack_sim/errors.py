@@ -81,6 +81,10 @@ class TrackerError(PftrackError):
     """A tracker that cannot be made or used as asked."""
 
 
+class ControllerError(PftrackError):
+    """A controller that cannot be made or used as asked."""
+
+
 def did_you_mean(given: str, allowed: Iterable[str]) -> str:
     """The suggestion to append to a message, or an empty string when no name is near.
 

@@ -8,6 +8,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+RANGE_M = 5.0
+"""Farthest that the range finder sees."""
+
+RANGE_ANGLES_RAD: NDArray[np.float64] = np.deg2rad(np.linspace(-90.0, 90.0, 37))
+"""`(37,)` direction of each beam of the range finder: from the right over straight ahead (0) to the left."""
+RANGE_ANGLES_RAD.setflags(write=False)
+
 _LAYOUT: tuple[tuple[str, float], ...] = (
     ("odometry_x_m", 1000.0),
     ("odometry_y_m", 1000.0),
@@ -22,21 +29,27 @@ _LAYOUT: tuple[tuple[str, float], ...] = (
     ("accelerometer_z_m_s2", 160.0),
     ("pan_rad", 2.0 * np.pi),
     ("tilt_rad", np.pi),
+    *((f"range_{index:02d}_m", RANGE_M) for index in range(RANGE_ANGLES_RAD.size)),
 )
 
 PROPRIO_NAMES: tuple[str, ...] = tuple(name for name, _ in _LAYOUT)
 """What each number is, in order.
 
 * odometry: where the wheels say the robot is, in the frame of its start (x forward, y left, heading in [-pi, pi]
-  counter-clockwise); it drifts when the wheels slip.
+  counter-clockwise); it drifts when the wheels slip, and because wheels and track are not quite what it takes them for.
 * wheel: speed of the tyre's surface; the mean of the two is the forward speed.
 * gyro, accelerometer: at the chassis, x forward, y left, z up; at rest the accelerometer reads +9.81 along z.
 * pan, tilt: of the camera's optical axis in the frame of the chassis: pan is counter-clockwise from straight ahead,
   so a camera mounted to the left rests at +pi/2; tilt is positive upwards. The mast may swing: that is not in them.
+* range: of each beam of the range finder (`RANGE_ANGLES_RAD`), from the middle of the axle, at the height of the hull;
+  `RANGE_M` when it meets nothing that near.
 """
 
 PROPRIO_INDEX: Mapping[str, int] = MappingProxyType({name: index for index, name in enumerate(PROPRIO_NAMES)})
 """Where each number stands."""
+
+RANGES = slice(len(PROPRIO_NAMES) - RANGE_ANGLES_RAD.size, len(PROPRIO_NAMES))
+"""Where the range finder's numbers stand."""
 
 PROPRIO_HIGH: NDArray[np.float32] = np.array([high for _, high in _LAYOUT], dtype=np.float32)
 """`(n,)` largest magnitude of each number; -PROPRIO_HIGH is the smallest value. Ranges of usual sensors."""

@@ -11,7 +11,15 @@ import typer
 from pftrack_sim.cli import progress as bars
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.run_progress import cores, show_run
-from pftrack_sim.cli.values import parse_axes, parse_names, parse_params, parse_part, parse_settings, parse_trackers
+from pftrack_sim.cli.values import (
+    parse_axes,
+    parse_latency,
+    parse_names,
+    parse_params,
+    parse_part,
+    parse_settings,
+    parse_trackers,
+)
 from pftrack_sim.errors import ParameterError
 
 app = typer.Typer(
@@ -148,6 +156,48 @@ def query(
     from pftrack_sim.bench.query import ask
 
     tables.print_answer(ask(folder, sql), format_)
+
+
+@app.command()
+def follow(
+    scenarios: Annotated[list[str], typer.Argument(help="Scenarios: names or paths of TOML files.")],
+    trackers: Trackers = "oracle",
+    controllers: Annotated[
+        str, typer.Option("--controllers", "--controller", metavar="A,B", help="Controllers, by name.")
+    ] = "servo-avoid",
+    seeds: Seeds = "0:3",
+    latency: Annotated[
+        str, typer.Option(metavar="A=55,B=7", help="ms charged per frame, by tracker; or paper: the printed figures.")
+    ] = "",
+    axis: Annotated[
+        list[str] | None,
+        typer.Option("--axis", metavar="AXIS=0,1,2", help="Severities of a stress axis, or latency=0,13,55 in ms."),
+    ] = None,
+    settings: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="Run folder to make; default is a new one in runs/.")] = None,
+    videos: Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")] = "first",
+    backend: Backend = None,
+) -> None:
+    """Let trackers drive the robot: overlap and following are scored on the same episode."""
+    from pftrack_sim.bench import follow as closed
+    from pftrack_sim.bench import make_plan, new_run_path, parse_seeds
+
+    names = parse_names(trackers)
+    drives = closed.make_drives(
+        scenarios,
+        names,
+        parse_names(controllers),
+        parse_seeds(seeds),
+        axes=parse_axes(axis or []),
+        overrides=parse_settings(settings or []),
+        latency_ms=parse_latency(latency, names),
+    )
+    path = out if out is not None else new_run_path(make_plan(scenarios[:1], names[:1], [0]))
+    total = sum(one.episode.scenario.frame_count(one.episode.seed) for one in drives)
+    with bars.bar("driving", total) as tick:
+        results = closed.run(drives, path, videos=videos, backend=backend, on_frame=tick)
+    tables.print_follow(results)
+    tables.print_folder(path)
 
 
 @app.command()

@@ -20,6 +20,7 @@ from pftrack_sim.errors import ParameterError, RenderError, UnknownNameError
 
 if TYPE_CHECKING:
     from pftrack_sim.bench import Plan, Result
+    from pftrack_sim.bench.follow import Driven
     from pftrack_sim.bench.query import Answer
     from pftrack_sim.bench.recorded import RecordedResult
     from pftrack_sim.render.doctor import Report
@@ -148,6 +149,57 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
                     markup=False,
                     soft_wrap=True,
                 )
+
+
+def print_follow(results: Sequence[Driven]) -> None:
+    """How each pair of tracker and controller followed, over all seeds, with 95% intervals."""
+    table = _table(
+        "Following over all seeds (95% intervals: Wilson for shares of episodes, else Student; RMS of the distance error)",
+        ("scenario", "condition", "controller", "tracker"),
+        ("ms", "seeds", "success", "tracked", "collided", "frames", "RMS m", "overlap"),
+    )
+    groups: dict[tuple[str, str, str, str, float], list[Driven]] = {}
+    for one in results:
+        key = one.drive
+        group = (key.episode.scenario.name, key.episode.condition.name, key.controller, key.tracker, key.latency_ms)
+        groups.setdefault(group, []).append(one)
+    for (*names, late), driven in groups.items():
+        followed = [one.following for one in driven]
+        table.add_row(
+            *names,
+            f"{late:g}",
+            str(len(driven)),
+            _share([one.success for one in followed]),
+            _interval([one.tracking_rate for one in followed]),
+            _share([one.collision for one in followed]),
+            f"{_mean([float(one.length) for one in followed]):.0f}",
+            _interval([one.distance_rms_m for one in followed]),
+            _interval([one.overlap.mean_overlap for one in driven]),
+        )
+    _console.print(table)
+    for one in results:
+        if one.failure:
+            _console.print(f"{one.drive.tracker} failed in {one.drive.name}, {one.failure}", markup=False)
+
+
+def _share(values: Sequence[float]) -> str:
+    """Share of episodes with Wilson's interval (Wilson 1927)."""
+    count, share, z = len(values), _mean(values), 1.96
+    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
+    half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count)) / (1 + z * z / count)
+    return f"{share:.2f}\n{max(middle - half, 0.0):.2f}..{min(middle + half, 1.0):.2f}"
+
+
+def _interval(values: Sequence[float]) -> str:
+    """Mean with Student's interval; a single value has none."""
+    known = np.array([value for value in values if not math.isnan(value)])
+    if known.size < 2:
+        return _number(float(known.mean()) if known.size else math.nan)
+    # Two-sided 95% points of Student's distribution; beyond 30 seeds it is a normal one to 2%.
+    points = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14, 2.13)
+    point = points[known.size - 2] if known.size - 2 < len(points) else 1.96 + 2.5 / known.size
+    half = point * float(known.std(ddof=1)) / math.sqrt(known.size)
+    return f"{known.mean():.2f}\n± {half:.2f}"
 
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:

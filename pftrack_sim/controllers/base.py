@@ -1,26 +1,76 @@
-"""What every controller is."""
+"""What every controller is, and what it is told about the robot that it drives."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.errors import ParameterError
 from pftrack_sim.records import Estimate
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The robot as its data sheet has it, and the task: what a controller may know beforehand.
+
+    Attributes:
+        image_size: Width, height [px].
+        fovy_rad: Vertical field of view.
+        rate_hz: Frames per second.
+        max_speed_m_s: A command of 1 forward means this.
+        max_turn_rad_s: A command of 1 turn means this.
+        max_pan_rad_s: A command of 1 pan means this.
+        max_tilt_rad_s: A command of 1 tilt means this.
+        distance_m: Wanted distance to the target.
+
+    Raises:
+        ParameterError: A number that is not positive and finite, or a field of view of 180 degrees or more.
+    """
+
+    image_size: tuple[int, int] = (640, 480)
+    fovy_rad: float = math.radians(50.0)
+    rate_hz: float = 30.0
+    max_speed_m_s: float = 1.6
+    max_turn_rad_s: float = math.radians(90.0)
+    max_pan_rad_s: float = math.radians(120.0)
+    max_tilt_rad_s: float = math.radians(60.0)
+    distance_m: float = 3.0
+
+    def __post_init__(self) -> None:
+        numbers = {key: value for key, value in vars(self).items() if key != "image_size"}
+        numbers |= {"image width": self.image_size[0], "image height": self.image_size[1]}
+        for key, value in numbers.items():
+            if not is_positive(value):
+                raise ParameterError(f"rig: {key} must be a positive number, got {value!r}")
+        if self.fovy_rad >= math.pi:
+            raise ParameterError(f"rig: fovy_rad must be below pi, got {self.fovy_rad!r}")
+
+    @property
+    def limits(self) -> NDArray[np.float64]:
+        """`(4,)` fastest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
+        return np.array([self.max_speed_m_s, self.max_turn_rad_s, self.max_pan_rad_s, self.max_tilt_rad_s])
+
+    @property
+    def frame_s(self) -> float:
+        """Time from one frame to the next."""
+        return 1.0 / self.rate_hz
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length [px]."""
+        return 0.5 * self.image_size[1] / math.tan(0.5 * self.fovy_rad)
 
 
 @runtime_checkable
 class Controller(Protocol):
     """An estimate and the robot's own senses in, a command out, once a frame."""
 
-    def reset(self, image_size: tuple[int, int], fovy_rad: float | None = None) -> None:
-        """Forget everything from before: an episode begins.
-
-        Args:
-            image_size: Width, height [px].
-            fovy_rad: Vertical field of view, where the caller knows it; None keeps what the controller was made with.
-        """
+    def reset(self, rig: Rig) -> None:
+        """Forget everything from before: an episode begins, on this robot."""
         ...
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> NDArray[np.float64]:
@@ -34,3 +84,14 @@ class Controller(Protocol):
             `(4,)` forward speed, turn rate, pan rate, tilt rate, in [-1, 1] of the robot's limits.
         """
         ...
+
+
+def is_lost(estimate: Estimate, least_confidence: float) -> bool:
+    """Whether there is nothing to go by: the tracker is unsure, reports an occlusion, or gives an empty box."""
+    _, _, width, height = estimate.box.tolist()
+    return estimate.occluded or estimate.confidence < least_confidence or width <= 0.0 or height <= 0.0
+
+
+def is_positive(value: object) -> bool:
+    """Whether a value is a finite number above 0."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and value > 0.0

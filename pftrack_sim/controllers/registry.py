@@ -1,60 +1,136 @@
-"""Controllers by name."""
+"""Controllers by name: ours, those of installed packages, and any `package.module:factory`.
+
+A factory is called as `factory(**params)` and returns a `Controller`. Installed packages announce theirs in the
+entry-point group `pftrack_sim.controllers`; a name of ours cannot be taken.
+"""
 
 from __future__ import annotations
 
+import importlib
 import inspect
 from collections.abc import Callable, Mapping
+from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 from typing import Any
 
+from pftrack_sim.controllers.avoiding import Avoiding
 from pftrack_sim.controllers.base import Controller
+from pftrack_sim.controllers.searching import Searching
 from pftrack_sim.controllers.servo import Servo
 from pftrack_sim.controllers.still import Still
-from pftrack_sim.errors import ParameterError, UnknownNameError, did_you_mean
+from pftrack_sim.errors import ControllerError, ParameterError, PftrackError, UnknownNameError, did_you_mean
 
-_FACTORIES: Mapping[str, Callable[..., Controller]] = MappingProxyType({"servo": Servo, "still": Still})
+GROUP = "pftrack_sim.controllers"
+
+
+def make_servo(*, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2) -> Controller:
+    """Image-based visual servoing by the box; on loss it searches where the target left."""
+    return Searching(Servo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence))
+
+
+def make_servo_avoid(
+    *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2
+) -> Controller:
+    """As `servo`, and goes around obstacles by the range finder."""
+    return Avoiding(Searching(Servo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence)))
+
+
+_OURS: Mapping[str, Callable[..., Controller]] = MappingProxyType(
+    {"servo": make_servo, "servo-avoid": make_servo_avoid, "still": Still}
+)
 
 
 def names() -> list[str]:
-    """All controllers that `make` knows."""
-    return sorted(_FACTORIES)
+    """Every name `make` knows, sorted: ours and those of installed packages."""
+    return sorted({*_OURS, *_installed()})
 
 
 def describe(name: str) -> str:
-    """One line on what a controller does.
+    """What a controller does, in one line.
 
     Raises:
         UnknownNameError: No such controller.
     """
-    return (inspect.getdoc(_factory(name)) or "").split("\n", 1)[0]
+    if name in _OURS:
+        return (inspect.getdoc(_OURS[name]) or "").split("\n", 1)[0]
+    installed = _installed()
+    if name not in installed:
+        raise UnknownNameError("controller", name, names())
+    return f"installed controller {installed[name].value}"
 
 
 def make(name: str, **params: Any) -> Controller:
     """A new controller.
 
     Args:
-        name: One of `names()`.
+        name: One of `names()`, or `package.module:factory`.
         params: Its own parameters.
 
     Raises:
         UnknownNameError: No such controller.
         ParameterError: A parameter it does not have, or a value it cannot take.
+        ControllerError: A third party's factory that cannot be loaded, fails, or makes something else.
 
     >>> make("still").act(None, None).tolist()
     [0.0, 0.0, 0.0, 0.0]
     """
-    factory = _factory(name)
-    known = sorted(inspect.signature(factory).parameters)
-    for key in params:
-        if key not in known:
-            listed = ", ".join(known) or "none"
-            raise ParameterError(
-                f"controller {name!r} has no parameter {key!r}{did_you_mean(key, known)} (it has: {listed})"
-            )
-    return factory(**params)
-
-
-def _factory(name: str) -> Callable[..., Controller]:
-    if name not in _FACTORIES:
+    if name in _OURS:
+        return _called(name, _OURS[name], params)
+    installed = _installed()
+    if name in installed:
+        spelled = installed[name].value
+    elif ":" in name:
+        spelled = name
+    else:
         raise UnknownNameError("controller", name, names())
-    return _FACTORIES[name]
+    made = _called(name, _load(name, spelled), params)
+    if not isinstance(made, Controller):
+        raise ControllerError(f"controller {name!r}: its factory made a {type(made).__name__} without reset and act")
+    return made
+
+
+def _installed() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=GROUP) if point.name not in _OURS}
+
+
+def _load(name: str, spelled: str) -> Callable[..., Any]:
+    """The factory behind `package.module:factory`."""
+    module_name, _, attribute = spelled.partition(":")
+    module_name, attribute = module_name.strip(), attribute.partition("[")[0].strip()
+    if not module_name or not attribute:
+        raise ControllerError(f"controller {name!r} cannot be loaded: expected package.module:factory")
+    try:
+        found: Any = importlib.import_module(module_name)
+    except Exception as error:
+        raise ControllerError(f"controller {name!r} cannot be loaded: {type(error).__name__}: {error}") from error
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            near = did_you_mean(part, [one for one in dir(found) if not one.startswith("_")])
+            raise ControllerError(f"controller {name!r} cannot be loaded: {module_name} has no {attribute!r}{near}")
+        found = getattr(found, part)
+    if not callable(found):
+        raise ControllerError(f"controller {name!r} cannot be loaded: {spelled} is no factory, it cannot be called")
+    return found
+
+
+def _called(name: str, factory: Callable[..., Any], params: Mapping[str, Any]) -> Any:
+    """What a factory makes, and what is wrong where something is."""
+    try:
+        signature = inspect.signature(factory)
+    except (TypeError, ValueError):
+        signature = None  # a compiled factory shows no signature; the call itself will tell
+    if signature is not None:
+        known = sorted(signature.parameters)
+        takes_any = any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values())
+        for key in params:
+            if key not in known and not takes_any:
+                listed = ", ".join(known) or "none"
+                raise ParameterError(
+                    f"controller {name!r} has no parameter {key!r}{did_you_mean(key, known)} (it has: {listed})"
+                )
+    try:
+        return factory(**params)
+    except PftrackError:
+        raise
+    except Exception as error:
+        raise ControllerError(f"controller {name!r} could not be made: {type(error).__name__}: {error}") from error

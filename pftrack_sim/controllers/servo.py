@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.controllers.base import Rig, is_lost, is_positive
 from pftrack_sim.errors import ParameterError
 from pftrack_sim.proprio import PROPRIO_INDEX
 from pftrack_sim.records import Estimate
@@ -24,11 +25,19 @@ DISTANCE_S = 1.2
 SPEED_S = 1.0
 """Smoothing of the target's speed: a stride changes the box's height twice a second, and must not show."""
 
+FASTEST_WALK_M_S = 2.5
+"""Nobody who is followed walks faster: the learnt speed never winds up beyond it."""
+
 COAST_S = 0.6
 """Without the target, all motion dies away with this time constant."""
 
 REVERSE_SHARE = 0.4
 """Fastest way backwards, as a share of the fastest forward."""
+
+ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
+"""Steepest change asked for: forward [m/s^2], turn, pan, tilt [rad/s^2]. A gentle start carries the mast upright: more
+than this the base would not give anyway, and asking for it only piles up what must be taken back."""
+ACCELERATION.setflags(write=False)
 
 _EDGE_PX = 1.5
 
@@ -44,19 +53,19 @@ class Servo:
         turn rate = pan angle / TURN_S
         forward   = cos(pan) (target's speed away from the robot + (distance - wanted distance) / DISTANCE_S)
 
+    The gains follow from the robot. An error e with de/dt = -e / T through a delay d has the phase margin
+    pi/2 - d / T: the head's 0.1 s of delay and T = 0.25 s leave 67 degrees. The base turns under the head, which takes
+    its turn out again, so T = 0.8 s keeps it a factor of three slower. A walker at the speed u would leave a
+    first-order servo behind by u T; the learnt speed of the target is fed forward instead, and is the one thing here
+    that is integrated: it is bounded, and held still while the box cannot be trusted, so that nothing winds up.
+
     The distance follows from the box's height and an assumed body height. A box cut by the top or bottom of the image
     is shorter than the person: it may show that the person is nearer than before, never that they are farther. When
     the tracker is unsure, reports an occlusion, or gives an empty box, the last command fades out.
 
     Args:
-        distance_m: Wanted distance.
+        distance_m: Wanted distance; None takes that of the task.
         person_m: Assumed body height.
-        fovy_deg: Vertical field of view of the camera, unless `reset` is told.
-        rate_hz: Frames per second.
-        max_speed_m_s: The robot's fastest forward speed: a command of 1 means this.
-        max_turn_deg_s: The robot's fastest turn rate.
-        max_pan_deg_s: The head's fastest pan rate.
-        max_tilt_deg_s: The head's fastest tilt rate.
         least_confidence: Below this the tracker counts as unsure.
 
     Raises:
@@ -64,70 +73,51 @@ class Servo:
     """
 
     def __init__(
-        self,
-        *,
-        distance_m: float = 3.0,
-        person_m: float = 1.72,
-        fovy_deg: float = 50.0,
-        rate_hz: float = 30.0,
-        max_speed_m_s: float = 1.6,
-        max_turn_deg_s: float = 90.0,
-        max_pan_deg_s: float = 120.0,
-        max_tilt_deg_s: float = 60.0,
-        least_confidence: float = 0.2,
+        self, *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2
     ) -> None:
-        limits = {
-            "max_speed_m_s": max_speed_m_s,
-            "max_turn_deg_s": max_turn_deg_s,
-            "max_pan_deg_s": max_pan_deg_s,
-            "max_tilt_deg_s": max_tilt_deg_s,
-        }
-        positive = {"distance_m": distance_m, "person_m": person_m, "rate_hz": rate_hz, **limits}
-        for key, value in positive.items():
-            if not (_is_number(value) and value > 0.0):
+        for key, value in {"distance_m": distance_m, "person_m": person_m}.items():
+            if not (is_positive(value) or (key == "distance_m" and value is None)):
                 raise ParameterError(f"servo: {key} must be a positive number, got {value!r}")
-        if not (_is_number(fovy_deg) and 0.0 < fovy_deg < 180.0):
-            raise ParameterError(f"servo: fovy_deg must be between 0 and 180, got {fovy_deg!r}")
-        if not (_is_number(least_confidence) and 0.0 <= least_confidence <= 1.0):
+        if least_confidence != 0.0 and not (is_positive(least_confidence) and least_confidence <= 1.0):
             raise ParameterError(f"servo: least_confidence must be in [0, 1], got {least_confidence!r}")
-        self._wanted_m = float(distance_m)
+        self._asked_m = distance_m
         self._person_m = float(person_m)
-        self._fovy_rad = math.radians(fovy_deg)
-        self._frame_s = 1.0 / float(rate_hz)
-        speed, *rates = (float(value) for value in limits.values())
-        self._limits = np.array([speed, *(math.radians(rate) for rate in rates)])
-        self._least_confidence = float(least_confidence)
-        self.reset((640, 480))
+        self.least_confidence = float(least_confidence)
+        """Below this the tracker counts as unsure."""
+        self.reset(Rig())
 
-    def reset(self, image_size: tuple[int, int], fovy_rad: float | None = None) -> None:
+    def reset(self, rig: Rig) -> None:
         """Forget the last target; see `Controller.reset`."""
-        width_px, height_px = image_size
-        self._centre_px = (0.5 * width_px, 0.5 * height_px)
-        self._focal_px = 0.5 * height_px / math.tan(0.5 * (self._fovy_rad if fovy_rad is None else fovy_rad))
+        self._rig = rig
+        self._wanted_m = rig.distance_m if self._asked_m is None else self._asked_m
+        self._limits = rig.limits
+        self._step = ACCELERATION * rig.frame_s / self._limits
         self._command = np.zeros(4)
-        self._distance_m: float | None = None
+        self.distance_m: float | None = None
+        """To the target as the last box has it; None while it is lost."""
         self._away_m_s = 0.0
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> NDArray[np.float64]:
         """The command that centres the box and keeps the distance; see `Controller.act`."""
-        x, y, w, h = (float(value) for value in estimate.box)
-        if estimate.occluded or estimate.confidence < self._least_confidence or w <= 0.0 or h <= 0.0:
-            self._distance_m = None
-            self._command = self._command * math.exp(-self._frame_s / COAST_S)
+        if is_lost(estimate, self.least_confidence):
+            self.distance_m = None
+            self._command = self._command * math.exp(-self._rig.frame_s / COAST_S)
             return self._command.copy()
-        bearing = -math.atan2(x + 0.5 * w - self._centre_px[0], self._focal_px)
-        elevation = -math.atan2(y + 0.5 * h - self._centre_px[1], self._focal_px)
+        _, y, _, h = estimate.box.tolist()
+        bearing, elevation = direction(estimate, self._rig)
         pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
         spin = float(proprio[PROPRIO_INDEX["gyro_z_rad_s"]])
         rolling = 0.5 * float(proprio[PROPRIO_INDEX["wheel_left_m_s"]] + proprio[PROPRIO_INDEX["wheel_right_m_s"]])
-        distance = self._distance(y, h, rolling * math.cos(pan + bearing))
+        distance = self._learn(y, h, rolling * math.cos(pan + bearing))
         forward = max(0.0, math.cos(pan)) * (self._away_m_s + (distance - self._wanted_m) / DISTANCE_S)
         forward = max(forward, -REVERSE_SHARE * float(self._limits[0]))
-        wanted = np.array([forward, pan / TURN_S, bearing / GAZE_S - spin, elevation / GAZE_S])
-        self._command = np.clip(wanted / self._limits, -1.0, 1.0)
+        wanted = np.clip(
+            np.array([forward, pan / TURN_S, bearing / GAZE_S - spin, elevation / GAZE_S]) / self._limits, -1.0, 1.0
+        )
+        self._command = self._command + np.clip(wanted - self._command, -self._step, self._step)
         return self._command.copy()
 
-    def _distance(self, y_px: float, h_px: float, approach_m_s: float) -> float:
+    def _learn(self, y_px: float, h_px: float, approach_m_s: float) -> float:
         """Distance to the person [m]; also learns how fast they walk away.
 
         Args:
@@ -135,17 +125,22 @@ class Servo:
             h_px: Height of the box.
             approach_m_s: The robot's own speed towards the person.
         """
-        distance = self._focal_px * self._person_m / h_px
-        last, image_height_px = self._distance_m, 2.0 * self._centre_px[1]
-        cut = y_px < _EDGE_PX or y_px + h_px > image_height_px - _EDGE_PX
+        distance = self._rig.focal_px * self._person_m / h_px
+        last, frame_s = self.distance_m, self._rig.frame_s
+        cut = y_px < _EDGE_PX or y_px + h_px > self._rig.image_size[1] - _EDGE_PX
         if last is not None and cut:
             distance = min(distance, last)
         elif last is not None:
-            gain = 1.0 - math.exp(-self._frame_s / SPEED_S)
-            self._away_m_s += gain * ((distance - last) / self._frame_s + approach_m_s - self._away_m_s)
-        self._distance_m = distance
+            gain = 1.0 - math.exp(-frame_s / SPEED_S)
+            self._away_m_s += gain * ((distance - last) / frame_s + approach_m_s - self._away_m_s)
+            self._away_m_s = min(max(self._away_m_s, -FASTEST_WALK_M_S), FASTEST_WALK_M_S)
+        self.distance_m = distance
         return distance
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def direction(estimate: Estimate, rig: Rig) -> tuple[float, float]:
+    """Bearing (to the left) and elevation (upwards) of a box's centre off the optical axis [rad]."""
+    x, y, w, h = estimate.box.tolist()
+    width_px, height_px = rig.image_size
+    bearing = -math.atan2(x + 0.5 * w - 0.5 * width_px, rig.focal_px)
+    return bearing, -math.atan2(y + 0.5 * h - 0.5 * height_px, rig.focal_px)

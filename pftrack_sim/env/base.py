@@ -27,8 +27,9 @@ class CameraEnv(gym.Env[Observation, Any]):
 
     Observation (a dict):
         image: `(H, W, 3)` uint8 RGB.
-        init_box: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, zeros afterwards.
-        first: 1 in the first frame of an episode, else 0.
+        init_box: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, else zeros.
+        first: 1 in the frame in which the target is selected, else 0: the first in which anything of it can be seen.
+            Unless the target starts out of view that is the first frame of the episode.
         proprio: `(n,)` float32, the robot's own senses (`pftrack_sim.proprio.PROPRIO_NAMES`).
 
     Args:
@@ -88,6 +89,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         self.episode_seed = seed if seed is not None else int(self.np_random.integers(2**31))
         self._frame = self.simulation.reset(self.episode_seed)
         self._answered = self._shown = None
+        self._selected_in: int | None = None
         return self._observation(self._frame), self._info(self._frame)
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -124,7 +126,9 @@ class CameraEnv(gym.Env[Observation, Any]):
         return self._frame
 
     def _observation(self, frame: Frame) -> Observation:
-        first = int(frame.index == 0)
+        if self._selected_in is None and frame.truth.scored:
+            self._selected_in = frame.index
+        first = int(frame.index == self._selected_in)
         box = frame.truth.box.copy() if first else np.zeros(4)
         proprio = np.clip(self.simulation.world.proprio(), -PROPRIO_HIGH, PROPRIO_HIGH)
         # Wrappers and learners may write into an observation: it is theirs.
@@ -139,13 +143,13 @@ class CameraEnv(gym.Env[Observation, Any]):
             "seed": self.episode_seed,
         }
 
-    def _advance(self, command: NDArray[np.float64] | None, answer: Estimate | None) -> Frame:
+    def _advance(self, command: NDArray[np.float64] | None, answer: Estimate | None, late_s: float = 0.0) -> Frame:
         """Keep the answer for `render`, then move on to the next frame."""
         shown = self._current
         bare = {} if answer is None else {"action": answer}
         self._answered = (shown, bare if self._shown is None else self._shown)
         self._shown = None
-        self._frame = self.simulation.advance(command)
+        self._frame = self.simulation.advance(command, late_s)
         return self._frame
 
     @property
@@ -160,7 +164,7 @@ def box_space(env: CameraEnv) -> BoundingBox:
 
 
 def checked_command(action: ArrayLike) -> NDArray[np.float64]:
-    """A `(4,)` command clipped to [-1, 1].
+    """A `(4,)` command as four finite numbers; not clipped.
 
     Raises:
         CommandError: Not four finite numbers.
@@ -175,7 +179,7 @@ def checked_command(action: ArrayLike) -> NDArray[np.float64]:
         )
     if not np.isfinite(command).all():
         raise CommandError(f"a command must be finite, got {command.tolist()}")
-    return np.clip(command, -1.0, 1.0)
+    return command
 
 
 def overlap(frame: Frame, box: ArrayLike) -> float:

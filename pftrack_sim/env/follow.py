@@ -7,7 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim import boxes
 from pftrack_sim.env.base import CameraEnv, Observation, box_space, checked_command, overlap
@@ -37,11 +37,13 @@ class FollowEnv(CameraEnv):
     """Following the target with the robot.
 
     Action: `(4,)` command in [-1, 1]: forward speed, turn rate, pan rate, tilt rate, as shares of the robot's limits
-    (`robot.max_speed_m_s` and so on); beyond the limits it is clipped.
+    (`robot.max_speed_m_s` and so on); beyond the limits it is clipped, and the frames where it was are counted.
     Reward: `following_reward` of the distance on the ground between camera and target against `follow.distance_m`, and
     of the target's bearing off the optical axis, at the frame that the command leads to.
     Information: `truth`, `people`, and after a step `distance_m`, `bearing_rad`, `collision` (name of what the robot
-    touches, or None), `lost_s` (how long nothing of the target has been seen) and `command` (as applied).
+    touches, or None), `lost_s` (how long nothing of the target has been seen), `command` (as applied), `clipped` (how
+    many commands of the episode went beyond the limits) and `outcome` (`"collision"`, `"lost"`, `"finished"`, or None
+    while it goes on).
     End: terminated on collision or when the target is lost longer than `follow.lost_after_s`; truncated after the
     duration.
 
@@ -58,16 +60,20 @@ class FollowEnv(CameraEnv):
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode, at the place and distance the scenario's script starts from."""
         self._seen_s = 0.0
+        self._clipped = 0
         return super().reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive until the next frame."""
-        return self._drive(checked_command(action), None)
+        return self._drive(action, None)
 
     def _drive(
-        self, command: NDArray[np.float64], answer: Estimate | None
+        self, action: ArrayLike, answer: Estimate | None, late_s: float = 0.0
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        frame = self._advance(command, answer)
+        asked = checked_command(action)
+        command = np.clip(asked, -1.0, 1.0)
+        self._clipped += bool((command != asked).any())
+        frame = self._advance(command, answer, late_s)
         follow = self.simulation.settings.follow
         distance_m, bearing_rad = distance_and_bearing(frame)
         if frame.truth.scored:
@@ -78,7 +84,8 @@ class FollowEnv(CameraEnv):
             abs(distance_m - follow.distance_m) / follow.distance_limit_m,
             abs(bearing_rad) / math.radians(follow.bearing_limit_deg),
         )
-        terminated = collision is not None or lost_s > follow.lost_after_s
+        lost = lost_s > follow.lost_after_s
+        outcome = "collision" if collision is not None else "lost" if lost else "finished" if self._over else None
         info = {
             **self._info(frame),
             "distance_m": distance_m,
@@ -86,14 +93,18 @@ class FollowEnv(CameraEnv):
             "collision": collision,
             "lost_s": lost_s,
             "command": command,
+            "clipped": self._clipped,
+            "outcome": outcome,
         }
-        return self._observation(frame), reward, terminated, self._over, info
+        return self._observation(frame), reward, outcome in ("collision", "lost"), self._over, info
 
 
 class TrackAndFollowEnv(FollowEnv):
     """Tracking and following at once, both scored on the same episode.
 
-    Action: `{"box": (4,) box [px], "command": (4,) in [-1, 1]}`: the box answers the frame shown, the command drives.
+    Action: `{"box": (4,) box [px], "command": (4,) in [-1, 1]}`: the box answers the frame shown, the command drives. A
+    third key, `"late_s"`, may say how long after the frame the command is given; until then the one before stays in
+    force (`policies.Late` charges a tracker's thinking this way).
     Reward: mean of the overlap (as in `TrackEnv`) and the following reward (as in `FollowEnv`); `info["overlap"]` and
     `info["following"]` hold the two, `info["scored"]` whether the answered frame counts in a mean overlap.
 
@@ -109,16 +120,22 @@ class TrackAndFollowEnv(FollowEnv):
 
     def step(self, action: dict[str, ArrayLike]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Answer the frame shown, drive on, and see the next one."""
-        if not isinstance(action, dict) or set(action) != {"box", "command"}:
+        if not isinstance(action, dict) or set(action) - {"late_s"} != {"box", "command"}:
             given = sorted(action) if isinstance(action, dict) else repr(action)
             raise ParameterError(f"an action must be a dict with the keys 'box' and 'command', got {given}")
         answer = Estimate(boxes.checked(action["box"], what="action['box']"))
-        command = checked_command(action["command"])
+        late_s = _checked_late(action.get("late_s", 0.0), self.simulation.settings.camera.rate_hz)
         shown = self._current
         overlapping = overlap(shown, answer.box)
-        observation, following, terminated, truncated, info = self._drive(command, answer)
+        observation, following, terminated, truncated, info = self._drive(action["command"], answer, late_s)
         info = {**info, "overlap": overlapping, "following": following, "scored": shown.truth.scored}
         return observation, 0.5 * (overlapping + following), terminated, truncated, info
+
+
+def _checked_late(late_s: Any, rate_hz: float) -> float:
+    if not isinstance(late_s, (int, float)) or not 0.0 <= late_s <= 1.0 / rate_hz:
+        raise ParameterError(f"late_s must be from 0 to the time of a frame ({1.0 / rate_hz:g} s), got {late_s!r}")
+    return float(late_s)
 
 
 def command_space() -> gym.spaces.Box:

@@ -86,16 +86,17 @@ class Simulation:
         self.frame_count = frame_count(settings, seed)
         return self._shoot()
 
-    def advance(self, command: NDArray[np.float64] | None = None) -> Frame:
+    def advance(self, command: NDArray[np.float64] | None = None, late_s: float = 0.0) -> Frame:
         """Let the world move on to the next frame that is shown: frames lost on the way are not drawn.
 
         Args:
             command: `(4,)` forward speed, turn rate, pan rate, tilt rate, each in [-1, 1] of the robot's limits;
                 None lets the robot follow its script. It holds until the frame is there.
+            late_s: How long after the last frame the command is given; until then the one before stays in force.
         """
         taken = next(self._arrivals)
-        for _ in range(taken - self._taken):
-            self.world.advance(command)
+        for number in range(taken - self._taken):
+            self.world.advance(command, late_s if number == 0 else 0.0)
         self._taken = taken
         self._index += 1
         return self._shoot()

@@ -69,6 +69,15 @@ class Robot(Section):
     max_turn_deg_s: Positive = Field(default=90.0, description="Fastest turn rate of the drive.")
     max_pan_deg_s: Positive = Field(default=120.0, description="Fastest pan rate of the head.")
     max_tilt_deg_s: Positive = Field(default=60.0, description="Fastest tilt rate of the head.")
+    floor_friction: Annotated[float, Field(ge=0.02, le=2.0)] = Field(
+        default=1.0, description="Coulomb friction between tyres and floor: 1 dry, 0.4 wet tiles, 0.1 ice."
+    )
+    latency_ms: Annotated[float, Field(ge=0.0, le=2000.0)] = Field(
+        default=0.0, description="Time from a command to what the motors do, rounded to the physics step."
+    )
+    odometry_error_percent: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
+        default=0.5, description="Standard deviation of what the odometry has wrong about each wheel and the track."
+    )
 
 
 class Camera(Section):
@@ -79,7 +88,9 @@ class Camera(Section):
     fovy_deg: Annotated[float, Field(ge=5.0, le=130.0)] = Field(default=50.0, description="Vertical field of view.")
     rate_hz: Annotated[float, Field(ge=1.0, le=250.0)] = Field(default=30.0, description="Frames per second.")
     height_m: Annotated[float, Field(ge=0.3, le=3.0)] = Field(default=1.25, description="Height of the optical centre.")
-    mount: Literal["front", "left", "right"] = Field(default="front", description="Which way the camera looks at rest.")
+    mount: Literal["front", "left", "right", "back"] = Field(
+        default="front", description="Which way the camera looks at rest."
+    )
     tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = Field(
         default=0.0, description="Tilt at rest; positive looks up."
     )

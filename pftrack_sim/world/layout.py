@@ -11,7 +11,9 @@ SCENERY_GROUP = 0
 PEOPLE_GROUP = 1
 ROBOT_GROUP = 2
 HIDDEN_GROUP = 3
-"""MuJoCo geom groups. Hidden geoms collide and are never drawn; the others are drawn."""
+HIDDEN_ROBOT_GROUP = 4
+"""MuJoCo geom groups. Hidden geoms collide and are never drawn; the others are drawn. The robot's own have a group of
+their own: its range finder looks at all the others."""
 
 SKY = "sky"
 """Name of the material whose emission is the brightness of the sky's picture: light changes it, renderers read it."""

@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.streams import stream
 from pftrack_sim.world.clock import Clock
 from pftrack_sim.world.crowd import Crowd
+from pftrack_sim.world.delay import Delay
 from pftrack_sim.world.occlusion import Rehearsal
 from pftrack_sim.world.path import Path
-from pftrack_sim.world.robot import Drive, Road, Script
+from pftrack_sim.world.robot import Calibration, Drive, Road, Script
 
 
 class Motion:
@@ -24,7 +26,7 @@ class Motion:
         clock: How often things happen.
         path: The target's.
         crowd: Who walks.
-        seed: Root seed of the episode, for the road.
+        seed: Root seed of the episode, for the road and the odometry.
     """
 
     def __init__(
@@ -41,7 +43,9 @@ class Motion:
         self._data = data
         self._clock = clock
         self.crowd = crowd
-        self.drive = Drive(model, settings.robot, settings.camera)
+        calibration = Calibration.drawn(settings.robot.odometry_error_percent, stream(seed, "odometry"))
+        self.drive = Drive(model, settings.robot, settings.camera, calibration)
+        self._delay = Delay(clock, settings.robot.latency_ms)
         self.script = Script(settings.robot, path, settings.target.speed_m_s, settings.axes.target, settings.camera)
         jitter = settings.axes.jitter
         self._road = Road(model, jitter, seed) if jitter.roughness > 0.0 else None
@@ -52,6 +56,7 @@ class Motion:
         self.ticks = 0
         self.crowd.reset()
         self.script.reset()
+        self._delay.reset()
         self.drive.reset(self._data, *self.script.start_pose())
 
     @property
@@ -59,11 +64,12 @@ class Motion:
         """Simulated time since the start."""
         return self._clock.time_s(self.ticks)
 
-    def tick(self, command: NDArray[np.float64] | None) -> None:
+    def tick(self, command: NDArray[np.float64] | None, late_s: float = 0.0) -> None:
         """Move on by one control tick.
 
         Args:
             command: `(4,)` shares of the robot's limits in [-1, 1]; None follows the script.
+            late_s: How far into the tick the command is given; until then the one before stays in force.
         """
         data, drive, crowd = self._data, self.drive, self.crowd
         tick_s = self._clock.tick_s
@@ -73,16 +79,20 @@ class Motion:
             pan, tilt = self.script.gaze(drive.camera_pose(data), target_m, tick_s, self.time_s)
         else:
             forward, turn, pan, tilt = drive.scaled(command)
-        drive.command(data, forward, turn, pan, tilt, tick_s)
-        if self._road is None:
-            mujoco.mj_step(self._model, data, self._clock.steps)
-        else:
-            for _ in range(self._clock.steps):
-                self._road.push(data)
-                mujoco.mj_step(self._model, data)
+        for steps, speeds in self._delay.pass_on((forward, turn, pan, tilt), late_s):
+            drive.command(data, *speeds, tick_s * (steps / self._clock.steps))
+            self._step(steps)
         self.ticks += 1
         # Walkers who cross keep to the line of sight as it is at the end of the tick.
         crowd.tick(tick_s, self.time_s, np.array(drive.pose(data)[:2]), drive.camera_pose(data)[:2, 3])
+
+    def _step(self, steps: int) -> None:
+        if self._road is None:
+            mujoco.mj_step(self._model, self._data, steps)
+            return
+        for _ in range(steps):
+            self._road.push(self._data)
+            mujoco.mj_step(self._model, self._data)
 
     def rehearse(self, until_s: float, target_height_m: float) -> Rehearsal:
         """Follow the script and write down where camera, target and robot were; `data` is spent afterwards."""

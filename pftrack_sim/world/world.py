@@ -57,16 +57,18 @@ class World:
         self._cart_names = cart_names(settings.axes.occlusion)
         self._start(plans)
 
-    def advance(self, command: NDArray[np.float64] | None = None) -> None:
+    def advance(self, command: NDArray[np.float64] | None = None, late_s: float = 0.0) -> None:
         """Move on to the next frame.
 
         Args:
             command: `(4,)` forward speed, turn rate, pan rate, tilt rate in [-1, 1] of the robot's limits; None lets
                 the robot follow its script.
+            late_s: How long after this frame the command is given; until then the one before stays in force.
         """
         crowd = self._motion.crowd
-        for _ in range(self.clock.ticks):
-            self._motion.tick(command)
+        tick_s = self.clock.tick_s
+        for tick in range(self.clock.ticks):
+            self._motion.tick(command, min(max(late_s - tick * tick_s, 0.0), tick_s))
             self._gait.advance(self.clock.tick_s, crowd.positions_m, crowd.headings_rad, crowd.crouching, crowd.running)
         self._puppets.write(self.data, *self._gait.poses())
         self._move_carts()

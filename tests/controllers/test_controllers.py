@@ -4,74 +4,18 @@ import sys
 
 import numpy as np
 import pytest
+from playground import SIZE, Playground
 
 from pftrack_sim import controllers
-from pftrack_sim.controllers import Controller
+from pftrack_sim.controllers import Controller, Rig, Servo
 from pftrack_sim.errors import ParameterError, UnknownNameError
 from pftrack_sim.proprio import PROPRIO_INDEX, PROPRIO_NAMES
 from pftrack_sim.records import Estimate
 
-SIZE = (640, 480)
-FOCAL_PX = 240.0 / math.tan(math.radians(25.0))
-LIMITS = np.array([1.6, math.radians(90.0), math.radians(120.0), math.radians(60.0)])
-
-
-class Playground:
-    """A robot without mass, and a person who walks: what the camera's box and the senses would be."""
-
-    def __init__(self, target_m: tuple[float, float], height_m: float = 1.72) -> None:
-        self.x = self.y = self.heading = self.pan = self.tilt = 0.0
-        self.rates = np.zeros(4)
-        self.target = np.array(target_m, dtype=np.float64)
-        self.height_m = height_m
-
-    @property
-    def distance_m(self) -> float:
-        return math.hypot(self.target[0] - self.x, self.target[1] - self.y)
-
-    @property
-    def bearing_rad(self) -> float:
-        direction = math.atan2(self.target[1] - self.y, self.target[0] - self.x)
-        return math.remainder(direction - self.heading - self.pan, 2.0 * math.pi)
-
-    def box(self) -> np.ndarray:
-        ahead = self.distance_m * math.cos(self.bearing_rad)
-        u = 320.0 - FOCAL_PX * math.tan(self.bearing_rad)
-        low = 240.0 + FOCAL_PX * math.tan(math.atan2(1.25, ahead) + self.tilt)
-        high = 240.0 + FOCAL_PX * math.tan(math.atan2(1.25 - self.height_m, ahead) + self.tilt)
-        low, high = np.clip([low, high], 0.0, 480.0)
-        return np.array([u - 30.0, high, 60.0, low - high])
-
-    def proprio(self) -> np.ndarray:
-        values = np.zeros(len(PROPRIO_NAMES), dtype=np.float32)
-        for name, value in {
-            "pan_rad": self.pan,
-            "tilt_rad": self.tilt,
-            "gyro_z_rad_s": self.rates[1],
-            "wheel_left_m_s": self.rates[0],
-            "wheel_right_m_s": self.rates[0],
-        }.items():
-            values[PROPRIO_INDEX[name]] = value
-        return values
-
-    def play(self, controller: Controller, seconds: float, velocity=(0.0, 0.0), sure: bool = True) -> None:
-        for _ in range(round(seconds * 30.0)):
-            estimate = Estimate(self.box(), confidence=1.0 if sure else 0.0)
-            wanted = controller.act(estimate, self.proprio()) * LIMITS
-            step = np.array([1.2, 4.0, 12.0, 8.0]) / 30.0
-            self.rates = self.rates + np.clip(wanted - self.rates, -step, step)
-            forward, turn, pan, tilt = self.rates / 30.0
-            self.x += forward * math.cos(self.heading)
-            self.y += forward * math.sin(self.heading)
-            self.heading += turn
-            self.pan += pan
-            self.tilt += tilt
-            self.target = self.target + np.array(velocity) / 30.0
-
 
 def servo(**params) -> Controller:
     controller = controllers.make("servo", **params)
-    controller.reset(SIZE)
+    controller.reset(Rig(SIZE))
     return controller
 
 
@@ -131,7 +75,7 @@ def test_commands_are_four_numbers_within_one():
     ],
 )
 def test_unsure_fades_out(lost: Estimate):
-    controller = servo()
+    controller = Servo()
     senses = np.zeros(len(PROPRIO_NAMES))
     before = controller.act(Estimate(np.array([200.0, 100.0, 40.0, 120.0])), senses)
     first = controller.act(lost, senses)
@@ -165,7 +109,7 @@ def test_same_input_same_output_after_reset(name: str):
     controller = controllers.make(name)
 
     def episode() -> bytes:
-        controller.reset(SIZE, math.radians(60.0))
+        controller.reset(Rig(SIZE, math.radians(60.0)))
         rng = np.random.default_rng(3)
         return b"".join(
             controller.act(Estimate(rng.uniform(50, 200, 4)), rng.normal(size=len(PROPRIO_NAMES))).tobytes()
@@ -194,10 +138,8 @@ def test_wrong_names_and_parameters_help():
     "params",
     [
         {"distance_m": 0.0},
-        {"rate_hz": -1.0},
-        {"max_speed_m_s": math.nan},
+        {"person_m": math.nan},
         {"person_m": "tall"},
-        {"fovy_deg": 180.0},
         {"least_confidence": 1.5},
         {"distance_m": True},
     ],

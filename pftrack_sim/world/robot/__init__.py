@@ -6,7 +6,8 @@
 
 from pftrack_sim.world.robot.body import CAMERA, add_robot
 from pftrack_sim.world.robot.drive import Drive
+from pftrack_sim.world.robot.odometry import Calibration
 from pftrack_sim.world.robot.road import Road
 from pftrack_sim.world.robot.route import Script
 
-__all__ = ["CAMERA", "Drive", "Road", "Script", "add_robot"]
+__all__ = ["CAMERA", "Calibration", "Drive", "Road", "Script", "add_robot"]

@@ -15,14 +15,14 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.scenario import model
-from pftrack_sim.world.layout import HIDDEN_GROUP, ROBOT_GROUP
+from pftrack_sim.world.layout import HIDDEN_ROBOT_GROUP, ROBOT_GROUP
 from pftrack_sim.world.robot import dimensions as d
 from pftrack_sim.world.robot import looks
 
 CAMERA = "robot/camera"
 BASE = "robot/base"
 
-REST_YAW_RAD = {"front": 0.0, "left": math.pi / 2, "right": -math.pi / 2}
+REST_YAW_RAD = {"front": 0.0, "left": math.pi / 2, "right": -math.pi / 2, "back": math.pi}
 """Pan at rest of each way to mount the camera."""
 
 # MuJoCo's cameras look along -z with y up; this one looks along the head's x with z up.
@@ -38,14 +38,14 @@ def add_robot(spec: mujoco.MjSpec, robot: model.Robot, camera: model.Camera) -> 
     Args:
         spec: Gets bodies, joints, actuators, sensors and the camera, all named `"robot/..."`. It needs a colliding
             ground plane at z = 0; a gravity of -9.81 along z is assumed.
-        robot: Not read yet: every robot is built alike, and `Drive` keeps the limits.
+        robot: How its tyres grip the floor; `Drive` keeps the limits, and every robot is built alike.
         camera: Field of view, mount, height of the optical centre and tilt at rest.
     """
     base = spec.worldbody.add_body(name=BASE)
     base.add_freejoint(name="robot/free")
     _chassis(base)
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        _wheel(spec, base, side, sign)
+        _wheel(spec, base, side, sign, robot.floor_friction)
     for end, sign in (("front", 1.0), ("rear", -1.0)):
         _caster(base, end, sign)
     _mast(spec, base, camera)
@@ -69,12 +69,12 @@ def _chassis(base: mujoco.MjsBody) -> None:
         mass=d.BATTERY_KG,
         contype=0,
         conaffinity=0,
-        group=HIDDEN_GROUP,
+        group=HIDDEN_ROBOT_GROUP,
     )
     looks.dress_base(base)
 
 
-def _wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, side: str, sign: float) -> None:
+def _wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, side: str, sign: float, friction: float) -> None:
     mount = base.add_body(name=f"robot/mount-{side}", pos=[0, sign * d.TRACK_M / 2, d.WHEEL_RADIUS_M])
     _spring(mount, f"robot/suspension-{side}", d.WHEEL_SPRING_N_M, d.WHEEL_DAMPING_NS_M)
     _add_mass(mount, 0.4 * d.WHEEL_KG)
@@ -92,7 +92,7 @@ def _wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, side: str, sign: float) ->
         0.6 * d.WHEEL_KG,
     )
     tyre.priority = 1
-    tyre.friction = [1.0, 0.005, 0.0001]
+    tyre.friction = [friction, 0.005, 0.0001]
     tyre.solref = [0.01, 1.0]
     looks.dress_wheel(wheel, sign)
     motor = spec.add_actuator(name=f"robot/drive-{side}", target=f"robot/axle-{side}")
@@ -158,7 +158,7 @@ def _mast(spec: mujoco.MjSpec, base: mujoco.MjsBody, camera: model.Camera) -> No
 
 
 def _imu(spec: mujoco.MjSpec, base: mujoco.MjsBody) -> None:
-    base.add_site(name="robot/imu", pos=[0, 0, 0.15], size=[0.005, 0.005, 0.005], group=HIDDEN_GROUP)
+    base.add_site(name="robot/imu", pos=[0, 0, 0.15], size=[0.005, 0.005, 0.005], group=HIDDEN_ROBOT_GROUP)
     _sensor(spec, "robot/gyro", mujoco.mjtSensor.mjSENS_GYRO, "robot/imu", mujoco.mjtObj.mjOBJ_SITE)
     _sensor(spec, "robot/accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER, "robot/imu", mujoco.mjtObj.mjOBJ_SITE)
 
@@ -204,7 +204,7 @@ def _solid(
     """A geom that collides and weighs; drawn only if it has a colour."""
     geom = body.add_geom(name=name, type=kind, size=list(size), pos=list(pos), mass=mass_kg)
     geom.contype, geom.conaffinity = _ROBOT_BIT, _OTHERS_BITS
-    geom.group = HIDDEN_GROUP if rgba is None else ROBOT_GROUP
+    geom.group = HIDDEN_ROBOT_GROUP if rgba is None else ROBOT_GROUP
     if rgba is not None:
         geom.rgba = rgba
     return geom
@@ -219,5 +219,5 @@ def _add_mass(body: mujoco.MjsBody, mass_kg: float, height: float = 0.0) -> None
         mass=mass_kg,
         contype=0,
         conaffinity=0,
-        group=HIDDEN_GROUP,
+        group=HIDDEN_ROBOT_GROUP,
     )

@@ -8,12 +8,13 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.proprio import PROPRIO_INDEX, PROPRIO_NAMES
+from pftrack_sim.proprio import PROPRIO_INDEX, PROPRIO_NAMES, RANGES
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.world.layout import owner_name, pose_matrix
 from pftrack_sim.world.robot import dimensions as d
 from pftrack_sim.world.robot.body import BASE, CAMERA, REST_YAW_RAD
-from pftrack_sim.world.robot.odometry import Odometry
+from pftrack_sim.world.robot.odometry import Calibration, Odometry
+from pftrack_sim.world.robot.ranges import RangeFinder
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
 """Steepest change of forward speed [m/s^2], turn rate, pan rate and tilt rate [rad/s^2]."""
@@ -38,10 +39,19 @@ class Drive:
         model: Compiled from a spec that went through `add_robot` with the same `robot` and `camera`.
         robot: Limits of the drive and the head.
         camera: Rest pan (by its mount) and rest tilt.
+        calibration: What the odometry takes the wheels and the track for; None is the truth.
     """
 
-    def __init__(self, model: mujoco.MjModel, robot: scenario.Robot, camera: scenario.Camera) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        robot: scenario.Robot,
+        camera: scenario.Camera,
+        calibration: Calibration | None = None,
+    ) -> None:
         self._model = model
+        self._calibration = calibration if calibration is not None else Calibration()
+        self._range_finder = RangeFinder(model)
         degrees = (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s)
         self.limits = np.array([robot.max_speed_m_s, *np.deg2rad(degrees)])
         """`(4,)` fastest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
@@ -62,7 +72,7 @@ class Drive:
             ]
         )
         self._sensor_scale = np.ones(len(self._sensors))
-        self._sensor_scale[:2] = d.WHEEL_RADIUS_M
+        self._sensor_scale[:2] = self._calibration.left_radius_m, self._calibration.right_radius_m
         head_range = [model.joint(name).range for name in names[2:]]
         self._head_low, self._head_high = np.array(head_range).T
         free = model.joint("robot/free")
@@ -178,11 +188,15 @@ class Drive:
         return pose_matrix(data.cam_xpos[self._camera], rotation)
 
     def proprio(self, data: mujoco.MjData) -> NDArray[np.float32]:
-        """`(n,)` what the robot feels of itself, as `pftrack_sim.proprio.PROPRIO_NAMES` says."""
+        """`(n,)` what the robot feels of itself, as `pftrack_sim.proprio.PROPRIO_NAMES` says.
+
+        Poses of bodies and geoms in `data` must be up to date with its state.
+        """
         odometry = self._odometry_now(data)
         values = np.empty(len(PROPRIO_NAMES), dtype=np.float32)
         values[:3] = odometry.x_m, odometry.y_m, odometry.heading_rad
-        values[PROPRIO_INDEX["wheel_left_m_s"] :] = data.sensordata[self._sensors] * self._sensor_scale
+        values[PROPRIO_INDEX["wheel_left_m_s"] : RANGES.start] = data.sensordata[self._sensors] * self._sensor_scale
+        values[RANGES] = self._range_finder.look(data)
         return values
 
     def collision(self, data: mujoco.MjData) -> str | None:
@@ -202,7 +216,7 @@ class Drive:
 
     def _odometry_now(self, data: mujoco.MjData) -> Odometry:
         left, right = data.qpos[self._joints[:2]].tolist()
-        return self._odometry.at(left, right)
+        return self._odometry.at(left, right, self._calibration)
 
     def _centre_of_mass_m(self) -> float:
         """Height of the centre of mass above the ground, at rest."""

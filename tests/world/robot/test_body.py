@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pftrack_sim.world.layout import HIDDEN_GROUP, ROBOT_GROUP
+from pftrack_sim.world.layout import HIDDEN_ROBOT_GROUP, ROBOT_GROUP
 from pftrack_sim.world.robot import CAMERA
 
 
@@ -55,7 +55,7 @@ def test_only_simple_parts_collide_and_only_with_others(lab: Callable):
     solid = model.geom_contype != 0
     assert (model.geom_contype[mine & solid] == 2).all()
     assert (model.geom_conaffinity[mine & solid] == 5).all()
-    assert set(model.geom_group[mine]) == {ROBOT_GROUP, HIDDEN_GROUP}
+    assert set(model.geom_group[mine]) == {ROBOT_GROUP, HIDDEN_ROBOT_GROUP}
     assert (model.geom_conaffinity[mine & ~solid] == 0).all()
 
 

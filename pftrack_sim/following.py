@@ -1,0 +1,210 @@
+"""How well a robot followed: the field's measures, and measures in metres and seconds.
+
+Success, tracking and collision are those of EVT-Bench, the benchmark of TrackVLA (Wang et al. 2025, "TrackVLA: embodied
+visual tracking in the wild", arXiv:2505.23189), as its published evaluation code counts them (wsakobe/TrackVLA,
+`evt_bench/additional_metric.py`, `baseline_agent.py`, `analyze_results.py`), with "facing" taken as: part of the target
+can be seen. Two things differ, because they are ours: a collision is a contact in the physics or, as there, a distance
+below 0.5 m; and the episode's own limits end it, while there 20 steps beyond 4 m do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pftrack_sim.errors import ParameterError
+
+FOLLOWED_M = 3.0
+"""EVT-Bench: a step is followed when the target is faced and no farther than this."""
+
+SUCCESS_M = (1.0, 3.0)
+"""EVT-Bench: an episode that ended early is a success only if the target is faced at a distance within these."""
+
+COLLISION_M = 0.5
+"""EVT-Bench: nearer than this is a collision."""
+
+FOUND_S = 0.5
+"""Seen this long without a break, a lost target counts as found again."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """An episode as it was driven, one number for each frame.
+
+    Attributes:
+        time_s: `(N,)` simulated time.
+        distance_m: `(N,)` on the ground, camera to target.
+        bearing_rad: `(N,)` of the target off the optical axis.
+        seen: `(N,)` whether part of the target can be seen.
+        robot_xy_m: `(N, 2)` where the robot was.
+        outcome: How it ended: `"finished"`, `"collision"` or `"lost"`.
+
+    Raises:
+        ParameterError: The lengths differ, or there are no frames.
+    """
+
+    time_s: NDArray[np.float64]
+    distance_m: NDArray[np.float64]
+    bearing_rad: NDArray[np.float64]
+    seen: NDArray[np.bool_]
+    robot_xy_m: NDArray[np.float64]
+    outcome: str
+
+    def __post_init__(self) -> None:
+        frames = len(self.time_s)
+        shapes = [np.shape(one) for one in (self.time_s, self.distance_m, self.bearing_rad, self.seen)]
+        if frames == 0 or any(one != (frames,) for one in shapes) or np.shape(self.robot_xy_m) != (frames, 2):
+            raise ParameterError(f"a course needs one number per frame, got {[*shapes, np.shape(self.robot_xy_m)]}")
+
+
+@dataclass(frozen=True)
+class Task:
+    """What following well means.
+
+    Attributes:
+        distance_m: Wanted.
+        distance_limit_m: Error of distance within which the target is followed.
+        bearing_limit_rad: Error of bearing within which it is.
+        frames: Frames of a full episode.
+    """
+
+    distance_m: float
+    distance_limit_m: float
+    bearing_limit_rad: float
+    frames: int
+
+
+@dataclass(frozen=True)
+class Following:
+    """Scores of one episode; NaN where there is nothing to measure.
+
+    Attributes:
+        success: 1 if the episode ended well, else 0. To the end of the task: the target followed in its last frame
+            (faced, no farther than `FOLLOWED_M` plus the slack of the task, see `summarise`).
+        tracking_rate: Share of the full episode's frames in which the target was followed.
+        collision: 1 if the robot touched something or came within `COLLISION_M` of the target.
+        length: Frames driven.
+        within: Share of the frames driven with both errors within the task's limits and the target seen.
+        distance_rms_m: Error of distance.
+        bearing_rms_deg: Error of bearing.
+        time_to_loss_s: Until the target was first out of sight for longer than `FOUND_S`; the whole time when never.
+        time_to_find_s: Mean time from a loss until it was seen again for `FOUND_S`; NaN when never lost or never found.
+        losses: How often it was lost so.
+        jerk_rms_m_s3: Of the robot's way, over half a second: what a passenger would feel.
+    """
+
+    success: float
+    tracking_rate: float
+    collision: float
+    length: int
+    within: float
+    distance_rms_m: float
+    bearing_rms_deg: float
+    time_to_loss_s: float
+    time_to_find_s: float
+    losses: int
+    jerk_rms_m_s3: float
+
+    def as_dict(self) -> dict[str, float]:
+        """By name, for a table."""
+        return asdict(self)
+
+
+def summarise(course: Course, task: Task) -> Following:
+    """Put an episode into one row.
+
+    EVT-Bench's robots keep 1-3 m, so its limit of 3 m is the outer edge of what is wanted. Where the task wants another
+    distance, the limits move along: followed is `distance_m` + 1 m or nearer, success from 1 m to there. With a wanted
+    distance of 2 m they are exactly EVT-Bench's 3 m and 1 to 3 m.
+    """
+    distance, bearing, seen = course.distance_m, course.bearing_rad, np.asarray(course.seen, dtype=np.bool_)
+    farthest = task.distance_m + 0.5 * (SUCCESS_M[1] - SUCCESS_M[0])
+    followed = seen & (distance <= farthest)
+    collided = course.outcome == "collision" or bool((distance < COLLISION_M).any())
+    finished = course.outcome == "finished" and not collided
+    last = bool(followed[-1])
+    gone = losses(course.time_s, seen)
+    rate_hz = 1.0 / float(np.median(np.diff(course.time_s))) if len(course.time_s) > 1 else math.nan
+    good = (
+        seen
+        & (np.abs(distance - task.distance_m) <= task.distance_limit_m)
+        & (np.abs(bearing) <= task.bearing_limit_rad)
+    )
+    found = [until - since for since, until in gone if not math.isnan(until)]
+    return Following(
+        success=float(finished and last),
+        tracking_rate=float(followed.sum()) / max(task.frames, len(distance)),
+        collision=float(collided),
+        length=len(distance),
+        within=float(good.mean()),
+        distance_rms_m=_rms(distance - task.distance_m),
+        bearing_rms_deg=math.degrees(_rms(bearing)),
+        time_to_loss_s=float((gone[0][0] if gone else course.time_s[-1]) - course.time_s[0]),
+        time_to_find_s=sum(found) / len(found) if found else math.nan,
+        losses=len(gone),
+        jerk_rms_m_s3=jerk_rms(course.robot_xy_m, rate_hz),
+    )
+
+
+def losses(time_s: ArrayLike, seen: ArrayLike) -> list[tuple[float, float]]:
+    """When the target was lost, and when found again.
+
+    Lost: out of sight for longer than `FOUND_S`. Found: in sight for at least that long without a break.
+
+    Args:
+        time_s: `(N,)`.
+        seen: `(N,)`.
+
+    Returns:
+        For each loss the time of the first frame without it and of the first frame of the sight that ended the loss
+        (NaN when none did).
+    """
+    times, sight = np.asarray(time_s, dtype=np.float64), np.asarray(seen, dtype=np.bool_)
+    edges = np.flatnonzero(np.diff(sight.astype(np.int8))) + 1
+    starts = np.concatenate([[0], edges]).astype(np.intp)
+    ends = np.concatenate([edges, [len(sight)]]).astype(np.intp)
+    found: list[tuple[float, float]] = []
+    since = math.nan
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        last = float(times[min(end, len(times) - 1)])
+        lasted = last - float(times[start])
+        if not sight[start]:
+            if math.isnan(since) and lasted > FOUND_S:
+                since = float(times[start])
+        elif not math.isnan(since) and lasted >= FOUND_S:
+            found.append((since, float(times[start])))
+            since = math.nan
+    if not math.isnan(since):
+        found.append((since, math.nan))
+    return found
+
+
+def jerk_rms(xy_m: ArrayLike, rate_hz: float, window_s: float = 0.5) -> float:
+    """RMS of the third derivative of a way [m/s^3], smoothed by a cubic fitted over a window (Savitzky and Golay 1964).
+
+    Args:
+        xy_m: `(N, 2)` places.
+        rate_hz: Places per second.
+        window_s: Length of the window.
+
+    Returns:
+        NaN when the way is shorter than the window.
+    """
+    way = np.asarray(xy_m, dtype=np.float64)
+    if not math.isfinite(rate_hz):
+        return math.nan
+    half = max(2, round(0.5 * window_s * rate_hz))
+    if len(way) < 2 * half + 1:
+        return math.nan
+    times = np.arange(-half, half + 1) / rate_hz
+    # The third coefficient of the least-squares cubic, times 3!.
+    weights = 6.0 * np.linalg.pinv(np.vander(times, 4, increasing=True))[3]
+    jerk = np.stack([np.convolve(column, weights[::-1], mode="valid") for column in way.T])
+    return _rms(np.hypot(*jerk))
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan

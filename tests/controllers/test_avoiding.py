@@ -1,0 +1,71 @@
+import math
+
+import numpy as np
+import pytest
+from playground import SIZE, Playground
+
+from pftrack_sim import controllers
+from pftrack_sim.controllers import Controller, Rig
+from pftrack_sim.controllers.avoiding import BRAKE_M_S2, HULL_M
+
+
+def made(name: str = "servo-avoid") -> Controller:
+    controller = controllers.make(name)
+    controller.reset(Rig(SIZE))
+    return controller
+
+
+POSTS = {
+    "one in the way": [(3.0, 0.05, 0.2)],
+    "a door": [(3.0, 0.75, 0.2), (3.0, 1.1, 0.2), (3.0, 1.5, 0.2), (3.0, -0.75, 0.2), (3.0, -1.1, 0.2)],
+    "a table": [(3.0, 0.4, 0.3), (3.0, -0.1, 0.3), (3.0, -0.6, 0.3)],
+}
+
+
+@pytest.mark.parametrize("name", list(POSTS))
+def test_it_reaches_the_target_past_obstacles_without_touching(name: str):
+    world = Playground((9.0, 0.0), posts=POSTS[name])
+    world.play(made(), 25.0)
+    assert world.nearest_m > HULL_M + 0.03
+    assert abs(world.distance_m - 3.0) < 0.3
+
+
+def test_what_servo_drives_into_servo_avoid_does_not():
+    world = Playground((9.0, 0.0), posts=POSTS["one in the way"])
+    world.play(made("servo"), 10.0)
+    assert world.nearest_m < HULL_M
+
+
+def test_in_the_open_it_is_servo():
+    rooms = [Playground((6.0, 2.0)), Playground((6.0, 2.0))]
+    for world, name in zip(rooms, ("servo", "servo-avoid"), strict=True):
+        world.play(made(name), 6.0, (0.8, 0.3))
+    np.testing.assert_allclose(rooms[0].commands, rooms[1].commands, atol=1e-12)
+
+
+def test_it_stops_before_a_wall_from_full_speed():
+    wall = [(6.0, y, 0.3) for y in np.arange(-12.0, 12.01, 0.4)]
+    world = Playground((9.0, 0.0), posts=wall)
+    world.play(made(), 20.0)
+    assert world.nearest_m > HULL_M
+    assert 0.5 * 1.6**2 / BRAKE_M_S2 < 5.0  # it can see as far as it needs to stop
+
+
+def test_the_head_looks_where_servo_would():
+    clear, blocked = Playground((6.0, 1.0)), Playground((6.0, 1.0), posts=[(1.2, 0.2, 0.3)])
+    for world in (clear, blocked):
+        world.play(made(), 1.0 / 30.0)
+    np.testing.assert_array_equal(clear.commands[0][2:], blocked.commands[0][2:])
+    assert not math.isclose(clear.commands[0][1], blocked.commands[0][1], abs_tol=1e-3)
+
+
+def test_it_does_not_back_into_what_it_has_driven_past():
+    world = Playground((5.5, 0.0), posts=[(1.2, 0.62, 0.3)])
+    controller = made()
+    world.play(controller, 5.0)
+    assert world.x > 2.0
+    # The person comes back at the robot, pushing it towards the post.
+    world.target = np.array([world.x + 1.5, world.y - 0.9])
+    for _ in range(60):
+        world.play(controller, 0.1, (-0.3, -0.1) if world.x > 0.5 else (0.0, 0.0))
+    assert world.nearest_m > HULL_M

@@ -1,0 +1,81 @@
+import math
+
+import numpy as np
+import pytest
+
+from pftrack_sim import controllers
+from pftrack_sim.controllers import Rig
+from pftrack_sim.controllers.registry import GROUP
+from pftrack_sim.errors import ControllerError, ParameterError, UnknownNameError
+
+THIS = "controller_strangers"
+
+
+def test_a_factory_by_its_place():
+    controller = controllers.make(f"{THIS}:Spinner", rate=0.5)
+    assert controller.act(None, None).tolist() == [0.0, 0.5, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        (f"{THIS}:Spiner", "did you mean 'Spinner'"),
+        (f"{THIS}:", "expected package.module:factory"),
+        ("no_such_module:x", "ModuleNotFoundError"),
+        (f"{THIS}:NUMBER", "cannot be called"),
+        (f"{THIS}:broken", "RuntimeError: no motor"),
+        (f"{THIS}:nothing", "made a dict without reset and act"),
+    ],
+)
+def test_what_is_wrong_with_a_stranger_s_is_said(name: str, says: str):
+    with pytest.raises(ControllerError, match=says):
+        controllers.make(name)
+
+
+def test_a_stranger_s_parameters_are_checked_too():
+    with pytest.raises(ParameterError, match="did you mean 'rate'"):
+        controllers.make(f"{THIS}:Spinner", rat=0.5)
+
+
+def test_installed_ones_are_listed_and_cannot_take_our_names(monkeypatch: pytest.MonkeyPatch):
+    from importlib.metadata import EntryPoint
+
+    points = [EntryPoint("spinner", f"{THIS}:Spinner", GROUP), EntryPoint("servo", f"{THIS}:Spinner", GROUP)]
+    monkeypatch.setattr("pftrack_sim.controllers.registry.entry_points", lambda group: points if group == GROUP else [])
+    assert "spinner" in controllers.names()
+    assert "spinner" in controllers.describe("spinner").lower()
+    assert controllers.make("spinner").act(None, None)[1] == 1.0
+    assert type(controllers.make("servo")).__name__ == "Searching"
+
+
+def test_unknown():
+    with pytest.raises(UnknownNameError, match="did you mean 'servo-avoid'"):
+        controllers.make("servo-avoidd")
+    with pytest.raises(UnknownNameError):
+        controllers.describe("nobody")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"fovy_rad": math.pi}, {"rate_hz": 0.0}, {"max_speed_m_s": math.nan}, {"image_size": (0, 480)}],
+)
+def test_an_impossible_rig_is_refused(wrong: dict):
+    with pytest.raises(ParameterError, match="rig"):
+        Rig(**wrong)
+
+
+def test_commands_change_no_faster_than_the_base_can():
+    controller = controllers.make("servo")
+    rig = Rig(rate_hz=20.0, max_speed_m_s=2.0)
+    controller.reset(rig)
+    from pftrack_sim.controllers.servo import ACCELERATION
+    from pftrack_sim.proprio import PROPRIO_NAMES
+    from pftrack_sim.records import Estimate
+
+    rng = np.random.default_rng(1)
+    last = np.zeros(4)
+    for _ in range(100):
+        box = np.concatenate([rng.uniform(0, 500, 2), rng.uniform(20, 300, 2)])
+        now = controller.act(Estimate(box), np.zeros(len(PROPRIO_NAMES)))
+        assert (np.abs(now - last) * rig.limits * rig.rate_hz <= ACCELERATION + 1e-9).all()
+        last = now

@@ -1,0 +1,116 @@
+"""Whatever goes wrong with a robot ends in something clear."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import pftrack_sim  # noqa: F401 - registers the environments
+from pftrack_sim import controllers, policies, trackers
+from pftrack_sim.errors import CommandError, ParameterError
+
+SMALL = {
+    "camera.width_px": 96,
+    "camera.height_px": 72,
+    "lights.shadows": False,
+    "distractors.count": 0,
+    "occluders": [],
+    "duration_s": 8.0,
+}
+
+
+def make(overrides: dict[str, Any], env_id: str = "pftrack_sim/Follow-v0") -> gym.Env[Any, Any]:
+    return gym.make(env_id, scenario="plaza-walk", overrides={**SMALL, **overrides})
+
+
+def follow(env: gym.Env[Any, Any], controller: str, seed: int = 3) -> dict[str, Any]:
+    """The information at the end, with the number of steps."""
+    policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make(controller))
+    observation, info = env.reset(seed=seed)
+    for step in range(1000):
+        observation, _, terminated, truncated, info = env.step(policy(observation, info))
+        if terminated or truncated:
+            env.close()
+            return {**info, "steps": step + 1}
+    raise AssertionError("the episode never ended")
+
+
+BACKWARDS = {"camera.mount": "back", "robot.gaze": "forward"}
+
+
+def test_a_camera_mounted_backwards_and_nobody_to_turn_it_is_lost():
+    info = follow(make(BACKWARDS), "still")
+    assert info["outcome"] == "lost"
+    assert info["steps"] == 91  # lost_after_s and one frame
+
+
+def test_who_starts_out_of_view_is_selected_when_first_seen():
+    env = make({**BACKWARDS, "follow.lost_after_s": 8.0})
+    observation, info = env.reset(seed=3)
+    assert observation["first"] == 0
+    assert not observation["init_box"].any()
+    selected = []
+    for _ in range(180):
+        observation, _, terminated, _, info = env.step(np.array([0.0, 0.0, -0.6, 0.0]))
+        assert not terminated
+        if observation["first"]:
+            selected.append(info["frame"])
+            np.testing.assert_array_equal(observation["init_box"], info["truth"].box)
+            assert info["truth"].scored
+    assert len(selected) == 1
+    env.close()
+
+
+def test_a_searching_controller_finds_a_target_that_starts_out_of_view():
+    info = follow(make({**BACKWARDS, "follow.lost_after_s": 8.0}), "servo")
+    assert info["outcome"] == "finished"
+
+
+def test_a_wall_between_robot_and_target_ends_in_a_collision_with_it():
+    beside = {"kind": "beside", "distance_m": 3.0}
+    env = make({"robot.route": beside, "occluders": [{"kind": "wall", "at_s": 2.0, "duration_s": 1.0}]})
+    env.reset(seed=3)
+    world = env.unwrapped.simulation.world  # type: ignore[attr-defined]
+    wall = world.model.body("occluder-wall-1").id
+    info: dict[str, Any] = {"outcome": None}
+    while info["outcome"] is None:
+        x, y, heading = world.robot_pose()
+        ahead = world.data.xpos[wall, :2] - (x, y)
+        error = np.arctan2(ahead[1], ahead[0]) - heading
+        _, _, _, _, info = env.step(np.array([1.0, np.clip(error, -1.0, 1.0), -0.5, 0.0]))
+    assert info["outcome"] == "collision"
+    assert info["collision"] == "occluder-wall-1"
+    env.close()
+
+
+def test_commands_beyond_the_limits_are_clipped_and_counted():
+    env = make({})
+    env.reset(seed=3)
+    counts = [
+        env.step(np.array(command))[-1]["clipped"] for command in ([5.0, 0, 0, 0], [1.0, 0, 0, 0], [0, -1.1, 0, 9])
+    ]
+    assert counts == [1, 1, 2]
+    env.reset(seed=3)
+    assert env.step(np.zeros(4))[-1]["clipped"] == 0
+    env.close()
+
+
+@pytest.mark.parametrize("wrong", [[np.nan, 0, 0, 0], [0, np.inf, 0, 0]])
+def test_a_command_that_is_no_number_is_refused_and_nothing_moves(wrong: list[float]):
+    env = make({})
+    env.reset(seed=3)
+    world = env.unwrapped.simulation.world  # type: ignore[attr-defined]
+    with pytest.raises(CommandError, match="finite"):
+        env.step(np.array(wrong))
+    assert world.time_s == 0.0
+    env.close()
+
+
+@pytest.mark.parametrize("late_s", [-0.1, 0.05, "soon", float("nan")])
+def test_a_command_comes_within_its_frame(late_s: Any):
+    env = make({}, "pftrack_sim/TrackAndFollow-v0")
+    env.reset(seed=3)
+    with pytest.raises(ParameterError, match="late_s"):
+        env.unwrapped.step({"box": np.ones(4), "command": np.zeros(4), "late_s": late_s})
+    env.close()
