@@ -154,7 +154,7 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
 def print_follow(results: Sequence[Driven]) -> None:
     """How each pair of tracker and controller followed, over all seeds, with 95% intervals."""
     table = _table(
-        "Following over all seeds (95% intervals: Wilson for shares of episodes, else Student; RMS of the distance error)",
+        "Following over all seeds; 95% intervals: Wilson's for shares of episodes, else Student's; RMS: of distance",
         ("scenario", "condition", "controller", "tracker"),
         ("ms", "seeds", "success", "tracked", "collided", "frames", "RMS m", "overlap"),
     )
