@@ -61,12 +61,20 @@ def list_names(
 
 @app.command()
 def bench(
-    scenarios: Annotated[list[str], typer.Argument(help="Scenarios: names or paths of TOML files.")],
+    scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
     trackers: Annotated[
-        str,
-        typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers: name, or name[key=value,...]."),
-    ] = "ko2012,opencv-mil,stay",
-    seeds: Seeds = "0:3",
+        str | None,
+        typer.Option(
+            "--trackers",
+            "--tracker",
+            metavar="A,B",
+            help="Trackers: name, or name[key=value,...]; default: ko2012,opencv-mil,stay, or a suite's own.",
+        ),
+    ] = None,
+    seeds: Annotated[
+        str | None,
+        typer.Option(metavar="SEEDS", help="3, 0:20 (20 excluded) or 1,5,9; default: 0:3, or a suite's own."),
+    ] = None,
     axis: Annotated[
         list[str] | None,
         typer.Option(

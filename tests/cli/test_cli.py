@@ -191,3 +191,15 @@ def test_broken_sequences_give_one_clear_line(tmp_path: Path):
         assert done.returncode == 2, folder
         assert str(folder) in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_suite_brings_its_own_seeds_and_trackers(tmp_path: Path):
+    suite = tmp_path / "tiny.toml"
+    suite.write_text(
+        'title = "T"\nseeds = "7"\ntrackers = ["stay"]\n[[run]]\nscenarios = ["corridor"]\n'
+        'changes = { duration_s = 0.2, "camera.width_px" = 64, "camera.height_px" = 48 }\n'
+    )
+    done = pftrack_sim("bench", str(suite), "--videos", "none", "--workers", "0", "--out", str(tmp_path / "run"))
+    assert done.returncode == 0
+    asked = pftrack_sim("query", str(tmp_path / "run"), "SELECT seed, tracker FROM summary", "--format", "csv")
+    assert asked.stdout.split() == ["seed,tracker", "7,stay"]
