@@ -16,9 +16,7 @@ $(STAMP): pyproject.toml
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || $(call install,python3-venv,"Python's venv module is missing")
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	@$(BIN)/pftrack-sim doctor --check || { echo "no OpenGL library can draw off-screen: installing the ray caster instead"; \
-		$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,warp]'; } \
-		|| $(call install,$(GL_PACKAGES),"no OpenGL library can draw off-screen")
+	@$(BIN)/pftrack-sim doctor --check || $(call install,$(GL_PACKAGES),"nothing here can draw off-screen")
 	@$(BIN)/pftrack-sim doctor --check
 	@touch $(STAMP)
 

@@ -14,7 +14,7 @@ from typing import Any
 import duckdb
 import numpy as np
 
-from pftrack_sim import controllers, following, policies, score, trackers
+from pftrack_sim import controllers, policies, score, trackers
 from pftrack_sim.bench.naming import slug
 from pftrack_sim.bench.plan import Episode, Plan
 from pftrack_sim.bench.planning import make_plan
@@ -26,6 +26,7 @@ from pftrack_sim.errors import ParameterError, RunError
 from pftrack_sim.records import Estimate
 from pftrack_sim.render.overlay import draw_frame
 from pftrack_sim.scenario import ScenarioLike
+from pftrack_sim.score import following
 
 LATENCY = "latency"
 """The stress axis that lives in the run and not in the scenario: milliseconds, for every tracker alike."""

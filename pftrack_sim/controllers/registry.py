@@ -6,13 +6,13 @@ entry-point group `pftrack_sim.controllers`; a name of ours cannot be taken.
 
 from __future__ import annotations
 
-import importlib
 import inspect
 from collections.abc import Callable, Mapping
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from types import MappingProxyType
 from typing import Any
 
+from pftrack_sim import plugins
 from pftrack_sim.controllers.avoiding import Avoiding
 from pftrack_sim.controllers.base import Controller
 from pftrack_sim.controllers.searching import Searching
@@ -83,34 +83,14 @@ def make(name: str, **params: Any) -> Controller:
         spelled = name
     else:
         raise UnknownNameError("controller", name, names())
-    made = _called(name, _load(name, spelled), params)
+    made = _called(name, plugins.load("controller", name, spelled, ControllerError), params)
     if not isinstance(made, Controller):
         raise ControllerError(f"controller {name!r}: its factory made a {type(made).__name__} without reset and act")
     return made
 
 
 def _installed() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP) if point.name not in _OURS}
-
-
-def _load(name: str, spelled: str) -> Callable[..., Any]:
-    """The factory behind `package.module:factory`."""
-    module_name, _, attribute = spelled.partition(":")
-    module_name, attribute = module_name.strip(), attribute.partition("[")[0].strip()
-    if not module_name or not attribute:
-        raise ControllerError(f"controller {name!r} cannot be loaded: expected package.module:factory")
-    try:
-        found: Any = importlib.import_module(module_name)
-    except Exception as error:
-        raise ControllerError(f"controller {name!r} cannot be loaded: {type(error).__name__}: {error}") from error
-    for part in attribute.split("."):
-        if not hasattr(found, part):
-            near = did_you_mean(part, [one for one in dir(found) if not one.startswith("_")])
-            raise ControllerError(f"controller {name!r} cannot be loaded: {module_name} has no {attribute!r}{near}")
-        found = getattr(found, part)
-    if not callable(found):
-        raise ControllerError(f"controller {name!r} cannot be loaded: {spelled} is no factory, it cannot be called")
-    return found
+    return plugins.installed(GROUP, _OURS)
 
 
 def _called(name: str, factory: Callable[..., Any], params: Mapping[str, Any]) -> Any:

@@ -3,7 +3,7 @@
 `episode`: one tracker on one sequence, in one row; `measures`: everything of a simulated episode. `curves`: success and
 precision over their thresholds, and the measures of OTB, TrackingNet and GOT-10k that are read off them. `course`: what
 happens over time: failures, recovery after an occlusion, drift, loss for good. `compare`: intervals over seeds, and
-differences between trackers paired by seed.
+differences between trackers paired by seed. `following`: how well a robot followed.
 """
 
 from pftrack_sim.score.compare import (

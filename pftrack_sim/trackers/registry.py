@@ -6,15 +6,15 @@ announce theirs in the entry-point group `pftrack_sim.trackers`; a name of ours 
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any
 
-from pftrack_sim.errors import ParameterError, PftrackError, TrackerError, UnknownNameError, did_you_mean
+from pftrack_sim import plugins
+from pftrack_sim.errors import ParameterError, PftrackError, TrackerError, UnknownNameError
 from pftrack_sim.records import Tracker
 
 GROUP = "pftrack_sim.trackers"
@@ -141,7 +141,7 @@ def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) ->
     if root < 0:
         raise ParameterError(f"seed must be a whole number >= 0, got {seed!r}")
     if name in _OURS:
-        return _load(name, _OURS[name].factory)(seed=root, preset=preset, **params)
+        return plugins.load("tracker", name, _OURS[name].factory, TrackerError)(seed=root, preset=preset, **params)
     installed = _installed()
     if name in installed:
         spelled = installed[name].value
@@ -149,31 +149,11 @@ def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) ->
         spelled = name
     else:
         raise UnknownNameError("tracker", name, names())
-    return _call(name, _load(name, spelled), root, preset, params)
+    return _call(name, plugins.load("tracker", name, spelled, TrackerError), root, preset, params)
 
 
 def _installed() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP) if point.name not in _OURS}
-
-
-def _load(name: str, spelled: str) -> Callable[..., Any]:
-    """The factory behind `package.module:factory`."""
-    module_name, _, attribute = spelled.partition(":")
-    module_name, attribute = module_name.strip(), attribute.partition("[")[0].strip()
-    if not module_name or not attribute:
-        raise TrackerError(f"tracker {name!r} cannot be loaded: expected package.module:factory")
-    try:
-        found: Any = importlib.import_module(module_name)
-    except Exception as error:
-        raise TrackerError(f"tracker {name!r} cannot be loaded: {type(error).__name__}: {error}") from error
-    for part in attribute.split("."):
-        if not hasattr(found, part):
-            near = did_you_mean(part, [one for one in dir(found) if not one.startswith("_")])
-            raise TrackerError(f"tracker {name!r} cannot be loaded: {module_name} has no {attribute!r}{near}")
-        found = getattr(found, part)
-    if not callable(found):
-        raise TrackerError(f"tracker {name!r} cannot be loaded: {spelled} is no factory, it cannot be called")
-    return found
+    return plugins.installed(GROUP, _OURS)
 
 
 def _call(name: str, factory: Callable[..., Any], seed: int, preset: str, params: dict[str, Any]) -> Tracker:

@@ -41,7 +41,7 @@ def test_installed_ones_are_listed_and_cannot_take_our_names(monkeypatch: pytest
     from importlib.metadata import EntryPoint
 
     points = [EntryPoint("spinner", f"{THIS}:Spinner", GROUP), EntryPoint("servo", f"{THIS}:Spinner", GROUP)]
-    monkeypatch.setattr("pftrack_sim.controllers.registry.entry_points", lambda group: points if group == GROUP else [])
+    monkeypatch.setattr("pftrack_sim.plugins.entry_points", lambda group: points if group == GROUP else [])
     assert "spinner" in controllers.names()
     assert "spinner" in controllers.describe("spinner").lower()
     assert controllers.make("spinner").act(None, None)[1] == 1.0

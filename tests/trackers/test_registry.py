@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pftrack_sim
-from pftrack_sim import trackers
+from pftrack_sim import plugins, trackers
 from pftrack_sim.errors import ParameterError, TrackerError, UnknownNameError
 from pftrack_sim.records import Estimate
 from pftrack_sim.trackers import registry
@@ -58,7 +58,7 @@ def installed(monkeypatch: pytest.MonkeyPatch):
             assert group == registry.GROUP
             return points
 
-        monkeypatch.setattr(registry, "entry_points", found)
+        monkeypatch.setattr(plugins, "entry_points", found)
 
     return announce
 
@@ -169,7 +169,7 @@ def test_importing_trackers_loads_neither_numba_nor_opencv():
 import sys, types
 sys.modules["pftrack_sim"] = package = types.ModuleType("pftrack_sim")
 package.__path__ = [sys.argv[1]]
-from pftrack_sim import trackers
+from pftrack_sim import plugins, trackers
 trackers.names(), trackers.make("stay"), trackers.make("oracle")
 print({"numba", "cv2", "mujoco", "gymnasium"} & {*sys.modules})
 """

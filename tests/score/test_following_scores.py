@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.errors import ParameterError
-from pftrack_sim.following import Course, Task, jerk_rms, losses, summarise
+from pftrack_sim.score.following import Course, Task, jerk_rms, losses, summarise
 
 RATE_HZ = 10.0
 TASK = Task(distance_m=2.0, distance_limit_m=1.0, bearing_limit_rad=0.5, frames=100)
