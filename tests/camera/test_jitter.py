@@ -55,7 +55,7 @@ def test_zero_rms_is_the_pose_to_the_bit():
     assert combined(Jitter(), JitterAxis(severity=0.0), 5, 1.2).displace(POSE, 1.7).tobytes() == POSE.tobytes()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(0.0, 100.0), st.integers(0, 1000))
 def test_displaced_pose_is_a_pose_moved_in_the_camera_s_frame(time_s: float, seed: int):
     shake = vibration(seed=seed)

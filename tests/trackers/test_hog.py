@@ -45,7 +45,7 @@ def slow_hog(grey: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, float]:
     return out.ravel(), float(np.abs(turns % 1 - 0.5).min() * np.pi / 4)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.floats(-20, 60), st.floats(-20, 60), st.floats(1, 90), st.floats(1, 90))
 def test_it_agrees_with_the_slow_one(seed: int, x: float, y: float, w: float, h: float):
     grey = np.random.default_rng(seed).integers(0, 256, (55, 60), dtype=np.uint8)

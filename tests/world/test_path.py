@@ -33,7 +33,7 @@ def test_right_angle_is_a_quarter_circle():
     assert path.curvature(1.0) == 0.0
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(points, st.floats(0.0, 3.0))
 def test_arc_length_is_arc_length_and_ends_are_the_given_points(corners, corner_m):
     path = Path(corners, corner_m)
@@ -50,7 +50,7 @@ def test_arc_length_is_arc_length_and_ends_are_the_given_points(corners, corner_
     assert np.mean(shares > 0.99) > 0.95 or corner_m < 0.2
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(points, st.floats(-1.0, 30.0), st.floats(-0.05, 0.05))
 def test_projection_undoes_the_path(corners, s, aside):
     path = Path(corners, 1.0)

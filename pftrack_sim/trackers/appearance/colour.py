@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-HUE_COUNT = 180  # OpenCV's 8-bit hue is in steps of two degrees
 
 
 def rgb_codes(image: NDArray[np.uint8], bin_count: int) -> NDArray[np.uint8]:
@@ -16,9 +12,9 @@ def rgb_codes(image: NDArray[np.uint8], bin_count: int) -> NDArray[np.uint8]:
 
     Args:
         image: `(H, W, 3)` uint8 RGB.
-        bin_count: Bins per channel, at most 256.
+        bin_count: Bins per channel: a power of two, at most 256.
     """
-    return cv2.LUT(image, _table(256, bin_count))  # pyright: ignore[reportReturnType]
+    return image >> _shift(bin_count)
 
 
 def hsv_codes(image: NDArray[np.uint8], bin_count: int) -> NDArray[np.uint8]:
@@ -26,10 +22,9 @@ def hsv_codes(image: NDArray[np.uint8], bin_count: int) -> NDArray[np.uint8]:
 
     Args:
         image: `(H, W, 3)` uint8 RGB.
-        bin_count: Bins per channel, at most 256; hue's 180 steps are spread over all of them.
+        bin_count: Bins per channel: a power of two, at most 256.
     """
-    hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV)
-    return cv2.LUT(hsv, _hsv_tables(bin_count))  # pyright: ignore[reportReturnType]
+    return _hsv(image) >> _shift(bin_count)
 
 
 def hsv_joint_codes(image: NDArray[np.uint8], bin_counts: tuple[int, int, int]) -> NDArray[np.uint8]:
@@ -37,30 +32,19 @@ def hsv_joint_codes(image: NDArray[np.uint8], bin_counts: tuple[int, int, int]) 
 
     Args:
         image: `(H, W, 3)` uint8 RGB.
-        bin_counts: Bins of hue, saturation and value; their product is at most 256.
+        bin_counts: Bins of hue, saturation and value: powers of two whose product is at most 256.
     """
-    hues, saturations, values = bin_counts
-    hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV)
-    strides = (saturations * values, values, 1)
-    channels = [
-        _table(count, bins) * np.uint8(stride)
-        for count, bins, stride in zip((HUE_COUNT, 256, 256), (hues, saturations, values), strides, strict=True)
-    ]
-    parts = cv2.LUT(hsv, np.stack(channels, axis=-1)[None])
-    summed = np.asarray(cv2.transform(parts, np.ones((1, 3))), dtype=np.uint8)
-    return summed.reshape(*image.shape[:2], 1)
+    shifts = np.array([_shift(count) for count in bin_counts], dtype=np.uint8)
+    strides = np.array([bin_counts[1] * bin_counts[2], bin_counts[2], 1.0])
+    summed = cv2.transform(_hsv(image) >> shifts, strides[None])
+    return np.asarray(summed, dtype=np.uint8).reshape(*image.shape[:2], 1)
 
 
-@lru_cache(maxsize=8)
-def _hsv_tables(bin_count: int) -> NDArray[np.uint8]:
-    """`(1, 256, 3)` bins of each channel's values: OpenCV takes a row of 256 three-channel pixels."""
-    channels = [_table(HUE_COUNT, bin_count), _table(256, bin_count), _table(256, bin_count)]
-    tables = np.stack(channels, axis=-1)[None]
-    tables.setflags(write=False)
-    return tables
+def _hsv(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Hue over the whole range of a byte, which OpenCV's usual 180 steps do not divide evenly into bins."""
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
 
 
-def _table(value_count: int, bin_count: int) -> NDArray[np.uint8]:
-    """`(256,)` bin of each value."""
-    values = np.minimum(np.arange(256), value_count - 1)
-    return (values * bin_count // value_count).astype(np.uint8)
+def _shift(bin_count: int) -> np.uint8:
+    """By how many bits a byte is shifted to become a bin."""
+    return np.uint8(8 - (bin_count.bit_length() - 1))
