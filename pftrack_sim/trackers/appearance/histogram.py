@@ -211,7 +211,7 @@ def _fill(
         if line < 0 or line >= height:
             continue
         row = np.uintp(line * width * channels)
-        for j in range(max(spans[i, 0], left), min(spans[i, 1], right)):
+        for j in range(np.uintp(max(spans[i, 0], left)), np.uintp(min(spans[i, 1], right))):
             weight, at, first = weights[i, j], row + across[j], firsts[i, j]
             if channels == 3:
                 out[first + np.uintp(flat[at])] += weight
