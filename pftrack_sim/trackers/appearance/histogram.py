@@ -51,6 +51,11 @@ class Layout:
         empty = self.weights.max(axis=1) <= 0.0
         return np.where(empty[:, None], 0, np.stack([first, last], axis=1)).astype(np.int64)
 
+    @cached_property
+    def total(self) -> float:
+        """What a box that lies wholly inside the image counts."""
+        return float(self.weights.sum()) * self.channel_count
+
     @property
     def size(self) -> int:
         """Bins of the whole histogram."""
@@ -137,11 +142,9 @@ def similarities(
     """
     out = np.empty(len(boxes))
     bins, across, scratch = layout.bin_count, np.empty(layout.weights.shape[1], np.uintp), np.empty(layout.size)
-    total = float(layout.weights.sum()) * layout.channel_count
-    _compare(
-        codes, boxes, layout.weights, layout.spans, layout.firsts, bins, np.sqrt(model / total), across, scratch, out
-    )
-    return np.clip(out, 0.0, 1.0)
+    root = np.sqrt(model / layout.total)
+    _compare(codes, boxes, layout.weights, layout.spans, layout.firsts, bins, root, across, scratch, out)
+    return np.minimum(out, 1.0, out=out)
 
 
 def histograms(codes: NDArray[np.uint8], boxes: NDArray[np.float64], layout: Layout) -> NDArray[np.float64]:
@@ -158,7 +161,7 @@ def histograms(codes: NDArray[np.uint8], boxes: NDArray[np.float64], layout: Lay
     out = np.zeros((len(boxes), layout.size))
     across = np.empty(layout.weights.shape[1], np.uintp)
     _fill_all(codes, boxes, layout.weights, layout.spans, layout.firsts, layout.bin_count, across, out)
-    return out / (float(layout.weights.sum()) * layout.channel_count)
+    return out / layout.total
 
 
 @njit(nogil=True, cache=True)
