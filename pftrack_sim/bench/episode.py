@@ -144,7 +144,7 @@ def _write(
         "condition": episode.condition.name,
         "seed": episode.seed,
     }
-    truth_boxes = np.array([one.box for one in truths])
+    truth_boxes = np.array([getattr(one, episode.truth) for one in truths])
     scored = np.array([one.scored for one in truths])
     visible = np.array([one.visible_fraction for one in truths])
     rate_hz = episode.scenario.resolve(episode.seed).camera.rate_hz
@@ -160,6 +160,7 @@ def _write(
     sums = {
         **key,
         "path": episode.path,
+        "truth": episode.truth,
         "levels": dict(episode.condition.levels),
         "frames": len(truths),
         "rate_hz": rate_hz,

@@ -26,6 +26,9 @@ from pftrack_sim.scenario.section import Section
 Kind: TypeAlias = Literal["open"]
 """Kinds of episodes. `"open"`: the robot follows its script, so that one drawing serves every tracker."""
 
+ScoredBox: TypeAlias = Literal["box", "amodal_box", "visible_box"]
+"""Box of the truth that estimates are compared with, by its name in `Truth`."""
+
 Seed: TypeAlias = Annotated[int, Field(ge=0)]
 
 
@@ -109,6 +112,7 @@ class Episode:
         path: Where its files lie within `episodes/` and `videos/`, without their suffix.
         leads: Whether it has the first seed of its scenario and condition.
         kind: How it is run.
+        truth: What estimates are compared with.
     """
 
     scenario: Scenario
@@ -117,6 +121,7 @@ class Episode:
     path: str
     leads: bool = False
     kind: Kind = "open"
+    truth: ScoredBox = "box"
 
     @property
     def name(self) -> str:
@@ -133,12 +138,14 @@ class Plan(Section):
         batches: What is drawn.
         trackers: Who is shown it, in the order of the tables.
         suites: The suites it was made from, with their tables and claims.
+        truth: What estimates are compared with.
     """
 
     format: Literal[1] = 1
     batches: tuple[Batch, ...]
     trackers: tuple[Contestant, ...]
     suites: tuple[Suite, ...] = ()
+    truth: ScoredBox = "box"
 
     @model_validator(mode="after")
     def _everything_once(self) -> Plan:
@@ -207,7 +214,7 @@ class Plan(Section):
             folder = f"{scenario_slugs[scenario.name]}/{condition_slugs[condition.name]}"
             for seed in batch.seeds:
                 path = f"{folder}/seed-{seed:04d}"
-                yield Episode(scenario, condition, seed, path, seed == batch.seeds[0], batch.kind)
+                yield Episode(scenario, condition, seed, path, seed == batch.seeds[0], batch.kind, self.truth)
 
     def _settings(self) -> Iterator[tuple[Batch, Scenario, Condition]]:
         for batch in self.batches:
@@ -268,13 +275,18 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def checked_plan(batches: tuple[Batch, ...], trackers: tuple[Contestant, ...], suites: tuple[Suite, ...] = ()) -> Plan:
+def checked_plan(
+    batches: tuple[Batch, ...],
+    trackers: tuple[Contestant, ...],
+    suites: tuple[Suite, ...] = (),
+    truth: ScoredBox = "box",
+) -> Plan:
     """A plan, or one clear message.
 
     Raises:
         ParameterError: Nothing to run, or something given twice.
     """
     try:
-        return Plan(batches=batches, trackers=trackers, suites=suites)
+        return Plan(batches=batches, trackers=trackers, suites=suites, truth=truth)
     except ValidationError as error:
         raise ParameterError(str(error.errors()[0]["msg"]).removeprefix("Value error, ")) from None

@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, cast, get_args
 
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.bench.plan import Batch, Condition, Contestant, Plan, Stage, checked_plan
+from pftrack_sim.bench.plan import Batch, Condition, Contestant, Plan, ScoredBox, Stage, checked_plan
 from pftrack_sim.bench.suite import Suite, is_suite, load_suite, suite_names
 from pftrack_sim.errors import ParameterError, UnknownNameError
 from pftrack_sim.scenario import ScenarioLike
@@ -56,12 +56,13 @@ def make_plan(
     return plan
 
 
-def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = ()) -> Plan:
+def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: ScoredBox = "box") -> Plan:
     """One plan of several with the same trackers: what a suite of several blocks runs.
 
     Args:
         plans: Each with its own scenarios, conditions and seeds.
         suites: What they were made from, besides what they say themselves.
+        truth: What estimates are compared with.
 
     Raises:
         ParameterError: Their trackers differ, or an episode is in two of them.
@@ -69,7 +70,8 @@ def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = ()) -> Plan
     if len({plan.labels for plan in plans}) != 1:
         raise ParameterError("plans can be joined only if they have the same trackers, in the same order")
     made_from = tuple(one for plan in plans for one in plan.suites) + suites
-    return checked_plan(tuple(batch for plan in plans for batch in plan.batches), plans[0].trackers, made_from)
+    batches = tuple(batch for plan in plans for batch in plan.batches)
+    return checked_plan(batches, plans[0].trackers, made_from, truth)
 
 
 TRACKERS = ("ko2012", "opencv-mil", "stay")
@@ -85,6 +87,7 @@ def plan_all(
     axes: Mapping[str, Sequence[float]] | None = None,
     overrides: Mapping[str, Any] | None = None,
     preset: str | None = None,
+    truth: str = "box",
 ) -> Plan:
     """The plan of suites and scenarios together.
 
@@ -95,12 +98,15 @@ def plan_all(
         axes: Swept in everything.
         overrides: Dotted keys set in every scenario.
         preset: Of every tracker; a suite's own, and `"default"` for scenarios, if None.
+        truth: What estimates are compared with: `"box"`, `"amodal_box"` or `"visible_box"`.
 
     Raises:
-        UnknownNameError: An unknown suite, scenario, axis or parameter of an axis.
+        UnknownNameError: An unknown suite, scenario, axis, parameter of an axis, or box.
         ScenarioError: A wrong suite, scenario, override or level.
         ParameterError: Nothing to run, something given twice, or suites with different trackers.
     """
+    if truth not in get_args(ScoredBox):
+        raise UnknownNameError("box of the truth", truth, get_args(ScoredBox))
     suites = [load_suite(name) for name in names if is_suite(name)]
     alone = [name for name in names if not is_suite(name)]
     plans = [
@@ -121,7 +127,7 @@ def plan_all(
                 preset=preset or "default",
             )
         )
-    return join_plans(plans)
+    return join_plans(plans, truth=cast("ScoredBox", truth))
 
 
 def plan_suite(

@@ -87,6 +87,9 @@ def bench(
     preset: Annotated[
         str | None, typer.Option(help="Preset of the trackers: default or paper; default: default; a suite's own.")
     ] = None,
+    truth: Annotated[
+        str, typer.Option(metavar="BOX", help="Score against the truth's box, amodal_box or visible_box.")
+    ] = "box",
     out: Annotated[
         Path | None,
         typer.Option(help="Run folder; the same command goes on with one. Default is a new one in runs/."),
@@ -112,6 +115,7 @@ def bench(
         axes=parse_axes(axis or []),
         overrides=parse_settings(settings or []),
         preset=preset,
+        truth=truth,
     )
     path = out if out is not None else new_run_path(plan)
     with show_run(progress, path) as on_status:

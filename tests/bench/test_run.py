@@ -9,7 +9,8 @@ import duckdb
 import numpy as np
 import pytest
 
-from pftrack_sim.bench import Plan, make_plan, run
+from pftrack_sim import boxes
+from pftrack_sim.bench import Plan, make_plan, plan_all, run
 from pftrack_sim.bench.status import Status
 from pftrack_sim.errors import ParameterError, RunError, UnknownNameError
 
@@ -100,3 +101,20 @@ def test_nothing_is_written_when_a_name_is_wrong(tmp_path: Path):
     with pytest.raises(RunError, match="not an empty folder"):
         run(good, tmp_path / "full")
     assert (tmp_path / "full/mine.txt").read_text() == "precious"
+
+
+@pytest.mark.parametrize("box", ["box", "amodal_box", "visible_box"])
+def test_scores_are_against_the_box_that_was_asked_for(tmp_path: Path, box: str):
+    plan = plan_all(["warehouse"], trackers=["stay"], seeds=[0], overrides=SMALL, truth=box)
+    run(plan, tmp_path / "out", workers=0, videos="none")
+    found = rows(tmp_path, f"SELECT estimate, {box}, overlap FROM '{{}}/out/episodes/*/*/*.parquet' WHERE scored")
+    said, true, overlap = (np.array([one[index] for one in found], dtype=np.float64) for index in range(3))
+    assert len(found) > 5
+    assert np.allclose(overlap, np.minimum(boxes.pairwise_iou(said, true), 1.0), rtol=0, atol=1e-12)
+
+
+def test_another_box_is_another_plan(tmp_path: Path):
+    plans = {box: plan_all(["warehouse"], truth=box) for box in ("box", "visible_box")}
+    assert plans["box"].digest != plans["visible_box"].digest
+    with pytest.raises(UnknownNameError, match=r"unknown box of the truth 'visible'; did you mean 'visible_box'\?"):
+        plan_all(["warehouse"], truth="visible")
