@@ -94,7 +94,7 @@ class Params:
 PAPER = Params()
 # `default` is the same method with other numbers, chosen by a coarse search on four recorded sequences (BoBoT A and E,
 # OTB Jogging-1 and David): noise in step with the target's size, a box that keeps its shape, and likelihoods half as
-# wide, which tell particles apart.
+# wide over few components, which tell particles apart.
 PRESETS = {
     "paper": PAPER,
     "default": replace(
@@ -108,7 +108,7 @@ PRESETS = {
         keep_shape=True,
         sigma_colour=0.22,
         sigma_hog=0.22,
-        component_count=5,
+        component_count=4,
         learned_sigma_colour=0.15,
         learned_sigma_hog=0.15,
         learned_scale="root",
