@@ -58,6 +58,8 @@ def _page(run: Run, data: Mapping[str, Any]) -> str:
         title=run.path.resolve().name,
         style=Markup((_PAGE / "report.css").read_text(encoding="utf-8")),
         script=Markup((_PAGE / "report.js").read_text(encoding="utf-8")),
+        drives_script=Markup((_PAGE / "drives.js").read_text(encoding="utf-8")),
+        has_drives=bool(data["drives"]),
         plotly=Markup(plotly.offline.get_plotlyjs()),
         data=Markup(_script_json(data)),
         strips=[asdict(one) for one in strips(run)],

@@ -14,10 +14,20 @@ from numpy.typing import NDArray
 from pftrack_sim import score, streams
 from pftrack_sim.bench.plan import LATENCY
 from pftrack_sim.report.data import EpisodeKey, Frames, Row, Run
+from pftrack_sim.report.drives import drives
 from pftrack_sim.scenario.axes import axes_by_name
 
 MEASURES = {
     "mean_overlap": "mean overlap",
+    "follow_success": "followed to the end",
+    "follow_collision": "collided",
+    "follow_tracking_rate": "tracked (following)",
+    "follow_distance_rms_m": "RMS distance [m]",
+    "follow_bearing_rms_deg": "RMS bearing [°]",
+    "follow_losses": "losses",
+    "follow_time_to_loss_s": "time to loss [s]",
+    "follow_time_to_find_s": "time to find [s]",
+    "follow_jerk_rms_m_s3": "jerk [m/s\u00b3]",
     "success": "success at 0.5",
     "auc": "AUC",
     "precision": "precision at 20 px",
@@ -76,6 +86,7 @@ def contents(run: Run, on_episode: Callable[[], None] = lambda: None) -> dict[st
         "success_thresholds": score.SUCCESS_THRESHOLDS.tolist(),
         "precision_thresholds": score.PRECISION_THRESHOLDS_PX.tolist(),
         "episodes": shown,
+        "drives": drives(run),
         "matrix": _matrix(run.rows, trackers),
     }
 
@@ -104,7 +115,7 @@ class _Counts:
 def _episode(
     run: Run, key: EpisodeKey, row: Row, scenarios: Sequence[str], conditions: Sequence[str]
 ) -> dict[str, Any]:
-    video = run.video(row)
+    video = run.video(row) if run.plan.kind == "open" else None
     return {
         "scenario": scenarios.index(key.scenario),
         "condition": conditions.index(key.condition),

@@ -175,7 +175,8 @@ function drawEpisode() {
   plot.removeAllListeners("plotly_click");
   plot.on("plotly_click", (event) => { video.pause(); seek(Math.round(event.points[0].x)); });
   video.hidden = !episode.video;
-  byId("film-note").textContent = episode.video ? "" : "No video of this episode: run bench with --videos all.";
+  byId("film-note").textContent = episode.video ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
+    : "No video of this episode: run bench with --videos all.";
   if (episode.video) { video.src = episode.video.split("/").map(encodeURIComponent).join("/"); } else { video.removeAttribute("src"); }
 }
 
@@ -291,6 +292,5 @@ function start() {
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
   drawAll();
   drawMatrix();
-  document.body.dataset.ready = "yes";
 }
 start();

@@ -1,0 +1,83 @@
+"use strict";
+// Closed loop: the way from above, distance and bearing, beside the drive's own video. Shares report.js's helpers.
+const DRIVES = DATA.drives;
+const drive = { index: 0 };
+const VIEW_M = 4;
+
+// The last sample that is not later than a time.
+function sampleAt(one, seconds) {
+  let low = 0, high = one.time.length - 1;
+  while (low < high) { const middle = Math.ceil((low + high) / 2); if (one.time[middle] <= seconds + 1e-6) low = middle; else high = middle - 1; }
+  return low;
+}
+
+function cone(one, k) {
+  const [x, y] = [one.robot[0][k], one.robot[1][k]];
+  const edge = (side) => [x + VIEW_M * Math.cos(one.gaze[k] + side * one.half_fov), y + VIEW_M * Math.sin(one.gaze[k] + side * one.half_fov)];
+  const [left, right] = [edge(1), edge(-1)];
+  return { x: [x, left[0], right[0], x], y: [y, left[1], right[1], y] };
+}
+
+function cursor(seconds) {
+  return { type: "line", xref: "x", yref: "paper", x0: seconds, x1: seconds, y0: 0, y1: 1, line: { width: 1.5, color: "#888", dash: "dot" } };
+}
+
+function drawDrive() {
+  const one = DRIVES[drive.index], ink = colour(one.tracker);
+  const line = (points, name, style) => ({ x: points[0], y: points[1], name, mode: "lines", line: style, hoverinfo: "name" });
+  const dot = (name, look) => ({ x: [0], y: [0], name, mode: "markers", marker: look, showlegend: false });
+  Plotly.react("drive-map", [
+    { x: [0], y: [0], name: "view", mode: "lines", fill: "toself", fillcolor: ink + "22", line: { color: ink, width: 1 }, hoverinfo: "skip" },
+    line(one.robot, "robot", { color: ink, width: 2 }),
+    line(one.target, "target", { color: "#7F7F7F", width: 2, dash: "dash" }),
+    dot("robot now", { color: ink, size: 11, symbol: "square" }),
+    dot("target now", { color: "#7F7F7F", size: 10 }),
+    { x: one.lost.map((loss) => loss.x), y: one.lost.map((loss) => loss.y), text: one.lost.map((loss) => escaped(loss.why)),
+      name: "lost here", mode: "markers", marker: { symbol: "x", size: 12, color: "#D1242F" }, hoverinfo: "text", showlegend: one.lost.length > 0 },
+  ], layout("x [m]", "y [m]", { yaxis: { scaleanchor: "x" } }), CONFIG);
+  for (const [id, values, label] of [["drive-distance", one.distance, "distance [m]"], ["drive-bearing", one.bearing, "bearing [\u00b0]"]]) {
+    const last = one.after[one.after.length - 1];
+    const shapes = one.lost.map((loss) => ({ type: "rect", xref: "x", yref: "paper", x0: loss.since, x1: loss.until === null ? last : loss.until,
+      y0: 0, y1: 1, fillcolor: "rgba(209,36,47,0.18)", line: { width: 0 }, layer: "below" }));
+    Plotly.react(id, [{ x: one.after, y: values, mode: "lines", line: { color: ink, width: 2 }, showlegend: false }],
+      layout("time [s]", label, { shapes: [...shapes, cursor(0)] }), CONFIG);
+    const plot = byId(id);
+    plot.removeAllListeners("plotly_click");
+    plot.on("plotly_click", (event) => goTo(event.points[0].x));
+  }
+  const told = byId("drive-told");
+  told.replaceChildren(element("li", one.ending), ...one.lost.map((loss) => element("li", loss.why)));
+  const video = byId("drive-video"), slider = byId("drive-time");
+  video.hidden = !one.video;
+  if (one.video) { video.src = one.video.split("/").map(encodeURIComponent).join("/"); } else { video.removeAttribute("src"); }
+  slider.max = one.time[one.time.length - 1];
+  showAt(0);
+}
+
+function showAt(seconds) {
+  const one = DRIVES[drive.index], k = sampleAt(one, seconds), view = cone(one, k);
+  byId("drive-time").value = seconds;
+  byId("drive-clock").textContent = `${seconds.toFixed(1)} s`;
+  Plotly.restyle("drive-map", { x: [view.x, [one.robot[0][k]], [one.target[0][k]]], y: [view.y, [one.robot[1][k]], [one.target[1][k]]] }, [0, 3, 4]);
+  for (const id of ["drive-distance", "drive-bearing"]) {
+    const last = byId(id).layout.shapes.length - 1;
+    Plotly.relayout(id, { [`shapes[${last}].x0`]: seconds, [`shapes[${last}].x1`]: seconds });
+  }
+}
+
+function goTo(seconds) {
+  const one = DRIVES[drive.index], video = byId("drive-video");
+  video.pause();
+  if (one.video) video.currentTime = (Math.round(seconds * one.rate_hz) + 0.5) / one.rate_hz;
+  showAt(seconds);
+}
+
+if (DRIVES.length) {
+  fill(byId("drive"), DRIVES.map((one) => one.name));
+  byId("drive").addEventListener("change", (event) => { drive.index = Number(event.target.value); drawDrive(); });
+  byId("drive-time").addEventListener("input", (event) => goTo(Number(event.target.value)));
+  byId("drive-video").addEventListener("timeupdate", () => showAt(byId("drive-video").currentTime));
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawDrive);
+  drawDrive();
+}
+document.body.dataset.ready = "yes";

@@ -1,0 +1,72 @@
+"""Closed-loop episodes on the page."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import report
+from pftrack_sim.bench import make_plan, run
+from pftrack_sim.bench.query import ask
+from pftrack_sim.report.data import read_run
+from pftrack_sim.report.drives import drives
+
+SMALL = {
+    "duration_s": 2.0,
+    "camera.width_px": 96,
+    "camera.height_px": 72,
+    "camera.rate_hz": 10,
+    "lights.shadows": False,
+}
+SMALL |= {"occluders": [], "distractors.count": 0, "target.speed_m_s": 1.4}
+# The target leaves the narrow view of a robot that stands still, to the side.
+SMALL |= {"camera.fovy_deg": 20.0, "target.path_m": [[3.5, 0.0], [4.0, 0.0], [4.5, 6.0]]}
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("drives") / "run"
+    plan = make_plan(["plaza-walk"], ["oracle"], [0], controllers=["servo-avoid", "still"], overrides=SMALL)
+    run(plan, path, videos="all")
+    return path
+
+
+def test_what_the_page_is_told_is_what_was_driven(driven: Path):
+    first, second = drives(read_run(driven))
+    sql = "SELECT after_distance_m FROM frames WHERE tracker = 'oracle+still' ORDER BY frame"
+    assert second["distance"] == pytest.approx([row[0] for row in ask(driven, sql).rows], abs=0.006)
+    assert np.ptp(second["robot"], axis=1).max() < 0.05  # it stands still
+    assert np.ptp(first["robot"], axis=1).max() > 0.2
+    assert first["ending"].startswith("driven to the end")
+    assert len(second["lost"]) == 1
+    assert second["lost"][0]["until"] is None
+    assert "out of view; never found again" in second["lost"][0]["why"]
+
+
+def test_a_run_with_a_script_has_no_drives(finished: Path):
+    assert drives(read_run(finished)) == []
+
+
+def test_the_slider_moves_cone_cursor_and_video(driven: Path, browser: Any):
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(report.write_report(driven).as_uri())
+    page.wait_for_selector("body[data-ready=yes]")
+    page.select_option("#drive", index=1)
+    assert "never found again" in page.locator("#drive-told").inner_text()
+    page.wait_for_function("document.getElementById('drive-video').readyState >= 1")
+    page.locator("#drive-time").fill("1.5")
+    page.wait_for_function("Math.abs(document.getElementById('drive-video').currentTime - 1.55) < 0.05")
+    told = drives(read_run(driven))[1]
+    here = page.evaluate("['x', 'y'].map((axis) => document.getElementById('drive-map').data[4][axis][0])")
+    assert here == [told["target"][0][15], told["target"][1][15]]
+    cone = page.evaluate("['x', 'y'].map((axis) => document.getElementById('drive-map').data[0][axis])")
+    left, right = (np.arctan2(cone[1][k] - cone[1][0], cone[0][k] - cone[0][0]) for k in (1, 2))
+    assert left - right == pytest.approx(2 * np.arctan(np.tan(np.deg2rad(10.0)) * 96 / 72))
+    assert page.evaluate("document.getElementById('drive-distance').layout.shapes.at(-1).x0") == pytest.approx(
+        1.5, abs=0.1
+    )
+    assert complaints == []
+    page.close()
