@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pftrack_sim import scenario, trackers
+from pftrack_sim import trackers
 from pftrack_sim.bench.claims import beside_the_paper, judge
 from pftrack_sim.bench.planning import parse_seeds, plan_suite
 from pftrack_sim.bench.suite import checked_suite, is_suite, load_suite, suite_names
@@ -70,6 +70,26 @@ def test_the_preset_of_a_suite_is_no_other_tracker():
     assert judge(checked_suite("t", tree()), named) == judge(checked_suite("t", tree()), rows())
 
 
+@pytest.mark.parametrize("more", ["+servo-avoid", "@13ms+servo", "[preset=paper]@7.5ms+my_robot:make"])
+def test_what_drives_and_how_late_makes_no_other_tracker(more: str):
+    named = [{**row, "tracker": row["tracker"] + more} for row in rows()]
+    assert judge(checked_suite("t", tree()), named) == judge(checked_suite("t", tree()), rows())
+
+
+def test_following_is_claimed_only_where_something_follows():
+    claims = [{"kind": "reaches", "says": "x", "tracker": "good", "value": 0.5, "measure": "follow_success"}]
+    with pytest.raises(ScenarioError, match="only where `controllers` drive it"):
+        checked_suite("t", tree(claims=claims))
+    driving = checked_suite("t", tree(claims=claims, controllers=["servo"]))
+    (finding,) = judge(driving, [{**row, "follow_success": 1.0} for row in rows()])
+    assert finding.verdict == "holds"
+
+
+def test_a_word_tells_conditions_of_equal_levels_apart():
+    names = {one.condition.name for one in plan_suite(load_suite("follow"), seeds=[0]).episodes()}
+    assert {"stranger occlusion=1", "lookalike occlusion=1", "latency=55", "jitter=0"} <= names
+
+
 def test_a_claim_without_results_is_undecided():
     assert {one.verdict for one in judge(checked_suite("t", tree()), [])} == {"undecided"}
 
@@ -118,11 +138,8 @@ def test_every_shipped_suite_names_what_exists(name: str):
     suite = load_suite(name)
     assert set(suite.trackers) <= set(trackers.names())
     assert parse_seeds(suite.seeds)
-    for block in suite.run:
-        levels = {f"axes.{axis}.severity": max(values) for axis, values in block.axes.items() if "." not in axis}
-        for one in block.scenarios:
-            loaded = scenario.load(one, {**block.changes, **levels})
-            assert loaded.resolve(0).frame_count > 1
+    for episode in plan_suite(suite, seeds=[0]).episodes():
+        assert episode.scenario.resolve(0).frame_count > 1
 
 
 def test_a_suite_becomes_a_plan_that_carries_it():

@@ -52,6 +52,27 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     assert "trackers: oracle, stay there, oracle asked for" in again.stderr
 
 
+def test_follow_prints_a_table_and_goes_on_with_the_latency_that_it_measured(tmp_path: Path):
+    out = tmp_path / "run"
+    command = ["follow", "plaza-walk", "--trackers", "oracle,stay", "--seeds", "0", "--latency", "stay=measured"]
+    command += ["--videos", "none", "--workers", "0", "--out", str(out), *SMALL]
+    done = pftrack_sim(*command)
+    assert done.returncode == 0, done.stderr
+    assert "tracker+controller" in done.stdout
+    assert "oracle+servo-avoid" in done.stdout
+    files = {file: file.stat().st_mtime_ns for file in (out / "episodes").rglob("*.parquet")}
+    assert len(files) == 2
+    assert pftrack_sim(*command).returncode == 0
+    assert {file: file.stat().st_mtime_ns for file in files} == files
+    assert pftrack_sim("check", str(out)).returncode == 0
+    wrong = pftrack_sim("follow", "plaza-walk", "--latency", "oracel=5")
+    assert wrong.returncode == 2
+    assert "oracle" in wrong.stderr
+    scripted = pftrack_sim("bench", "plaza-walk", "--axis", "latency=5", "--out", str(tmp_path / "no"))
+    assert scripted.returncode == 2
+    assert "see follow" in scripted.stderr
+
+
 def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
     done = pftrack_sim("evaluate", "--tracker", "ko2012,stay", "--seeds", "0:2", str(sequence(tmp_path / "square")))
     assert done.returncode == 0, done.stderr
