@@ -230,3 +230,16 @@ def test_nothing_of_warp_is_imported_unless_chosen():
         "assert not {'warp', 'mujoco_warp'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_only_the_ray_caster_is_imported_and_the_whole_library_can_be_afterwards():
+    program = (
+        "import sys\n"
+        "import pftrack_sim.render.warp.raycaster as ours\n"
+        "assert not {'mujoco_warp', 'mujoco_warp._src.forward'} & set(sys.modules)\n"
+        "import mujoco_warp\n"
+        "from mujoco_warp._src import render\n"
+        "from pftrack_sim.render.warp.library import caster\n"
+        "assert callable(mujoco_warp.step) and render is caster\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)

@@ -14,7 +14,7 @@ from pftrack_sim.camera.optics import camera_matrix, focal_and_centre
 from pftrack_sim.errors import ParameterError, RenderError
 from pftrack_sim.records import Image
 from pftrack_sim.render.backend import Layer, PixelRect, geoms_drawn
-from pftrack_sim.render.warp import kernels
+from pftrack_sim.render.warp import kernels, rays
 from pftrack_sim.render.warp.scene import SceneTable
 
 
@@ -206,7 +206,7 @@ def cameras_of(poses: Any, matrices: Any, size: tuple[int, int], near_m: float, 
     turns = np.asarray(poses, dtype=np.float64)
     if turns.ndim != 3 or turns.shape[1:] != (4, 4) or not np.isfinite(turns).all():
         raise ParameterError(f"T_world_camera must be a finite (4, 4) matrix, got {turns.tolist()}")
-    cameras = kernels.Cameras()
+    cameras = rays.Cameras()
     cameras.eye = wp.array(turns[:, :3, 3].astype(np.float32), dtype=wp.vec3)
     cameras.turn = wp.array(turns[:, :3, :3].astype(np.float32), dtype=wp.mat33)
     lenses = np.array([focal_and_centre(camera_matrix(K, *size)) for K in matrices], dtype=np.float32)

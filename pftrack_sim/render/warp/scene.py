@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.errors import RenderError
 from pftrack_sim.render.sky import sky_material
-from pftrack_sim.render.warp import kernels
+from pftrack_sim.render.warp import kernels, rays
 
 _ROLE_RGB = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
@@ -39,7 +39,7 @@ class SceneTable:
         self.world_of_geom = np.repeat(np.arange(len(models)), [model.ngeom for model in models])
         self.visible = np.concatenate(visible)
         kinds = _joined(models, "geom_type")
-        undrawable = np.flatnonzero(self.visible & ~np.isin(kinds, kernels.KINDS))
+        undrawable = np.flatnonzero(self.visible & ~np.isin(kinds, rays.KINDS))
         if undrawable.size:
             kind = mujoco.mjtGeom(int(kinds[undrawable[0]])).name
             raise RenderError(f"the renderer warp cannot draw geoms of type {kind}; use an OpenGL one")
@@ -103,7 +103,7 @@ class SceneTable:
         Returns:
             What kernels take, and its owner, to be kept as long.
         """
-        tree = kernels.Tree()
+        tree = rays.Tree()
         chosen = np.flatnonzero(shown)
         tree.count = int(chosen.size)
         tree.geoms = wp.array(chosen.astype(np.int32), dtype=int)
@@ -122,7 +122,7 @@ class SceneTable:
 
     def _make_geoms(self, kinds: NDArray[Any], sizes: NDArray[Any]) -> Any:
         models = self._models
-        geoms = kernels.Geoms()
+        geoms = rays.Geoms()
         geoms.kind = wp.array(kinds.astype(np.int32), dtype=int)
         geoms.data = _table(_shifted(models, "geom_dataid", [model.nmesh for model in models]), int)
         geoms.material = _table(_shifted(models, "geom_matid", [model.nmat for model in models]), int)
@@ -140,7 +140,7 @@ class SceneTable:
 
     def _make_looks(self) -> Any:
         models = self._models
-        looks = kernels.Looks()
+        looks = rays.Looks()
         looks.rgba = _table(_joined(models, "mat_rgba"), wp.vec4)
         textures = [model.mat_texid[:, _ROLE_RGB] for model in models]
         starts = _starts([model.ntex for model in models])
