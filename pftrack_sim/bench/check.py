@@ -12,7 +12,7 @@ import duckdb
 
 from pftrack_sim.bench.columns import content_digest, read_metadata
 from pftrack_sim.bench.folder import episode_files
-from pftrack_sim.bench.plan import Episode, Plan
+from pftrack_sim.bench.plan import Episode
 from pftrack_sim.bench.reading import Run
 from pftrack_sim.errors import RunError
 
@@ -68,7 +68,7 @@ def check(path: Path) -> Finding:
             if not file.is_file():
                 problems.append(f"missing: {episode.name}")
                 continue
-            wrong = _wrong(database, plan, episode, file, schema, hashes.get(file.relative_to(path).as_posix()))
+            wrong = _wrong(database, episode, file, schema, hashes.get(file.relative_to(path).as_posix()))
             if wrong:
                 problems.append(f"{file.relative_to(path).as_posix()}: {wrong}")
             else:
@@ -95,7 +95,6 @@ def _hashes(database: duckdb.DuckDBPyConnection, run: Run, problems: list[str]) 
 
 def _wrong(
     database: duckdb.DuckDBPyConnection,
-    plan: Plan,
     episode: Episode,
     file: Path,
     schema: list[Any],
@@ -126,5 +125,5 @@ def _wrong(
     if columns != schema:
         return "has other columns than the rest"
     frames = sums["frames"]
-    wanted = {(label, frames, frames, 0, frames - 1) for label in plan.labels}
+    wanted = {(label, frames, frames, 0, frames - 1) for label in episode.labels}
     return None if set(counts) == wanted else "does not have every frame of every tracker once"

@@ -7,6 +7,7 @@ compared is paired by seed.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
@@ -112,8 +113,8 @@ class _Table:
     def __init__(self, rows: Iterable[Row]) -> None:
         self._rows: dict[tuple[str, str, int], list[Row]] = {}
         for row in rows:
-            # A suite names its trackers; the preset that it runs them with is no other tracker.
-            tracker = str(row["tracker"]).removesuffix("[preset=paper]")
+            # A suite names its trackers; the preset, latency and controller that it runs them with make no other.
+            tracker = re.sub(r"(\[preset=paper\])?(@[\d.e+-]+ms)?(\+[^+\]]+)?$", "", str(row["tracker"]))
             self._rows.setdefault((tracker, str(row["scenario"]), int(row["seed"])), []).append(row)
 
     def by_seed(self, tracker: str, scenarios: Sequence[str], measure: Measure) -> dict[int, float]:

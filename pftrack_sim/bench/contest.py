@@ -22,7 +22,7 @@ from pftrack_sim.trackers.registry import GROUP
 Isolation: TypeAlias = Literal["auto", "always", "never"]
 """Which trackers get a process of their own; `"auto"`: those of strangers."""
 
-Status: TypeAlias = Literal["waiting", "init", "ok", "failed"]
+Status: TypeAlias = Literal["waiting", "init", "ok", "busy", "failed"]
 
 
 @dataclass
@@ -34,7 +34,8 @@ class Entry:
         tracker: The tracker.
         estimates: One for each frame; None where it gave no valid answer.
         ms: Time it took for each frame.
-        statuses: For each frame: `"waiting"` for the target to appear, `"init"`, `"ok"`, or `"failed"`.
+        statuses: For each frame: `"waiting"` for the target to appear, `"init"`, `"ok"`, `"busy"` (still thinking about
+            an earlier one), or `"failed"`.
         failure: What went wrong, and at which frame; None while all is well. It counts as a miss from there on.
     """
 

@@ -20,6 +20,8 @@ import pftrack_sim
 from pftrack_sim import score
 from pftrack_sim.bench.columns import estimate_columns, truth_columns, write_episode
 from pftrack_sim.bench.contest import Entry, Isolation, enter
+from pftrack_sim.bench.drive import drive
+from pftrack_sim.bench.driven import Shown
 from pftrack_sim.bench.plan import Contestant, Episode
 from pftrack_sim.bench.video import VideoWriter
 from pftrack_sim.env.simulation import Simulation
@@ -94,22 +96,25 @@ def play(job: Job, on_frame: Callable[[], None] = lambda: None) -> Outcome:
         entries = enter(job.trackers, seed=job.episode.seed, isolation=job.isolation, limits=job.limits)
         for entry in entries:
             stack.callback(entry.close)
-        simulation = stack.enter_context(Simulation(job.episode.scenario, backend=job.backend))
         video = folder / "episode.mp4" if job.video else None
-        truths, pixels = _show(simulation, job.episode.seed, entries, video, on_frame)
-        rows = _write(folder / "episode.parquet", job, truths, entries, pixels, simulation.graphics)
+        if job.episode.kind == "follow":
+            shown = drive(job.episode, entries[0], video, job.backend, on_frame)
+        else:
+            simulation = stack.enter_context(Simulation(job.episode.scenario, backend=job.backend))
+            shown = _show(simulation, job.episode.seed, entries, video, on_frame)
+        rows = _write(folder / "episode.parquet", job.episode, shown)
         return Outcome(
             table=(folder / "episode.parquet").read_bytes(),
             video=video.read_bytes() if video is not None else None,
-            frames=len(truths),
+            frames=len(shown.truths),
             rows=tuple(rows),
         )
 
 
 def _show(
     simulation: Simulation, seed: int, entries: list[Entry], video: Path | None, on_frame: Callable[[], None]
-) -> tuple[list[Truth], str]:
-    """Show every frame to every tracker; the target's truths and a digest of all pixels."""
+) -> Shown:
+    """Show every frame to every tracker."""
     truths: list[Truth] = []
     pixels = hashlib.blake2b(digest_size=16)
     frame = simulation.reset(seed)
@@ -129,15 +134,13 @@ def _show(
                 writer.add(draw_frame(frame, said))
             on_frame()
             if len(truths) == simulation.frame_count:
-                return truths, pixels.hexdigest()
+                return Shown(truths, entries, pixels.hexdigest(), simulation.graphics)
             frame = simulation.advance()
 
 
-def _write(
-    path: Path, job: Job, truths: list[Truth], entries: list[Entry], pixels: str, graphics: str
-) -> list[dict[str, Any]]:
+def _write(path: Path, episode: Episode, shown: Shown) -> list[dict[str, Any]]:
     """Score every tracker and write the episode's file."""
-    episode = job.episode
+    truths = shown.truths
     key: dict[str, str | int] = {
         "kind": episode.kind,
         "scenario": episode.scenario.name,
@@ -150,13 +153,12 @@ def _write(
     rate_hz = episode.scenario.resolve(episode.seed).camera.rate_hz
     rows: list[dict[str, Any]] = []
     tables: list[dict[str, np.ndarray]] = []
-    for entry in entries:
+    for entry in shown.entries:
         frames = score.frame_scores(entry.boxes, truth_boxes)
         summary = score.measure(frames, scored, visible, np.array(entry.ms), rate_hz)
         tables.append(estimate_columns(entry, frames.overlap, frames.centre_error_px))
-        rows.append(
-            {**key, "tracker": entry.name, **summary.as_dict(), "failure": entry.failure, "printed": entry.printed}
-        )
+        said = {"failure": entry.failure, "printed": entry.printed}
+        rows.append({**key, "tracker": entry.name, **summary.as_dict(), **shown.scores, **said})
     sums = {
         **key,
         "path": episode.path,
@@ -164,10 +166,10 @@ def _write(
         "levels": dict(episode.condition.levels),
         "frames": len(truths),
         "rate_hz": rate_hz,
-        "frames_digest": pixels,
-        "graphics": graphics,
+        "frames_digest": shown.pixels,
+        "graphics": shown.graphics,
         "version": pftrack_sim.__version__,
         "trackers": rows,
     }
-    write_episode(path, key, truth_columns(truths), tables, sums)
+    write_episode(path, key, {**truth_columns(truths), **shown.columns}, tables, sums)
     return rows

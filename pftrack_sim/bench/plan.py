@@ -21,10 +21,14 @@ from pftrack_sim.errors import ParameterError, RunError
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.ranges import is_range
-from pftrack_sim.scenario.section import Section
+from pftrack_sim.scenario.section import NotNegative, Section
 
-Kind: TypeAlias = Literal["open"]
-"""Kinds of episodes. `"open"`: the robot follows its script, so that one drawing serves every tracker."""
+Kind: TypeAlias = Literal["open", "follow"]
+"""Kinds of episodes. `"open"`: the robot follows its script, so that one drawing serves every tracker. `"follow"`: the
+tracker drives the robot, and so each sees an episode of its own."""
+
+LATENCY = "latency"
+"""The stress axis that lies in the run and not in the scenario: milliseconds charged for a frame, whoever tracks."""
 
 ScoredBox: TypeAlias = Literal["box", "amodal_box", "visible_box"]
 """Box of the truth that estimates are compared with, by its name in `Truth`."""
@@ -39,27 +43,34 @@ class Contestant(Section):
         name: Its name, or `package.module:factory`.
         preset: Its preset.
         params: Its parameters.
+        controller: What drives the robot with its answers; None where the robot follows its script.
+        latency_ms: Simulated time charged for every frame that it takes, unless the condition says another.
     """
 
     name: str
     preset: str = "default"
     params: dict[str, Any] = Field(default_factory=dict)
+    controller: str | None = None
+    latency_ms: NotNegative = 0.0
 
     @property
     def label(self) -> str:
-        """How tables call it: `"ko2012"`, `"ko2012[particle_count=300]"`."""
+        """How tables call it: `"ko2012"`, `"ko2012[particle_count=300]"`, `"ko2012@13ms+servo-avoid"`."""
         said = {**({"preset": self.preset} if self.preset != "default" else {}), **self.params}
         inner = ",".join(
             f"{key}={json.dumps(value) if isinstance(value, bool) else value}" for key, value in said.items()
         )
-        return f"{self.name}[{inner}]" if inner else self.name
+        late = f"@{self.latency_ms:g}ms" if self.latency_ms else ""
+        driving = f"+{self.controller}" if self.controller is not None else ""
+        return self.name + (f"[{inner}]" if inner else "") + late + driving
 
 
 class Condition(Section):
     """One combination of axis levels; without levels it is the scenario as it is.
 
     Attributes:
-        levels: Pairs of an axis and its severity, or of `axis.parameter` and its value at severity 1.
+        levels: Pairs of an axis and its severity, of `axis.parameter` and its value at severity 1, or of `latency` and
+            milliseconds.
     """
 
     levels: tuple[tuple[str, float], ...] = ()
@@ -70,12 +81,19 @@ class Condition(Section):
         return ",".join(f"{axis}={level:g}" for axis, level in self.levels) or "base"
 
     @property
+    def latency_ms(self) -> float | None:
+        """Charged for a frame, or None where every tracker has its own."""
+        return dict(self.levels).get(LATENCY)
+
+    @property
     def overrides(self) -> dict[str, float]:
-        """The dotted keys that the levels set."""
+        """The dotted keys that the levels set in a scenario."""
         set_by_hand = {axis for axis, _ in self.levels if "." not in axis}
         keys: dict[str, float] = {}
         for axis, level in self.levels:
             name, _, parameter = axis.partition(".")
+            if name == LATENCY:
+                continue
             if not parameter:
                 keys[f"axes.{name}.severity"] = level
                 continue
@@ -95,7 +113,6 @@ class Stage(Section):
 class Batch(Section):
     """Scenarios x conditions x seeds."""
 
-    kind: Kind = "open"
     scenarios: tuple[Stage, ...]
     conditions: tuple[Condition, ...] = (Condition(),)
     seeds: tuple[Seed, ...]
@@ -110,6 +127,7 @@ class Episode:
         condition: Axis levels.
         seed: Root seed.
         path: Where its files lie within `episodes/` and `videos/`, without their suffix.
+        trackers: Who is shown it; where the tracker drives, that one alone.
         leads: Whether it has the first seed of its scenario and condition.
         kind: How it is run.
         truth: What estimates are compared with.
@@ -119,16 +137,30 @@ class Episode:
     condition: Condition
     seed: int
     path: str
+    trackers: tuple[Contestant, ...]
     leads: bool = False
-    kind: Kind = "open"
     truth: ScoredBox = "box"
+
+    @property
+    def kind(self) -> Kind:
+        """How it is run."""
+        return _kind(self.trackers)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of its trackers in tables."""
+        return tuple(one.label for one in self.trackers)
 
     @property
     def name(self) -> str:
         """For people: `"plaza-walk jitter=2 seed 3"`."""
-        return " ".join(
-            [self.scenario.name, *([self.condition.name] if self.condition.levels else []), f"seed {self.seed}"]
-        )
+        condition = [self.condition.name] if self.condition.levels else []
+        driver = self.labels if self.kind == "follow" else ()
+        return " ".join([self.scenario.name, *condition, f"seed {self.seed}", *driver])
+
+
+def _kind(trackers: tuple[Contestant, ...]) -> Kind:
+    return "open" if trackers[0].controller is None else "follow"
 
 
 class Plan(Section):
@@ -167,7 +199,18 @@ class Plan(Section):
             if twice:
                 named = dict.fromkeys(str(one[-1] if what == "seed" else one[0]) for one in twice)
                 raise ValueError(f"{what} given twice: {', '.join(named)}")
+        if len({one.controller is None for one in self.trackers}) > 1:
+            raise ValueError("either every tracker needs a controller, or none may have one")
+        late = any(one.latency_ms for one in self.trackers)
+        late = late or any(one.latency_ms is not None for batch in self.batches for one in batch.conditions)
+        if late and self.kind == "open":
+            raise ValueError("latency is charged only where the tracker drives the robot: see follow")
         return self
+
+    @property
+    def kind(self) -> Kind:
+        """How its episodes are run."""
+        return _kind(self.trackers)
 
     @property
     def digest(self) -> str:
@@ -182,7 +225,12 @@ class Plan(Section):
     @property
     def episode_count(self) -> int:
         """Number of episodes."""
-        return sum(len(one.scenarios) * len(one.conditions) * len(one.seeds) for one in self.batches)
+        shown = len(self._shown())
+        return shown * sum(len(one.scenarios) * len(one.conditions) * len(one.seeds) for one in self.batches)
+
+    def _shown(self) -> list[tuple[Contestant, ...]]:
+        """Who shares an episode."""
+        return [self.trackers] if self.kind == "open" else [(one,) for one in self.trackers]
 
     @cached_property
     def frame_count(self) -> int:
@@ -195,7 +243,7 @@ class Plan(Section):
             counted = batch.seeds if varies and len(batch.seeds) <= 100 else batch.seeds[:1]
             frames = sum(scenario.frame_count(seed) for seed in counted)
             total += frames * len(batch.seeds) // len(counted)
-        return total
+        return total * len(self._shown())
 
     def episodes(self, *, shuffle: int | None = None) -> Iterator[Episode]:
         """Every episode, in the plan's order, made as it is asked for.
@@ -210,11 +258,14 @@ class Plan(Section):
             return
         scenario_slugs = distinct_slugs(stage.name for batch in self.batches for stage in batch.scenarios)
         condition_slugs = distinct_slugs(one.name for batch in self.batches for one in batch.conditions)
+        driver_slugs = distinct_slugs(self.labels)
         for batch, scenario, condition in self._settings():
             folder = f"{scenario_slugs[scenario.name]}/{condition_slugs[condition.name]}"
             for seed in batch.seeds:
-                path = f"{folder}/seed-{seed:04d}"
-                yield Episode(scenario, condition, seed, path, seed == batch.seeds[0], batch.kind, self.truth)
+                for trackers in self._shown():
+                    driver = f"__{driver_slugs[trackers[0].label]}" if self.kind == "follow" else ""
+                    path = f"{folder}/seed-{seed:04d}{driver}"
+                    yield Episode(scenario, condition, seed, path, trackers, seed == batch.seeds[0], self.truth)
 
     def _settings(self) -> Iterator[tuple[Batch, Scenario, Condition]]:
         for batch in self.batches:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, cast, get_args
 
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.bench.plan import Batch, Condition, Contestant, Plan, ScoredBox, Stage, checked_plan
+from pftrack_sim.bench.plan import LATENCY, Batch, Condition, Contestant, Plan, ScoredBox, Stage, checked_plan
 from pftrack_sim.bench.suite import Suite, is_suite, load_suite, suite_names
+from pftrack_sim.controllers import make as make_controller
 from pftrack_sim.errors import ParameterError, UnknownNameError
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.scenario.axes import axes_by_name
@@ -23,6 +25,8 @@ def make_plan(
     axes: Mapping[str, Sequence[float]] | None = None,
     overrides: Mapping[str, Any] | None = None,
     preset: str = "default",
+    controllers: Sequence[str] = (),
+    latency_ms: Mapping[str, float] | None = None,
 ) -> Plan:
     """The plan of all combinations.
 
@@ -33,14 +37,20 @@ def make_plan(
         axes: For a stress axis its severities, and for `axis.parameter` the parameter's values at severity 1.
         overrides: Dotted keys set in every scenario.
         preset: Preset of every tracker given by its name alone.
+        controllers: What drives the robot, by name, each with every tracker; without one the robot follows its script.
+        latency_ms: Simulated time charged for a frame, by the tracker's name; the others are not charged. An axis
+            `latency` charges all of them instead.
 
     Raises:
-        UnknownNameError: An unknown scenario, axis or parameter of an axis.
+        UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
         ScenarioError: A wrong scenario, override or level.
-        ParameterError: No scenario, tracker or seed, or one given twice.
+        ParameterError: No scenario, tracker or seed, one given twice, or a latency that is none.
     """
-    for axis in axes or {}:
-        _check_axis(axis)
+    for axis, levels in (axes or {}).items():
+        if axis == LATENCY:
+            check_latency(levels)
+        else:
+            _check_axis(axis)
     loaded = [scenarios.load(name, overrides or {}) for name in names]
     conditions = tuple(_conditions(axes or {}))
     batch = Batch(
@@ -49,11 +59,35 @@ def make_plan(
         seeds=tuple(seeds),
     )
     contestants = tuple(one if isinstance(one, Contestant) else Contestant(name=one, preset=preset) for one in trackers)
-    plan = checked_plan((batch,), contestants)
+    plan = checked_plan((batch,), _drivers(contestants, controllers, latency_ms or {}))
     for scenario in loaded:
         for condition in conditions:
             scenarios.load(scenario, condition.overrides)
     return plan
+
+
+def _drivers(
+    trackers: Sequence[Contestant], controllers: Sequence[str], latency_ms: Mapping[str, float]
+) -> tuple[Contestant, ...]:
+    """Every tracker with every controller."""
+    check_latency(latency_ms.values())
+    names = [one.name for one in trackers]
+    for name in latency_ms:
+        if name not in names:
+            raise UnknownNameError("tracker that latency is given for", name, names)
+    for name in controllers:
+        make_controller(name)  # a mistake in its name is told before anything is drawn
+    charged = [one.model_copy(update={"latency_ms": latency_ms.get(one.name, one.latency_ms)}) for one in trackers]
+    if not controllers:
+        return tuple(charged)
+    return tuple(one.model_copy(update={"controller": name}) for name in controllers for one in charged)
+
+
+def check_latency(values: Iterable[float]) -> None:
+    """Raise ParameterError unless all are latencies."""
+    for value in values:
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ParameterError(f"a latency must be 0 ms or more, got {value!r}")
 
 
 def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: ScoredBox = "box") -> Plan:
@@ -75,8 +109,10 @@ def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: 
 
 
 TRACKERS = ("ko2012", "opencv-mil", "stay")
+DRIVERS = ("oracle",)
+CONTROLLERS = ("servo-avoid",)
 SEEDS = (0, 1, 2)
-"""What scenarios are run with when nothing else is said."""
+"""What scenarios are run with when nothing else is said: `DRIVERS` are the trackers where they drive the robot."""
 
 
 def plan_all(
@@ -88,29 +124,46 @@ def plan_all(
     overrides: Mapping[str, Any] | None = None,
     preset: str | None = None,
     truth: str = "box",
+    controllers: Sequence[str] | None = None,
+    latency_ms: Mapping[str, float] | None = None,
+    drive: bool = False,
 ) -> Plan:
     """The plan of suites and scenarios together.
 
     Args:
         names: Suites and scenarios, by name or path.
-        trackers: Of everything; a suite's own, and `TRACKERS` for scenarios, if None.
+        trackers: Of everything; a suite's own, and `TRACKERS` or `DRIVERS` for scenarios, if None.
         seeds: Of everything; a suite's own, and `SEEDS` for scenarios, if None.
         axes: Swept in everything.
         overrides: Dotted keys set in every scenario.
         preset: Of every tracker; a suite's own, and `"default"` for scenarios, if None.
         truth: What estimates are compared with: `"box"`, `"amodal_box"` or `"visible_box"`.
+        controllers: What drives the robot in everything; if None a suite's own, and the script in scenarios.
+        latency_ms: Charged for a frame, by the tracker's name.
+        drive: Whether the trackers drive the robot also where nothing says with which controller: then with
+            `CONTROLLERS`.
 
     Raises:
-        UnknownNameError: An unknown suite, scenario, axis, parameter of an axis, or box.
+        UnknownNameError: An unknown suite, scenario, axis, parameter of an axis, box, or controller.
         ScenarioError: A wrong suite, scenario, override or level.
         ParameterError: Nothing to run, something given twice, or suites with different trackers.
     """
     if truth not in get_args(ScoredBox):
         raise UnknownNameError("box of the truth", truth, get_args(ScoredBox))
+    fallback = CONTROLLERS if drive else ()
     suites = [load_suite(name) for name in names if is_suite(name)]
     alone = [name for name in names if not is_suite(name)]
     plans = [
-        plan_suite(suite, trackers=trackers, seeds=seeds, axes=axes, overrides=overrides, preset=preset)
+        plan_suite(
+            suite,
+            trackers=trackers,
+            seeds=seeds,
+            axes=axes,
+            overrides=overrides,
+            preset=preset,
+            controllers=controllers or suite.controllers or fallback,
+            latency_ms=latency_ms,
+        )
         for suite in suites
     ]
     if alone or not plans:
@@ -120,11 +173,13 @@ def plan_all(
         plans.append(
             make_plan(
                 alone,
-                trackers if trackers is not None else TRACKERS,
+                trackers if trackers is not None else DRIVERS if controllers or fallback else TRACKERS,
                 seeds if seeds is not None else SEEDS,
                 axes=axes,
                 overrides=overrides,
                 preset=preset or "default",
+                controllers=controllers or fallback,
+                latency_ms=latency_ms,
             )
         )
     return join_plans(plans, truth=cast("ScoredBox", truth))
@@ -138,6 +193,8 @@ def plan_suite(
     axes: Mapping[str, Sequence[float]] | None = None,
     overrides: Mapping[str, Any] | None = None,
     preset: str | None = None,
+    controllers: Sequence[str] | None = None,
+    latency_ms: Mapping[str, float] | None = None,
 ) -> Plan:
     """The plan of a suite.
 
@@ -148,9 +205,11 @@ def plan_suite(
         axes: Swept on top of its own; one that the suite sweeps too is replaced.
         overrides: Dotted keys set in every scenario, after its own.
         preset: Instead of its own.
+        controllers: Instead of its own.
+        latency_ms: Charged for a frame, by the tracker's name.
 
     Raises:
-        UnknownNameError: An unknown scenario, axis or parameter of an axis.
+        UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
         ScenarioError: A wrong scenario, override or level.
         ParameterError: An episode or tracker given twice.
     """
@@ -163,6 +222,8 @@ def plan_suite(
             axes={**block.axes, **(axes or {})},
             overrides={**block.changes, **(overrides or {})},
             preset=chosen,
+            controllers=controllers if controllers is not None else suite.controllers,
+            latency_ms=latency_ms,
         )
         for block in suite.run
     ]
@@ -173,7 +234,7 @@ def _check_axis(axis: str) -> None:
     name, dot, parameter = axis.partition(".")
     known = axes_by_name()
     if name not in known:
-        raise UnknownNameError("axis", name, known)
+        raise UnknownNameError("axis", name, [*known, LATENCY])
     if dot and parameter not in known[name].model_fields:
         raise UnknownNameError(f"parameter of the axis {name}", parameter, known[name].model_fields)
 

@@ -17,11 +17,18 @@ from pftrack_sim.bench.folder import episode_files, read_record, read_run_plan
 from pftrack_sim.bench.plan import Plan
 from pftrack_sim.errors import RunError
 from pftrack_sim.score import Measures
+from pftrack_sim.score.following import Following
 
 _CHUNK = 500
 
 # The types are said, because a column without any value has none of its own.
-_CASTS = {"failure": "VARCHAR", "printed": "VARCHAR", "level_names": "VARCHAR[]", "level_values": "DOUBLE[]"}
+_CASTS = {
+    "failure": "VARCHAR",
+    "printed": "VARCHAR",
+    "collided_with": "VARCHAR",
+    "level_names": "VARCHAR[]",
+    "level_values": "DOUBLE[]",
+}
 
 
 @dataclass(frozen=True)
@@ -35,6 +42,7 @@ class Result:
         tracker: The tracker, as tables call it.
         summary: Its scores.
         failure: What went wrong and at which frame, or None.
+        following: How well it followed, where it drove the robot.
     """
 
     scenario: str
@@ -43,6 +51,7 @@ class Result:
     tracker: str
     summary: Measures
     failure: str | None
+    following: Following | None = None
 
 
 class Run:
@@ -79,6 +88,8 @@ class Run:
             table = database.execute("SELECT * EXCLUDE levels FROM summary ORDER BY number, place")
             names = [one[0] for one in table.description or ()]
             scores = [one.name for one in fields(Measures)]
+            followed = [one.name for one in fields(Following)]
+            drove = "controller" in names
             return [
                 Result(
                     row["scenario"],
@@ -87,6 +98,7 @@ class Run:
                     row["tracker"],
                     Measures(**{name: row[name] for name in scores}),
                     row["failure"],
+                    Following(**{name: row[f"follow_{name}"] for name in followed}) if drove else None,
                 )
                 for row in (dict(zip(names, values, strict=True)) for values in table.fetchall())
             ]
@@ -144,7 +156,7 @@ def load_summary(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, *,
         rows: list[dict[str, Any]] = []
         for file, sums in read_metadata(database, list(files)):
             sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if hashes else None
-            rows += _rows(files[file], file.relative_to(path).as_posix(), sums, sha256)
+            rows += _rows(plan, files[file], file.relative_to(path).as_posix(), sums, sha256)
         columns = {name: _column([row[name] for row in rows]) for name in rows[0]}
         database.register("chunk", columns)
         chosen = ", ".join(f"{name}::{_CASTS[name]} AS {name}" if name in _CASTS else name for name in columns)
@@ -158,11 +170,11 @@ def load_summary(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, *,
     return count
 
 
-def _rows(number: int, file: str, sums: dict[str, Any], sha256: str | None) -> Iterator[dict[str, Any]]:
-    for place, scores in enumerate(sums["trackers"]):
+def _rows(plan: Plan, number: int, file: str, sums: dict[str, Any], sha256: str | None) -> Iterator[dict[str, Any]]:
+    for scores in sums["trackers"]:
         yield {
             "number": number,
-            "place": place,
+            "place": plan.labels.index(scores["tracker"]),
             **scores,
             "level_names": list(sums["levels"]),
             "level_values": list(sums["levels"].values()),

@@ -93,7 +93,7 @@ def run(
 
         def job(episode: Episode) -> Job:
             film = videos == "all" or (videos == "first" and episode.leads)
-            return Job(episode, plan.trackers, film, backend, apart, limits)
+            return Job(episode, episode.trackers, film, backend, apart, limits)
 
         missing = (one for one in _share(plan, part, shuffle) if not held.folder.has(one))
         try:

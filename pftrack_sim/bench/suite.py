@@ -18,8 +18,8 @@ from pftrack_sim.errors import ScenarioError, UnknownNameError
 from pftrack_sim.scenario.explain import problems
 from pftrack_sim.scenario.section import NotNegative, Positive, Section, Share
 
-Measure: TypeAlias = Literal["mean_overlap", "success"]
-"""A number in [0, 1] that every episode has: see `score.Summary`."""
+Measure: TypeAlias = Literal["mean_overlap", "success", "follow_success", "follow_tracking_rate", "follow_within"]
+"""A number in [0, 1] that every episode has: see `score.Measures`, and `score.following.Following` where it drives."""
 
 Names: TypeAlias = Annotated[tuple[str, ...], Field(min_length=1)]
 
@@ -100,6 +100,9 @@ class Suite(Section):
     seeds: str = Field(default="0:5", description="Seeds as on the command line.")
     trackers: Names = Field(description="Trackers by name.")
     preset: Literal["default", "paper"] = "default"
+    controllers: tuple[str, ...] = Field(
+        default=(), description="Controllers that drive the robot with the trackers' answers; none: it has a script."
+    )
     run: Annotated[tuple[Block, ...], Field(min_length=1)] = Field(description="What is run.")
     table: PaperTable | None = Field(default=None, description="The paper's table.")
     claims: tuple[Claim, ...] = Field(default=(), description="What the paper claims.")
@@ -123,6 +126,9 @@ class Suite(Section):
             told += claim.trackers if isinstance(claim, Harder) else (claim.tracker,)
             told += claim.others if isinstance(claim, Beats) else ()
         missing = [name for name in dict.fromkeys(told) if name not in self.trackers]
+        measures = [claim.measure for claim in self.claims] + ([self.table.measure] if self.table else [])
+        if not self.controllers and any(measure.startswith("follow_") for measure in measures):
+            raise ValueError("how well a robot followed can be claimed only where `controllers` drive it")
         if missing:
             raise ValueError(f"trackers of a table or claim that `trackers` lacks: {', '.join(missing)}")
         return self

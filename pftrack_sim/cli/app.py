@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,6 +21,10 @@ from pftrack_sim.cli.values import (
     parse_trackers,
 )
 from pftrack_sim.errors import ParameterError
+
+if TYPE_CHECKING:
+    from pftrack_sim.bench import Plan
+    from pftrack_sim.isolation import Limits
 
 app = typer.Typer(
     name="pftrack-sim",
@@ -49,6 +53,37 @@ Backend = Annotated[
     str | None,
     typer.Option("--renderer", "--backend", help="gl, egl, osmesa or warp; default: OpenGL if it loads, else warp."),
 ]
+BenchTrackers = Annotated[
+    str | None,
+    typer.Option(
+        "--trackers",
+        "--tracker",
+        metavar="A,B",
+        help="Trackers: name or name[key=value,...]; default: a suite's, or ko2012,opencv-mil,stay (follow: oracle).",
+    ),
+]
+BenchSeeds = Annotated[
+    str | None,
+    typer.Option(metavar="SEEDS", help="3, 0:20 (20 excluded) or 1,5,9; default: 0:3, or a suite's own."),
+]
+BenchPreset = Annotated[
+    str | None, typer.Option(help="Preset of the trackers: default or paper; default: default; a suite's own.")
+]
+ScoredBox = Annotated[
+    str, typer.Option(metavar="BOX", help="Score against the truth's box, amodal_box or visible_box.")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(help="Run folder; the same command goes on with one. Default is a new one in runs/."),
+]
+Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")]
+Workers = Annotated[int | None, typer.Option(min=0, help="Processes; default is one for each core.")]
+Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]
+Part = Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")]
+Isolation = Annotated[str, typer.Option(help="Trackers in processes of their own: auto, always or never.")]
+FrameLimit = Annotated[float, typer.Option(help="Time for a frame, for those trackers.")]
+MemoryLimit = Annotated[float, typer.Option(help="Memory for each of them; 0 is no limit.")]
+ProgressMode = Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")]
 
 
 @app.command("list")
@@ -62,19 +97,8 @@ def list_names(
 @app.command()
 def bench(
     scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
-    trackers: Annotated[
-        str | None,
-        typer.Option(
-            "--trackers",
-            "--tracker",
-            metavar="A,B",
-            help="Trackers: name, or name[key=value,...]; default: ko2012,opencv-mil,stay, or a suite's own.",
-        ),
-    ] = None,
-    seeds: Annotated[
-        str | None,
-        typer.Option(metavar="SEEDS", help="3, 0:20 (20 excluded) or 1,5,9; default: 0:3, or a suite's own."),
-    ] = None,
+    trackers: BenchTrackers = None,
+    seeds: BenchSeeds = None,
     axis: Annotated[
         list[str] | None,
         typer.Option(
@@ -84,28 +108,21 @@ def bench(
         ),
     ] = None,
     settings: Settings = None,
-    preset: Annotated[
-        str | None, typer.Option(help="Preset of the trackers: default or paper; default: default; a suite's own.")
-    ] = None,
-    truth: Annotated[
-        str, typer.Option(metavar="BOX", help="Score against the truth's box, amodal_box or visible_box.")
-    ] = "box",
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Run folder; the same command goes on with one. Default is a new one in runs/."),
-    ] = None,
-    videos: Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")] = "first",
+    preset: BenchPreset = None,
+    truth: ScoredBox = "box",
+    out: Out = None,
+    videos: Videos = "first",
     backend: Backend = None,
-    workers: Annotated[int | None, typer.Option(min=0, help="Processes; default is one for each core.")] = None,
-    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")] = None,
-    part: Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")] = "1/1",
-    isolation: Annotated[str, typer.Option(help="Trackers in processes of their own: auto, always or never.")] = "auto",
-    frame_limit_s: Annotated[float, typer.Option(help="Time for a frame, for those trackers.")] = 60.0,
-    memory_limit_mb: Annotated[float, typer.Option(help="Memory for each of them; 0 is no limit.")] = 4096.0,
-    progress: Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")] = "",
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    part: Part = "1/1",
+    isolation: Isolation = "auto",
+    frame_limit_s: FrameLimit = 60.0,
+    memory_limit_mb: MemoryLimit = 4096.0,
+    progress: ProgressMode = "",
 ) -> None:
     """Run trackers on suites or scenarios: every frame is drawn once and shown to all of them."""
-    from pftrack_sim.bench import new_run_path, parse_seeds, plan_all, run
+    from pftrack_sim.bench import parse_seeds, plan_all
     from pftrack_sim.isolation import Limits
 
     plan = plan_all(
@@ -117,6 +134,25 @@ def bench(
         preset=preset,
         truth=truth,
     )
+    limits = Limits(frame_limit_s, memory_limit_mb)
+    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, progress)
+
+
+def _run(
+    plan: Plan,
+    out: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    videos: str,
+    backend: str | None,
+    isolation: str,
+    limits: Limits,
+    part: str,
+    progress: str,
+) -> None:
+    """Run a plan, print what came of it, and write the report."""
+    from pftrack_sim.bench import new_run_path, run
+
     path = out if out is not None else new_run_path(plan)
     with show_run(progress, path) as on_status:
         finished = run(
@@ -127,12 +163,14 @@ def bench(
             videos=videos,
             backend=backend,
             isolation=isolation,
-            limits=Limits(frame_limit_s, memory_limit_mb),
+            limits=limits,
             part=parse_part(part),
             on_status=on_status,
         )
-    tables.print_bench(finished.results())
-    tables.print_suites(plan, finished.results())
+    results = finished.results()
+    tables.print_bench(results)
+    tables.print_follow(results)
+    tables.print_suites(plan, results)
     tables.print_folder(path)
     _report(path)
 
@@ -172,44 +210,75 @@ def query(
 
 @app.command()
 def follow(
-    scenarios: Annotated[list[str], typer.Argument(help="Scenarios: names or paths of TOML files.")],
-    trackers: Trackers = "oracle",
+    scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
+    trackers: BenchTrackers = None,
     controllers: Annotated[
-        str, typer.Option("--controllers", "--controller", metavar="A,B", help="Controllers, by name.")
-    ] = "servo-avoid",
-    seeds: Seeds = "0:3",
+        str | None,
+        typer.Option(
+            "--controllers",
+            "--controller",
+            metavar="A,B",
+            help="Controllers, by name; default: servo-avoid, or a suite's own.",
+        ),
+    ] = None,
+    seeds: BenchSeeds = None,
     latency: Annotated[
-        str, typer.Option(metavar="A=55,B=7", help="ms charged per frame, by tracker; or paper: the printed figures.")
+        str,
+        typer.Option(
+            metavar="A=55,B=measured",
+            help="ms charged per frame, by tracker; measured: once, here; or paper: the printed figures for all.",
+        ),
     ] = "",
     axis: Annotated[
         list[str] | None,
-        typer.Option("--axis", metavar="AXIS=0,1,2", help="Severities of a stress axis, or latency=0,13,55 in ms."),
+        typer.Option(
+            "--axis", metavar="AXIS=0,1,2", help="As for bench; also latency=0,13,55 in ms, for every tracker alike."
+        ),
     ] = None,
     settings: Settings = None,
-    out: Annotated[Path | None, typer.Option(help="Run folder to make; default is a new one in runs/.")] = None,
-    videos: Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")] = "first",
+    preset: BenchPreset = None,
+    truth: ScoredBox = "box",
+    out: Out = None,
+    videos: Videos = "first",
     backend: Backend = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    part: Part = "1/1",
+    isolation: Isolation = "auto",
+    frame_limit_s: FrameLimit = 60.0,
+    memory_limit_mb: MemoryLimit = 4096.0,
+    progress: ProgressMode = "",
 ) -> None:
     """Let trackers drive the robot: overlap and following are scored on the same episode."""
-    from pftrack_sim.bench import follow as closed
-    from pftrack_sim.bench import make_plan, new_run_path, parse_seeds
+    from pftrack_sim import scenario as all_scenarios
+    from pftrack_sim.bench import parse_seeds, plan_all
+    from pftrack_sim.bench.latency import settled
+    from pftrack_sim.isolation import Limits
 
-    names = parse_names(trackers)
-    drives = closed.make_drives(
-        scenarios,
-        names,
-        parse_names(controllers),
-        parse_seeds(seeds),
-        axes=parse_axes(axis or []),
-        overrides=parse_settings(settings or []),
-        latency_ms=parse_latency(latency, names),
-    )
-    path = out if out is not None else new_run_path(make_plan(scenarios[:1], names[:1], [0]))
-    total = sum(one.episode.scenario.frame_count(one.episode.seed) for one in drives)
-    with bars.bar("driving", total) as tick:
-        results = closed.run(drives, path, videos=videos, backend=backend, on_frame=tick)
-    tables.print_follow(results)
-    tables.print_folder(path)
+    chosen = parse_trackers(trackers, preset or "default") if trackers is not None else None
+
+    def plan_with(latency_ms: dict[str, float]) -> Plan:
+        return plan_all(
+            scenarios,
+            trackers=chosen,
+            seeds=parse_seeds(seeds) if seeds is not None else None,
+            axes=parse_axes(axis or []),
+            overrides=parse_settings(settings or []),
+            preset=preset,
+            truth=truth,
+            controllers=parse_names(controllers) if controllers is not None else None,
+            latency_ms=latency_ms,
+            drive=True,
+        )
+
+    plan = plan_with({})
+    names = list(dict.fromkeys(one.name for one in plan.trackers))
+    if latency:
+        stage = plan.batches[0].scenarios[0]
+        first = all_scenarios.Scenario(stage.name, stage.tree)
+        plan = plan_with(settled(parse_latency(latency, names), plan.trackers, first, out))
+    limits = Limits(frame_limit_s, memory_limit_mb)
+    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, progress)
 
 
 @app.command()

@@ -8,7 +8,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich import box
@@ -20,11 +20,11 @@ from pftrack_sim.errors import ParameterError, RenderError, UnknownNameError
 
 if TYPE_CHECKING:
     from pftrack_sim.bench import Plan, Result
-    from pftrack_sim.bench.follow import Driven
     from pftrack_sim.bench.query import Answer
     from pftrack_sim.bench.recorded import RecordedResult
     from pftrack_sim.render.doctor import Report
     from pftrack_sim.score import Summary
+    from pftrack_sim.score.following import Following
 
 # More than this nobody reads on a terminal; the run folder has them all.
 _MOST_EPISODES, _MOST_FAILURES = 40, 20
@@ -121,9 +121,11 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
     """For each suite of a plan the paper's table beside ours, and what became of its claims."""
     from pftrack_sim.bench.claims import beside_the_paper, judge
 
-    rows = [
-        {"scenario": one.scenario, "seed": one.seed, "tracker": one.tracker, **one.summary.as_dict()} for one in results
-    ]
+    rows: list[dict[str, Any]] = []
+    for one in results:
+        followed = one.following.as_dict() if one.following is not None else {}
+        scores = {**one.summary.as_dict(), **{f"follow_{name}": value for name, value in followed.items()}}
+        rows.append({"scenario": one.scenario, "seed": one.seed, "tracker": one.tracker, **scores})
     for suite in plan.suites:
         beside = beside_the_paper(suite, rows)
         if suite.table is not None:
@@ -151,55 +153,36 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
                 )
 
 
-def print_follow(results: Sequence[Driven]) -> None:
-    """How each pair of tracker and controller followed, over all seeds, with 95% intervals."""
+def print_follow(results: Sequence[Result]) -> None:
+    """How each tracker drove its controller, over all seeds; nothing where the robot had a script."""
+    groups: dict[tuple[str, ...], list[Following]] = {}
+    for one in results:
+        if one.following is not None:
+            groups.setdefault((one.scenario, one.condition, one.tracker), []).append(one.following)
+    if not groups:
+        return
     table = _table(
-        "Following over all seeds; 95% intervals: Wilson's for shares of episodes, else Student's; RMS: of distance",
-        ("scenario", "condition", "controller", "tracker"),
-        ("ms", "seeds", "success", "tracked", "collided", "frames", "RMS m", "overlap"),
+        "Following over all seeds (95% intervals: Wilson's for success and collided, else the mean's bootstrap)",
+        ("scenario", "condition", "tracker+controller"),
+        ("seeds", "success", "collided", "tracked", "within", "RMS m", "losses"),
     )
-    groups: dict[tuple[str, str, str, str, float], list[Driven]] = {}
-    for one in results:
-        key = one.drive
-        group = (key.episode.scenario.name, key.episode.condition.name, key.controller, key.tracker, key.latency_ms)
-        groups.setdefault(group, []).append(one)
-    for (*names, late), driven in groups.items():
-        followed = [one.following for one in driven]
-        table.add_row(
-            *names,
-            f"{late:g}",
-            str(len(driven)),
-            _share([one.success for one in followed]),
-            _interval([one.tracking_rate for one in followed]),
-            _share([one.collision for one in followed]),
-            f"{_mean([float(one.length) for one in followed]):.0f}",
-            _interval([one.distance_rms_m for one in followed]),
-            _interval([one.overlap.mean_overlap for one in driven]),
-        )
+    for names, driven in groups.items():
+        shares = [_ranged([getattr(one, key) for one in driven], share=True) for key in ("success", "collision")]
+        means = [_ranged([getattr(one, key) for one in driven]) for key in ("tracking_rate", "within")]
+        metres = _ranged([one.distance_rms_m for one in driven])
+        lost = f"{_mean([float(one.losses) for one in driven]):.1f}"
+        table.add_row(*names, str(len(driven)), *shares, *means, metres, lost)
     _console.print(table)
-    for one in results:
-        if one.failure:
-            _console.print(f"{one.drive.tracker} failed in {one.drive.name}, {one.failure}", markup=False)
 
 
-def _share(values: Sequence[float]) -> str:
-    """Share of episodes with Wilson's interval (Wilson 1927)."""
-    count, share, z = len(values), _mean(values), 1.96
-    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
-    half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count)) / (1 + z * z / count)
-    return f"{share:.2f}\n{max(middle - half, 0.0):.2f}..{min(middle + half, 1.0):.2f}"
+def _ranged(values: Sequence[float], *, share: bool = False) -> str:
+    """A mean, and below it its interval."""
+    from pftrack_sim.score import bootstrap_interval, share_interval
 
-
-def _interval(values: Sequence[float]) -> str:
-    """Mean with Student's interval; a single value has none."""
-    known = np.array([value for value in values if not math.isnan(value)])
-    if known.size < 2:
-        return _number(float(known.mean()) if known.size else math.nan)
-    # Two-sided 95% points of Student's distribution; beyond 30 seeds it is a normal one to 2%.
-    points = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14, 2.13)
-    point = points[known.size - 2] if known.size - 2 < len(points) else 1.96 + 2.5 / known.size
-    half = point * float(known.std(ddof=1)) / math.sqrt(known.size)
-    return f"{known.mean():.2f}\n± {half:.2f}"
+    low, high = share_interval(values) if share else bootstrap_interval(values, np.random.default_rng(0))
+    mean = _mean(values)
+    told = "-" if math.isnan(mean) else f"{mean:.2f}"
+    return told if math.isnan(low) else f"{told}\n{low:.2f}-{high:.2f}"
 
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:

@@ -131,14 +131,16 @@ def parse_part(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float]:
-    """`TRACKER=MS` pairs between commas, or `paper` for the figures that the papers print.
+def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]:
+    """`TRACKER=MS` pairs between commas (`measured` for MS is None), or `paper` for the figures that the papers print.
 
     Raises:
         ParameterError: Not of that form.
 
     >>> parse_latency("lee2012=55, stay=7", ["lee2012", "stay"])
     {'lee2012': 55.0, 'stay': 7.0}
+    >>> parse_latency("stay=measured", ["stay"])
+    {'stay': None}
     >>> parse_latency("paper", ["ko2012", "stay"])
     {'ko2012': 100.0}
     """
@@ -146,14 +148,14 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float]:
         from pftrack_sim.policies import PAPER_MS
 
         return {name: PAPER_MS[name] for name in trackers if name in PAPER_MS}
-    found: dict[str, float] = {}
+    found: dict[str, float | None] = {}
     for pair in (one for one in text.split(",") if one.strip()):
         name, _, number = pair.partition("=")
         try:
-            found[name.strip()] = float(number)
+            found[name.strip()] = None if number.strip() == "measured" else float(number)
         except ValueError:
             raise ParameterError(
-                f"--latency takes TRACKER=MILLISECONDS between commas, or paper; got {pair.strip()!r}"
+                f"--latency takes TRACKER=MILLISECONDS (or measured) between commas, or paper; got {pair.strip()!r}"
             ) from None
     return found
 

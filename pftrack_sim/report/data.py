@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -112,19 +112,13 @@ class Run:
         Raises:
             RunError: Its file is missing, broken, or outside the run folder.
         """
-        named = next(iter(rows)).values["file"]
-        file = (self.path / str(named)).resolve()
-        if not file.is_relative_to(self.path.resolve()):
-            raise RunError(f"{self.path}: the summary names a file outside the run folder: {named!r}")
-        quoted = "'" + str(file).replace("'", "''") + "'"
-        try:
-            with duckdb.connect() as database:
-                table = database.execute(
-                    "SELECT tracker, overlap, centre_error_px, visible_fraction, scored "
-                    f"FROM read_parquet({quoted}) ORDER BY frame"
-                ).fetchnumpy()
-        except duckdb.Error as error:
-            raise RunError(f"{file} cannot be read: {str(error).splitlines()[0]}") from None
+        found: dict[str, Frames] = {}
+        for name in dict.fromkeys(str(row.values["file"]) for row in rows):
+            found |= self._frames(name)
+        return found
+
+    def _frames(self, name: str) -> dict[str, Frames]:
+        table = self.columns(name, ("tracker", "overlap", "centre_error_px", "visible_fraction", "scored"))
         numbers = {
             name: np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)
             for name in ("overlap", "centre_error_px", "visible_fraction")
@@ -135,6 +129,27 @@ class Run:
             own = table["tracker"] == tracker
             found[str(tracker)] = Frames(**{name: values[own] for name, values in numbers.items()}, scored=scored[own])
         return found
+
+    def columns(self, name: str, wanted: Sequence[str]) -> dict[str, Any]:
+        """Columns of an episode's file, frame by frame.
+
+        Args:
+            name: The file, as the summary names it.
+            wanted: Names of the columns.
+
+        Raises:
+            RunError: It is missing, broken, or outside the run folder.
+        """
+        file = (self.path / name).resolve()
+        if not file.is_relative_to(self.path.resolve()):
+            raise RunError(f"{self.path}: the summary names a file outside the run folder: {name!r}")
+        quoted = "'" + str(file).replace("'", "''") + "'"
+        try:
+            with duckdb.connect() as database:
+                query = f"SELECT {', '.join(wanted)} FROM read_parquet({quoted}) ORDER BY frame"
+                return database.execute(query).fetchnumpy()
+        except duckdb.Error as error:
+            raise RunError(f"{file} cannot be read: {str(error).splitlines()[0]}") from None
 
     def video(self, row: Row) -> Path | None:
         """The video of the row's episode, if one was made."""

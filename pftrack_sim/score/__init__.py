@@ -12,6 +12,7 @@ from pftrack_sim.score.compare import (
     compare,
     holm,
     paired_difference,
+    share_interval,
     wins,
 )
 from pftrack_sim.score.course import (
@@ -75,6 +76,7 @@ __all__ = [
     "precision",
     "precision_curve",
     "recoveries",
+    "share_interval",
     "share_lost_for_good",
     "strict_success_rate",
     "success_curve",

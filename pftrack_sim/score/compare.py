@@ -61,6 +61,36 @@ def bootstrap_interval(
     return float(low), float(high)
 
 
+_WILSON_Z = 1.959963984540054  # 97.5% of a normal distribution
+
+
+def share_interval(values: ArrayLike) -> tuple[float, float]:
+    """Interval that holds a share with 95% (Wilson 1927): of successes and failures, also where all are alike.
+
+    Args:
+        values: `(N,)` 0 or 1 per seed; NaN are left out.
+
+    Returns:
+        Lower and upper end, within [0, 1]; NaN without values.
+
+    Raises:
+        ParameterError: Not a row of zeros and ones.
+
+    >>> [round(end, 3) for end in share_interval([1.0] * 10)]
+    [0.722, 1.0]
+    """
+    given = np.asarray(values, dtype=np.float64)
+    known = given[~np.isnan(given)]
+    if given.ndim != 1 or not np.isin(known, (0.0, 1.0)).all():
+        raise ParameterError(f"a share needs (N,) zeros and ones, got {given.tolist()}")
+    if not known.size:
+        return math.nan, math.nan
+    count, share, square = known.size, float(known.mean()), _WILSON_Z**2
+    middle = (share + square / (2 * count)) / (1 + square / count)
+    half = _WILSON_Z * math.sqrt(share * (1 - share) / count + square / (4 * count**2)) / (1 + square / count)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
 @dataclass(frozen=True)
 class Comparison:
     """One tracker against another on the same seeds.

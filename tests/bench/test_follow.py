@@ -1,29 +1,27 @@
-"""Closed-loop runs: tracker and controller in one, latency charged, everything written down."""
+"""Closed-loop runs: the plan, the folder and the workers of the benchmark, with the tracker driving the robot."""
 
-import json
+import shutil
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import numpy as np
 import pytest
 
-from pftrack_sim.bench import follow
+from pftrack_sim.bench import Interrupted, Plan, Run, make_plan, plan_all, run
+from pftrack_sim.bench.check import check
+from pftrack_sim.bench.folder import episode_files
+from pftrack_sim.bench.latency import settled
+from pftrack_sim.bench.query import ask
+from pftrack_sim.bench.status import Status
 from pftrack_sim.errors import ParameterError, UnknownNameError
+from pftrack_sim.scenario import load
+from tests.bench.small import SMALL, contents
 
-SMALL: dict[str, Any] = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "lights.shadows": False,
-    "duration_s": 1.0,
-    "distractors.count": 0,
-    "occluders": [],
-}
-THIS = "test_follow"
+THIS = "tests.bench.test_follow"
 
 
 class Raises:
-    """Works for ten frames."""
+    """Works for two frames."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -33,9 +31,9 @@ class Raises:
 
     def act(self, estimate, proprio):
         self.frames += 1
-        if self.frames > 10:
+        if self.frames > 2:
             raise RuntimeError("the motor is on fire")
-        return np.zeros(4)
+        return np.full(4, 0.5)
 
 
 class Unsure(Raises):
@@ -45,78 +43,164 @@ class Unsure(Raises):
         return np.full(4, np.nan)
 
 
-def drives(**more: Any) -> tuple[follow.Drive, ...]:
-    given: dict[str, Any] = {
-        "names": ["plaza-walk"],
-        "tracker_names": ["oracle"],
-        "controller_names": ["servo-avoid"],
-        "seeds": [1],
-        "overrides": SMALL,
-        **more,
-    }
-    return follow.make_drives(**given)
+class Greedy(Raises):
+    """Commands beyond the limits."""
+
+    def act(self, estimate, proprio):
+        return np.array([0.0, 7.0, 0.0, 0.0])
 
 
-def test_a_run_folder_says_all(tmp_path: Path):
-    out = tmp_path / "run"
-    results = follow.run(drives(tracker_names=["oracle", "stay"], latency_ms={"stay": 40.0}), out)
-    assert [one.drive.tracker for one in results] == ["oracle", "stay"]
-    assert results[0].outcome == "finished"
-    assert results[0].overlap.mean_overlap == 1.0
-    assert 0.0 < results[1].overlap.mean_overlap < 1.0
-    record = json.loads((out / "run.json").read_text())
-    for row in record["episodes"]:
-        table = duckdb.sql(f"SELECT * FROM '{out / row['file']}'").fetchnumpy()
-        assert len(table["frame"]) == 30
-        gaps = np.hypot(table["robot_x_m"] - table["target_x_m"], table["robot_y_m"] - table["target_y_m"])
-        # The camera is not quite above the axle.
-        assert np.abs(gaps[1:] - table["distance_m"][:-1]).max() < 0.15
-    summary = duckdb.sql(f"SELECT tracker, latency_ms, outcome FROM '{out / 'summary.parquet'}'").fetchall()
-    assert summary == [("oracle", 0.0, "finished"), ("stay", 40.0, "finished")]
-    assert len(list((out / "videos").glob("*.mp4"))) == 2
-    with pytest.raises(ParameterError, match="videos"):
-        follow.run(drives(), tmp_path / "other", videos="some")
+def driving(seeds: range = range(2), trackers: tuple[Any, ...] = ("oracle", "stay"), **more: Any) -> Plan:
+    overrides = {**SMALL, **more.pop("overrides", {})}
+    options = {"controllers": ["servo-avoid"], **more}
+    return make_plan(["corridor"], trackers, list(seeds), overrides=overrides, **options)
 
 
-def test_the_latency_axis_and_the_same_bits_twice():
-    late = drives(axes={"latency": [0.0, 55.0]})
-    assert [one.latency_ms for one in late] == [0.0, 55.0]
-    first, second, slow = (follow.drive(one)[0] for one in (late[0], late[0], late[1]))
-    assert first == second
-    assert slow.frames_digest != first.frames_digest
-    assert slow.overlap.mean_overlap < first.overlap.mean_overlap
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return run(driving(latency_ms={"stay": 130.0}), tmp_path_factory.mktemp("follow") / "run", videos="first")
+
+
+def frames(path: Path, columns: str, tracker: str) -> np.ndarray:
+    sql = f"SELECT {columns} FROM frames WHERE tracker LIKE '{tracker}%' AND seed = 0 ORDER BY frame"
+    return np.array(ask(path, sql).rows, dtype=np.float64)
+
+
+def test_a_run_folder_says_all(one: Run):
+    assert check(one.path).good
+    assert [Path(file).name for file, *_ in contents(one.path)] == [
+        "seed-0000__oracle-servo-avoid.parquet",
+        "seed-0000__stay-130ms-servo-avoid.parquet",
+        "seed-0001__oracle-servo-avoid.parquet",
+        "seed-0001__stay-130ms-servo-avoid.parquet",
+    ]
+    sql = "SELECT tracker, controller, latency_ms, outcome, mean_overlap FROM summary WHERE seed = 0 ORDER BY place"
+    first, second = ask(one.path, sql).rows
+    assert first == ("oracle+servo-avoid", "servo-avoid", 0.0, "finished", 1.0)
+    assert second[:4] == ("stay@130ms+servo-avoid", "servo-avoid", 130.0, "finished")
+    assert len(list((one.path / "videos").rglob("*.mp4"))) == 2
+    followed = [result.following for result in one.results()]
+    assert all(following is not None and following.length == 4 for following in followed)
+
+
+def test_where_a_command_leads_is_where_the_next_frame_is_drawn(one: Run):
+    here, then = frames(one.path, "robot_x_m, robot_y_m", "oracle"), frames(one.path, "after_x_m, after_y_m", "oracle")
+    assert np.array_equal(here[1:], then[:-1])
+    gaps = frames(one.path, "robot_x_m - target_x_m, robot_y_m - target_y_m", "oracle")
+    distances = frames(one.path, "after_distance_m", "oracle")[:, 0]
+    # The camera is not quite above the axle.
+    assert np.abs(np.hypot(*gaps.T)[1:] - distances[:-1]).max() < 0.15
+
+
+def test_two_workers_and_another_order_give_the_same_bits(one: Run, tmp_path: Path):
+    two = run(one.plan, tmp_path / "two", workers=2, videos="none", shuffle=1)
+    assert contents(two.path) == contents(one.path)
+
+
+def test_a_resumed_run_drives_only_what_is_missing(one: Run, tmp_path: Path):
+    begun = tmp_path / "run"
+    shutil.copytree(one.path, begun)
+    lost, *kept = episode_files(begun)
+    half = lost.with_name(f".{lost.name}.0badcafe.part")
+    half.write_bytes(lost.read_bytes()[:1000])
+    lost.unlink()
+    times = [file.stat().st_mtime_ns for file in kept]
+    seen: list[Status] = []
+
+    def press(status: Status) -> None:
+        seen.append(status)
+        if len(seen) > 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted, match="3 of 4 episodes are finished"):
+        run(one.plan, begun, workers=1, videos="none", on_status=press)
+    seen.clear()
+    run(one.plan, begun, videos="none", on_status=seen.append)
+    assert [status.done for status in seen if status.episode] == [4]
+    assert [file.stat().st_mtime_ns for file in kept] == times
+    assert contents(begun) == contents(one.path)
+    assert not half.exists()
+
+
+def test_late_frames_are_skipped_and_the_latency_axis_overrules(one: Run, tmp_path: Path):
+    plan = driving(range(1), ("oracle",), axes={"latency": [0.0, 130.0]}, latency_ms={"oracle": 500.0})
+    late = run(plan, tmp_path / "late", videos="none")
+    rows = ask(late.path, "SELECT condition, latency_ms FROM summary ORDER BY number").rows
+    assert rows == [("latency=0", 0.0), ("latency=130", 130.0)]
+    statuses = ask(late.path, "SELECT condition, status FROM frames ORDER BY condition, frame").rows
+    assert [status for condition, status in statuses if condition == "latency=0"] == ["init", "ok", "ok", "ok"]
+    assert [status for condition, status in statuses if condition == "latency=130"] == ["init", "busy", "ok", "busy"]
+    fresh = ask(late.path, "SELECT frames_digest FROM summary WHERE latency_ms = 0").rows
+    assert fresh == ask(one.path, "SELECT frames_digest FROM summary WHERE seed = 0 AND place = 0").rows
 
 
 @pytest.mark.parametrize(
-    ("controller", "says"),
-    [("Raises", "frame 10: RuntimeError: the motor is on fire"), ("Unsure", "frame 0: CommandE")],
+    ("controller", "says", "clipped"),
+    [
+        ("Raises", "frame 2: RuntimeError: the motor is on fire", 0),
+        ("Unsure", "frame 0: CommandError: a command must be finite", 0),
+        ("Greedy", None, 4),
+    ],
 )
-def test_a_controller_that_fails_is_recorded_and_the_robot_stands(controller: str, says: str):
-    (one,) = drives(controller_names=[f"{THIS}:{controller}"])
-    driven, table = follow.drive(one)
-    assert driven.failure is not None
-    assert driven.failure.startswith(says)
-    assert driven.outcome in ("finished", "lost")
-    assert not np.array(table["command"].tolist())[-10:].any()
+def test_a_controller_that_misbehaves_is_written_down(controller: str, says: str | None, clipped: int, tmp_path: Path):
+    wrong = run(driving(range(1), ("oracle",), controllers=[f"{THIS}:{controller}"]), tmp_path / "run", videos="none")
+    ((failure, counted, outcome),) = ask(wrong.path, "SELECT failure, clipped, outcome FROM summary").rows
+    assert counted == clipped
+    assert outcome in ("finished", "lost")
+    assert failure is None if says is None else failure.startswith(says)
+    commands = frames(wrong.path, "command_forward, command_turn, command_pan, command_tilt", "oracle")
+    assert np.abs(commands).max() <= 1.0
+    if says is not None:
+        assert not commands[2:].any()
+    assert check(wrong.path).good
+
+
+def test_a_tracker_that_fails_stops_the_robot(tmp_path: Path):
+    plan = driving(range(1), ("tests.bench.strangers:raises",))
+    failed = run(plan, tmp_path / "run", videos="none")
+    ((failure, frames_there),) = ask(failed.path, "SELECT failure, episode_frames FROM summary").rows
+    assert failure == "frame 2: ValueError: lost my way"
+    assert frames_there == 4
+    assert not frames(failed.path, "command_forward, command_turn", "tests")[2:].any()
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"latency_ms": {"ko2012": 5.0}},
         {"latency_ms": {"oracle": -1.0}},
         {"axes": {"latency": [float("nan")]}},
-        {"controller_names": []},
-        {"controller_names": ["still", "still"]},
+        {"controllers": ["still", "still"]},
+        {"controllers": [], "latency_ms": {"oracle": 7.0}},
+        {"controllers": [], "axes": {"latency": [7.0]}},
     ],
 )
 def test_impossible_plans(wrong: dict[str, Any]):
     with pytest.raises(ParameterError):
-        drives(**wrong)
+        driving(**wrong)
 
 
 def test_unknown_names():
     with pytest.raises(UnknownNameError, match="servo"):
-        drives(controller_names=["sevro"])
-    with pytest.raises(UnknownNameError, match="oracle"):
-        drives(tracker_names=["oracel"])
+        driving(controllers=["sevro"])
+    with pytest.raises(UnknownNameError, match="oracle, stay"):
+        driving(latency_ms={"ko2012": 5.0})
+
+
+def test_what_is_driven_when_nothing_is_said():
+    assert plan_all(["corridor"], drive=True).labels == ("oracle+servo-avoid",)
+    assert plan_all(["quick"], drive=True).labels == tuple(
+        f"{name}+servo-avoid" for name in ("ko2012", "opencv-mil", "stay")
+    )
+    assert plan_all(["quick"]).kind == "open"
+
+
+def test_a_measured_latency_is_measured_once(tmp_path: Path):
+    scenario = load("corridor", {**SMALL, "duration_s": 1.0})
+    plan = driving(range(1), ("ko2012[particle_count=10]",))
+    trackers = driving(range(1), ("stay", "ko2012")).trackers
+    found = settled({"stay": None, "ko2012": 13.0}, trackers, scenario)
+    assert found["ko2012"] == 13.0
+    assert 0.0 < found["stay"] < 1000.0
+    assert plan.kind == "follow"
+    begun = run(driving(range(1), ("stay",), latency_ms={"stay": 41.5}), tmp_path / "run", videos="none")
+    assert settled({"stay": None}, trackers, scenario, begun.path) == {"stay": 41.5}

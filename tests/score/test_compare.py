@@ -99,3 +99,17 @@ def test_bad_input():
         score.paired_difference([1.0], [1.0, 2.0], rng())
     with pytest.raises(ParameterError, match="shape"):
         score.holm([[0.1]])
+
+
+@pytest.mark.parametrize(("held", "count"), [(0, 10), (10, 10), (3, 8), (24, 25), (1, 1)])
+def test_shares_agree_with_scipys_wilson_interval(held: int, count: int):
+    theirs = stats.binomtest(held, count).proportion_ci(method="wilson")
+    values = np.array([1.0] * held + [0.0] * (count - held) + [math.nan])
+    assert score.share_interval(values) == pytest.approx((theirs.low, theirs.high))
+
+
+def test_no_share_of_other_numbers():
+    assert np.isnan(score.share_interval([])).all()
+    for wrong in ([0.5], [[1.0]], [2.0]):
+        with pytest.raises(ParameterError):
+            score.share_interval(wrong)
