@@ -89,16 +89,19 @@ class Raycaster:
         self._samples = math.isqrt(max(int(model.vis.quality.offsamples), 1) - 1) + 1
         self._table = SceneTable([model], [self._visible])
 
-    def color(self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float) -> Image:
+    def color(
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
+    ) -> Image:
         """Draw a picture.
 
         Args:
             data: Positions, up to date (`mj_forward` or `mj_kinematics` and `mj_camlight`).
             T_world_camera: `(4, 4)` camera pose, OpenCV axes.
             K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
+            rows: The rows wanted, by start and stop; None is the whole image.
 
         Returns:
-            A new `(H, W, 3)` uint8 RGB image.
+            A new `(H, W, 3)` uint8 RGB image, or its rows.
 
         Raises:
             ParameterError: A pose or camera matrix that is none.
@@ -128,7 +131,8 @@ class Raycaster:
             outputs=[image],
         )
         del kept, kept_casters
-        return np.array(image.numpy(), dtype=np.uint8).reshape(self._height, self._width, 3)
+        whole = np.array(image.numpy(), dtype=np.uint8).reshape(self._height, self._width, 3)
+        return whole if rows is None else whole[rows]
 
     def ids(
         self,

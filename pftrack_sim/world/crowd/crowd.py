@@ -149,7 +149,8 @@ class Crowd:
         self._errands = Errands(self._ground, self._routes, self._places, rngs, near_target)
         self._released = [False] * crossers
         self._passed = [False] * len(self._passers.passings)
-        self._set_off = [not self._passers.waits(index, 0.0) for index in range(len(self._passed))]
+        self._on_path = [not self._passers.waits(index, 0.0) for index in range(len(self._passed))]
+        self._set_off = self._on_path.copy()
         self._robot_seen = False
         self._ticks = 0
         self._target.reset()
@@ -245,11 +246,18 @@ class Crowd:
         target, robot = self._state[:2, 0].tolist(), self._state[:2, self._people].tolist()
         for index, passed in enumerate(self._passed):
             person = self._first_passer + index
-            if passed or self._passers.waits(index, time_s):
+            if passed:
                 continue
-            if not self._set_off[index]:
-                self._set_off[index] = True
-                self._errands.send(person, time_s, self._state[:2, person], None)
+            if self._passers.waits(index, time_s):
+                goal = None if self._set_off[index] else self._passers.comes_to_m(index, time_s)
+                if goal is not None:
+                    self._set_off[index] = True
+                    place = self._state[:2, person]
+                    self._errands.leave(person, time_s, place, self._routes.route(place, goal))
+                    self._regroup()
+                continue
+            if not self._on_path[index]:
+                self._on_path[index] = True
                 self._regroup()
             here = (float(self._state[0, person]), float(self._state[1, person]))
             there, done = self._passers.advance(index, dt_s, time_s, here, target, robot)
@@ -359,7 +367,7 @@ class Crowd:
         first = 1 + self._distractors.count
         begun = [walk.begun for walk in self._walks]
         forced = [first + i for i, done in enumerate(self._released) if begun[i] and not done]
-        forced += [self._first_passer + i for i, done in enumerate(self._passed) if self._set_off[i] and not done]
+        forced += [self._first_passer + i for i, done in enumerate(self._passed) if self._on_path[i] and not done]
         who = [person for person in range(1, self._people) if person not in forced]
         waits = [*([False] * first), *(not one for one in self._released), *(not one for one in self._set_off)]
         waiting = [waits[person] for person in who]

@@ -26,15 +26,16 @@ FAR_M = 20.0
 """One whose way along the path would be longer than this waits aside first: on laps it would meet the target before."""
 
 JOIN_M = 5.0
-"""From there it comes onto the path this far ahead of the passing."""
+"""From there it comes onto the path this far ahead of the passing ..."""
 
 ASIDE_M = 8.0
-"""A place this far from the target's path is away from it."""
+"""... and there it is this far from the path: seen from a robot beside the target, it is small."""
 
 _LIMIT_M_S = 2.4
 _START_S = 1.0
 _WALL_GAP_M = 0.34
 _GRID_M = 2.5
+_DETOUR = 1.3
 _LEAST_GAP_M = 0.22
 
 
@@ -103,7 +104,6 @@ def plan_passing(
         return found
     join = np.array(lane_m(path, meets + JOIN_M, found.left_m))
     places = np.array(asides_m, dtype=np.float64).reshape(-1, 2)
-    places = places[~ground.blocked(join, places, _WALL_GAP_M)]
     if not len(places):
         return found
     x, y = places[np.argmin(np.hypot(*(places - join).T))].tolist()
@@ -165,13 +165,18 @@ class Passers:
             self.state[:, index] = (x, y, walked * math.cos(back), walked * math.sin(back))
 
     def waits(self, index: int, time_s: float) -> bool:
-        """Whether a passer is still to set off."""
+        """Whether a passer is still to come onto the path."""
+        one = self.passings[index]
+        return one.waits_m is not None and time_s < self._joins_s(one)
+
+    def comes_to_m(self, index: int, time_s: float) -> Array | None:
+        """`(2,)` where one that waits comes onto the path, once it is time to set off for there."""
         one = self.passings[index]
         if one.waits_m is None:
-            return False
+            return None
         x, y = self._joins_m(one)
-        way_m = math.hypot(x - one.waits_m[0], y - one.waits_m[1])
-        return time_s < self._joins_s(one) - way_m / one.speed_m_s - _START_S
+        way_m = _DETOUR * math.hypot(x - one.waits_m[0], y - one.waits_m[1])
+        return np.array([x, y]) if time_s >= self._joins_s(one) - way_m / one.speed_m_s - _START_S else None
 
     def advance(
         self, index: int, dt_s: float, time_s: float, here: Xy, target: Sequence[float], robot: Sequence[float]
@@ -187,13 +192,6 @@ class Passers:
             robot: x, y of the robot.
         """
         one = self.passings[index]
-        left_s = self._joins_s(one) - time_s
-        if one.waits_m is not None and left_s > 0.0:
-            x, y = self._joins_m(one)
-            share = dt_s / (left_s + dt_s)
-            there = here[0] + share * (x - here[0]), here[1] + share * (y - here[1])
-            there = outside(self._ground.outside(there, _WALL_GAP_M), robot, 0.75)
-            return within(here, there, _LIMIT_M_S * dt_s), False
         s = self._s_m(one, time_s)
         there = self._lane(one, s)
         if abs(s - one.meets_at_m) > NEAR_M:
