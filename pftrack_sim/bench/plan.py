@@ -71,14 +71,17 @@ class Condition(Section):
     Attributes:
         levels: Pairs of an axis and its severity, of `axis.parameter` and its value at severity 1, or of `latency` and
             milliseconds.
+        word: What else is different, where the levels alone do not say it: `"stranger"`.
     """
 
     levels: tuple[tuple[str, float], ...] = ()
+    word: str = ""
 
     @property
     def name(self) -> str:
-        """`"jitter=2"`, `"jitter.ground_rms_deg=0.5,light=1"`, or `"base"`."""
-        return ",".join(f"{axis}={level:g}" for axis, level in self.levels) or "base"
+        """`"jitter=2"`, `"jitter.ground_rms_deg=0.5,light=1"`, `"stranger occlusion=1"`, or `"base"`."""
+        levels = ",".join(f"{axis}={level:g}" for axis, level in self.levels) or "base"
+        return f"{self.word} {levels}" if self.word else levels
 
     @property
     def latency_ms(self) -> float | None:
@@ -154,7 +157,7 @@ class Episode:
     @property
     def name(self) -> str:
         """For people: `"plaza-walk jitter=2 seed 3"`."""
-        condition = [self.condition.name] if self.condition.levels else []
+        condition = [self.condition.name] if self.condition != Condition() else []
         driver = self.labels if self.kind == "follow" else ()
         return " ".join([self.scenario.name, *condition, f"seed {self.seed}", *driver])
 
@@ -300,7 +303,7 @@ def differences(mine: Plan, theirs: Plan, *, limit: int = 5) -> list[str]:
         record["trackers"] = list(plan.labels)
         for batch in record["batches"]:
             batch["scenarios"] = {stage["name"]: stage["tree"] for stage in batch["scenarios"]}
-            batch["conditions"] = [Condition(levels=one["levels"]).name for one in batch["conditions"]]
+            batch["conditions"] = [Condition.model_validate(one).name for one in batch["conditions"]]
         if len(record["batches"]) == 1:
             record |= record.pop("batches")[0]
     found = list(_differences("", here, there))

@@ -27,6 +27,7 @@ def make_plan(
     preset: str = "default",
     controllers: Sequence[str] = (),
     latency_ms: Mapping[str, float] | None = None,
+    word: str = "",
 ) -> Plan:
     """The plan of all combinations.
 
@@ -40,6 +41,7 @@ def make_plan(
         controllers: What drives the robot, by name, each with every tracker; without one the robot follows its script.
         latency_ms: Simulated time charged for a frame, by the tracker's name; the others are not charged. An axis
             `latency` charges all of them instead.
+        word: Said before the conditions' names.
 
     Raises:
         UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
@@ -52,7 +54,7 @@ def make_plan(
         else:
             _check_axis(axis)
     loaded = [scenarios.load(name, overrides or {}) for name in names]
-    conditions = tuple(_conditions(axes or {}))
+    conditions = tuple(_conditions(axes or {}, word))
     batch = Batch(
         scenarios=tuple(Stage(name=one.name, tree=one.tree) for one in loaded),
         conditions=conditions,
@@ -224,6 +226,7 @@ def plan_suite(
             preset=chosen,
             controllers=controllers if controllers is not None else suite.controllers,
             latency_ms=latency_ms,
+            word=block.word,
         )
         for block in suite.run
     ]
@@ -239,9 +242,9 @@ def _check_axis(axis: str) -> None:
         raise UnknownNameError(f"parameter of the axis {name}", parameter, known[name].model_fields)
 
 
-def _conditions(axes: Mapping[str, Sequence[float]]) -> Iterator[Condition]:
+def _conditions(axes: Mapping[str, Sequence[float]], word: str) -> Iterator[Condition]:
     for levels in itertools.product(*axes.values()):
-        yield Condition(levels=tuple(zip(axes, (float(level) for level in levels), strict=True)))
+        yield Condition(levels=tuple(zip(axes, (float(level) for level in levels), strict=True)), word=word)
 
 
 def parse_seeds(text: str) -> list[int]:

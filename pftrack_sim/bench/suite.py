@@ -32,6 +32,7 @@ class Block(Section):
         default_factory=dict, description="Severities of each axis (or of `axis.parameter`, its values); all combined."
     )
     changes: dict[str, Any] = Field(default_factory=dict, description="Dotted keys set in each scenario.")
+    word: str = Field(default="", description="Said before the conditions' names, where `changes` make them others.")
 
 
 class PaperTable(Section):

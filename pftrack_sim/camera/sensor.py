@@ -25,9 +25,11 @@ class Sensor:
         cfg: Standard deviation of the lens' point-spread function. (Multisampling happens while drawing.)
         axes: Of the scenario: the camera's side of `light`, `noise`, and the compression of `stream`.
         seed: Root seed of the episode.
+        grey: Whether it gives luma (ITU-R BT.601) in all three channels.
     """
 
-    def __init__(self, cfg: model.Sensor, axes: Axes, seed: int) -> None:
+    def __init__(self, cfg: model.Sensor, axes: Axes, seed: int, *, grey: bool = False) -> None:
+        self._grey = grey
         self._exposure = Exposure(axes.light) if axes.light.on else None
         self._quality = axes.stream.quality if axes.stream.on else None
         self._noise = _noise(axes, seed)
@@ -63,6 +65,8 @@ class Sensor:
             image = self._exposure.balance(image, time_s)
         if self._noise is not None:
             image = self._noise.read(image, index, gains)
+        if self._grey:
+            image = _grey(image)
         return image if self._quality is None else compressed(image, self._quality)
 
     def _blur(self, image: Image) -> Image:
@@ -72,6 +76,11 @@ class Sensor:
         size = 2 * self._radius_px + 1
         blurred = cv2.GaussianBlur(image, (size, size), self._sigma_px, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(blurred, dtype=np.uint8)
+
+
+def _grey(image: Image) -> Image:
+    luma = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    return np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2RGB), dtype=np.uint8)
 
 
 def _noise(axes: Axes, seed: int) -> Noise | None:

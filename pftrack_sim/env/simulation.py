@@ -78,7 +78,7 @@ class Simulation:
             self._renderer.rebind(world.model)
         self._image_size = size
         self._world = world
-        self._sensor = Sensor(settings.sensor, settings.axes, seed)
+        self._sensor = Sensor(settings.sensor, settings.axes, seed, grey=settings.camera.grey)
         self._truth = TruthMaker(world.model, world.people, self._renderer, self._K, size)
         self._arrivals = arrivals(settings, seed)
         self._taken = next(self._arrivals)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim import score, streams
+from pftrack_sim.bench.plan import LATENCY
 from pftrack_sim.report.data import EpisodeKey, Frames, Row, Run
 from pftrack_sim.scenario.axes import axes_by_name
 
@@ -120,17 +121,21 @@ def axis_of(condition: str) -> dict[str, Any] | None:
     if condition == "base" or "," in condition:
         return None
     name, _, level = condition.partition("=")
-    axis, _, parameter = name.partition(".")
+    word, _, axis = name.rpartition(" ")
+    axis, _, parameter = axis.partition(".")
     known = axes_by_name().get(axis)
-    if known is None:
-        return None
     try:
         value = float(level)
     except ValueError:
         return None
+    if name == LATENCY:
+        return {"axis": name, "level": value, "x": value, "label": "latency [ms]"}
+    if known is None:
+        return None
     if parameter:
         return {"axis": name, "level": value, "x": value, "label": name}
-    return {"axis": axis, "level": value, "x": known(severity=value).physical, "label": f"{axis} [{known.unit}]"}
+    label = f"{axis} ({word}) [{known.unit}]" if word else f"{axis} [{known.unit}]"
+    return {"axis": name, "level": value, "x": known(severity=value).physical, "label": label}
 
 
 def _matrix(rows: Iterable[Row], trackers: Sequence[str]) -> dict[str, Any]:

@@ -94,6 +94,7 @@ class Camera(Section):
     tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = Field(
         default=0.0, description="Tilt at rest; positive looks up."
     )
+    grey: bool = Field(default=False, description="A grey camera: its luma in each of the three channels.")
 
 
 class Jitter(Section):

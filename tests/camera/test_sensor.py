@@ -54,3 +54,17 @@ def test_shape_type_and_the_argument_survive(sigma_px: float):
 def test_even_light_stays_even():
     image = np.full((30, 40, 3), (10, 128, 255), dtype=np.uint8)
     assert (expose(image, 2.0) == image).all()
+
+
+@pytest.mark.parametrize("stream", [0.0, 1.0])
+def test_a_grey_camera_gives_luma_three_times(stream: float):
+    image = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
+    axes = Axes.model_validate({"stream": {"severity": stream}})
+    coloured, grey = (
+        Sensor(model.Sensor(psf_sigma_px=0.0), Axes() if not grey else axes, 0, grey=grey).expose(image, 0, 0.0)
+        for grey in (False, True)
+    )
+    assert coloured is image
+    assert (grey == grey[..., :1]).all()
+    luma = image @ np.array([0.299, 0.587, 0.114])
+    assert np.abs(grey[..., 0] - luma).max() <= (1.0 if stream == 0.0 else 60.0)
