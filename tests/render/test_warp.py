@@ -88,9 +88,36 @@ def test_colours_and_ids_are_close_to_opengl(pair):
     gl, K = simulation._renderer, simulation._K
     for data, pose in _views(simulation, 2):
         ours, theirs = (one.color(data, pose, K).astype(float) for one in (caster, gl))
-        assert np.abs(ours - theirs).mean() < 4.0
-        assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 4.0
+        assert np.abs(ours - theirs).mean() < 2.5
+        assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 1.5
         assert np.mean(caster.ids(data, pose, K).ids != gl.ids(data, pose, K).ids) < 0.02
+
+
+def test_too_much_light_saturates_as_in_opengl(pair):
+    simulation, caster = pair
+    world, K = simulation.world, simulation._K
+    kept = world.model.light_diffuse.copy()
+    world.model.light_diffuse[:] *= 2.5
+    ours, theirs = (
+        one.color(world.data, world.camera_pose(), K).astype(float) for one in (caster, simulation._renderer)
+    )
+    world.model.light_diffuse[:] = kept
+    assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 2.0
+
+
+def test_a_texture_lies_on_a_mesh_as_steep_as_its_corners_say(pair):
+    from pftrack_sim.render.warp.scene import texture_slopes
+
+    model = pair[0].world.model
+    slopes = texture_slopes(model)
+    mesh = int(np.flatnonzero(model.mesh_texcoordadr >= 0)[-1])
+    start, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+    for face in range(start, start + count, max(count // 50, 1)):
+        corners = model.mesh_vert[model.mesh_vertadr[mesh] + model.mesh_face[face]]
+        spots = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + model.mesh_facetexcoord[face]]
+        edges, grown = corners[1:] - corners[:1], spots[1:] - spots[:1]
+        if np.linalg.norm(np.cross(*edges)) > 1e-8:
+            np.testing.assert_allclose(edges @ slopes[face].T, grown, atol=2e-4)
 
 
 def test_each_level_of_a_texture_is_half_the_one_before_and_as_bright():
