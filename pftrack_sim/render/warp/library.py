@@ -10,6 +10,8 @@ from importlib import import_module
 from importlib.util import find_spec, module_from_spec
 from typing import Any
 
+import warp as wp
+
 _PACKAGE = "mujoco_warp"
 
 
@@ -26,6 +28,9 @@ def _parts(*names: str) -> list[Any]:
     finally:
         del sys.modules[_PACKAGE]
 
+
+# Warp greets on standard output, which belongs to whoever asked for results there.
+wp.config.log_level = max(wp.config.log_level, wp.LOG_ERROR)
 
 caster, _types = _parts(f"{_PACKAGE}._src.render", f"{_PACKAGE}._src.types")
 GeomType: Any = _types.GeomType

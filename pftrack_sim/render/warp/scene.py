@@ -159,7 +159,8 @@ class SceneTable:
         looks.shininess = _list(_joined(models, "mat_shininess"), float)
         looks.face_start = _list(_shifted(models, "mesh_faceadr", [model.nmeshface for model in models]), int)
         looks.face_texcoord = _list(_joined(models, "mesh_facetexcoord"), wp.vec3i)
-        looks.face_density = _list(np.concatenate([_densities(model) for model in models]), float)
+        slopes = np.concatenate([texture_slopes(model) for model in models])
+        looks.face_along_u, looks.face_along_v = _list(slopes[:, 0], wp.vec3), _list(slopes[:, 1], wp.vec3)
         looks.texcoord = _list(_joined(models, "mesh_texcoord"), wp.vec2)
         looks.texcoord_start = _list(
             _shifted(models, "mesh_texcoordadr", [model.nmeshtexcoord for model in models]), int
@@ -222,20 +223,22 @@ def halves(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     return levels
 
 
-def _densities(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """`(nmeshface,)` texture coordinates per metre on each face of the meshes, the mean over directions; -1: none."""
-    densities = np.full(model.nmeshface, -1.0)
+def texture_slopes(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """`(nmeshface, 2, 3)` how fast u and v grow along each face of the meshes [1/m]; zeros where there are none."""
+    slopes = np.zeros((model.nmeshface, 2, 3))
     for mesh in range(model.nmesh):
         if model.mesh_texcoordadr[mesh] < 0:
             continue
         faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
         corners = model.mesh_vert[model.mesh_vertadr[mesh] + model.mesh_face[faces]].astype(np.float64)
         spots = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + model.mesh_facetexcoord[faces]].astype(np.float64)
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        one, two = spots[:, 1] - spots[:, 0], spots[:, 2] - spots[:, 0]
-        on_texture = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
-        densities[faces] = np.sqrt(on_texture / np.maximum(area, 1e-12))
-    return densities
+        one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(one, two)
+        square = np.maximum((normal**2).sum(axis=1, keepdims=True), 1e-24)
+        # The vectors of the face that meet one edge with 1 and the other with 0.
+        dual = np.stack([np.cross(two, normal), np.cross(normal, one)], axis=1) / square[:, None]
+        slopes[faces] = np.einsum("feu,fex->fux", spots[:, 1:] - spots[:, :1], dual)
+    return slopes
 
 
 def _joined(models: Sequence[mujoco.MjModel], field: str) -> NDArray[Any]:

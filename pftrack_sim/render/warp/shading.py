@@ -72,24 +72,27 @@ def mip_level(
     across = step_on_plane(eye, right, point, normal)
     along = step_on_plane(eye, down, point, normal)
     texels = looks.texture_size[material]
-    own = float(-1.0)
-    if mesh >= 0 and face >= 0:
-        own = looks.face_density[looks.face_start[mesh] + face]
-    if own >= 0.0:
-        longest = wp.max(wp.length(across), wp.length(along)) * own
-        longest *= wp.max(texels[0] * looks.repeat[material][0], texels[1] * looks.repeat[material][1])
+    inverse = wp.transpose(geoms.turn[0, geom])
+    across = inverse @ across
+    along = inverse @ along
+    repeat = looks.repeat[material]
+    side = wp.vec2(0.0)
+    below = wp.vec2(0.0)
+    if mesh >= 0 and face >= 0 and looks.texcoord_start[mesh] >= 0:
+        along_u = looks.face_along_u[looks.face_start[mesh] + face]
+        along_v = looks.face_along_v[looks.face_start[mesh] + face]
+        side = wp.cw_mul(repeat, wp.vec2(wp.dot(along_u, across), wp.dot(along_v, across)))
+        below = wp.cw_mul(repeat, wp.vec2(wp.dot(along_u, along), wp.dot(along_v, along)))
     else:
-        inverse = wp.transpose(geoms.turn[0, geom])
         local = inverse @ (point - geoms.position[0, geom])
         facing = inverse @ normal
         size = geoms.size[0, geom]
-        repeat = looks.repeat[material]
         uniform = looks.uniform[material] != 0
         kind = geoms.kind[geom]
         here = spot(kind, local, facing, size, repeat, uniform)
-        side = spot(kind, local + inverse @ across, facing, size, repeat, uniform) - here
-        below = spot(kind, local + inverse @ along, facing, size, repeat, uniform) - here
-        longest = wp.max(wp.length(wp.cw_mul(side, texels)), wp.length(wp.cw_mul(below, texels)))
+        side = spot(kind, local + across, facing, size, repeat, uniform) - here
+        below = spot(kind, local + along, facing, size, repeat, uniform) - here
+    longest = wp.max(wp.length(wp.cw_mul(side, texels)), wp.length(wp.cw_mul(below, texels)))
     last = float(looks.texture_levels[material] - 1)
     return wp.clamp(wp.log2(wp.max(longest, 1.0e-6)), 0.0, last)
 
@@ -177,6 +180,9 @@ def colour_of(
                 )
             texel = seen
     colour = base * glow + wp.cw_mul(base, looks.ambient[world])
+    # MuJoCo draws all lights without a shadow at once, and adds a drawing for each light with one. As OpenGL's fixed
+    # pipeline does, what is lit saturates in each drawing before the texture is laid over it.
+    apart = wp.vec3(0.0)
     highlight = wp.vec3(0.0)
     for index in range(looks.light_count[world]):
         light = looks.light_start[world] + index
@@ -228,8 +234,10 @@ def colour_of(
             False,
             True,
         )
-        colour += wp.cw_mul(base, diffuse)
+        if looks.light_shadow[light] != 0:
+            apart += wp.min(wp.cw_mul(base, diffuse), wp.vec3(1.0))
+        else:
+            colour += wp.cw_mul(base, diffuse)
         highlight += gloss
-    # As OpenGL's fixed pipeline: what is lit saturates before the texture is laid over it.
-    colour = wp.cw_mul(wp.min(colour, wp.vec3(1.0)), texel) + highlight
+    colour = wp.cw_mul(wp.min(colour, wp.vec3(1.0)) + apart, texel) + highlight
     return wp.max(wp.min(colour, wp.vec3(1.0)), wp.vec3(0.0))
