@@ -7,7 +7,9 @@ STAMP := $(VENV)/.installed
 GL_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libosmesa6
 WHEEL_VENV := build/wheel-venv
 
-.PHONY: setup demo test lint perf wheel pictures clean
+WITHOUT_GL := PYTHONPATH=tests/without_opengl
+
+.PHONY: setup demo bare test lint perf wheel pictures clean
 
 setup: $(STAMP)
 
@@ -36,6 +38,12 @@ endef
 demo: setup
 	rm -rf demo
 	$(BIN)/pftrack-sim bench quick --out demo
+
+# The demo's path, shorter, where no OpenGL library can be found.
+bare: setup
+	rm -rf build/bare
+	$(WITHOUT_GL) $(BIN)/pftrack-sim doctor --check
+	$(WITHOUT_GL) $(BIN)/pftrack-sim bench corridor --seeds 0:1 --trackers stay --set duration_s=0.5 --out build/bare
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist worksteal -q

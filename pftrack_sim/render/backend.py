@@ -111,8 +111,15 @@ class Renderer(Protocol):
         """`(ngeom,)` which geoms are drawn at all."""
         ...
 
-    def color(self, data: Any, T_world_camera: NDArray[np.float64], K: NDArray[np.float64]) -> Image:
-        """A new `(H, W, 3)` uint8 RGB image."""
+    def color(
+        self,
+        data: Any,
+        T_world_camera: NDArray[np.float64],
+        K: NDArray[np.float64],
+        *,
+        rows: slice | None = None,
+    ) -> Image:
+        """A new `(H, W, 3)` uint8 RGB image; with `rows` (start and stop within it), those alone."""
         ...
 
     def ids(

@@ -12,6 +12,7 @@ the camera travels, that is no longer true, and more drawings are made, as many 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -168,9 +169,11 @@ class Exposer:
         for own in offsets.reshape(samples, turned):
             for bands in itertools.pairwise(edges):
                 drawing = self._drawing(bands, own, drawn_px)
-                light = meter.light(renderer.color(self.state(drawing), drawing.T_world_camera, drawing.K))
+                rows = _rows(drawing.places, renderer.height_px)
+                seen = renderer.color(self.state(drawing), drawing.T_world_camera, drawing.K, rows=rows)
+                light, down = meter.light(seen), np.array([0, rows.start], dtype=np.float32)
                 for places in drawing.places:
-                    meter.add(self.rays.rows(*bands), self.rays.fetch(light, places))
+                    meter.add(self.rays.rows(*bands), self.rays.fetch(light, places - down))
                 kept.append(drawing)
         if samples * turned > 1:
             kept = [self._drawing(bands, np.zeros(1), drawn_px) for bands in itertools.pairwise(edges)]
@@ -369,6 +372,13 @@ def _reach(slopes: Sequence[Array]) -> tuple[Array, Array]:
     """`(2,)` smallest and `(2,)` largest x / z and y / z: of the borders, which lie around all the rest."""
     border = np.concatenate([side for one in slopes for side in (one[0], one[-1], one[:, 0], one[:, -1])])
     return border.min(axis=0), border.max(axis=0)
+
+
+def _rows(places: Sequence[Map], height_px: int) -> slice:
+    """The rows of a drawing that are looked at: a band of the image needs no more than its own."""
+    low = min(float(one[..., 1].min()) for one in places)
+    high = max(float(one[..., 1].max()) for one in places)
+    return slice(max(math.floor(low) - 1, 0), min(math.ceil(high) + 2, height_px))
 
 
 def _framed(lens: Lens, slopes: Sequence[Array], drawn_px: tuple[int, int]) -> Array:

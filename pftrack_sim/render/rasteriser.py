@@ -143,33 +143,42 @@ class Rasteriser:
         self._bounds = Bounds(model)
         self._scene_geoms = list(self._scene.geoms)
 
-    def color(self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float) -> Image:
+    def color(
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
+    ) -> Image:
         """Draw a picture.
 
         Args:
             data: Positions, up to date (`mj_forward` or `mj_kinematics` and `mj_camlight`).
             T_world_camera: `(4, 4)` camera pose, OpenCV axes.
-            K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
+            K: `(3, 3)` camera matrix of the whole image [px], or a vertical field of view [rad].
+            rows: The rows wanted, by start and stop; None is the whole image. Edges may differ from the same rows of
+                the whole image by the rounding of subpixels.
 
         Returns:
-            A new `(H, W, 3)` uint8 RGB image.
+            A new `(H, W, 3)` uint8 RGB image, or its rows.
 
         Raises:
             ParameterError: A pose or camera matrix that is none.
             RenderError: Closed.
         """
-        self._compose(self._scene, self._model, data, T_world_camera, K)
+        matrix, height = camera_matrix(K, self._width, self._height), self._height
+        if rows is not None:
+            matrix = matrix - np.array([[0.0, 0.0, 0.0], [0.0, 0.0, rows.start], [0.0, 0.0, 0.0]])
+            height = rows.stop - rows.start
+        self._compose(self._scene, self._model, data, T_world_camera, matrix, height)
         mujoco.mjv_makeLights(self._model, data, self._scene)
-        self._leave_out_unseen(data, T_world_camera, K)
-        whole = mujoco.MjrRect(0, 0, self._width, self._height)
+        self._leave_out_unseen(data, T_world_camera, matrix, height)
+        area = mujoco.MjrRect(0, 0, self._width, height)
+        pixels = self._pixels[:height]
         with self._context:
             drawing = self._drawing[0]
             self._sky.update(drawing)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, drawing)
-            mujoco.mjr_render(whole, self._scene, drawing)
-            mujoco.mjr_readPixels(self._pixels, None, whole, drawing)
+            mujoco.mjr_render(area, self._scene, drawing)
+            mujoco.mjr_readPixels(pixels, None, area, drawing)
         # OpenGL counts rows from the bottom.
-        return np.asarray(cv2.flip(cv2.cvtColor(self._pixels, cv2.COLOR_RGBA2RGB), 0), dtype=np.uint8)
+        return np.asarray(cv2.flip(cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB), 0), dtype=np.uint8)
 
     def ids(
         self,
@@ -208,7 +217,7 @@ class Rasteriser:
         model, scene = self._ids_kit()
         # Hiding is by group, in a copy of the model: several threads may share the caller's.
         model.geom_group[:] = np.where(wanted, SCENERY_GROUP, _NEVER_DRAWN)
-        self._compose(scene, model, data, T_world_camera, K)
+        self._compose(scene, model, data, T_world_camera, K, self._height)
         geom_of_code = np.concatenate([[-1], _drawn_geoms(scene, wanted)]).astype(np.int32)
         pixels = self._pixels.reshape(-1)[: 4 * rect.width * rect.height].reshape(rect.height, rect.width, 4)
         nearness = np.empty((rect.height, rect.width), dtype=np.float32)
@@ -232,18 +241,26 @@ class Rasteriser:
         self.close()
 
     def _compose(
-        self, scene: mujoco.MjvScene, model: mujoco.MjModel, data: mujoco.MjData, T_world_camera: ArrayLike, K: Any
+        self,
+        scene: mujoco.MjvScene,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        T_world_camera: ArrayLike,
+        K: Any,
+        height_px: int,
     ) -> None:
         """Put the camera, then what it sees, into a scene.
 
         MuJoCo's own `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the
         tiles of an infinite plane) would come from the camera of the frame before.
         """
-        self._place_camera(scene, np.asarray(T_world_camera, dtype=np.float64), K)
+        self._place_camera(scene, np.asarray(T_world_camera, dtype=np.float64), K, height_px)
         scene.ngeom = 0
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _GEOMS_ONLY, scene)
 
-    def _leave_out_unseen(self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float) -> None:
+    def _leave_out_unseen(
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, matrix: NDArray[np.float64], height_px: int
+    ) -> None:
         """Take what lies out of view out of the scene of the picture, where that changes nothing.
 
         MuJoCo hands everything to OpenGL, and software OpenGL transforms every vertex of it.
@@ -252,18 +269,18 @@ class Rasteriser:
         order = np.flatnonzero(self._visible)
         if scene.ngeom != order.size or (model.mat_reflectance > 0.0).any():
             return
-        pose, matrix = np.asarray(T_world_camera, dtype=np.float64), camera_matrix(K, self._width, self._height)
-        needed = self._bounds.in_view(data, pose, matrix, (self._width, self._height), self.near_m)
+        pose = np.asarray(T_world_camera, dtype=np.float64)
+        needed = self._bounds.in_view(data, pose, matrix, (self._width, height_px), self.near_m)
         if (model.light_active & model.light_castshadow).any():
             needed |= model.geom_castshadow
         for index in np.flatnonzero(~needed[order]):
             self._scene_geoms[index].type = _NOT_DRAWN
 
-    def _place_camera(self, scene: mujoco.MjvScene, pose: NDArray[np.float64], K: Any) -> None:
+    def _place_camera(self, scene: mujoco.MjvScene, pose: NDArray[np.float64], K: Any, height_px: int) -> None:
         if pose.shape != (4, 4) or not np.isfinite(pose).all():
             raise ParameterError(f"T_world_camera must be a finite (4, 4) matrix, got {pose.tolist()}")
-        matrix = camera_matrix(K, self._width, self._height)
-        view = frustum(matrix, self._width, self._height, self.near_m, self.far_m)
+        matrix = camera_matrix(K, self._width, height_px)
+        view = frustum(matrix, self._width, height_px, self.near_m, self.far_m)
         # MuJoCo draws the average of a left and a right eye: give both the same.
         for eye in scene.camera:
             eye.pos[:] = pose[:3, 3]

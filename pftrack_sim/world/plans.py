@@ -11,7 +11,7 @@ from pftrack_sim import streams
 from pftrack_sim.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.world import occlusion
-from pftrack_sim.world.crowd import Crossing, Ground, Passing, plan_passing
+from pftrack_sim.world.crowd import Crossing, Ground, Passing, away_from, plan_passing
 from pftrack_sim.world.layout import Layout
 from pftrack_sim.world.occlusion import Placement, Rehearsal
 from pftrack_sim.world.occlusion.carts import asked_of, cart_names, height_m, plan_mover
@@ -136,9 +136,16 @@ def _passings(
     axis = settings.axes.distractors
     ground = Ground(layout)
     found: list[Passing] = []
+    # Step by step: a path may come back to where it has been.
+    times = np.arange(0.0, max(axis.passings_s, default=0.0) + 1.0, 0.5)
+    walked = [0.0]
+    for point in rehearsal.at(times)[1]:
+        walked.append(path.project(point, walked[-1]))
+    free = away_from(path, ground, layout.bounds_m)
 
     def target_s_at(time_s: float) -> float:
-        return path.project(rehearsal.at(time_s)[1][0])
+        near_m = float(np.interp(time_s, times, walked[1:]))
+        return path.project(rehearsal.at(time_s)[1][0], near_m)
 
     for number, at_s in enumerate(axis.passings_s):
         rng = streams.stream(seed, "axes", "distractors", number)
@@ -151,7 +158,9 @@ def _passings(
             side = -1 if aside > 0.0 else 1
         try:
             name = f"axes.distractors, passing {number + 1}"
-            found.append(plan_passing(at_s, axis.distance_m, pace, path, ground, target_s_at, side, name))
+            found.append(plan_passing(at_s, axis.distance_m, pace, path, ground, target_s_at, side, name, free))
+            if found[-1].waits_m is not None:
+                free = free[(free != found[-1].waits_m).any(axis=1)]
         except ParameterError as error:
             problems.append(str(error))
     return tuple(found)

@@ -85,6 +85,18 @@ def test_a_field_of_view_is_as_good_as_a_matrix(drawing: Drawing):
     assert np.array_equal(renderer.color(stage.data, pose, K), renderer.color(stage.data, pose, 0.9))
 
 
+def test_rows_of_a_picture_are_those_of_the_whole(drawing: Drawing):
+    rng = np.random.default_rng(5)
+    for seed in range(3):
+        stage, pose = build(seed), random_view(rng)
+        renderer = drawing(stage)
+        whole = renderer.color(stage.data, pose, K)
+        for start, stop in ((0, 7), (11, 60), (len(whole) // 2, len(whole)), (0, len(whole))):
+            some = renderer.color(stage.data, pose, K, rows=slice(start, stop))
+            # Clipped to a smaller view, triangles are rounded to other subpixels.
+            assert (np.abs(some.astype(int) - whole[start:stop]).max(axis=2) > 8).mean() < 5e-3
+
+
 def test_any_rectangle_is_the_whole_image_cropped(drawing: Drawing):
     rng = np.random.default_rng(3)
     for seed in range(6):

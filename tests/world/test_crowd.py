@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.scenario import model
-from pftrack_sim.world.crowd import Crowd, Ground
+from pftrack_sim.world.crowd import Crowd, Ground, away_from, plan_passing
 from pftrack_sim.world.layout import Footprint, Layout
 from pftrack_sim.world.path import Path
 
@@ -148,3 +148,30 @@ def test_arrays_are_frozen_and_names_are_in_order() -> None:
     kept = before.copy()
     crowd.tick(TICK_S, TICK_S, None, None)
     assert np.array_equal(before, kept)
+
+
+def test_on_laps_each_passer_meets_the_target_once() -> None:
+    lap = [(0.0, 0.0), (14.0, 0.0), (14.0, 1.2), (0.0, 1.2)]
+    path, layout = Path(lap * 4), Layout((-5.0, -14.0, 19.0, 14.0), (), ((-2.0, -7.5), (4.0, 9.0)))
+    ground, speed = Ground(layout), 1.0
+    target = model.Target(path_m=tuple(lap * 4), speed_m_s=speed)
+    free, passings = away_from(path, ground, layout.bounds_m), []
+    for at_s in (7.0, 22.0, 37.0, 52.0):
+        passings.append(plan_passing(at_s, 0.8, 1.2, path, ground, lambda t: speed * t, 1, "test", free))
+        if passings[-1].waits_m is not None:
+            free = free[(free != passings[-1].waits_m).any(axis=1)]
+    assert sum(one.waits_m is not None for one in passings) == 3
+    crowd = Crowd(layout, target, path, model.Distractors(count=0), (), 0, passers=passings)
+    places = [crowd.positions_m]
+    for tick in range(round(60.0 / TICK_S)):
+        crowd.tick(TICK_S, (tick + 1) * TICK_S, None, None)
+        places.append(crowd.positions_m)
+    walked = np.array(places)
+    for person, one in enumerate(passings, start=1):
+        gap = np.linalg.norm(walked[:, person] - walked[:, 0], axis=1)
+        near = np.flatnonzero(gap < 2.5)
+        assert abs(gap.argmin() * TICK_S - one.at_s) < 0.3
+        assert gap.min() == pytest.approx(0.8, abs=0.1)
+        assert np.ptp(near) * TICK_S < 4.0, "it came near once"
+        speeds = np.linalg.norm(np.diff(walked[:, person], axis=0), axis=1) / TICK_S
+        assert speeds.max() < 2.41

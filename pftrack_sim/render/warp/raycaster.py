@@ -14,7 +14,7 @@ from pftrack_sim.camera.optics import camera_matrix, focal_and_centre
 from pftrack_sim.errors import ParameterError, RenderError
 from pftrack_sim.records import Image
 from pftrack_sim.render.backend import Layer, PixelRect, geoms_drawn
-from pftrack_sim.render.warp import kernels
+from pftrack_sim.render.warp import kernels, rays
 from pftrack_sim.render.warp.scene import SceneTable
 
 
@@ -89,16 +89,19 @@ class Raycaster:
         self._samples = math.isqrt(max(int(model.vis.quality.offsamples), 1) - 1) + 1
         self._table = SceneTable([model], [self._visible])
 
-    def color(self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float) -> Image:
+    def color(
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
+    ) -> Image:
         """Draw a picture.
 
         Args:
             data: Positions, up to date (`mj_forward` or `mj_kinematics` and `mj_camlight`).
             T_world_camera: `(4, 4)` camera pose, OpenCV axes.
             K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
+            rows: The rows wanted, by start and stop; None is the whole image.
 
         Returns:
-            A new `(H, W, 3)` uint8 RGB image.
+            A new `(H, W, 3)` uint8 RGB image, or its rows.
 
         Raises:
             ParameterError: A pose or camera matrix that is none.
@@ -128,7 +131,8 @@ class Raycaster:
             outputs=[image],
         )
         del kept, kept_casters
-        return np.array(image.numpy(), dtype=np.uint8).reshape(self._height, self._width, 3)
+        whole = np.array(image.numpy(), dtype=np.uint8).reshape(self._height, self._width, 3)
+        return whole if rows is None else whole[rows]
 
     def ids(
         self,
@@ -206,7 +210,7 @@ def cameras_of(poses: Any, matrices: Any, size: tuple[int, int], near_m: float, 
     turns = np.asarray(poses, dtype=np.float64)
     if turns.ndim != 3 or turns.shape[1:] != (4, 4) or not np.isfinite(turns).all():
         raise ParameterError(f"T_world_camera must be a finite (4, 4) matrix, got {turns.tolist()}")
-    cameras = kernels.Cameras()
+    cameras = rays.Cameras()
     cameras.eye = wp.array(turns[:, :3, 3].astype(np.float32), dtype=wp.vec3)
     cameras.turn = wp.array(turns[:, :3, :3].astype(np.float32), dtype=wp.mat33)
     lenses = np.array([focal_and_centre(camera_matrix(K, *size)) for K in matrices], dtype=np.float32)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.errors import RenderError
 from pftrack_sim.render.sky import sky_material
-from pftrack_sim.render.warp import kernels
+from pftrack_sim.render.warp import kernels, rays
 
 _ROLE_RGB = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
@@ -39,7 +39,7 @@ class SceneTable:
         self.world_of_geom = np.repeat(np.arange(len(models)), [model.ngeom for model in models])
         self.visible = np.concatenate(visible)
         kinds = _joined(models, "geom_type")
-        undrawable = np.flatnonzero(self.visible & ~np.isin(kinds, kernels.KINDS))
+        undrawable = np.flatnonzero(self.visible & ~np.isin(kinds, rays.KINDS))
         if undrawable.size:
             kind = mujoco.mjtGeom(int(kinds[undrawable[0]])).name
             raise RenderError(f"the renderer warp cannot draw geoms of type {kind}; use an OpenGL one")
@@ -103,7 +103,7 @@ class SceneTable:
         Returns:
             What kernels take, and its owner, to be kept as long.
         """
-        tree = kernels.Tree()
+        tree = rays.Tree()
         chosen = np.flatnonzero(shown)
         tree.count = int(chosen.size)
         tree.geoms = wp.array(chosen.astype(np.int32), dtype=int)
@@ -122,7 +122,7 @@ class SceneTable:
 
     def _make_geoms(self, kinds: NDArray[Any], sizes: NDArray[Any]) -> Any:
         models = self._models
-        geoms = kernels.Geoms()
+        geoms = rays.Geoms()
         geoms.kind = wp.array(kinds.astype(np.int32), dtype=int)
         geoms.data = _table(_shifted(models, "geom_dataid", [model.nmesh for model in models]), int)
         geoms.material = _table(_shifted(models, "geom_matid", [model.nmat for model in models]), int)
@@ -140,7 +140,7 @@ class SceneTable:
 
     def _make_looks(self) -> Any:
         models = self._models
-        looks = kernels.Looks()
+        looks = rays.Looks()
         looks.rgba = _table(_joined(models, "mat_rgba"), wp.vec4)
         textures = [model.mat_texid[:, _ROLE_RGB] for model in models]
         starts = _starts([model.ntex for model in models])
@@ -159,7 +159,8 @@ class SceneTable:
         looks.shininess = _list(_joined(models, "mat_shininess"), float)
         looks.face_start = _list(_shifted(models, "mesh_faceadr", [model.nmeshface for model in models]), int)
         looks.face_texcoord = _list(_joined(models, "mesh_facetexcoord"), wp.vec3i)
-        looks.face_density = _list(np.concatenate([_densities(model) for model in models]), float)
+        slopes = np.concatenate([texture_slopes(model) for model in models])
+        looks.face_along_u, looks.face_along_v = _list(slopes[:, 0], wp.vec3), _list(slopes[:, 1], wp.vec3)
         looks.texcoord = _list(_joined(models, "mesh_texcoord"), wp.vec2)
         looks.texcoord_start = _list(
             _shifted(models, "mesh_texcoordadr", [model.nmeshtexcoord for model in models]), int
@@ -222,20 +223,22 @@ def halves(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     return levels
 
 
-def _densities(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """`(nmeshface,)` texture coordinates per metre on each face of the meshes, the mean over directions; -1: none."""
-    densities = np.full(model.nmeshface, -1.0)
+def texture_slopes(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """`(nmeshface, 2, 3)` how fast u and v grow along each face of the meshes [1/m]; zeros where there are none."""
+    slopes = np.zeros((model.nmeshface, 2, 3))
     for mesh in range(model.nmesh):
         if model.mesh_texcoordadr[mesh] < 0:
             continue
         faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
         corners = model.mesh_vert[model.mesh_vertadr[mesh] + model.mesh_face[faces]].astype(np.float64)
         spots = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + model.mesh_facetexcoord[faces]].astype(np.float64)
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        one, two = spots[:, 1] - spots[:, 0], spots[:, 2] - spots[:, 0]
-        on_texture = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
-        densities[faces] = np.sqrt(on_texture / np.maximum(area, 1e-12))
-    return densities
+        one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(one, two)
+        square = np.maximum((normal**2).sum(axis=1, keepdims=True), 1e-24)
+        # The vectors of the face that meet one edge with 1 and the other with 0.
+        dual = np.stack([np.cross(two, normal), np.cross(normal, one)], axis=1) / square[:, None]
+        slopes[faces] = np.einsum("feu,fex->fux", spots[:, 1:] - spots[:, :1], dual)
+    return slopes
 
 
 def _joined(models: Sequence[mujoco.MjModel], field: str) -> NDArray[Any]:

@@ -21,7 +21,7 @@ class DistractorsAxis(Axis):
     )
     source: ClassVar[str] = "look-alikes that appear 3 to 8 times an episode: Lee et al. 2012, table 2"
 
-    count: Annotated[int, Field(ge=0, le=6)] = Field(default=2, description="How many pass by at severity 1.")
+    count: Annotated[int, Field(ge=0, le=8)] = Field(default=2, description="How many pass by at severity 1.")
     similarity: Share = Field(
         default=0.7, description="Likeness of clothes and build to the target's; 1 is a twin, 0 clearly different."
     )

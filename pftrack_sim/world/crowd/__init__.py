@@ -3,7 +3,7 @@
 from pftrack_sim.world.crowd.crossing import Crossing
 from pftrack_sim.world.crowd.crowd import Crowd
 from pftrack_sim.world.crowd.ground import Ground
-from pftrack_sim.world.crowd.passing import Passing, plan_passing
+from pftrack_sim.world.crowd.passing import Passing, away_from, plan_passing
 from pftrack_sim.world.crowd.routes import Routes
 
-__all__ = ["Crossing", "Crowd", "Ground", "Passing", "Routes", "plan_passing"]
+__all__ = ["Crossing", "Crowd", "Ground", "Passing", "Routes", "away_from", "plan_passing"]

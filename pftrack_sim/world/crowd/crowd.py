@@ -149,6 +149,8 @@ class Crowd:
         self._errands = Errands(self._ground, self._routes, self._places, rngs, near_target)
         self._released = [False] * crossers
         self._passed = [False] * len(self._passers.passings)
+        self._on_path = [not self._passers.waits(index, 0.0) for index in range(len(self._passed))]
+        self._set_off = self._on_path.copy()
         self._robot_seen = False
         self._ticks = 0
         self._target.reset()
@@ -246,13 +248,29 @@ class Crowd:
             person = self._first_passer + index
             if passed:
                 continue
+            if self._passers.waits(index, time_s):
+                goal = None if self._set_off[index] else self._passers.comes_to_m(index, time_s)
+                if goal is not None:
+                    self._set_off[index] = True
+                    place = self._state[:2, person]
+                    self._errands.leave(person, time_s, place, self._routes.route(place, goal))
+                    self._regroup()
+                continue
+            if not self._on_path[index]:
+                self._on_path[index] = True
+                self._regroup()
             here = (float(self._state[0, person]), float(self._state[1, person]))
             there, done = self._passers.advance(index, dt_s, time_s, here, target, robot)
             if done:
                 self._passed[index] = True
-                self._errands.set_out(
-                    person, time_s, self._state[:2, person], self.target_s_m, float(self._heading[person])
-                )
+                # A target that comes back meets nobody twice: who has passed it keeps away from its path.
+                place, heading = self._state[:2, person], float(self._heading[person])
+                others = np.delete(self._state[:2, : self._people], person, axis=1).T
+                aside = self._places.walk_aside(place, heading, others)
+                if aside is None:
+                    self._errands.set_out(person, time_s, place, self.target_s_m, heading)
+                else:
+                    self._errands.leave(person, time_s, place, aside)
                 self._regroup()
                 continue
             self._state[2:, person] = ((there[0] - here[0]) / dt_s, (there[1] - here[1]) / dt_s)
@@ -339,15 +357,20 @@ class Crowd:
         self._state[:, people] = self._passers.state
         self._heading[people] = self._passers.heading_rad
         self._errands.speed_m_s[people] = [one.speed_m_s for one in self._passers.passings]
+        for index, begun in enumerate(self._set_off):
+            if not begun:
+                person = self._first_passer + index
+                self._errands.wait_at(person, self._state[:2, person].copy())
 
     def _regroup(self) -> None:
         """Who yields and who does not, after that has changed."""
         first = 1 + self._distractors.count
         begun = [walk.begun for walk in self._walks]
         forced = [first + i for i, done in enumerate(self._released) if begun[i] and not done]
-        forced += [self._first_passer + i for i, done in enumerate(self._passed) if not done]
+        forced += [self._first_passer + i for i, done in enumerate(self._passed) if self._on_path[i] and not done]
         who = [person for person in range(1, self._people) if person not in forced]
-        waiting = [first <= person < self._first_passer and not self._released[person - first] for person in who]
+        waits = [*([False] * first), *(not one for one in self._released), *(not one for one in self._set_off)]
+        waiting = [waits[person] for person in who]
         machines = range(self._people, self._state.shape[1])
         self._yielders = Yielders(self._ground, who, waiting, [0, *forced], machines)
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.errors import ParameterError
 from pftrack_sim.world.crowd.crossing import Xy, outside, within
@@ -22,9 +22,20 @@ NEAR_M = 2.0
 ROBOT_LANE_M = 1.0
 """Past the target it keeps at least this far from the target's line: a robot may come along it."""
 
+FAR_M = 20.0
+"""One whose way along the path would be longer than this waits aside first: on laps it would meet the target before."""
+
+JOIN_M = 5.0
+"""From there it comes onto the path this far ahead of the passing ..."""
+
+ASIDE_M = 8.0
+"""... and there it is this far from the path: seen from a robot beside the target, it is small."""
+
 _LIMIT_M_S = 2.4
 _START_S = 1.0
 _WALL_GAP_M = 0.34
+_GRID_M = 2.5
+_DETOUR = 1.3
 _LEAST_GAP_M = 0.22
 
 
@@ -37,12 +48,14 @@ class Passing:
         meets_at_m: Where the target then is, along its path.
         left_m: Its place to the left of the path when it passes; negative is to the right.
         speed_m_s: How fast it walks.
+        waits_m: Where it waits until it is time, away from the path; None for one that comes all along the path.
     """
 
     at_s: float
     meets_at_m: float
     left_m: float
     speed_m_s: float
+    waits_m: Xy | None = None
 
 
 def plan_passing(
@@ -54,6 +67,7 @@ def plan_passing(
     target_s_at: Callable[[float], float],
     side: int,
     name: str,
+    asides_m: ArrayLike = (),
 ) -> Passing:
     """Choose the side on which there is room.
 
@@ -66,6 +80,7 @@ def plan_passing(
         target_s_at: How far along its path the target is at a time.
         side: Side that is preferred: 1 is left of the target's path, -1 right.
         name: What to call it in an error.
+        asides_m: `(N, 2)` places away from the path where nobody waits yet.
 
     Raises:
         ParameterError: There is no room on either side.
@@ -84,7 +99,31 @@ def plan_passing(
             f"{name}: nobody can pass the target {distance_m:g} m away at {at_s:g} s: something stands there on both "
             "sides; use another time or a smaller distance_m"
         )
-    return Passing(at_s, meets, best * distance_m, speed_m_s)
+    found = Passing(at_s, meets, best * distance_m, speed_m_s)
+    if min(path.length_m - meets, speed_m_s * at_s) <= FAR_M:
+        return found
+    join = np.array(lane_m(path, meets + JOIN_M, found.left_m))
+    places = np.array(asides_m, dtype=np.float64).reshape(-1, 2)
+    if not len(places):
+        return found
+    x, y = places[np.argmin(np.hypot(*(places - join).T))].tolist()
+    return replace(found, waits_m=(x, y))
+
+
+def away_from(path: Path, ground: Ground, bounds_m: tuple[float, float, float, float]) -> Array:
+    """`(N, 2)` free places on a grid over the walkable area that are at least `ASIDE_M` from a path [m]."""
+    x_min, y_min, x_max, y_max = bounds_m
+    across, along = np.arange(x_min + 1.0, x_max, _GRID_M), np.arange(y_min + 1.0, y_max, _GRID_M)
+    places = np.stack(np.meshgrid(across, along), axis=-1).reshape(-1, 2)
+    x, y, _ = path.at(np.arange(0.0, path.length_m, 0.5))
+    gap = np.hypot(places[:, :1] - x, places[:, 1:] - y).min(axis=1)
+    return places[(gap >= ASIDE_M) & (ground.clearance_m(places) >= 2.0 * _WALL_GAP_M)]
+
+
+def lane_m(path: Path, s_m: float, left_m: float) -> Xy:
+    """The point to the left of a path."""
+    x, y, heading = (float(v) for v in path.at(s_m))
+    return x - left_m * math.sin(heading), y + left_m * math.cos(heading)
 
 
 class Passers:
@@ -112,6 +151,11 @@ class Passers:
         self.state: Array = np.zeros((4, count))
         self.heading_rad: Array = np.zeros(count)
         for index, one in enumerate(self.passings):
+            if one.waits_m is not None:
+                x, y = self._joins_m(one)
+                self.heading_rad[index] = math.atan2(y - one.waits_m[1], x - one.waits_m[0])
+                self.state[:2, index] = one.waits_m
+                continue
             s = self._s_m(one, 0.0)
             _, _, heading = self._path.at(s)
             x, y = self._ground.outside(self._lane(one, s), _WALL_GAP_M)
@@ -119,6 +163,20 @@ class Passers:
             back = float(heading) + math.pi
             self.heading_rad[index] = back
             self.state[:, index] = (x, y, walked * math.cos(back), walked * math.sin(back))
+
+    def waits(self, index: int, time_s: float) -> bool:
+        """Whether a passer is still to come onto the path."""
+        one = self.passings[index]
+        return one.waits_m is not None and time_s < self._joins_s(one)
+
+    def comes_to_m(self, index: int, time_s: float) -> Array | None:
+        """`(2,)` where one that waits comes onto the path, once it is time to set off for there."""
+        one = self.passings[index]
+        if one.waits_m is None:
+            return None
+        x, y = self._joins_m(one)
+        way_m = _DETOUR * math.hypot(x - one.waits_m[0], y - one.waits_m[1])
+        return np.array([x, y]) if time_s >= self._joins_s(one) - way_m / one.speed_m_s - _START_S else None
 
     def advance(
         self, index: int, dt_s: float, time_s: float, here: Xy, target: Sequence[float], robot: Sequence[float]
@@ -148,16 +206,20 @@ class Passers:
         reach = self._path.length_m - one.meets_at_m
         whole_s = reach / one.speed_m_s + 0.5 * _START_S
         begin_s = one.at_s - whole_s
-        if begin_s <= 0.0:
+        if begin_s <= 0.0 or one.waits_m is not None:
             return one.meets_at_m + one.speed_m_s * (one.at_s - time_s)
         # One whose way is longer than the path waits at the path's end, and sets off in a second.
         since = max(time_s - begin_s, 0.0)
         walked = since - 0.5 * _START_S if since > _START_S else 0.5 * since * since / _START_S
         return self._path.length_m - one.speed_m_s * walked
 
+    def _joins_s(self, one: Passing) -> float:
+        return one.at_s - JOIN_M / one.speed_m_s
+
+    def _joins_m(self, one: Passing) -> Xy:
+        return lane_m(self._path, one.meets_at_m + JOIN_M, one.left_m)
+
     def _lane(self, one: Passing, s_m: float) -> Xy:
-        x, y, heading = (float(v) for v in self._path.at(s_m))
         past = min(max((one.meets_at_m - s_m - 0.5) / (NEAR_M - 0.5), 0.0), 1.0)
         room = max(ROBOT_LANE_M - abs(one.left_m), 0.0) * past * past * (3.0 - 2.0 * past)
-        left = math.copysign(abs(one.left_m) + room, one.left_m)
-        return x - left * math.sin(heading), y + left * math.cos(heading)
+        return lane_m(self._path, s_m, math.copysign(abs(one.left_m) + room, one.left_m))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.world.crowd.ground import Ground
+from pftrack_sim.world.crowd.passing import away_from
 from pftrack_sim.world.crowd.routes import ROUTE_CLEARANCE_M, Routes
 
 if TYPE_CHECKING:
@@ -21,6 +22,9 @@ START_GAP_M = 1.0
 
 WALK_OFF_S = tuple(float(t) for t in np.arange(1.0, 9.0, 0.5))
 """Times ahead that someone who walks off thinks of."""
+
+_ELBOW_ROOM_M = 2.0
+"""Who walks aside looks for a place where nobody is this near."""
 
 _WALK_OFF_M_S = 1.2
 
@@ -148,6 +152,27 @@ class Places:
                 route = self._routes.route(position_m, choices[index])
                 if route is not None:
                     return route
+        return None
+
+    def walk_aside(self, position_m: Array, heading_rad: float, others_m: Array) -> Array | None:
+        """A walk to a place well away from the target's path, ahead rather than behind.
+
+        Args:
+            position_m: `(2,)` where it begins.
+            heading_rad: Where the person faces.
+            others_m: `(N, 2)` where others are.
+
+        Returns:
+            `(K, 2)` points to walk through; None when nothing can be reached.
+        """
+        goals = away_from(self._path, self._ground, (*self._low.tolist(), *self._high.tolist()))
+        goals = goals[np.hypot(*(goals[:, None] - others_m).transpose(2, 0, 1)).min(axis=1) > _ELBOW_ROOM_M]
+        way = goals - position_m
+        onward = way @ (np.cos(heading_rad), np.sin(heading_rad))
+        for index in np.argsort(np.hypot(*way.T) - 2.0 * onward, kind="stable")[:8]:
+            route = self._routes.route(position_m, goals[index])
+            if route is not None:
+                return route
         return None
 
     def waiting_place(self, wanted_m: Array, taken_m: Sequence[Array], track_gap_m: float) -> Array:

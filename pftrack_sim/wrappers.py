@@ -1,0 +1,115 @@
+"""Wrappers of the environments, for learners that shall not see pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim import trackers
+from pftrack_sim.env import FollowEnv, TrackAndFollowEnv
+from pftrack_sim.errors import ParameterError, UnknownNameError
+from pftrack_sim.policies import TrackingPolicy
+from pftrack_sim.proprio import PROPRIO_HIGH, PROPRIO_INDEX, PROPRIO_NAMES
+from pftrack_sim.records import Estimate
+
+SENSES = ("wheel_left_m_s", "wheel_right_m_s", "gyro_z_rad_s", "pan_rad", "tilt_rad")
+"""What a controller needs to know of the robot's own motion, and no more."""
+
+
+class BoxObservation(gym.Wrapper[NDArray[np.float32], Any, dict[str, Any], Any], gym.utils.RecordConstructorArgs):
+    """`Follow-v0` with a tracker inside: the observation is its box instead of the image.
+
+    Observation: `(5 + len(senses),)` float32: x, y of the box's centre from the image's centre in halves of the image
+    (-1 is the left or upper edge), w, h as shares of the image, the confidence, and then the senses. Before there is a
+    target, and where the tracker gives an empty box, the first five are 0.
+
+    A new tracker is made for every episode, from its seed; `estimate` holds what it said last, whole.
+
+    Args:
+        env: `pftrack_sim/Follow-v0`, wrapped or not.
+        tracker: Any name that `trackers.make` takes; `"oracle"` gives the true box.
+        preset: The tracker's preset.
+        senses: Which of `proprio.PROPRIO_NAMES` to add.
+        params: The tracker's parameters.
+
+    Raises:
+        ParameterError: Another environment.
+        UnknownNameError: An unknown tracker or sense.
+
+    >>> import gymnasium as gym, pftrack_sim
+    >>> env = BoxObservation(gym.make("pftrack_sim/Follow-v0", scenario="corridor"), "ko2012", particle_count=50)
+    >>> env.observation_space.shape
+    (10,)
+    >>> env.close()
+    """
+
+    def __init__(
+        self,
+        env: gym.Env[dict[str, Any], Any],
+        tracker: str = "oracle",
+        *,
+        preset: str = "default",
+        senses: Sequence[str] = SENSES,
+        **params: Any,
+    ) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self, tracker=tracker, preset=preset, senses=senses, **params)
+        gym.Wrapper.__init__(self, env)
+        base = env.unwrapped
+        if not isinstance(base, FollowEnv) or isinstance(base, TrackAndFollowEnv):
+            raise ParameterError(f"BoxObservation wraps pftrack_sim/Follow-v0, got {type(base).__name__}")
+        for sense in senses:
+            if sense not in PROPRIO_INDEX:
+                raise UnknownNameError("sense", sense, PROPRIO_NAMES)
+        self._base = base
+        self._made = (tracker, preset, params)
+        self._senses = [PROPRIO_INDEX[sense] for sense in senses]
+        self._policy = self._new_policy(seed=0)
+        far = np.full(4, np.inf, np.float32)
+        low = np.concatenate([-far[:2], np.zeros(3, np.float32), -PROPRIO_HIGH[self._senses]])
+        high = np.concatenate([far, np.ones(1, np.float32), PROPRIO_HIGH[self._senses]])
+        self.observation_space = gym.spaces.Box(low, high, dtype=np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode, with a tracker that knows nothing of the one before."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._policy = self._new_policy(self._base.episode_seed)
+        return self._look(observation, info), info
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Drive until the next frame, and look for the target in it."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return self._look(observation, info), float(reward), terminated, truncated, info
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """What the tracker said last."""
+        return self._policy.estimate
+
+    def _new_policy(self, seed: int) -> TrackingPolicy:
+        name, preset, params = self._made
+        return TrackingPolicy(trackers.make(name, seed=seed, preset=preset, **params))
+
+    def _look(self, observation: Any, info: dict[str, Any]) -> NDArray[np.float32]:
+        self._policy(observation, info)
+        assert self.estimate is not None
+        height_px, width_px = observation["image"].shape[:2]
+        return np.concatenate([seen_as(self.estimate, width_px, height_px), observation["proprio"][self._senses]])
+
+
+def seen_as(estimate: Estimate, width_px: int, height_px: int) -> NDArray[np.float32]:
+    """An estimate as five numbers that do not depend on the size of the image; see `BoxObservation`.
+
+    >>> seen_as(Estimate([40, 0, 40, 60], 0.5), 80, 60).tolist()
+    [0.5, 0.0, 0.5, 1.0, 0.5]
+    """
+    x, y, w, h = estimate.box.tolist()
+    if w <= 0.0 or h <= 0.0:
+        return np.zeros(5, np.float32)
+    centre = (2.0 * x + w) / width_px - 1.0, (2.0 * y + h) / height_px - 1.0
+    return np.array([*centre, w / width_px, h / height_px, estimate.confidence], np.float32)
