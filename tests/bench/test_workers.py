@@ -96,7 +96,7 @@ def test_parts_are_merged(plan: Plan, one: Run, tmp_path: Path):
 
 
 def middle_of(column: str, path: Path) -> int:
-    """Where the middle of a column's data lies in a Parquet file: elsewhere a changed byte may be one of the clock's."""
+    """Where the middle of a column lies in a Parquet file: elsewhere a changed byte may be one of the clock's."""
     start, size = duckdb.execute(
         "SELECT data_page_offset, total_compressed_size FROM parquet_metadata(?) WHERE path_in_schema = ?",
         [str(path), column],
