@@ -49,8 +49,9 @@ def test_gymnasium_checker_is_content_and_silent(env_id: str):
         check_env(env.unwrapped)
 
 
-@pytest.mark.parametrize("name", scenario.names())
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize(
+    ("env_id", "name"), [(IDS[0], name) for name in scenario.names()] + [(env_id, "corridor") for env_id in IDS[1:]]
+)
 def test_same_seed_same_bits(env_id: str, name: str):
     runs = []
     for _ in range(2):
@@ -211,14 +212,14 @@ def test_render_shows_an_estimate_with_its_particles_for_one_step():
     env.close()
 
 
-def test_every_place_starts_with_the_target_in_view():
-    for name in scenario.names():
-        env = gym.make(IDS[0], scenario=name, overrides={"camera.width_px": 160, "camera.height_px": 120})
-        for seed in range(3):
-            _, info = env.reset(seed=seed)
-            assert info["truth"].state == "visible", (name, seed)
-            assert info["truth"].truncation < 0.2, (name, seed)
-        env.close()
+@pytest.mark.parametrize("name", scenario.names())
+def test_every_scenario_starts_with_the_target_in_view(name: str):
+    env = gym.make(IDS[0], scenario=name, overrides={"camera.width_px": 160, "camera.height_px": 120})
+    for seed in range(3 if "/" not in name else 1):
+        _, info = env.reset(seed=seed)
+        assert info["truth"].state == "visible", seed
+        assert info["truth"].truncation < 0.2, seed
+    env.close()
 
 
 def test_wrappers_record_videos_and_statistics(tmp_path):
