@@ -10,6 +10,27 @@ import typer
 
 from pftrack_sim.cli import progress as bars
 from pftrack_sim.cli import tables
+from pftrack_sim.cli.options import (
+    Backend,
+    BenchPreset,
+    BenchSeeds,
+    BenchTrackers,
+    FrameLimit,
+    Isolation,
+    MemoryLimit,
+    Out,
+    Params,
+    Part,
+    Preset,
+    ProgressMode,
+    Scheduler,
+    ScoredBox,
+    Seeds,
+    Settings,
+    Trackers,
+    Videos,
+    Workers,
+)
 from pftrack_sim.cli.run_progress import cores, show_run
 from pftrack_sim.cli.values import (
     parse_axes,
@@ -34,56 +55,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario; may be repeated.")
-]
-Seeds = Annotated[str, typer.Option(metavar="SEEDS", help="Seeds: 3, 0:20 (20 excluded) or 1,5,9.")]
-Trackers = Annotated[str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers, by name.")]
-Preset = Annotated[str, typer.Option(help="Preset of the trackers: default or paper.")]
-Params = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--param",
-        metavar="[TRACKER.]KEY=VALUE",
-        help="Parameter of one tracker or of all, for example ko2012.particles=true; may be repeated.",
-    ),
-]
-Backend = Annotated[
-    str | None,
-    typer.Option("--renderer", "--backend", help="gl, egl, osmesa or warp; default: OpenGL if it loads, else warp."),
-]
-BenchTrackers = Annotated[
-    str | None,
-    typer.Option(
-        "--trackers",
-        "--tracker",
-        metavar="A,B",
-        help="Trackers: name or name[key=value,...]; default: a suite's, or ko2012,opencv-mil,stay (follow: oracle).",
-    ),
-]
-BenchSeeds = Annotated[
-    str | None,
-    typer.Option(metavar="SEEDS", help="3, 0:20 (20 excluded) or 1,5,9; default: 0:3, or a suite's own."),
-]
-BenchPreset = Annotated[
-    str | None, typer.Option(help="Preset of the trackers: default or paper; default: default; a suite's own.")
-]
-ScoredBox = Annotated[
-    str, typer.Option(metavar="BOX", help="Score against the truth's box, amodal_box or visible_box.")
-]
-Out = Annotated[
-    Path | None,
-    typer.Option(help="Run folder; the same command goes on with one. Default is a new one in runs/."),
-]
-Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")]
-Workers = Annotated[int | None, typer.Option(min=0, help="Processes; default is one for each core.")]
-Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]
-Part = Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")]
-Isolation = Annotated[str, typer.Option(help="Trackers in processes of their own: auto, always or never.")]
-FrameLimit = Annotated[float, typer.Option(help="Time for a frame, for those trackers.")]
-MemoryLimit = Annotated[float, typer.Option(help="Memory for each of them; 0 is no limit.")]
-ProgressMode = Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")]
 
 
 @app.command("list")
