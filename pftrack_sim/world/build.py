@@ -27,11 +27,14 @@ class Scene:
 
     Attributes:
         model: The compiled model.
+        stage: The place and the robot alone, not compiled: all that a rehearsal touches, and less work in every
+            physics step.
         layout: Where people can walk.
         cast: Everyone, the target first.
     """
 
     model: mujoco.MjModel
+    stage: mujoco.MjSpec
     layout: Layout
     cast: tuple[Person, ...]
 
@@ -50,6 +53,7 @@ def build(settings: ResolvedScenario, seed: int, step_s: float) -> Scene:
     _set_graphics(spec, settings)
     layout = places.furnish(spec, settings.place, settings.lights, streams.stream(seed, "place"))
     robot.add_robot(spec, settings.robot, settings.camera)
+    stage = spec.copy()
     cast = sample_cast(
         seed,
         settings.target.height_m,
@@ -62,7 +66,7 @@ def build(settings: ResolvedScenario, seed: int, step_s: float) -> Scene:
         add_person(spec, person)
     occlusion.add_occluders(spec, settings.occluders)
     occlusion.add_carts(spec, settings.axes.occlusion)
-    return Scene(spec.compile(), layout, cast)
+    return Scene(spec.compile(), stage, layout, cast)
 
 
 def walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:

@@ -45,7 +45,7 @@ class World:
         self.data = mujoco.MjData(scene.model)
         self.people = tuple(person.name for person in scene.cast)
         path = Path(settings.target.path_m)
-        plans = plan(settings, seed, scene.layout, path, partial(self._rehearse, scene.layout, path, seed))
+        plans = plan(settings, seed, scene.layout, path, partial(self._rehearse, scene.stage, scene.layout, path, seed))
         crowd = self._crowd(path, plans, settings.distractors, seed)
         self._motion = Motion(self.model, self.data, settings, self.clock, path, crowd, seed)
         self._gait = Gait(
@@ -108,7 +108,6 @@ class World:
         self._lighting.apply(self.time_s, self._motion.crowd.target_s_m, exposure_ev)
 
     def _start(self, plans: Plans) -> None:
-        mujoco.mj_resetData(self.model, self.data)
         for index, placement in plans.placements.items():
             occlusion.place(self.model, self.data, index, placement)
         for name, crossing, height in zip(self._cart_names, plans.carts, plans.cart_heights_m, strict=True):
@@ -140,11 +139,12 @@ class World:
             target_axis=self.settings.axes.target,
         )
 
-    def _rehearse(self, layout: Layout, path: Path, seed: int, until_s: float) -> Rehearsal:
+    def _rehearse(self, spec: mujoco.MjSpec, layout: Layout, path: Path, seed: int, until_s: float) -> Rehearsal:
         """The target and the robot alone."""
         nobody = self.settings.distractors.model_copy(update={"count": 0})
         alone = self._crowd(path, Plans(layout, {}), nobody, seed)
-        motion = Motion(self.model, self.data, self.settings, self.clock, path, alone, seed)
+        stage = spec.compile()
+        motion = Motion(stage, mujoco.MjData(stage), self.settings, self.clock, path, alone, seed)
         return motion.rehearse(until_s, self.settings.target.height_m)
 
     def _move_carts(self) -> None:
