@@ -21,7 +21,7 @@ def bar(what: str, total: int) -> Iterator[Callable[[], None]]:
         A function to call once for every unit done.
     """
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

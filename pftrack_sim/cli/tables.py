@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 # More than this nobody reads on a terminal; the run folder has them all.
 _MOST_EPISODES, _MOST_FAILURES = 40, 20
 
-# In a file or a pipe there is no terminal's width to keep to.
-_console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+# In a file or a pipe there is no terminal's width to keep to. Brackets are those of `ko2012[alpha=0.5]`, not markup.
+_console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
 
 
 def print_names(what: str) -> None:
@@ -93,7 +93,7 @@ def print_bench(results: Sequence[Result]) -> None:
     failed = [one for one in results if one.failure]
     for one in failed[:_MOST_FAILURES]:
         where = one.scenario if one.condition == "base" else f"{one.scenario} {one.condition}"
-        _console.print(f"{one.tracker} failed on {where} seed {one.seed}, {one.failure}", markup=False, soft_wrap=True)
+        _console.print(f"{one.tracker} failed on {where} seed {one.seed}, {one.failure}", soft_wrap=True)
     if len(failed) > _MOST_FAILURES:
         _console.print(f"and {len(failed) - _MOST_FAILURES} failures more: see summary.parquet")
 
@@ -143,12 +143,11 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
                 table.add_row(row.tracker, *cells)
             _console.print(table)
         for finding in judge(suite, rows):
-            _console.print(f"\n{finding.verdict.upper()}: {finding.says}", markup=False, soft_wrap=True)
+            _console.print(f"\n{finding.verdict.upper()}: {finding.says}", soft_wrap=True)
             for part in finding.parts:
                 _console.print(
                     f"  {part.what}: {part.difference:+.3f} [{part.low:+.3f}, {part.high:+.3f}] "
                     f"over {part.seeds} seeds: {part.verdict}",
-                    markup=False,
                     soft_wrap=True,
                 )
 
@@ -193,7 +192,7 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     _print_groups("Over all seeds (frames with a known box)", ("sequence", "tracker"), groups)
     for one in results:
         if one.failure:
-            _console.print(f"{one.tracker} failed on {one.sequence} seed {one.seed}, {one.failure}", markup=False)
+            _console.print(f"{one.tracker} failed on {one.sequence} seed {one.seed}, {one.failure}")
 
 
 def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ...], list[Summary]]) -> None:
@@ -229,13 +228,13 @@ def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
 
 def print_folder(path: Path | None) -> None:
     """Where the results lie."""
-    _console.print(f"written: {path}", markup=False, soft_wrap=True)
+    _console.print(f"written: {path}", soft_wrap=True)
 
 
 def print_lines(lines: Iterable[str]) -> None:
     """Lines as they are."""
     for line in lines:
-        _console.print(line, markup=False, soft_wrap=True)
+        _console.print(line, soft_wrap=True)
 
 
 def print_answer(answer: Answer, layout: str) -> None:
@@ -266,7 +265,7 @@ def print_answer(answer: Answer, layout: str) -> None:
 def print_doctor(report: Report) -> None:
     """What can draw here, and the remedy where something cannot."""
     for line in report.lines():
-        _console.print(line, markup=False, soft_wrap=True)
+        _console.print(line, soft_wrap=True)
 
 
 def print_frame_times(report: Report) -> None:
@@ -282,7 +281,7 @@ def print_frame_times(report: Report) -> None:
         except RenderError as error:
             said = f"fails: {error}"
         line = f"{name}: a frame of {SIZE_PX[0]}x{SIZE_PX[1]} with its truth {said}"
-        _console.print(line, markup=False, soft_wrap=True)
+        _console.print(line, soft_wrap=True)
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -102,6 +102,15 @@ def test_parameters_reach_one_tracker_or_all(tmp_path: Path):
     assert with_dots.read_bytes() != without.read_bytes()
 
 
+def test_tables_name_a_tracker_with_its_parameters(tmp_path: Path):
+    trackers = "stay,ncc[preset=paper]"
+    done = pftrack_sim(
+        "bench", "corridor", "--trackers", trackers, "--seeds", "0:2", "--out", str(tmp_path / "a"), *SMALL
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("ncc[preset=paper]") == 2, done.stdout
+
+
 def test_a_tracker_that_needs_what_is_not_there_says_so(tmp_path: Path):
     square, absent = str(sequence(tmp_path / "square")), str(tmp_path / "absent.onnx")
     for given, words in (
