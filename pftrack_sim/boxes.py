@@ -107,6 +107,17 @@ def centre(box: ArrayLike) -> NDArray[np.float64]:
     return array[:2] + 0.5 * array[2:]
 
 
+def around(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`(N, 4)` boxes [px] whose centre x, y, width and height stand first in `(N, D)` states.
+
+    >>> around(np.array([[30.0, 40.0, 10.0, 20.0]])).tolist()
+    [[25.0, 30.0, 10.0, 20.0]]
+    """
+    found = states[:, :4].copy()
+    found[:, :2] -= 0.5 * found[:, 2:]
+    return found
+
+
 def from_mask(mask: NDArray[np.bool_]) -> Box:
     """Extent of the true pixels of an `(H, W)` mask; NaN when there are none.
 

@@ -30,6 +30,7 @@ from pftrack_sim.trackers.params import Between, settle
 
 COLOUR_BINS = 128
 MIN_SIZE_PX = 2.0
+_LEAST = np.array([0.0, 0.0, MIN_SIZE_PX, MIN_SIZE_PX])
 
 
 @dataclass(frozen=True)
@@ -147,11 +148,11 @@ class Ko2012(CheckedTracker):
         height_px, width_px = image.shape[:2]
         moving = self._filter
         moving.predict(RandomWalk(self._sigma(), self.params.size_correlation))
-        moving.states[:, :2] = np.clip(moving.states[:, :2], 0.0, (width_px, height_px))
-        moving.states[:, 2:] = np.clip(moving.states[:, 2:], MIN_SIZE_PX, (2.0 * width_px, 2.0 * height_px))
-        particles = _boxes(moving.states)
+        most = np.array([width_px, height_px, 2.0 * width_px, 2.0 * height_px])
+        np.clip(moving.states, _LEAST, most, out=moving.states)
+        particles = boxes.around(moving.states)
         # The estimate lies among the particles, unless it is held.
-        look = self._model.look(image, np.concatenate([particles, _boxes(self._state[None])]))
+        look = self._model.look(image, np.concatenate([particles, boxes.around(self._state[None])]))
         alike = look.similarities(particles)
         moving.weigh(log_mixture(alike, self._shares, self.params.likelihood, self._sharpness))
         state = moving.mean(self.params.top_count)
@@ -163,7 +164,7 @@ class Ko2012(CheckedTracker):
             moving.restart(self._state)
         else:
             moving.resample()
-        box = _boxes(self._state[None])
+        box = boxes.around(self._state[None])
         confidence = float(self._shares @ look.similarities(box)[:, 0])
         return Estimate(box[0], min(confidence, 1.0), held, particles if self.params.particles else None)
 
@@ -216,8 +217,3 @@ def _mixture(method: Method, params: Params) -> tuple[tuple[Feature, ...], NDArr
 def _state(box: Box) -> NDArray[np.float64]:
     """`(4,)` centre x, y, width, height of a box (10) [px]."""
     return np.concatenate([boxes.centre(box), box[2:]])
-
-
-def _boxes(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`(N, 4)` boxes [px] of `(N, 4)` states."""
-    return np.concatenate([states[:, :2] - 0.5 * states[:, 2:], states[:, 2:]], axis=1)

@@ -182,14 +182,14 @@ class Lee2012(CheckedTracker):
         moving.states[:, :2] = np.clip(moving.states[:, :2], 0.0, (width_px, height_px))
         moving.states[:, 2:4] = np.maximum(moving.states[:, 2:4], MIN_SIZE_SHARE * self._first_size)
         moving.states[:, 2:4] = np.minimum(moving.states[:, 2:4], (2.0 * width_px, 2.0 * height_px))
-        particles = _boxes(moving.states)
+        particles = boxes.around(moving.states)
         look = _Look(image, particles, self._block(), self._method.shape)
         pairs = list(zip(self._models, look.features(particles), strict=True))
         with np.errstate(divide="ignore"):
             moving.weigh(np.log(sum(model.share * model.likelihood(seen) for model, seen in pairs)))
         self._state = moving.mean()
         moving.resample()
-        box = _boxes(self._state[None])
+        box = boxes.around(self._state[None])
         pairs = list(zip(self._models, look.features(box), strict=True))
         confidence = min(sum(model.share * float(model.similarity(seen)[0]) for model, seen in pairs), 1.0)
         if not self._method.checked or self._believed(confidence):
@@ -334,8 +334,3 @@ make_checked = partial(make, "lee2012-checked")
 def _divided(rows: NDArray[np.float64], by: NDArray[np.float64]) -> NDArray[np.float64]:
     """Each of the `(N, d)` rows divided by its number; rows of zeros stay."""
     return rows / np.where(by > 0.0, by, 1.0)[:, None]
-
-
-def _boxes(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`(N, 4)` boxes [px] of `(N, 6)` states, whose x, y are centres."""
-    return np.concatenate([states[:, :2] - 0.5 * states[:, 2:4], states[:, 2:4]], axis=1)

@@ -87,7 +87,7 @@ class ParticleFilter:
             state: Where.
             count: How many there shall be; as many as now if None.
         """
-        self.states = np.tile(state, (len(self.states) if count is None else count, 1))
+        self.states = np.repeat(state[None], len(self.states) if count is None else count, axis=0)
         self.log_weights = np.zeros(len(self.states))
 
     def keep(self, count: int) -> None:
