@@ -103,10 +103,23 @@ class Rays:
         return fine[self.cell_px : self.cell_px + rows, self.cell_px : self.cell_px + self._size[0]]
 
     @staticmethod
-    def fetch(light: Light, places: Map) -> Light:
-        """`(rows, W, 3)` the light of a drawing at some places, interpolated."""
-        # The stub knows no map in one piece.
+    def fetch(light: Light, places: Map, top: int = 0) -> Light:
+        """The light of a drawing at some places, interpolated.
+
+        Args:
+            light: `(h, w, 3)` rows of the drawing.
+            places: `(rows, W, 2)` of `places`.
+            top: Which row of the drawing the first of `light` is.
+
+        Returns:
+            `(rows, W, 3)`
+        """
+        # The stubs know neither a scalar nor a map in one piece.
+        down: Any = (0.0, float(top), 0.0, 0.0)
         one_map: Any = None
+        if top:
+            # Ten times as fast as numpy, whose inner loop would be two numbers long.
+            places = np.asarray(cv2.subtract(places, down), dtype=np.float32)
         if light.dtype == np.uint8:
             # A map of fixed-point numbers is quicker, and no coarser: to a 1/32 px, as OpenCV rounds any map.
             fixed, shares = cv2.convertMaps(places, one_map, cv2.CV_16SC2)

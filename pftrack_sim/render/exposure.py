@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -77,6 +77,7 @@ class Drawing:
         T_world_camera: `(4, 4)` its camera's pose.
         K: `(3, 3)` its camera's matrix [px].
         places: For each time it is resampled, `(rows, W, 2)` where each pixel looks, as indices of pixels (x, y).
+        rows: First and one past the last of its own rows that are looked at.
     """
 
     bands: tuple[int, int]
@@ -84,6 +85,7 @@ class Drawing:
     T_world_camera: Array
     K: Array
     places: tuple[Map, ...]
+    rows: slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +99,8 @@ class Taken:
         T_world_camera: `(4, 4)` at mid-exposure of the middle row.
         T_world_people: `(P, 4, 4)` root poses at that instant.
         bodies: `(nbody, 3)` positions of all bodies at that instant [m].
-        drawings: One for each run of rows, of each row's mid-exposure: what the truth is found on.
+        drawings: Works out one for each run of rows, of each row's mid-exposure: what the truth is found on. To be
+            called before the next frame is taken.
     """
 
     image: Image
@@ -106,7 +109,7 @@ class Taken:
     T_world_camera: Array
     T_world_people: Array
     bodies: Array
-    drawings: tuple[Drawing, ...]
+    drawings: Callable[[], list[Drawing]]
 
 
 class Exposer:
@@ -165,18 +168,21 @@ class Exposer:
         drawn_px = renderer.width_px, renderer.height_px
         meter = Lightmeter(samples * turned, (self.lens.size[1], self.lens.size[0], 3))
         offsets = self.shutter.exposure_s * ((np.arange(samples * turned) + 0.5) / (samples * turned) - 0.5)
-        kept: list[Drawing] = []
+        made: list[Drawing] = []
         for own in offsets.reshape(samples, turned):
             for bands in itertools.pairwise(edges):
                 drawing = self._drawing(bands, own, drawn_px)
-                rows = _rows(drawing.places, renderer.height_px)
-                seen = renderer.color(self.state(drawing), drawing.T_world_camera, drawing.K, rows=rows)
-                light, down = meter.light(seen), np.array([0, rows.start], dtype=np.float32)
+                seen = renderer.color(self.state(drawing), drawing.T_world_camera, drawing.K, rows=drawing.rows)
+                light = meter.light(seen)
                 for places in drawing.places:
-                    meter.add(self.rays.rows(*bands), self.rays.fetch(light, places - down))
-                kept.append(drawing)
-        if samples * turned > 1:
-            kept = [self._drawing(bands, np.zeros(1), drawn_px) for bands in itertools.pairwise(edges)]
+                    meter.add(self.rays.rows(*bands), self.rays.fetch(light, places, drawing.rows.start))
+                made.append(drawing)
+
+        def drawings() -> list[Drawing]:
+            if samples * turned == 1:
+                return made
+            return [self._drawing(bands, np.zeros(1), drawn_px) for bands in itertools.pairwise(edges)]
+
         return Taken(
             meter.read(),
             self,
@@ -184,7 +190,7 @@ class Exposer:
             self.flight.pose(middle),
             self._past.people(middle),
             self._past.bodies(middle),
-            tuple(kept),
+            drawings,
         )
 
     def state(self, drawing: Drawing) -> mujoco.MjData:
@@ -333,7 +339,7 @@ class Exposer:
             slopes.append(self.rays.carried(first, last, self.flight.at(when + offset), pose))
         K = _framed(self.lens, slopes, drawn_px)
         places = tuple(self.rays.places(first, last, one, K) for one in slopes)
-        drawing = Drawing(bands, sample_s, pose, K, places)
+        drawing = Drawing(bands, sample_s, pose, K, places, _rows(slopes, K, drawn_px[1]))
         if self.shutter.instant:
             self._through_lens = drawing
         return drawing
@@ -374,11 +380,12 @@ def _reach(slopes: Sequence[Array]) -> tuple[Array, Array]:
     return border.min(axis=0), border.max(axis=0)
 
 
-def _rows(places: Sequence[Map], height_px: int) -> slice:
+def _rows(slopes: Sequence[Array], K: Array, height_px: int) -> slice:
     """The rows of a drawing that are looked at: a band of the image needs no more than its own."""
-    low = min(float(one[..., 1].min()) for one in places)
-    high = max(float(one[..., 1].max()) for one in places)
-    return slice(max(math.floor(low) - 1, 0), min(math.ceil(high) + 2, height_px))
+    _, fy, _, cy = focal_and_centre(K)
+    low = min(float(one[..., 1].min()) for one in slopes) * fy + cy
+    high = max(float(one[..., 1].max()) for one in slopes) * fy + cy
+    return slice(min(max(math.floor(low) - 2, 0), height_px - 1), max(min(math.ceil(high) + 2, height_px), 1))
 
 
 def _framed(lens: Lens, slopes: Sequence[Array], drawn_px: tuple[int, int]) -> Array:

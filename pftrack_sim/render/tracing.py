@@ -78,7 +78,7 @@ def trace(
         )
         for person, rect in wanted.items()
     }
-    for drawing in taken.drawings:
+    for drawing in taken.drawings() if found else ():
         _fetch(taken, drawing, renderer, bodies, geoms, silhouettes, found)
     return Traced(amodal, swept, found)
 
