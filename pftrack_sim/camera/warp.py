@@ -86,7 +86,7 @@ class Rays:
         local = (rays + travelled) @ axes
         return local[..., :2] / local[..., 2:]
 
-    def places(self, first: int, last: int, slopes: Array, K_drawing: Array) -> Map:
+    def places(self, first: int, last: int, slopes: Array, K_drawing: Array, top: int = 0) -> Map:
         """`(rows, W, 2)` where on a drawing each pixel of some bands looks, as indices of pixels (x, y).
 
         Args:
@@ -94,32 +94,20 @@ class Rays:
             last: One past the last.
             slopes: Of `turned`.
             K_drawing: `(3, 3)` of the drawing [px].
+            top: The row of the drawing that y counts from.
         """
         fx, fy, cx, cy = focal_and_centre(K_drawing)
-        coarse = (slopes * (fx, fy) + (cx - 0.5, cy - 0.5)).astype(np.float32)
+        coarse = (slopes * (fx, fy) + (cx - 0.5, cy - 0.5 - top)).astype(np.float32)
         whole = ((self.columns + 2) * self.cell_px, (last - first + 2) * self.cell_px)
         fine = np.asarray(cv2.resize(coarse, whole, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
         rows = min(self._size[1], last * self.cell_px) - first * self.cell_px
         return fine[self.cell_px : self.cell_px + rows, self.cell_px : self.cell_px + self._size[0]]
 
     @staticmethod
-    def fetch(light: Light, places: Map, top: int = 0) -> Light:
-        """The light of a drawing at some places, interpolated.
-
-        Args:
-            light: `(h, w, 3)` rows of the drawing.
-            places: `(rows, W, 2)` of `places`.
-            top: Which row of the drawing the first of `light` is.
-
-        Returns:
-            `(rows, W, 3)`
-        """
-        # The stubs know neither a scalar nor a map in one piece.
-        down: Any = (0.0, float(top), 0.0, 0.0)
+    def fetch(light: Light, places: Map) -> Light:
+        """`(rows, W, 3)` the light of a drawing at some places, interpolated."""
+        # The stub knows no map in one piece.
         one_map: Any = None
-        if top:
-            # Ten times as fast as numpy, whose inner loop would be two numbers long.
-            places = np.asarray(cv2.subtract(places, down), dtype=np.float32)
         if light.dtype == np.uint8:
             # A map of fixed-point numbers is quicker, and no coarser: to a 1/32 px, as OpenCV rounds any map.
             fixed, shares = cv2.convertMaps(places, one_map, cv2.CV_16SC2)
@@ -178,7 +166,9 @@ class Lightmeter:
         if self._sum is None:
             assert self._only is not None
             return self._only
-        return _ENCODE.take(self._sum)
+        from pftrack_sim.camera.look_up import look_up  # numba: imported when it is used
+
+        return look_up(self._sum, _ENCODE)
 
 
 _FULL = 65535.0

@@ -76,16 +76,17 @@ class Drawing:
         sample_s: Distance of its light from each row's mid-exposure.
         T_world_camera: `(4, 4)` its camera's pose.
         K: `(3, 3)` its camera's matrix [px].
-        places: For each time it is resampled, `(rows, W, 2)` where each pixel looks, as indices of pixels (x, y).
-        rows: First and one past the last of its own rows that are looked at.
+        rows: Its own rows that are looked at.
+        places: For each time it is resampled, `(rows, W, 2)` where each pixel looks, as indices of pixels (x, y) of
+            those rows.
     """
 
     bands: tuple[int, int]
     sample_s: float
     T_world_camera: Array
     K: Array
-    places: tuple[Map, ...]
     rows: slice
+    places: tuple[Map, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +176,7 @@ class Exposer:
                 seen = renderer.color(self.state(drawing), drawing.T_world_camera, drawing.K, rows=drawing.rows)
                 light = meter.light(seen)
                 for places in drawing.places:
-                    meter.add(self.rays.rows(*bands), self.rays.fetch(light, places, drawing.rows.start))
+                    meter.add(self.rays.rows(*bands), self.rays.fetch(light, places))
                 made.append(drawing)
 
         def drawings() -> list[Drawing]:
@@ -338,8 +339,9 @@ class Exposer:
             when = self.shutter.row_s(heights) if self.shutter.readout_s else np.array(self.shutter.middle_s)
             slopes.append(self.rays.carried(first, last, self.flight.at(when + offset), pose))
         K = _framed(self.lens, slopes, drawn_px)
-        places = tuple(self.rays.places(first, last, one, K) for one in slopes)
-        drawing = Drawing(bands, sample_s, pose, K, places, _rows(slopes, K, drawn_px[1]))
+        rows = _rows(slopes, K, drawn_px[1])
+        places = tuple(self.rays.places(first, last, one, K, rows.start) for one in slopes)
+        drawing = Drawing(bands, sample_s, pose, K, rows, places)
         if self.shutter.instant:
             self._through_lens = drawing
         return drawing

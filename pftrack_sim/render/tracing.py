@@ -190,7 +190,7 @@ def _fetch(
         (top, bottom), own = here[person], found[person]
         columns = slice(own.rect.left, own.rect.left + own.rect.width)
         nearest = np.rint(places[top - rows.start : bottom - rows.start, columns]).astype(np.intp)
-        x, y = nearest[..., 0] - source.rect.left, nearest[..., 1] - source.rect.top
+        x, y = nearest[..., 0] - source.rect.left, nearest[..., 1] + drawing.rows.start - source.rect.top
         inside = (x >= 0) & (x < source.rect.width) & (y >= 0) & (y < source.rect.height)
         x, y = np.where(inside, x, 0), np.where(inside, y, 0)
         target = slice(top - own.rect.top, bottom - own.rect.top)
