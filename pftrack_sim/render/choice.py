@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from pftrack_sim.errors import RenderError, UnknownNameError
 from pftrack_sim.render.backend import Renderer
-from pftrack_sim.render.context import BACKENDS, REMEDIES, open_context
+from pftrack_sim.render.context import BACKENDS, REMEDIES, forked, open_context
 
 NAMES = ("gl", *BACKENDS, "warp")
 """What a user may ask for: any OpenGL library, a certain one, or the ray caster."""
@@ -60,6 +60,9 @@ def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None
         # A first look without the model: what OpenGL says of the model itself is no reason to turn to another renderer.
         open_context(None if backend == "gl" else backend, (16, 16)).close()
     except RenderError as error:
+        if forked():
+            # Other pixels than the parent's, without a word, would be no help.
+            raise
         if backend is None and warp_installed():
             return _warp(model, width_px, height_px)
         raise RenderError(f"{error}\nor, without OpenGL:\n{WARP_REMEDY}") from error

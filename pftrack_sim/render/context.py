@@ -117,7 +117,7 @@ def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480))
         RenderError: None works; the message says why not and what to install.
     """
     wanted = candidates(backend)
-    if _process.pid not in (None, os.getpid()):
+    if forked():
         raise RenderError(_FORKED)
     if _process.backend is not None and backend not in (None, _process.backend):
         raise RenderError(
@@ -132,6 +132,11 @@ def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480))
             failures[name] = str(error)
     tried = "\n".join(f"  {name}: {why}" for name, why in failures.items())
     raise RenderError(f"no OpenGL library could draw. Tried:\n{tried}\nInstall one of:\n{REMEDIES}")
+
+
+def forked() -> bool:
+    """Whether this process was forked from one that had drawn: OpenGL is there, but not to be had."""
+    return _process.pid not in (None, os.getpid())
 
 
 def probe(name: str) -> GLInfo:
@@ -177,7 +182,7 @@ class _Process:
 _process = _Process()
 _FORKED = (
     "this process was forked from one that draws, and OpenGL does not survive a fork: start workers with "
-    "multiprocessing's 'spawn'"
+    "multiprocessing's 'spawn' or 'forkserver' (AsyncVectorEnv: context='forkserver')"
 )
 
 

@@ -15,6 +15,7 @@ from render_stage import HEIGHT, WIDTH, K, build, looking
 
 from pftrack_sim.errors import RenderError, UnknownNameError
 from pftrack_sim.render import context, platforms
+from pftrack_sim.render.choice import open_renderer
 from pftrack_sim.render.context import open_context
 from pftrack_sim.render.rasteriser import Rasteriser
 
@@ -105,6 +106,9 @@ def test_a_forked_child_is_told_to_spawn(monkeypatch: pytest.MonkeyPatch):
         pass
     with pytest.raises(RenderError, match="spawn"):
         open_context()
+    with pytest.raises(RenderError, match="spawn"):
+        # Nor does it turn to the ray caster, whose pixels are others.
+        open_renderer(build().model, WIDTH, HEIGHT)
     monkeypatch.undo()
     opened.close()
 
