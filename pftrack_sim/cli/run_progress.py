@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -57,6 +58,8 @@ def show_run(mode: str, path: Path) -> Iterator[Callable[[Status], None]]:
         else:
             yield {"lines": _Lines(), "json": _show_json, "quiet": lambda _: None}[chosen]
     except Interrupted as stopped:
+        # It is on its way out: another Ctrl-C would only end in the interpreter's traceback.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         print(f"pftrack-sim: {stopped}. Go on with: {_again(path)}", file=sys.stderr)  # noqa: T201
         sys.exit(130)
 
