@@ -37,6 +37,7 @@ def board(page: Any) -> dict[str, list[str]]:
 def test_it_opens_from_disk_and_ranks(opened: Any):
     assert list(board(opened)) == ["oracle", "stay"]
     assert board(opened)["oracle"][1].startswith("1.000")
+    assert opened.locator("#board tbody th").first.bounding_box()["width"] > 150, "a name is read across, not down"
     assert opened.locator("#success .legendtext").count() == 2
     assert opened.locator("#axes .plot").count() == 1
     assert opened.locator(".strip img").count() >= 5

@@ -69,7 +69,7 @@ function layout(x, y, more = {}) {
   const axis = { gridcolor: line, zerolinecolor: line, linecolor: line };
   return {
     margin: { l: 56, r: 12, t: 12, b: 46 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-    font: { color: ink, size: 12 }, hovermode: "closest", legend: { orientation: "h", y: -0.2 },
+    font: { color: ink, size: 12 }, hovermode: "closest", legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" },
     xaxis: { ...axis, title: { text: escaped(x) }, ...(more.xaxis || {}) },
     yaxis: { ...axis, title: { text: escaped(y) }, ...(more.yaxis || {}) },
     shapes: more.shapes || [],
