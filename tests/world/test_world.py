@@ -90,14 +90,3 @@ def test_strangers_are_the_same_when_another_joins():
 
 def test_seeds_differ():
     assert not np.array_equal(walk(frames=5)[0], walk(frames=5, seed=6)[0])
-
-
-def test_nothing_but_the_ground_touches_the_robot_at_the_start():
-    for name in scenario.names():
-        start = world(name=name)
-        owners = {
-            start.model.body(start.model.geom_bodyid[geom]).name.split("/")[0]
-            for pair in start.data.contact.geom
-            for geom in pair
-        }
-        assert owners == {"ground", "robot"}
