@@ -45,6 +45,7 @@ class World:
         self.data = mujoco.MjData(scene.model)
         self.people = tuple(person.name for person in scene.cast)
         path = Path(settings.target.path_m)
+        self._robot_start_m = Script(settings.robot, path, settings.target.speed_m_s).start_pose()[:2]
         plans = plan(settings, seed, scene.layout, path, partial(self._rehearse, scene.stage, scene.layout, path, seed))
         crowd = self._crowd(path, plans, settings.distractors, seed)
         self._motion = Motion(self.model, self.data, settings, self.clock, path, crowd, seed)
@@ -125,7 +126,6 @@ class World:
         mujoco.mj_camlight(self.model, self.data)
 
     def _crowd(self, path: Path, plans: Plans, distractors: Distractors, seed: int) -> Crowd:
-        start = Script(self.settings.robot, path, self.settings.target.speed_m_s).start_pose()
         return Crowd(
             plans.layout,
             self.settings.target,
@@ -133,7 +133,7 @@ class World:
             distractors,
             plans.crossings,
             seed,
-            robot_start_m=start[:2],
+            robot_start_m=self._robot_start_m,
             passers=plans.passings,
             carts=plans.carts,
             target_axis=self.settings.axes.target,

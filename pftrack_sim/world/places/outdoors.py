@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -150,8 +151,10 @@ def chair(seat: str = "fabric-red") -> Piece:
     return (box(part(seat), (0, 0, 0.45), (0.42, 0.42, 0.05), ALL_FACES), back, *legs, *posts)
 
 
+@cache
 def bicycle(paint: str = "paint-red") -> Piece:
     """A bicycle along x: tyres as rings, so that one sees through the wheels."""
+    # Kept, as it has many parts, and places have many of it.
     frame, tyre = part(paint), part("rubber")
     pieces: list[Shape] = []
     for x in (-0.52, 0.52):
