@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -115,21 +115,17 @@ class Entry:
 
 
 def enter(
-    names: Sequence[str | Contestant],
+    contestants: Sequence[str | Contestant],
     *,
     seed: int,
-    preset: str = "default",
-    params: Mapping[str, Mapping[str, Any]] | None = None,
     isolation: Isolation = "never",
     limits: Limits | None = None,
 ) -> list[Entry]:
-    """Fresh trackers, one for each name.
+    """Fresh trackers.
 
     Args:
-        names: Names for `trackers.make`, or contestants with their own preset and parameters.
+        contestants: Trackers with their presets and parameters; a name alone is one without any.
         seed: Root seed of the episode: every tracker draws from its own `tracker` stream of it.
-        preset: Preset of every tracker that is given by its name.
-        params: Parameters of trackers that are given by their names, by that name.
         isolation: Which trackers get a process of their own.
         limits: What those may take.
 
@@ -138,10 +134,9 @@ def enter(
         ParameterError: No such preset or parameter.
         TrackerError: A tracker that shares this process cannot be made.
     """
-    own = params or {}
     entries: list[Entry] = []
-    for one in names:
-        who = one if isinstance(one, Contestant) else Contestant(name=one, preset=preset, params=dict(own.get(one, {})))
+    for one in contestants:
+        who = one if isinstance(one, Contestant) else Contestant(name=one)
         if not is_isolated(who.name, isolation):
             entries.append(Entry(who.label, trackers.make(who.name, seed=seed, preset=who.preset, **who.params)))
             continue

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.bench.contest import Entry, enter
+from pftrack_sim.bench.plan import Contestant
 from pftrack_sim.bench.video import VideoWriter
 from pftrack_sim.errors import ParameterError, RunError
 from pftrack_sim.formats import RecordedSequence
@@ -36,11 +36,9 @@ class RecordedResult:
 
 def evaluate(
     sequences: Sequence[RecordedSequence],
-    trackers: Sequence[str],
+    trackers: Sequence[str | Contestant],
     seeds: Sequence[int],
     *,
-    preset: str = "default",
-    params: Mapping[str, Mapping[str, Any]] | None = None,
     video: Path | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[RecordedResult]:
@@ -50,10 +48,8 @@ def evaluate(
 
     Args:
         sequences: As `formats.read_sequence` gives them.
-        trackers: Names for `trackers.make`.
+        trackers: Trackers with their presets and parameters; a name alone is one without any.
         seeds: Seeds of the trackers.
-        preset: Preset of every tracker.
-        params: Parameters of trackers, by the tracker's name.
         video: Where to show every tracker's boxes and, of one that gives them, particles at the first seed, with the
             truth: as `video_paths` takes it.
         on_frame: Called for every frame, tracker and seed.
@@ -66,13 +62,11 @@ def evaluate(
         RunError: A video cannot be written.
     """
     # Mistakes in names or presets are told before anything is written.
-    enter(trackers, seed=0, preset=preset, params=params)
+    enter(trackers, seed=0)
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
     results: list[RecordedResult] = []
     for sequence, path in zip(sequences, videos, strict=True):
-        entries = [
-            (seed, entry) for seed in seeds for entry in enter(trackers, seed=seed, preset=preset, params=params)
-        ]
+        entries = [(seed, entry) for seed in seeds for entry in enter(trackers, seed=seed)]
         known = np.isfinite(sequence.truth[:, 0])
         _play(sequence, known, entries, path, on_frame)
         for seed, entry in entries:

@@ -36,7 +36,6 @@ from pftrack_sim.cli.values import (
     parse_axes,
     parse_latency,
     parse_names,
-    parse_params,
     parse_part,
     parse_settings,
     parse_trackers,
@@ -269,13 +268,12 @@ def evaluate(
     from pftrack_sim.bench.recorded import evaluate as evaluate_recorded
     from pftrack_sim.formats import read_sequence
 
-    names = parse_names(tracker)
+    contestants = parse_trackers(tracker, preset, params or [])
     chosen = parse_seeds(seeds)
-    settled = parse_params(params or [], names)
     read = [read_sequence(path) for path in sequences]
-    total = sum(len(sequence) for sequence in read) * len(names) * len(chosen)
+    total = sum(len(sequence) for sequence in read) * len(contestants) * len(chosen)
     with bars.bar("tracking", total) as tick:
-        results = evaluate_recorded(read, names, chosen, preset=preset, params=settled, video=video, on_frame=tick)
+        results = evaluate_recorded(read, contestants, chosen, video=video, on_frame=tick)
     tables.print_recorded(results)
     if video is not None:
         tables.print_folder(video)
@@ -306,10 +304,9 @@ def render(
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
-    names = parse_names(tracker) if tracker is not None else []
-    if params and not names:
+    if params and tracker is None:
         raise ParameterError("--param needs --trackers: it is theirs")
-    entries = enter(names, seed=seed, preset=preset, params=parse_params(params or [], names))
+    entries = enter(parse_trackers(tracker, preset, params or []) if tracker is not None else [], seed=seed)
     if video is not None:
         with bars.bar("drawing", loaded.frame_count(seed)) as tick:
             save_video(loaded, seed, video, truth=truth, entries=entries, backend=backend, on_frame=tick)

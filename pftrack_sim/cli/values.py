@@ -87,15 +87,17 @@ def _value(text: str) -> Any:
         return text
 
 
-def parse_trackers(text: str, preset: str) -> list[Contestant]:
+def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Contestant]:
     """Trackers between commas, each with parameters in brackets where it has some; `preset` is one of them.
 
     Args:
         text: As it is typed.
         preset: Of every tracker that names none.
+        pairs: Parameters typed elsewhere, as `parse_params` takes them; those in brackets go before them.
 
     Raises:
         ParameterError: Not of that form.
+        UnknownNameError: A parameter for a tracker that does not take part.
 
     >>> [one.label for one in parse_trackers("stay, ko2012[preset=paper,particle_count=50]", "default")]
     ['stay', 'ko2012[preset=paper,particle_count=50]']
@@ -105,15 +107,16 @@ def parse_trackers(text: str, preset: str) -> list[Contestant]:
     found: list[Contestant] = []
     for spelled in parse_names(re.sub(r",(?![^\[\]]*\])", "\0", text).replace(",", "\1").replace("\0", ",")):
         match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", spelled.replace("\1", ","))
-        pairs = [pair for pair in (match[2] or "").split(",") if pair] if match else []
-        if not match or any("=" not in pair for pair in pairs):
+        inside = [pair for pair in (match[2] or "").split(",") if pair] if match else []
+        if not match or any("=" not in pair for pair in inside):
             raise ParameterError(
                 f"--trackers takes names, with parameters in brackets: ko2012[particle_count=50]; got {text!r}"
             )
-        params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in pairs)}
+        params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in inside)}
         chosen = str(params.pop("preset", preset))
         found.append(Contestant(name=match[1].strip(), preset=chosen, params=params))
-    return found
+    elsewhere = parse_params(pairs, [one.name for one in found])
+    return [one.model_copy(update={"params": {**elsewhere.get(one.name, {}), **one.params}}) for one in found]
 
 
 def parse_part(text: str) -> tuple[int, int]:

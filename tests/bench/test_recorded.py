@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from pftrack_sim.bench import Contestant
 from pftrack_sim.bench.recorded import evaluate, video_paths
 from pftrack_sim.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.formats import RecordedSequence
@@ -57,7 +58,8 @@ def test_particles_are_drawn_when_asked_for_and_change_no_score(tmp_path: Path):
     scores, videos = [], []
     for wanted in (False, True):
         video = tmp_path / f"{wanted}.mp4"
-        found = evaluate([sequence], ["ko2012"], [0], params={"ko2012": {"particles": wanted}}, video=video)
+        shown = Contestant(name="ko2012", params={"particles": wanted})
+        found = evaluate([sequence], [shown], [0], video=video)
         scores.append(found[0].summary.mean_overlap)
         videos.append(frames(video)[1].astype(int))
     assert scores[0] == scores[1]

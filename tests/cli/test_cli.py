@@ -100,6 +100,10 @@ def test_parameters_reach_one_tracker_or_all(tmp_path: Path):
     done = pftrack_sim(*common, str(with_dots), "--param", "particles=true", "--param", "ko2012.particle_count=50")
     assert done.returncode == 0, done.stderr
     assert with_dots.read_bytes() != without.read_bytes()
+    brackets = pftrack_sim(
+        "evaluate", square, "--trackers", "ko2012[particle_count=50],ko2012-hsv", "--seeds", "0", "--param", "alpha=0.3"
+    )
+    assert "ko2012[alpha=0.3,particle_count=50]" in brackets.stdout, brackets.stderr
 
 
 def test_tables_name_a_tracker_with_its_parameters(tmp_path: Path):
