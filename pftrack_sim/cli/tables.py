@@ -29,8 +29,11 @@ if TYPE_CHECKING:
 # More than this nobody reads on a terminal; the run folder has them all.
 _MOST_EPISODES, _MOST_FAILURES = 40, 20
 
+_LEAST_NAME = 12
+"""Width of a column of names, however many numbers there are beside it [characters]."""
+
 # In a file or a pipe there is no terminal's width to keep to. Brackets are those of `ko2012[alpha=0.5]`, not markup.
-_console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
+_console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 200)
 
 
 def print_names(what: str) -> None:
@@ -220,7 +223,7 @@ def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
     _console.print(f"\n{title}", soft_wrap=True)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for head in names:
-        table.add_column(head, overflow="fold")
+        table.add_column(head, overflow="fold", min_width=_LEAST_NAME)
     for head in numbers:
         table.add_column(head, justify="right", no_wrap=True)
     return table
