@@ -11,7 +11,9 @@ Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario; may be repeated.")
 ]
 Seeds = Annotated[str, typer.Option(metavar="SEEDS", help="Seeds: 3, 0:20 (20 excluded) or 1,5,9.")]
-Trackers = Annotated[str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers, by name.")]
+Trackers = Annotated[
+    str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers: name or name[key=value,...].")
+]
 Preset = Annotated[str, typer.Option(help="Preset of the trackers: default or paper.")]
 Params = Annotated[
     list[str] | None,

@@ -12,8 +12,7 @@ the camera travels, that is no longer true, and more drawings are made, as many 
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -26,10 +25,11 @@ from pftrack_sim.camera.jitter import Vibration
 from pftrack_sim.camera.lens import Lens
 from pftrack_sim.camera.optics import focal_and_centre
 from pftrack_sim.camera.shutter import Flight, Shutter
-from pftrack_sim.camera.warp import Lightmeter, Map, Rays, ground_nearness
+from pftrack_sim.camera.warp import Lightmeter, Rays, ground_nearness
 from pftrack_sim.errors import ParameterError, ScenarioError
 from pftrack_sim.records import Image
 from pftrack_sim.render.backend import Renderer
+from pftrack_sim.render.drawing import Drawing, framed, reach, rows_seen
 from pftrack_sim.render.past import Past
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.world.layout import PEOPLE_GROUP, SCENERY_GROUP
@@ -65,28 +65,6 @@ _AHEAD_M = 0.3
 
 _PROBES = (8, 6)
 """Rays across and down that tell how far away the scenery is."""
-
-
-@dataclass(frozen=True, eq=False)
-class Drawing:
-    """One drawing of a frame, and what is taken from it.
-
-    Attributes:
-        bands: First and one past the last of the bands of rows that it serves.
-        sample_s: Distance of its light from each row's mid-exposure.
-        T_world_camera: `(4, 4)` its camera's pose.
-        K: `(3, 3)` its camera's matrix [px].
-        rows: Its own rows that are looked at.
-        places: For each time it is resampled, `(rows, W, 2)` where each pixel looks, as indices of pixels (x, y) of
-            those rows.
-    """
-
-    bands: tuple[int, int]
-    sample_s: float
-    T_world_camera: Array
-    K: Array
-    rows: slice
-    places: tuple[Map, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +116,7 @@ class Exposer:
     @property
     def drawn_size(self) -> tuple[int, int]:
         """Width and height of the drawings [px]."""
-        low, high = _reach([self.rays.turned(0, self.rays.bands, np.eye(3))])
+        low, high = reach([self.rays.turned(0, self.rays.bands, np.eye(3))])
         size = np.array(self.lens.size)
         beyond = (high - low) * focal_and_centre(self.lens.K)[:2] - size
         margin = np.ceil(0.5 * np.maximum(beyond, 0.0)) + (0 if self.shutter.instant else _SHAKE_PX)
@@ -338,8 +316,8 @@ class Exposer:
         for offset in offsets_s:
             when = self.shutter.row_s(heights) if self.shutter.readout_s else np.array(self.shutter.middle_s)
             slopes.append(self.rays.carried(first, last, self.flight.at(when + offset), pose))
-        K = _framed(self.lens, slopes, drawn_px)
-        rows = _rows(slopes, K, drawn_px[1])
+        K = framed(self.lens, slopes, drawn_px)
+        rows = rows_seen(slopes, K, drawn_px[1])
         places = tuple(self.rays.places(first, last, one, K, rows.start) for one in slopes)
         drawing = Drawing(bands, sample_s, pose, K, rows, places)
         if self.shutter.instant:
@@ -374,34 +352,3 @@ def exposer_of(settings: ResolvedScenario, model: mujoco.MjModel, K: Array, vibr
 def _flat(local: Array) -> Array:
     """`(N, 2)` slopes of `(N, 3)` points in camera axes."""
     return np.asarray(local[:, :2] / np.maximum(local[:, 2:], _AHEAD_M))
-
-
-def _reach(slopes: Sequence[Array]) -> tuple[Array, Array]:
-    """`(2,)` smallest and `(2,)` largest x / z and y / z: of the borders, which lie around all the rest."""
-    border = np.concatenate([side for one in slopes for side in (one[0], one[-1], one[:, 0], one[:, -1])])
-    return border.min(axis=0), border.max(axis=0)
-
-
-def _rows(slopes: Sequence[Array], K: Array, height_px: int) -> slice:
-    """The rows of a drawing that are looked at: a band of the image needs no more than its own."""
-    _, fy, _, cy = focal_and_centre(K)
-    low = min(float(one[..., 1].min()) for one in slopes) * fy + cy
-    high = max(float(one[..., 1].max()) for one in slopes) * fy + cy
-    return slice(min(max(math.floor(low) - 2, 0), height_px - 1), max(min(math.ceil(high) + 2, height_px), 1))
-
-
-def _framed(lens: Lens, slopes: Sequence[Array], drawn_px: tuple[int, int]) -> Array:
-    """`(3, 3)` camera matrix of a drawing that shows some rays: the lens' own scale, unless they do not fit."""
-    low, high = _reach(slopes)
-    size = np.array(drawn_px)
-    focal = np.array(focal_and_centre(lens.K)[:2])
-    scale = min(1.0, float((size / ((high - low) * focal)).min()))
-    centre = 0.5 * size - 0.5 * scale * focal * (low + high)
-    if scale == 1.0:
-        # On the pixel grid of the image: what is not bent is not resampled.
-        own = lens.K[:2, 2]
-        centre = own + np.round(centre - own)
-    K = np.eye(3)
-    K[0, 0], K[1, 1] = scale * focal
-    K[:2, 2] = centre
-    return K

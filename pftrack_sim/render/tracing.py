@@ -17,7 +17,8 @@ from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.camera.lens import Lens
 from pftrack_sim.camera.outlines import Outlines
 from pftrack_sim.render.backend import PixelRect, Renderer
-from pftrack_sim.render.exposure import Drawing, Taken
+from pftrack_sim.render.drawing import Drawing
+from pftrack_sim.render.exposure import Taken
 from pftrack_sim.render.silhouettes import Silhouette, Silhouettes, pixels_around
 
 Array = NDArray[np.float64]
