@@ -9,7 +9,7 @@ WHEEL_VENV := build/wheel-venv
 
 WITHOUT_GL := PYTHONPATH=tests/without_opengl
 
-.PHONY: setup demo bare test lint perf wheel pictures clean
+.PHONY: setup demo bare test test-slow lint perf wheel pictures clean
 
 setup: $(STAMP)
 
@@ -46,7 +46,11 @@ bare: setup
 	$(WITHOUT_GL) $(BIN)/pftrack-sim bench corridor --seeds 0:1 --trackers stay --set duration_s=0.5 --out build/bare
 
 test: setup
-	$(BIN)/python -m pytest -n 2 --dist worksteal -q
+	$(BIN)/python -m pytest -n 2 --dist worksteal -q -m "not slow"
+
+# What .ci/run asks for besides.
+test-slow: setup
+	$(BIN)/python -m pytest -n 2 --dist worksteal -q -m slow
 
 lint: setup
 	$(BIN)/ruff check .

@@ -19,13 +19,14 @@ from pftrack_sim.errors import BoxError, CommandError, ParameterError, ScenarioE
 from pftrack_sim.records import Estimate
 
 IDS = ["pftrack_sim/Track-v0", "pftrack_sim/Follow-v0", "pftrack_sim/TrackAndFollow-v0"]
+# Worlds of suites' episodes are long in the making.
+NAMES = [pytest.param(name, marks=pytest.mark.slow) if "/" in name else name for name in scenario.names()]
 SMALL: dict[str, Any] = {
     "camera.width_px": 96,
     "camera.height_px": 72,
     "lights.shadows": False,
     "duration_s": 0.5,
     "distractors.count": 1,
-    "axes.distractors.count": 1,
     "occluders": [],
 }
 
@@ -50,9 +51,8 @@ def test_gymnasium_checker_is_content_and_silent(env_id: str):
         check_env(env.unwrapped)
 
 
-@pytest.mark.parametrize(
-    ("env_id", "name"), [(IDS[0], name) for name in scenario.names()] + [(env_id, "corridor") for env_id in IDS[1:]]
-)
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("env_id", IDS)
 def test_same_seed_same_bits(env_id: str, name: str):
     runs = []
     for _ in range(2):
@@ -213,10 +213,10 @@ def test_render_shows_an_estimate_with_its_particles_for_one_step():
     env.close()
 
 
-@pytest.mark.parametrize("name", scenario.names())
+@pytest.mark.parametrize("name", NAMES)
 def test_every_scenario_starts_with_the_target_in_view_and_the_robot_on_the_ground(name: str):
     env = gym.make(IDS[0], scenario=name, overrides={"camera.width_px": 160, "camera.height_px": 120})
-    for seed in range(3 if "/" not in name else 1):
+    for seed in range(3):
         _, info = env.reset(seed=seed)
         assert info["truth"].state == "visible", seed
         assert info["truth"].truncation < 0.2, seed
@@ -267,11 +267,11 @@ def test_resets_do_not_grow_memory():
         "    return int(open('/proc/self/statm').read().split()[1]) * 4096 / 2**20\n"
         f"env = gym.make('pftrack_sim/Track-v0', scenario='corridor', overrides={SMALL!r})\n"
         "held = []\n"
-        "for seed in range(30):\n"
+        "for seed in range(80):\n"
         "    env.reset(seed=seed)\n"
         "    if seed % 5 == 4: held.append(rss())\n"
         # It goes up and down by one model; what is kept of every one would never come down again.
-        "print(min(held[-3:]) - min(held[:3]))"
+        "print(min(held[-4:]) - min(held[:4]))"
     )
     grown_mb = float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
     assert grown_mb < 12

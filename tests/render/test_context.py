@@ -183,7 +183,7 @@ def test_opening_and_closing_three_hundred_times_does_not_grow():
     def once(index: int) -> None:
         # Software OpenGL compiles its shaders anew in every context, which takes longer than all the rest: draw, and
         # have textures, in some only.
-        full = index % 60 == 0
+        full = index % 30 == 0
         with Rasteriser(stage.model if full else bare, 64, 48) as renderer:
             if full:
                 renderer.color(stage.data, POSE, 0.9)

@@ -68,7 +68,7 @@ def _same_boxes(mine: Truth, other: Truth) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [203, 328, 422, 578])
+@pytest.mark.parametrize("seed", [203, 328, 422, 503, 578])
 def test_over_two_hundred_frames_boxes_states_and_occluders_agree(pair, seed: int):
     simulation, caster = pair
     simulation.reset(seed)
@@ -76,7 +76,7 @@ def test_over_two_hundred_frames_boxes_states_and_occluders_agree(pair, seed: in
     caster.rebind(world.model)
     makers = [TruthMaker(world.model, world.people, one, K) for one in (caster, simulation._renderer)]
     image = np.zeros((120, 160, 3), dtype=np.uint8)
-    for data, pose in _views(simulation, 13):
+    for data, pose in _views(simulation, 10):
         mine, other = (maker.observe(data, pose, image, world.time_s, world.root_poses())[0] for maker in makers)
         assert (mine.state, mine.occluders) == (other.state, other.occluders)
         assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01
