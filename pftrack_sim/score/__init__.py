@@ -3,9 +3,11 @@
 `episode`: one tracker on one sequence, in one row; `measures`: everything of a simulated episode. `curves`: success and
 precision over their thresholds, and the measures of OTB, TrackingNet and GOT-10k that are read off them. `course`: what
 happens over time: failures, recovery after an occlusion, drift, loss for good. `compare`: intervals over seeds, and
-differences between trackers paired by seed. `following`: how well a robot followed.
+differences between trackers paired by seed. `agreement`: whether two scores put trackers in the same order.
+`following`: how well a robot followed.
 """
 
+from pftrack_sim.score.agreement import Agreement, rank_agreement, rank_correlation
 from pftrack_sim.score.compare import (
     Comparison,
     bootstrap_interval,
@@ -53,6 +55,7 @@ __all__ = [
     "PRECISION_THRESHOLDS_PX",
     "SUCCESS_OVERLAP",
     "SUCCESS_THRESHOLDS",
+    "Agreement",
     "Comparison",
     "FrameScores",
     "Measures",
@@ -75,6 +78,8 @@ __all__ = [
     "paired_difference",
     "precision",
     "precision_curve",
+    "rank_agreement",
+    "rank_correlation",
     "recoveries",
     "share_interval",
     "share_lost_for_good",

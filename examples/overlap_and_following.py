@@ -1,0 +1,109 @@
+"""Does overlap predict following? The rank correlation of two runs, one open loop and one closed, and its picture.
+
+    pftrack-sim bench corridor --trackers ko2012,opencv-mil,stay --axis jitter=0,1,2 --seeds 0:5 --out runs/open
+    pftrack-sim follow corridor --trackers ko2012,opencv-mil,stay --axis jitter=0,1,2 --seeds 0:5 --out runs/closed
+    python examples/overlap_and_following.py runs/open runs/closed --out scatter.png
+
+A point is a tracker, with its controller and latency, under a condition: its mean overlap on a robot that follows the
+script, and how often the robot that it drives is successful, over the scenarios and seeds of both runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import duckdb
+import matplotlib.pyplot as plt
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim import score
+
+# A driver is called `ko2012@13ms+servo-avoid`; on the script the tracker was `ko2012`.
+JOINED = """
+    SELECT closed.tracker, condition, scenario, seed, opened.mean_overlap, closed.{measure}
+    FROM read_parquet($opened) AS opened JOIN read_parquet($closed) AS closed USING (condition, scenario, seed)
+    WHERE opened.tracker = regexp_replace(closed.tracker, '(@[0-9.]+ms)?[+][^+]*$', '') ORDER BY ALL
+"""
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Both scores of every tracker under every condition.
+
+    Attributes:
+        points: N pairs of tracker and condition.
+        overlap: `(N, S)` open-loop overlap on S episodes.
+        following: `(N, S)` how the same episodes went when the tracker drove.
+    """
+
+    points: list[tuple[str, str]]
+    overlap: NDArray[np.float64]
+    following: NDArray[np.float64]
+
+
+def read(opened: Path, closed: Path, measure: str) -> Pairs:
+    """What both runs hold; episodes that a run lacks are left out for everybody."""
+    files = {"opened": str(opened / "summary.parquet"), "closed": str(closed / "summary.parquet")}
+    rows = duckdb.execute(JOINED.format(measure=measure), files).fetchall()
+    points = sorted({row[:2] for row in rows})
+    counts = dict.fromkeys((row[2:4] for row in rows), 0)
+    for row in rows:
+        counts[row[2:4]] += 1
+    episodes = sorted(episode for episode, count in counts.items() if count == len(points))
+    if len(points) < 3 or not episodes:
+        sys.exit(
+            f"{opened} and {closed} share {len(points)} trackers and conditions and {len(episodes)} whole episodes"
+        )
+    scores = {row[:4]: row[4:] for row in rows}
+    table = np.array([[scores[*point, *episode] for episode in episodes] for point in points], dtype=np.float64)
+    return Pairs(points, table[..., 0], table[..., 1])
+
+
+def draw(pairs: Pairs, found: score.Agreement, measure: str, path: Path) -> None:
+    """The scatter plot: a colour for each tracker, a marker for each condition."""
+    figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
+    trackers = sorted({tracker for tracker, _ in pairs.points})
+    conditions = sorted({condition for _, condition in pairs.points})
+    colours = dict(zip(trackers, plt.get_cmap("tab10").colors * (1 + len(trackers) // 10), strict=False))
+    markers = dict(zip(conditions, itertools.cycle("os^Dv*PX"), strict=False))
+    for (tracker, condition), overlap, following in zip(pairs.points, pairs.overlap, pairs.following, strict=True):
+        x, y = np.nanmean(overlap), np.nanmean(following)
+        low, high = score.share_interval(following)
+        axes.plot([x, x], [low, high], color=colours[tracker], alpha=0.35, linewidth=1)
+        axes.plot(x, y, markers[condition], color=colours[tracker], markersize=7)
+    for tracker in trackers:
+        axes.plot([], [], "o", color=colours[tracker], label=tracker)
+    for condition in conditions:
+        axes.plot([], [], markers[condition], color="0.4", label=condition)
+    axes.set(xlabel="mean overlap, robot on its script", ylabel=f"{measure}, robot driven", xlim=(0, 1))
+    axes.set_ylim(-0.03, 1.03)
+    axes.set_title(f"Spearman {found.rho:.2f} ({found.low:.2f} to {found.high:.2f}), {len(pairs.points)} points")
+    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def main() -> None:
+    """Print the correlation, and draw it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("opened", type=Path, help="folder of a run of `pftrack-sim bench`")
+    parser.add_argument("closed", type=Path, help="folder of a run of `pftrack-sim follow`")
+    parser.add_argument("--measure", default="follow_success", help="a share in the closed run's summary")
+    parser.add_argument("--out", type=Path, default=Path("scatter.png"))
+    given = parser.parse_args()
+    pairs = read(given.opened, given.closed, given.measure)
+    found = score.rank_agreement(pairs.overlap, pairs.following, np.random.default_rng(0))
+    for (tracker, condition), overlap, following in zip(pairs.points, pairs.overlap, pairs.following, strict=True):
+        print(f"{tracker:24} {condition:32} {np.nanmean(overlap):.3f}  {np.nanmean(following):.3f}")
+    print(f"Spearman {found.rho:.3f} ({found.low:.3f} to {found.high:.3f}): {len(pairs.points)} points,", end=" ")
+    print(f"{pairs.overlap.shape[1]} episodes each")
+    draw(pairs, found, given.measure, given.out)
+
+
+if __name__ == "__main__":
+    main()

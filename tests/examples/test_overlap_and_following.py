@@ -1,0 +1,70 @@
+"""The example that asks whether overlap predicts following, on real runs and on made-up ones."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import duckdb
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "overlap_and_following.py"
+
+
+def compared(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(EXAMPLE), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+
+
+def written(folder: Path, column: str, rows: list[tuple[str, int, float]]) -> Path:
+    folder.mkdir()
+    values = ", ".join(f"('{tracker}', '', 'corridor', {seed}, {value})" for tracker, seed, value in rows)
+    table = f"SELECT * FROM (VALUES {values}) AS t(tracker, condition, scenario, seed, {column})"
+    duckdb.execute(f"COPY ({table}) TO '{folder / 'summary.parquet'}' (FORMAT parquet)")
+    return folder
+
+
+def test_correlation_is_over_the_episodes_that_all_have(tmp_path: Path):
+    seeds = range(4)
+    overlaps = {"a": 0.2, "b": 0.5, "c": 0.9}
+    opened = written(tmp_path / "open", "mean_overlap", [(one, s, v) for one, v in overlaps.items() for s in seeds])
+    # Seed 3 would turn the order round, but c has not driven it.
+    followed = {"a@13ms+servo": 0.0, "b@13ms+servo": 0.0, "c@13ms+servo": 1.0}
+    drives = [(one, seed, value) for one, value in followed.items() for seed in range(3)]
+    drives += [("a@13ms+servo", 3, 1.0), ("b@13ms+servo", 3, 1.0)]
+    closed = written(tmp_path / "closed", "follow_success", drives)
+    done = compared(opened, closed, "--out", tmp_path / "scatter.png")
+    assert done.returncode == 0, done.stderr
+    assert "Spearman 0.866 (0.866 to 0.866): 3 points, 3 episodes each" in done.stdout
+    picture = cv2.imread(str(tmp_path / "scatter.png"))
+    assert picture is not None
+    assert picture.std() > 10.0
+
+
+def test_runs_that_share_nothing_are_refused(tmp_path: Path):
+    opened = written(tmp_path / "open", "mean_overlap", [("a", 0, 0.5)])
+    closed = written(tmp_path / "closed", "follow_success", [("b", 0, 1.0)])
+    done = compared(opened, closed, "--out", tmp_path / "scatter.png")
+    assert done.returncode == 1
+    assert "share 0 trackers and conditions and 0 whole episodes" in done.stderr
+    assert not (tmp_path / "scatter.png").exists()
+
+
+@pytest.mark.slow
+def test_runs_of_bench_and_follow_fit_together(tmp_path: Path):
+    short = ["duration_s=0.3", "camera.width_px=64", "camera.height_px=48", "lights.shadows=false"]
+    for word in ("bench", "follow"):
+        command = [sys.executable, "-c", "from pftrack_sim.cli import main; main()", word, "corridor"]
+        command += ["--trackers", "oracle,ko2012,stay"]
+        command += ["--axis", "jitter=0,1", "--seeds", "0:2", "--videos", "none", "--out", str(tmp_path / word)]
+        command += [part for one in short for part in ("--set", one)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+        assert done.returncode == 0, done.stdout + done.stderr
+    done = compared(
+        tmp_path / "bench", tmp_path / "follow", "--measure", "follow_within", "--out", tmp_path / "scatter.png"
+    )
+    assert done.returncode == 0, done.stderr
+    assert "6 points, 2 episodes each" in done.stdout
