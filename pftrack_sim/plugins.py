@@ -1,23 +1,77 @@
-"""Factories of strangers: entry points of installed packages, or spelled out as `package.module:factory`."""
+"""Names of ours and of strangers: entry points of installed packages, or spelled out as `package.module:factory`."""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Container
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from pftrack_sim.errors import PftrackError, did_you_mean
+from pftrack_sim.errors import PftrackError, UnknownNameError, did_you_mean
 
 
-def installed(group: str, taken: Container[str]) -> dict[str, EntryPoint]:
-    """What installed packages announce, by name.
+@dataclass(frozen=True)
+class Names:
+    """One kind of thing that can be had by name.
 
-    Args:
-        group: The entry-point group.
-        taken: Names of ours, which nobody else can have.
+    Attributes:
+        kind: What it is, for messages: `"tracker"`.
+        group: The entry-point group in which packages announce theirs.
+        error_type: Raised where a stranger's factory cannot be loaded, or fails.
+        ours: Names of ours with one line on each; nobody else can have them.
     """
-    return {point.name: point for point in entry_points(group=group) if point.name not in taken}
+
+    kind: str
+    group: str
+    error_type: type[PftrackError]
+    ours: Mapping[str, str]
+
+    def all(self) -> list[str]:
+        """Every name, sorted: ours and those of installed packages."""
+        return sorted({*self.ours, *self._installed()})
+
+    def describe(self, name: str) -> str:
+        """What it is, in one line.
+
+        Raises:
+            UnknownNameError: No such name.
+        """
+        if name in self.ours:
+            return self.ours[name]
+        installed = self._installed()
+        if name not in installed:
+            raise UnknownNameError(self.kind, name, self.all())
+        return f"installed {self.kind} {installed[name].value}"
+
+    def load(self, name: str) -> Callable[..., Any]:
+        """The factory of a stranger, announced by a package or spelled out.
+
+        Raises:
+            UnknownNameError: No such name.
+            PftrackError: It cannot be loaded; of the type `error_type`.
+        """
+        installed = self._installed()
+        if name not in installed and ":" not in name:
+            raise UnknownNameError(self.kind, name, self.all())
+        return load(self.kind, name, installed[name].value if name in installed else name, self.error_type)
+
+    def call(self, name: str, factory: Callable[..., Any], **arguments: Any) -> Any:
+        """What a factory makes.
+
+        Raises:
+            PftrackError: As the factory raised it, or of the type `error_type` for anything else that it raised.
+        """
+        try:
+            return factory(**arguments)
+        except PftrackError:
+            raise
+        except Exception as error:
+            says = f"{type(error).__name__}: {error}"
+            raise self.error_type(f"{self.kind} {name!r} could not be made: {says}") from error
+
+    def _installed(self) -> dict[str, EntryPoint]:
+        return {point.name: point for point in entry_points(group=self.group) if point.name not in self.ours}
 
 
 def load(kind: str, name: str, spelled: str, error_type: type[PftrackError]) -> Callable[..., Any]:

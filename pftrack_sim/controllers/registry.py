@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from importlib.metadata import EntryPoint
 from types import MappingProxyType
 from typing import Any
 
@@ -18,7 +17,7 @@ from pftrack_sim.controllers.base import Controller
 from pftrack_sim.controllers.searching import Searching
 from pftrack_sim.controllers.servo import Servo
 from pftrack_sim.controllers.still import Still
-from pftrack_sim.errors import ControllerError, ParameterError, PftrackError, UnknownNameError, did_you_mean
+from pftrack_sim.errors import ControllerError, ParameterError, did_you_mean
 
 GROUP = "pftrack_sim.controllers"
 
@@ -39,10 +38,17 @@ _OURS: Mapping[str, Callable[..., Controller]] = MappingProxyType(
     {"servo": make_servo, "servo-avoid": make_servo_avoid, "still": Still}
 )
 
+_NAMES = plugins.Names(
+    kind="controller",
+    group=GROUP,
+    error_type=ControllerError,
+    ours={name: (inspect.getdoc(factory) or "").split("\n", 1)[0] for name, factory in _OURS.items()},
+)
+
 
 def names() -> list[str]:
     """Every name `make` knows, sorted: ours and those of installed packages."""
-    return sorted({*_OURS, *_installed()})
+    return _NAMES.all()
 
 
 def describe(name: str) -> str:
@@ -51,12 +57,7 @@ def describe(name: str) -> str:
     Raises:
         UnknownNameError: No such controller.
     """
-    if name in _OURS:
-        return (inspect.getdoc(_OURS[name]) or "").split("\n", 1)[0]
-    installed = _installed()
-    if name not in installed:
-        raise UnknownNameError("controller", name, names())
-    return f"installed controller {installed[name].value}"
+    return _NAMES.describe(name)
 
 
 def make(name: str, **params: Any) -> Controller:
@@ -74,43 +75,25 @@ def make(name: str, **params: Any) -> Controller:
     >>> make("still").act(None, None).tolist()
     [0.0, 0.0, 0.0, 0.0]
     """
-    if name in _OURS:
-        return _called(name, _OURS[name], params)
-    installed = _installed()
-    if name in installed:
-        spelled = installed[name].value
-    elif ":" in name:
-        spelled = name
-    else:
-        raise UnknownNameError("controller", name, names())
-    made = _called(name, plugins.load("controller", name, spelled, ControllerError), params)
+    factory = _OURS[name] if name in _OURS else _NAMES.load(name)
+    _check_params(name, factory, params)
+    made = _NAMES.call(name, factory, **params)
     if not isinstance(made, Controller):
         raise ControllerError(f"controller {name!r}: its factory made a {type(made).__name__} without reset and act")
     return made
 
 
-def _installed() -> dict[str, EntryPoint]:
-    return plugins.installed(GROUP, _OURS)
-
-
-def _called(name: str, factory: Callable[..., Any], params: Mapping[str, Any]) -> Any:
-    """What a factory makes, and what is wrong where something is."""
+def _check_params(name: str, factory: Callable[..., Any], params: Mapping[str, Any]) -> None:
     try:
         signature = inspect.signature(factory)
     except (TypeError, ValueError):
-        signature = None  # a compiled factory shows no signature; the call itself will tell
-    if signature is not None:
-        known = sorted(signature.parameters)
-        takes_any = any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values())
-        for key in params:
-            if key not in known and not takes_any:
-                listed = ", ".join(known) or "none"
-                raise ParameterError(
-                    f"controller {name!r} has no parameter {key!r}{did_you_mean(key, known)} (it has: {listed})"
-                )
-    try:
-        return factory(**params)
-    except PftrackError:
-        raise
-    except Exception as error:
-        raise ControllerError(f"controller {name!r} could not be made: {type(error).__name__}: {error}") from error
+        return  # a compiled factory shows no signature; the call itself will tell
+    known = sorted(signature.parameters)
+    if any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values()):
+        return
+    for key in params:
+        if key not in known:
+            listed = ", ".join(known) or "none"
+            raise ParameterError(
+                f"controller {name!r} has no parameter {key!r}{did_you_mean(key, known)} (it has: {listed})"
+            )

@@ -10,11 +10,10 @@ import inspect
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint
 from typing import Any
 
 from pftrack_sim import plugins
-from pftrack_sim.errors import ParameterError, PftrackError, TrackerError, UnknownNameError
+from pftrack_sim.errors import ParameterError, TrackerError
 from pftrack_sim.records import Tracker
 
 GROUP = "pftrack_sim.trackers"
@@ -98,9 +97,17 @@ _OURS = {
 }
 
 
+_NAMES = plugins.Names(
+    kind="tracker",
+    group=GROUP,
+    error_type=TrackerError,
+    ours={name: known.description for name, known in _OURS.items()},
+)
+
+
 def names() -> list[str]:
     """Every name `make` knows, sorted: ours and those of installed packages."""
-    return sorted({*_OURS, *_installed()})
+    return _NAMES.all()
 
 
 def describe(name: str) -> str:
@@ -112,12 +119,7 @@ def describe(name: str) -> str:
     Raises:
         UnknownNameError: No such tracker.
     """
-    if name in _OURS:
-        return _OURS[name].description
-    installed = _installed()
-    if name not in installed:
-        raise UnknownNameError("tracker", name, names())
-    return f"installed tracker {installed[name].value}"
+    return _NAMES.describe(name)
 
 
 def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) -> Tracker:
@@ -142,18 +144,7 @@ def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) ->
         raise ParameterError(f"seed must be a whole number >= 0, got {seed!r}")
     if name in _OURS:
         return plugins.load("tracker", name, _OURS[name].factory, TrackerError)(seed=root, preset=preset, **params)
-    installed = _installed()
-    if name in installed:
-        spelled = installed[name].value
-    elif ":" in name:
-        spelled = name
-    else:
-        raise UnknownNameError("tracker", name, names())
-    return _call(name, plugins.load("tracker", name, spelled, TrackerError), root, preset, params)
-
-
-def _installed() -> dict[str, EntryPoint]:
-    return plugins.installed(GROUP, _OURS)
+    return _call(name, _NAMES.load(name), root, preset, params)
 
 
 def _call(name: str, factory: Callable[..., Any], seed: int, preset: str, params: dict[str, Any]) -> Tracker:
@@ -162,12 +153,7 @@ def _call(name: str, factory: Callable[..., Any], seed: int, preset: str, params
         problem = _refusal(factory, {"seed": seed, "preset": preset, **extra})
         if problem is not None:
             raise error_type(f"tracker {name!r}: its factory, called with (seed, preset, **params), says: {problem}")
-    try:
-        made = factory(seed=seed, preset=preset, **params)
-    except PftrackError:
-        raise
-    except Exception as error:
-        raise TrackerError(f"tracker {name!r} could not be made: {type(error).__name__}: {error}") from error
+    made = _NAMES.call(name, factory, seed=seed, preset=preset, **params)
     if not isinstance(made, Tracker):
         raise TrackerError(f"tracker {name!r}: its factory made a {type(made).__name__} without init and update")
     return made
