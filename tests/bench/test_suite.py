@@ -12,6 +12,7 @@ from pftrack_sim.bench.claims import beside_the_paper, judge
 from pftrack_sim.bench.planning import parse_seeds, plan_suite
 from pftrack_sim.bench.suite import checked_suite, is_suite, load_suite, suite_names
 from pftrack_sim.errors import ScenarioError, UnknownNameError
+from pftrack_sim.world.world import World
 
 
 def tree(**more: Any) -> dict[str, Any]:
@@ -88,6 +89,18 @@ def test_following_is_claimed_only_where_something_follows():
 def test_a_word_tells_conditions_of_equal_levels_apart():
     names = {one.condition.name for one in plan_suite(load_suite("follow"), seeds=[0]).episodes()}
     assert {"stranger occlusion=1", "lookalike occlusion=1", "latency=55", "jitter=0"} <= names
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [4, 9])
+def test_everybody_who_comes_between_in_the_follow_suite_has_room(seed: int):
+    arranged = 0
+    for episode in plan_suite(load_suite("follow"), seeds=[seed], trackers=["oracle"]).episodes():
+        if "occlusion" in dict(episode.condition.levels):
+            settings = episode.scenario.resolve(seed)
+            assert len(World(settings, seed).people) == 1 + settings.distractors.count + 2
+            arranged += 1
+    assert arranged == 4 * 2 * 2
 
 
 def test_a_claim_without_results_is_undecided():
