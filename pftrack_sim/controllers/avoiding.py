@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.controllers.base import Rig
-from pftrack_sim.controllers.servo import TURN_S
+from pftrack_sim.controllers.servo import DISTANCE_S, TURN_S, direction
+from pftrack_sim.controllers.trail import Trail
 from pftrack_sim.proprio import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.records import Estimate
 
@@ -38,10 +40,12 @@ REACT_S = 0.15
 COMMIT_RAD = math.radians(25.0)
 """A way once chosen is kept unless another is better by this: no dithering before a post."""
 
-MEMORY_S = 20.0
-"""What was seen is remembered so long: odometry drifts, and people walk on."""
+MEMORY_M = 12.0
+"""What was seen is remembered until the robot has driven so far: odometry drifts with the way, not with time."""
 
-_SCANS_HZ = 5.0
+_SCAN_M = 0.15
+_SCAN_RAD = math.radians(15.0)
+"""A scan is kept whenever the robot has moved or turned this far since the last."""
 
 _DIRECTIONS_RAD = np.deg2rad(np.linspace(-100.0, 100.0, 81))
 
@@ -52,6 +56,11 @@ class Follower(Protocol):
     @property
     def distance_m(self) -> float | None:
         """To the target; None while it is lost."""
+        ...
+
+    @property
+    def wanted_m(self) -> float:
+        """The distance that it keeps."""
         ...
 
     def reset(self, rig: Rig) -> None:
@@ -72,8 +81,12 @@ class Avoiding:
     taken, which is where the head looks. The speed is such that the robot could stop before whatever its hull would
     meet straight ahead: v <= sqrt(2 a gap + (a t)^2) - a t, with the braking a and the time t until it begins.
 
-    There are no eyes at the back: going backwards, the same holds for what was seen in the last `MEMORY_S`, remembered
-    in the frame of the odometry.
+    Where something stands between the robot and the target, it makes for the newest point of the target's own way that
+    it can reach (`Trail`), and its speed follows from the length of that way: the straight line to somebody behind a
+    rack leads into the next aisle.
+
+    There are no eyes at the back: going backwards, the same holds for what was seen over the last `MEMORY_M`,
+    remembered in the frame of the odometry.
 
     Args:
         inner: Wants to go somewhere.
@@ -81,6 +94,7 @@ class Avoiding:
 
     def __init__(self, inner: Follower) -> None:
         self._inner = inner
+        self._trail = Trail()
         self.reset(Rig())
 
     def reset(self, rig: Rig) -> None:
@@ -88,24 +102,31 @@ class Avoiding:
         self._inner.reset(rig)
         self._limits = rig.limits
         self._way_rad: float | None = None
-        self._every = max(1, round(rig.rate_hz / _SCANS_HZ))
-        self._frames = 0
-        self._scans: deque[NDArray[np.float64]] = deque(maxlen=round(MEMORY_S * _SCANS_HZ))
+        self._rig = rig
+        self._trail.forget()
+        self._scans: deque[_Scan] = deque()
+        self._driven_m = 0.0
+        self._last_m: NDArray[np.float64] | None = None
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> NDArray[np.float64]:
         """The inner controller's command, its forward speed and turn rate bent; see `Controller.act`."""
         command = self._inner.act(estimate, proprio)
         forward = float(command[0] * self._limits[0])
         ranges = np.asarray(proprio[RANGES], dtype=np.float64)
-        pan = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
+        goal = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
         target = self._inner.distance_m
         reach = HORIZON_M if target is None else min(HORIZON_M, max(target - TARGET_CLEAR_M, HULL_M + MARGIN_M))
         turn = float(command[1] * self._limits[1])
+        detour = self._detour(estimate, proprio, ranges) if target is not None else None
+        if detour is not None:
+            goal, length = detour
+            forward = max(forward, (length - self._inner.wanted_m) / DISTANCE_S)
+            turn = goal / TURN_S
         if forward > 0.02:
-            way = self._choose(pan, ranges, reach)
+            way = self._choose(goal, ranges, reach)
             if way is None:
                 forward, turn = 0.0, math.copysign(0.5, turn if self._way_rad is None else self._way_rad)
-            elif abs(math.remainder(way - pan, 2.0 * math.pi)) > 1e-9:
+            elif detour is not None or abs(math.remainder(way - goal, 2.0 * math.pi)) > 1e-9:
                 turn = way / TURN_S
                 bend = math.cos(way)
                 forward = max(bend, 0.0) * forward
@@ -117,6 +138,26 @@ class Avoiding:
             forward = max(forward, -_safe_speed(*self._behind(proprio)))
         bent = np.clip(np.array([forward, turn]) / self._limits[:2], -1.0, 1.0)
         return np.concatenate([bent, command[2:]])
+
+    def _detour(
+        self, estimate: Estimate, proprio: NDArray[Any], ranges: NDArray[np.float64]
+    ) -> tuple[float, float] | None:
+        """Bearing [rad] and length [m] of the way along the target's own; None where the straight one is as good."""
+        distance = self._inner.distance_m
+        assert distance is not None
+        x, y, heading = (float(one) for one in proprio[:3])
+        bearing = float(proprio[PROPRIO_INDEX["pan_rad"]]) + direction(estimate, self._rig)[0]
+        robot = np.array([x, y])
+        at = heading + bearing
+        self._trail.add(robot + distance * np.array([math.cos(at), math.sin(at)]))
+
+        def is_clear(ahead_rad: float, far_m: float) -> bool:
+            return bool(_clear(np.array([ahead_rad]), ranges, min(far_m, RANGE_M), TIGHT_M)[0])
+
+        if is_clear(math.remainder(bearing, 2.0 * math.pi), distance - TARGET_CLEAR_M):
+            self._trail.shorten()
+            return None
+        return self._trail.next(robot, heading, is_clear)
 
     def _choose(self, goal_rad: float, ranges: NDArray[np.float64], reach_m: float) -> float | None:
         """The open direction nearest to the goal [rad]; the goal itself when it is open; None when none is."""
@@ -134,20 +175,40 @@ class Avoiding:
 
     def _remember(self, proprio: NDArray[Any], ranges: NDArray[np.float64]) -> None:
         """Keep where the beams met something, in the frame of the odometry."""
-        if self._frames % self._every == 0:
-            x, y, heading = (float(one) for one in proprio[:3])
-            met = ranges < RANGE_M
-            at = heading + RANGE_ANGLES_RAD[met]
-            self._scans.append(np.stack([x + ranges[met] * np.cos(at), y + ranges[met] * np.sin(at)]))
-        self._frames += 1
+        x, y, heading = (float(one) for one in proprio[:3])
+        place = np.array([x, y])
+        self._driven_m += 0.0 if self._last_m is None else float(np.hypot(*(place - self._last_m)))
+        self._last_m = place
+        met = ranges < RANGE_M
+        at = heading + RANGE_ANGLES_RAD[met]
+        points = np.stack([x + ranges[met] * np.cos(at), y + ranges[met] * np.sin(at)])
+        scan = _Scan(self._driven_m, heading, points)
+        # While the robot hardly moves, the newest scan takes the place of the one before: people walk on.
+        if len(self._scans) > 1 and self._scans[-1].is_near(self._scans[-2]):
+            self._scans.pop()
+        self._scans.append(scan)
+        while self._scans[0].driven_m < self._driven_m - MEMORY_M:
+            self._scans.popleft()
 
     def _behind(self, proprio: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """How far behind the axle, and how far aside, what is remembered there lies [m]."""
         x, y, heading = (float(one) for one in proprio[:3])
-        dx, dy = np.concatenate(self._scans, axis=1) - np.array([[x], [y]])
+        dx, dy = np.concatenate([scan.points_m for scan in self._scans], axis=1) - np.array([[x], [y]])
         back = -(dx * math.cos(heading) + dy * math.sin(heading))
         aside = np.abs(dy * math.cos(heading) - dx * math.sin(heading))
         return back[back > 0.0], aside[back > 0.0]
+
+
+@dataclass(frozen=True)
+class _Scan:
+    driven_m: float
+    heading_rad: float
+    points_m: NDArray[np.float64]  # (2, N) in the frame of the odometry
+
+    def is_near(self, other: _Scan) -> bool:
+        """Whether the robot has hardly moved from one to the other."""
+        turned = math.remainder(self.heading_rad - other.heading_rad, 2.0 * math.pi)
+        return abs(self.driven_m - other.driven_m) < _SCAN_M and abs(turned) < _SCAN_RAD
 
 
 def _ahead(ranges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -155,10 +216,12 @@ def _ahead(ranges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     return ranges * np.cos(RANGE_ANGLES_RAD), np.abs(ranges * np.sin(RANGE_ANGLES_RAD))
 
 
-def _clear(ways_rad: NDArray[np.float64], ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.bool_]:
+def _clear(
+    ways_rad: NDArray[np.float64], ranges: NDArray[np.float64], reach_m: float, margin_m: float = MARGIN_M
+) -> NDArray[np.bool_]:
     """Which of the directions `(N,)` are not barred by anything within reach."""
     near = ranges < reach_m
-    bars = np.arcsin(np.minimum((HULL_M + MARGIN_M) / np.maximum(ranges[near], 1e-3), 1.0))
+    bars = np.arcsin(np.minimum((HULL_M + margin_m) / np.maximum(ranges[near], 1e-3), 1.0))
     barred = np.abs(RANGE_ANGLES_RAD[near] - ways_rad[:, None]) < bars
     return ~np.any(barred, axis=1)
 
