@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.controllers.base import Rig
-from pftrack_sim.controllers.servo import DISTANCE_S, TURN_S, direction
-from pftrack_sim.controllers.trail import Trail
+from pftrack_sim.controllers.servo import TURN_S
 from pftrack_sim.proprio import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.records import Estimate
 
@@ -58,11 +57,6 @@ class Follower(Protocol):
         """To the target; None while it is lost."""
         ...
 
-    @property
-    def wanted_m(self) -> float:
-        """The distance that it keeps."""
-        ...
-
     def reset(self, rig: Rig) -> None:
         """See `Controller.reset`."""
         ...
@@ -81,10 +75,6 @@ class Avoiding:
     taken, which is where the head looks. The speed is such that the robot could stop before whatever its hull would
     meet straight ahead: v <= sqrt(2 a gap + (a t)^2) - a t, with the braking a and the time t until it begins.
 
-    Where something stands between the robot and the target, it makes for the newest point of the target's own way that
-    it can reach (`Trail`), and its speed follows from the length of that way: the straight line to somebody behind a
-    rack leads into the next aisle.
-
     There are no eyes at the back: going backwards, the same holds for what was seen over the last `MEMORY_M`,
     remembered in the frame of the odometry.
 
@@ -94,7 +84,6 @@ class Avoiding:
 
     def __init__(self, inner: Follower) -> None:
         self._inner = inner
-        self._trail = Trail()
         self.reset(Rig())
 
     def reset(self, rig: Rig) -> None:
@@ -102,8 +91,6 @@ class Avoiding:
         self._inner.reset(rig)
         self._limits = rig.limits
         self._way_rad: float | None = None
-        self._rig = rig
-        self._trail.forget()
         self._scans: deque[_Scan] = deque()
         self._driven_m = 0.0
         self._last_m: NDArray[np.float64] | None = None
@@ -113,20 +100,15 @@ class Avoiding:
         command = self._inner.act(estimate, proprio)
         forward = float(command[0] * self._limits[0])
         ranges = np.asarray(proprio[RANGES], dtype=np.float64)
-        goal = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
+        pan = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
         target = self._inner.distance_m
         reach = HORIZON_M if target is None else min(HORIZON_M, max(target - TARGET_CLEAR_M, HULL_M + MARGIN_M))
         turn = float(command[1] * self._limits[1])
-        detour = self._detour(estimate, proprio, ranges) if target is not None else None
-        if detour is not None:
-            goal, length = detour
-            forward = max(forward, (length - self._inner.wanted_m) / DISTANCE_S)
-            turn = goal / TURN_S
         if forward > 0.02:
-            way = self._choose(goal, ranges, reach)
+            way = self._choose(pan, ranges, reach)
             if way is None:
                 forward, turn = 0.0, math.copysign(0.5, turn if self._way_rad is None else self._way_rad)
-            elif detour is not None or abs(math.remainder(way - goal, 2.0 * math.pi)) > 1e-9:
+            elif abs(math.remainder(way - pan, 2.0 * math.pi)) > 1e-9:
                 turn = way / TURN_S
                 bend = math.cos(way)
                 forward = max(bend, 0.0) * forward
@@ -138,26 +120,6 @@ class Avoiding:
             forward = max(forward, -_safe_speed(*self._behind(proprio)))
         bent = np.clip(np.array([forward, turn]) / self._limits[:2], -1.0, 1.0)
         return np.concatenate([bent, command[2:]])
-
-    def _detour(
-        self, estimate: Estimate, proprio: NDArray[Any], ranges: NDArray[np.float64]
-    ) -> tuple[float, float] | None:
-        """Bearing [rad] and length [m] of the way along the target's own; None where the straight one is as good."""
-        distance = self._inner.distance_m
-        assert distance is not None
-        x, y, heading = (float(one) for one in proprio[:3])
-        bearing = float(proprio[PROPRIO_INDEX["pan_rad"]]) + direction(estimate, self._rig)[0]
-        robot = np.array([x, y])
-        at = heading + bearing
-        self._trail.add(robot + distance * np.array([math.cos(at), math.sin(at)]))
-
-        def is_clear(ahead_rad: float, far_m: float) -> bool:
-            return bool(_clear(np.array([ahead_rad]), ranges, min(far_m, RANGE_M), TIGHT_M)[0])
-
-        if is_clear(math.remainder(bearing, 2.0 * math.pi), distance - TARGET_CLEAR_M):
-            self._trail.shorten()
-            return None
-        return self._trail.next(robot, heading, is_clear)
 
     def _choose(self, goal_rad: float, ranges: NDArray[np.float64], reach_m: float) -> float | None:
         """The open direction nearest to the goal [rad]; the goal itself when it is open; None when none is."""
@@ -182,11 +144,10 @@ class Avoiding:
         met = ranges < RANGE_M
         at = heading + RANGE_ANGLES_RAD[met]
         points = np.stack([x + ranges[met] * np.cos(at), y + ranges[met] * np.sin(at)])
-        scan = _Scan(self._driven_m, heading, points)
         # While the robot hardly moves, the newest scan takes the place of the one before: people walk on.
         if len(self._scans) > 1 and self._scans[-1].is_near(self._scans[-2]):
             self._scans.pop()
-        self._scans.append(scan)
+        self._scans.append(_Scan(self._driven_m, heading, points))
         while self._scans[0].driven_m < self._driven_m - MEMORY_M:
             self._scans.popleft()
 
@@ -216,12 +177,10 @@ def _ahead(ranges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     return ranges * np.cos(RANGE_ANGLES_RAD), np.abs(ranges * np.sin(RANGE_ANGLES_RAD))
 
 
-def _clear(
-    ways_rad: NDArray[np.float64], ranges: NDArray[np.float64], reach_m: float, margin_m: float = MARGIN_M
-) -> NDArray[np.bool_]:
+def _clear(ways_rad: NDArray[np.float64], ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.bool_]:
     """Which of the directions `(N,)` are not barred by anything within reach."""
     near = ranges < reach_m
-    bars = np.arcsin(np.minimum((HULL_M + margin_m) / np.maximum(ranges[near], 1e-3), 1.0))
+    bars = np.arcsin(np.minimum((HULL_M + MARGIN_M) / np.maximum(ranges[near], 1e-3), 1.0))
     barred = np.abs(RANGE_ANGLES_RAD[near] - ways_rad[:, None]) < bars
     return ~np.any(barred, axis=1)
 

@@ -50,11 +50,6 @@ class Searching:
         """To the target as the last box has it; None while it is lost."""
         return self._inner.distance_m
 
-    @property
-    def wanted_m(self) -> float:
-        """The distance that it keeps."""
-        return self._inner.wanted_m
-
     def reset(self, rig: Rig) -> None:
         """Forget where the target was; see `Controller.reset`."""
         self._inner.reset(rig)

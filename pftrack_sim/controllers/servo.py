@@ -89,8 +89,7 @@ class Servo:
     def reset(self, rig: Rig) -> None:
         """Forget the last target; see `Controller.reset`."""
         self._rig = rig
-        self.wanted_m = rig.distance_m if self._asked_m is None else self._asked_m
-        """The distance that it keeps."""
+        self._wanted_m = rig.distance_m if self._asked_m is None else self._asked_m
         self._limits = rig.limits
         self._step = ACCELERATION * rig.frame_s / self._limits
         self._command = np.zeros(4)
@@ -110,7 +109,7 @@ class Servo:
         spin = float(proprio[PROPRIO_INDEX["gyro_z_rad_s"]])
         rolling = 0.5 * float(proprio[PROPRIO_INDEX["wheel_left_m_s"]] + proprio[PROPRIO_INDEX["wheel_right_m_s"]])
         distance = self._learn(y, h, rolling * math.cos(pan + bearing))
-        forward = max(0.0, math.cos(pan)) * (self._away_m_s + (distance - self.wanted_m) / DISTANCE_S)
+        forward = max(0.0, math.cos(pan)) * (self._away_m_s + (distance - self._wanted_m) / DISTANCE_S)
         forward = max(forward, -REVERSE_SHARE * float(self._limits[0]))
         wanted = np.clip(
             np.array([forward, pan / TURN_S, bearing / GAZE_S - spin, elevation / GAZE_S]) / self._limits, -1.0, 1.0

@@ -82,20 +82,3 @@ def test_it_does_not_back_into_what_it_saw_before_a_long_stand():
     for _ in range(60):
         world.play(controller, 0.1, (-0.3, -0.1) if world.x > 0.5 else (0.0, 0.0))
     assert world.nearest_m > HULL_M
-
-
-RACK = [(x, 1.6, 0.2) for x in np.arange(4.0, 20.0, 0.35)]
-
-
-@pytest.mark.parametrize("seen_through", [True, False])
-def test_it_goes_round_the_end_of_a_rack_as_the_person_did(seen_through: bool):
-    # Whom one sees through the shelves of a rack draws a robot that makes straight for them into the wrong aisle.
-    world = Playground((2.8, 0.0), posts=RACK if seen_through else [])
-    controller = made()
-    for walk, seconds in (((0.0, 1.0), 3.0), ((1.0, 0.0), 14.0), ((0.0, 0.0), 6.0)):
-        world.play(controller, seconds, walk)
-    assert world.target[1] == pytest.approx(3.0, abs=0.05)
-    assert abs(world.distance_m - 3.0) < 0.4
-    assert world.nearest_m > HULL_M
-    if seen_through:
-        assert world.y > 2.0
