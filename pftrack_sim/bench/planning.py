@@ -140,10 +140,10 @@ def plan_all(
         overrides: Dotted keys set in every scenario.
         preset: Of every tracker; a suite's own, and `"default"` for scenarios, if None.
         truth: What estimates are compared with: `"box"`, `"amodal_box"` or `"visible_box"`.
-        controllers: What drives the robot in everything; if None a suite's own, and the script in scenarios.
+        controllers: What drives the robot in everything.
         latency_ms: Charged for a frame, by the tracker's name.
-        drive: Whether the trackers drive the robot also where nothing says with which controller: then with
-            `CONTROLLERS`.
+        drive: Whether the trackers drive the robot also where `controllers` is None: with a suite's own, and with
+            `CONTROLLERS` in scenarios. Otherwise the robot is on its script, in suites too.
 
     Raises:
         UnknownNameError: An unknown suite, scenario, axis, parameter of an axis, box, or controller.
@@ -154,6 +154,8 @@ def plan_all(
         raise UnknownNameError("box of the truth", truth, get_args(ScoredBox))
     fallback = CONTROLLERS if drive else ()
     suites = [load_suite(name) for name in names if is_suite(name)]
+    if not drive and controllers is None:
+        suites = [one.scripted() for one in suites]
     alone = [name for name in names if not is_suite(name)]
     plans = [
         plan_suite(

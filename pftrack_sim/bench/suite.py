@@ -113,6 +113,12 @@ class Suite(Section):
         """Every scenario, once, in order."""
         return tuple(dict.fromkeys(name for block in self.run for name in block.scenarios))
 
+    def scripted(self) -> Suite:
+        """The same with the robot on its script, and without what is said of following."""
+        claims = tuple(one for one in self.claims if not one.measure.startswith("follow_"))
+        table = None if self.table is not None and self.table.measure.startswith("follow_") else self.table
+        return self.model_copy(update={"controllers": (), "claims": claims, "table": table})
+
     @model_validator(mode="after")
     def _names_agree(self) -> Suite:
         known = set(self.scenarios)

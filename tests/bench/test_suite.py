@@ -9,9 +9,9 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.bench.claims import beside_the_paper, judge
-from pftrack_sim.bench.planning import parse_seeds, plan_suite
+from pftrack_sim.bench.planning import parse_seeds, plan_all, plan_suite
 from pftrack_sim.bench.suite import checked_suite, is_suite, load_suite, suite_names
-from pftrack_sim.errors import ScenarioError, UnknownNameError
+from pftrack_sim.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.world.world import World
 
 
@@ -89,6 +89,17 @@ def test_following_is_claimed_only_where_something_follows():
 def test_a_word_tells_conditions_of_equal_levels_apart():
     names = {one.condition.name for one in plan_suite(load_suite("follow"), seeds=[0]).episodes()}
     assert {"stranger occlusion=1", "lookalike occlusion=1", "latency=55", "jitter=0"} <= names
+
+
+def test_a_suite_that_is_driven_can_be_run_on_the_script_too():
+    (driven,), (scripted,) = (plan_all(["kwon2005"], seeds=[0], drive=drive).suites for drive in (True, False))
+    assert plan_all(["kwon2005"], seeds=[0], drive=True).kind == "follow"
+    assert plan_all(["kwon2005"], seeds=[0]).kind == "open"
+    assert plan_all(["kwon2005"], seeds=[0], controllers=["servo"]).kind == "follow"
+    assert {one.measure for one in driven.claims} == {"mean_overlap", "follow_success"}
+    assert {one.measure for one in scripted.claims} == {"mean_overlap"}
+    with pytest.raises(ParameterError, match="latency is charged only where the tracker drives"):
+        plan_all(["follow"], seeds=[0])
 
 
 @pytest.mark.slow
