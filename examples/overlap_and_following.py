@@ -64,6 +64,13 @@ def read(opened: Path, closed: Path, measure: str) -> Pairs:
     return Pairs(points, table[..., 0], table[..., 1])
 
 
+def interval(shares: NDArray[np.float64]) -> tuple[float, float]:
+    """Of a mean over episodes: Wilson's where they are won or lost, else from the bootstrap."""
+    if np.isin(shares, (0.0, 1.0)).all():
+        return score.share_interval(shares)
+    return score.bootstrap_interval(shares, np.random.default_rng(0))
+
+
 def draw(pairs: Pairs, found: score.Agreement, measure: str, path: Path) -> None:
     """The scatter plot: a colour for each tracker, a marker for each condition."""
     figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
@@ -73,14 +80,14 @@ def draw(pairs: Pairs, found: score.Agreement, measure: str, path: Path) -> None
     markers = dict(zip(conditions, itertools.cycle("os^Dv*PX"), strict=False))
     for (tracker, condition), overlap, following in zip(pairs.points, pairs.overlap, pairs.following, strict=True):
         x, y = np.nanmean(overlap), np.nanmean(following)
-        low, high = score.share_interval(following)
+        low, high = interval(following)
         axes.plot([x, x], [low, high], color=colours[tracker], alpha=0.35, linewidth=1)
         axes.plot(x, y, markers[condition], color=colours[tracker], markersize=7)
     for tracker in trackers:
         axes.plot([], [], "o", color=colours[tracker], label=tracker)
     for condition in conditions:
         axes.plot([], [], markers[condition], color="0.4", label=condition)
-    axes.set(xlabel="mean overlap, robot on its script", ylabel=f"{measure}, robot driven", xlim=(0, 1))
+    axes.set(xlabel="mean overlap, robot on its script", ylabel=f"{measure}, robot driven", xlim=(-0.02, 1.03))
     axes.set_ylim(-0.03, 1.03)
     axes.set_title(f"Spearman {found.rho:.2f} ({found.low:.2f} to {found.high:.2f}), {len(pairs.points)} points")
     axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)

@@ -44,6 +44,18 @@ def test_correlation_is_over_the_episodes_that_all_have(tmp_path: Path):
     assert picture.std() > 10.0
 
 
+def test_shares_between_nothing_and_all_are_drawn_too(tmp_path: Path):
+    seeds = range(3)
+    overlaps, within = {"a": 0.2, "b": 0.5, "c": 0.9}, {"a": 0.3, "b": 0.1, "c": 0.8}
+    opened = written(tmp_path / "open", "mean_overlap", [(one, s, v) for one, v in overlaps.items() for s in seeds])
+    shares = [(one, seed, value + 0.01 * seed) for one, value in within.items() for seed in seeds]
+    closed = written(tmp_path / "closed", "follow_within", shares)
+    done = compared(opened, closed, "--measure", "follow_within", "--out", tmp_path / "scatter.png")
+    assert done.returncode == 0, done.stderr
+    assert "Spearman 0.500" in done.stdout
+    assert (tmp_path / "scatter.png").stat().st_size > 5000
+
+
 def test_runs_that_share_nothing_are_refused(tmp_path: Path):
     opened = written(tmp_path / "open", "mean_overlap", [("a", 0, 0.5)])
     closed = written(tmp_path / "closed", "follow_success", [("b", 0, 1.0)])
