@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pftrack_sim.controllers import Rig
-from pftrack_sim.records import Estimate
+from pftrack_sim.controllers import RobotParameters
+from pftrack_sim.core.records import Estimate
 
 
 class Towards:
@@ -17,7 +17,7 @@ class Towards:
     def __init__(self, *, turn: float = 1.5, drive: float = 4.0) -> None:
         self._turn, self._drive = turn, drive
 
-    def reset(self, rig: Rig) -> None:
+    def reset(self, rig: RobotParameters) -> None:
         """An episode begins: how high a person of 1.72 m is in the image at the wanted distance."""
         self._size = np.array(rig.image_size)
         self._height_px = 1.72 * rig.focal_px / rig.distance_m

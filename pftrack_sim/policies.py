@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers import Controller, Rig
-from pftrack_sim.errors import ParameterError, TrackerError
-from pftrack_sim.records import Estimate, Tracker, Truth
+from pftrack_sim.controllers import Controller, RobotParameters
+from pftrack_sim.core.errors import ParameterError, TrackerError
+from pftrack_sim.core.records import Estimate, Tracker, Truth
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.trackers import NeedsTruth
 
@@ -32,7 +32,7 @@ NOTHING = Estimate(np.zeros(4), confidence=0.0)
 """What is said before there is a target."""
 
 
-def rig_of(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rig:
+def rig_of(settings: ResolvedScenario, latency_ms: float = 0.0) -> RobotParameters:
     """What a controller may know of the robot and the task of a scenario.
 
     Args:
@@ -40,7 +40,7 @@ def rig_of(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rig:
         latency_ms: The tracker's time for a frame: the controller is called as often as it answers.
     """
     robot, camera = settings.robot, settings.camera
-    return Rig(
+    return RobotParameters(
         (camera.width_px, camera.height_px),
         math.radians(camera.fovy_deg),
         camera.rate_hz / frames_taken(latency_ms, camera.rate_hz),
@@ -115,7 +115,7 @@ class FollowPolicy:
         rig: What the controller may know of the robot, see `rig_of`; None knows nothing but the size of the image.
     """
 
-    def __init__(self, tracker: Tracker, controller: Controller, rig: Rig | None = None) -> None:
+    def __init__(self, tracker: Tracker, controller: Controller, rig: RobotParameters | None = None) -> None:
         self.tracking = TrackingPolicy(tracker)
         self.controller = controller
         self._rig = rig
@@ -145,7 +145,7 @@ class FollowPolicy:
         assert self.tracking.estimate is not None
         if observation["first"] or not self._begun:
             height_px, width_px = observation["image"].shape[:2]
-            self.controller.reset(self._rig if self._rig is not None else Rig((width_px, height_px)))
+            self.controller.reset(self._rig if self._rig is not None else RobotParameters((width_px, height_px)))
             self._begun = True
         return self.controller.act(self.tracking.estimate, observation["proprio"])
 
@@ -162,7 +162,7 @@ class TrackAndFollowPolicy(FollowPolicy):
         return {"box": np.array(self.estimate.box), "command": command}
 
 
-class Late:
+class LatencyWrapper:
     """Charges a policy's thinking to the simulation, as a policy of `TrackAndFollow-v0`.
 
     The policy takes a frame when it is idle, thinks for `latency_ms` of simulated time, and skips the frames that

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim import trackers
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.proprioception import PROPRIO_HIGH, PROPRIO_INDEX, PROPRIO_NAMES
+from pftrack_sim.core.records import Estimate
 from pftrack_sim.env import FollowEnv, TrackAndFollowEnv
-from pftrack_sim.errors import ParameterError, UnknownNameError
 from pftrack_sim.policies import TrackingPolicy
-from pftrack_sim.proprio import PROPRIO_HIGH, PROPRIO_INDEX, PROPRIO_NAMES
-from pftrack_sim.records import Estimate
 
 SENSES = ("wheel_left_m_s", "wheel_right_m_s", "gyro_z_rad_s", "pan_rad", "tilt_rad")
 """What a controller needs to know of the robot's own motion, and no more."""

@@ -1,8 +1,20 @@
 """What all tests share."""
 
-import os
+from __future__ import annotations
 
+import ctypes
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
+from render_stage import HEIGHT, WIDTH, Stage, build
+
+from pftrack_sim.render.gl.rasteriser import Rasteriser
 
 # A machine may be busy: how long an example takes says nothing about the code.
 settings.register_profile("untimed", deadline=None)
@@ -11,3 +23,48 @@ settings.load_profile("untimed")
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Tests side by side already keep every core busy: Mesa's software rasteriser draws in the thread that asks.
     os.environ.setdefault("LP_NUM_THREADS", "0")
+
+
+@pytest.fixture(scope="session")
+def shared_rasteriser() -> Iterator[Rasteriser]:
+    renderer = Rasteriser(build().model, WIDTH, HEIGHT)
+    yield renderer
+    renderer.close()
+
+
+@pytest.fixture
+def drawing(shared_rasteriser: Rasteriser) -> Callable[[Stage], Rasteriser]:
+    """Binds the shared rasteriser to a stage."""
+
+    def bind(stage: Stage) -> Rasteriser:
+        shared_rasteriser.rebind(stage.model)
+        return shared_rasteriser
+
+    return bind
+
+
+@pytest.fixture
+def in_a_process() -> Callable[[str, int], dict]:
+    """Runs the stage's digest in a process of its own with `"egl"`, `"osmesa"` or `"any"` library."""
+
+    def run(backend: str, samples: int = 0) -> dict:
+        program = Path(__file__).with_name("render_stage.py")
+        done = subprocess.run(
+            [sys.executable, str(program), backend, str(samples)], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    return run
+
+
+@pytest.fixture
+def osmesa_present() -> None:
+    """Skips where OSMesa is not installed."""
+    for name in ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"):
+        try:
+            ctypes.CDLL(name)
+        except OSError:
+            continue
+        return
+    pytest.skip("OSMesa is not installed")

@@ -2,7 +2,8 @@
 
 import inspect
 
-from pftrack_sim import policies, records, trackers
+from pftrack_sim import policies, trackers
+from pftrack_sim.core import records
 
 
 def test_public_surface():

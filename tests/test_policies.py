@@ -9,8 +9,8 @@ import pytest
 
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, scenario, trackers
-from pftrack_sim.errors import ParameterError
-from pftrack_sim.records import Estimate
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.records import Estimate
 
 SMALL = {"camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "duration_s": 1.0, "occluders": []}
 RATE_HZ = 30.0
@@ -35,7 +35,7 @@ class Numbered:
 @pytest.mark.parametrize("latency_ms", [0.0, 7.0, 13.0, 33.0, 55.0, 100.0, 250.0])
 def test_answers_are_as_old_as_they_would_be(latency_ms: float):
     numbered = Numbered()
-    late = policies.Late(numbered, latency_ms, RATE_HZ)  # pyright: ignore[reportArgumentType]
+    late = policies.LatencyWrapper(numbered, latency_ms, RATE_HZ)  # pyright: ignore[reportArgumentType]
     free_s, ready = 0.0, [(0.0, 0, True)]
     for frame in range(40):
         action = late(frame)  # pyright: ignore[reportArgumentType]
@@ -64,7 +64,7 @@ def test_a_slow_tracker_calls_its_controller_less_often():
 @pytest.mark.parametrize("wrong", [-1.0, math.nan, math.inf])
 def test_impossible_latencies(wrong: float):
     with pytest.raises(ParameterError, match="latency"):
-        policies.Late(Numbered(), wrong, RATE_HZ)  # pyright: ignore[reportArgumentType]
+        policies.LatencyWrapper(Numbered(), wrong, RATE_HZ)  # pyright: ignore[reportArgumentType]
 
 
 def play(wrap, steps: int = 20) -> str:
@@ -87,5 +87,5 @@ def play(wrap, steps: int = 20) -> str:
 
 def test_no_latency_is_the_same_to_the_bit_and_some_is_not():
     plain = play(lambda policy: policy)
-    assert play(lambda policy: policies.Late(policy, 0.0, RATE_HZ)) == plain
-    assert play(lambda policy: policies.Late(policy, 7.0, RATE_HZ)) != plain
+    assert play(lambda policy: policies.LatencyWrapper(policy, 0.0, RATE_HZ)) == plain
+    assert play(lambda policy: policies.LatencyWrapper(policy, 7.0, RATE_HZ)) != plain

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from pftrack_sim.errors import ParameterError, UnknownNameError
-from pftrack_sim.proprio import PROPRIO_INDEX
-from pftrack_sim.records import Truth
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.proprioception import PROPRIO_INDEX
+from pftrack_sim.core.records import Truth
 from pftrack_sim.wrappers import SENSES, BoxObservation
 
 SMALL: dict[str, Any] = {

@@ -19,8 +19,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.camera.optics import focal_and_centre
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.core.errors import ParameterError
 
 Array: TypeAlias = NDArray[np.float64]
 Kind: TypeAlias = Literal["ellipsoid", "capsule", "cylinder", "hull"]

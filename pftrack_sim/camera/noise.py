@@ -14,10 +14,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pftrack_sim.photometry import DISPLAY_GAMMA
-from pftrack_sim.records import Image
+from pftrack_sim.core.photometry import DISPLAY_GAMMA
+from pftrack_sim.core.random_streams import stream
+from pftrack_sim.core.records import Image
 from pftrack_sim.scenario.axes import NoiseAxis
-from pftrack_sim.streams import stream
 
 Table: TypeAlias = NDArray[np.uint8]
 """`(256, QUANTILES)`: what a pixel of each value is read as, at each quantile."""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from pftrack_sim.camera.exposure import Exposure
-from pftrack_sim.camera.stream import compressed
-from pftrack_sim.records import Image
+from pftrack_sim.camera.auto_exposure import Exposure
+from pftrack_sim.camera.compression import compressed
+from pftrack_sim.core.records import Image
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes
 

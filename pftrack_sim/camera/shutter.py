@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.camera import turns
-from pftrack_sim.camera.optics import in_camera
+from pftrack_sim.camera import rotations as turns
+from pftrack_sim.camera.pinhole import in_camera
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class Shutter:
         return -0.5 * self.window_s
 
 
-class Flight:
+class CameraTrajectory:
     """The camera's way through one frame: straight, and turning evenly, between instants close to each other.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from pftrack_sim.errors import PftrackError
+from pftrack_sim.core.errors import PftrackError
 
 
 def main() -> None:

@@ -40,11 +40,11 @@ from pftrack_sim.cli.values import (
     parse_settings,
     parse_trackers,
 )
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.bench import Plan
-    from pftrack_sim.isolation import Limits
+    from pftrack_sim.benchmark import Plan
+    from pftrack_sim.trackers.isolation import Limits
 
 app = typer.Typer(
     name="pftrack-sim",
@@ -92,8 +92,8 @@ def bench(
     progress: ProgressMode = "",
 ) -> None:
     """Run trackers on suites or scenarios: every frame is drawn once and shown to all of them."""
-    from pftrack_sim.bench import parse_seeds, plan_all
-    from pftrack_sim.isolation import Limits
+    from pftrack_sim.benchmark import parse_seeds, plan_all
+    from pftrack_sim.trackers.isolation import Limits
 
     plan = plan_all(
         scenarios,
@@ -121,7 +121,7 @@ def _run(
     progress: str,
 ) -> None:
     """Run a plan, print what came of it, and write the report."""
-    from pftrack_sim.bench import new_run_path, run
+    from pftrack_sim.benchmark import new_run_path, run
 
     path = out if out is not None else new_run_path(plan)
     with show_run(progress, path) as on_status:
@@ -151,7 +151,7 @@ def merge(
     folders: Annotated[list[Path], typer.Argument(help="Run folders of the same plan.")],
 ) -> None:
     """Join what several machines did of one plan (bench --part)."""
-    from pftrack_sim.bench.merge import merge as merge_runs
+    from pftrack_sim.benchmark.merge import merge as merge_runs
 
     tables.print_lines(merge_runs(out, folders).lines())
 
@@ -159,7 +159,7 @@ def merge(
 @app.command()
 def check(folder: Annotated[Path, typer.Argument(help="Run folder.")]) -> None:
     """Verify a run folder: every episode there once, unharmed, and of the plan it names."""
-    from pftrack_sim.bench.check import check as check_run
+    from pftrack_sim.benchmark.check import check as check_run
 
     found = check_run(folder)
     tables.print_lines(found.lines())
@@ -173,7 +173,7 @@ def query(
     format_: Annotated[str, typer.Option("--format", help="table, csv or json.")] = "table",
 ) -> None:
     """Ask a run folder in SQL."""
-    from pftrack_sim.bench.query import ask
+    from pftrack_sim.benchmark.query import ask
 
     tables.print_answer(ask(folder, sql), format_)
 
@@ -221,9 +221,9 @@ def follow(
 ) -> None:
     """Let trackers drive the robot: overlap and following are scored on the same episode."""
     from pftrack_sim import scenario as all_scenarios
-    from pftrack_sim.bench import parse_seeds, plan_all
-    from pftrack_sim.bench.latency import settled
-    from pftrack_sim.isolation import Limits
+    from pftrack_sim.benchmark import parse_seeds, plan_all
+    from pftrack_sim.benchmark.latency import settled
+    from pftrack_sim.trackers.isolation import Limits
 
     chosen = parse_trackers(trackers, preset or "default") if trackers is not None else None
 
@@ -264,8 +264,8 @@ def evaluate(
     ] = None,
 ) -> None:
     """Run trackers on recorded sequences with known boxes."""
-    from pftrack_sim.bench import parse_seeds
-    from pftrack_sim.bench.recorded import evaluate as evaluate_recorded
+    from pftrack_sim.benchmark import parse_seeds
+    from pftrack_sim.benchmark.recorded import evaluate as evaluate_recorded
     from pftrack_sim.formats import read_sequence
 
     contestants = parse_trackers(tracker, preset, params or [])
@@ -298,8 +298,8 @@ def render(
 ) -> None:
     """Look at a scenario: write its episode as a video, or one of its frames."""
     from pftrack_sim import scenario as scenarios
-    from pftrack_sim.bench.contest import enter
-    from pftrack_sim.bench.show import save_image, save_video
+    from pftrack_sim.benchmark.rendering import save_image, save_video
+    from pftrack_sim.benchmark.tracker_runner import enter
 
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.bench.status import Status
+    from pftrack_sim.benchmark.progress import Status
 
 MODES = ("bar", "lines", "json", "quiet")
 
@@ -46,7 +46,7 @@ def show_run(mode: str, path: Path) -> Iterator[Callable[[Status], None]]:
     Raises:
         ParameterError: No such mode.
     """
-    from pftrack_sim.bench import Interrupted
+    from pftrack_sim.benchmark import Interrupted
 
     chosen = mode or ("bar" if sys.stderr.isatty() else "lines")
     if chosen not in MODES:

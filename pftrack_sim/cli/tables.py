@@ -16,12 +16,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from pftrack_sim.errors import ParameterError, RenderError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, RenderError, UnknownNameError
 
 if TYPE_CHECKING:
-    from pftrack_sim.bench import Plan, Result
-    from pftrack_sim.bench.query import Answer
-    from pftrack_sim.bench.recorded import RecordedResult
+    from pftrack_sim.benchmark import Plan, Result
+    from pftrack_sim.benchmark.query import Answer
+    from pftrack_sim.benchmark.recorded import RecordedResult
     from pftrack_sim.render.doctor import Report
     from pftrack_sim.score import Summary
     from pftrack_sim.score.following import Following
@@ -60,7 +60,7 @@ def _scenarios() -> Iterable[tuple[str, str]]:
 
 
 def _suites() -> Iterable[tuple[str, str]]:
-    from pftrack_sim.bench.suite import load_suite, suite_names
+    from pftrack_sim.benchmark.suite import load_suite, suite_names
 
     return [(name, load_suite(name).title) for name in suite_names()]
 
@@ -122,7 +122,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
 
 def print_suites(plan: Plan, results: Sequence[Result]) -> None:
     """For each suite of a plan the paper's table beside ours, and what became of its claims."""
-    from pftrack_sim.bench.claims import beside_the_paper, judge
+    from pftrack_sim.benchmark.claims import beside_the_paper, judge
 
     rows: list[dict[str, Any]] = []
     for one in results:

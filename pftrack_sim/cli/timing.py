@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 
-from pftrack_sim.env.simulation import Simulation
 from pftrack_sim.scenario import load
+from pftrack_sim.simulation.simulation import Simulation
 
 SIZE_PX = 320, 240
 _FRAMES = 5
@@ -17,7 +17,7 @@ def frame_ms(backend: str) -> float:
     """Median time of a frame of `plaza-walk` with its full truth, at `SIZE_PX` [ms].
 
     Args:
-        backend: As `pftrack_sim.render.choice.NAMES`.
+        backend: As `pftrack_sim.render.selection.NAMES`.
 
     Raises:
         RenderError: It cannot draw here.

@@ -8,10 +8,10 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from pftrack_sim.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
 
 if TYPE_CHECKING:
-    from pftrack_sim.bench import Contestant
+    from pftrack_sim.benchmark import TrackerSpec
 
 
 def parse_names(text: str) -> list[str]:
@@ -87,7 +87,7 @@ def _value(text: str) -> Any:
         return text
 
 
-def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Contestant]:
+def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[TrackerSpec]:
     """Trackers between commas, each with parameters in brackets where it has some; `preset` is one of them.
 
     Args:
@@ -102,9 +102,9 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Co
     >>> [one.label for one in parse_trackers("stay, ko2012[preset=paper,particle_count=50]", "default")]
     ['stay', 'ko2012[preset=paper,particle_count=50]']
     """
-    from pftrack_sim.bench import Contestant
+    from pftrack_sim.benchmark import TrackerSpec
 
-    found: list[Contestant] = []
+    found: list[TrackerSpec] = []
     for spelled in parse_names(re.sub(r",(?![^\[\]]*\])", "\0", text).replace(",", "\1").replace("\0", ",")):
         match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", spelled.replace("\1", ","))
         inside = [pair for pair in (match[2] or "").split(",") if pair] if match else []
@@ -114,7 +114,7 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Co
             )
         params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in inside)}
         chosen = str(params.pop("preset", preset))
-        found.append(Contestant(name=match[1].strip(), preset=chosen, params=params))
+        found.append(TrackerSpec(name=match[1].strip(), preset=chosen, params=params))
     elsewhere = parse_params(pairs, [one.name for one in found])
     return [one.model_copy(update={"params": {**elsewhere.get(one.name, {}), **one.params}}) for one in found]
 

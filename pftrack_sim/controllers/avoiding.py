@@ -10,10 +10,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import Rig
+from pftrack_sim.controllers.base import RobotParameters
 from pftrack_sim.controllers.servo import TURN_S
-from pftrack_sim.proprio import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
-from pftrack_sim.records import Estimate
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
+from pftrack_sim.core.records import Estimate
 
 HULL_M = 0.245
 """Radius of the robot seen from above."""
@@ -57,7 +57,7 @@ class Follower(Protocol):
         """To the target; None while it is lost."""
         ...
 
-    def reset(self, rig: Rig) -> None:
+    def reset(self, rig: RobotParameters) -> None:
         """See `Controller.reset`."""
         ...
 
@@ -84,9 +84,9 @@ class Avoiding:
 
     def __init__(self, inner: Follower) -> None:
         self._inner = inner
-        self.reset(Rig())
+        self.reset(RobotParameters())
 
-    def reset(self, rig: Rig) -> None:
+    def reset(self, rig: RobotParameters) -> None:
         """Forget the way chosen last; see `Controller.reset`."""
         self._inner.reset(rig)
         self._limits = rig.limits

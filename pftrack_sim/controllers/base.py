@@ -9,12 +9,12 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.errors import ParameterError
-from pftrack_sim.records import Estimate
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.records import Estimate
 
 
 @dataclass(frozen=True)
-class Rig:
+class RobotParameters:
     """The robot as its data sheet has it, and the task: what a controller may know beforehand.
 
     Attributes:
@@ -69,7 +69,7 @@ class Rig:
 class Controller(Protocol):
     """An estimate and the robot's own senses in, a command out, once a frame."""
 
-    def reset(self, rig: Rig) -> None:
+    def reset(self, rig: RobotParameters) -> None:
         """Forget everything from before: an episode begins, on this robot."""
         ...
 
@@ -78,7 +78,7 @@ class Controller(Protocol):
 
         Args:
             estimate: What the tracker says of this frame.
-            proprio: `(n,)` as `pftrack_sim.proprio.PROPRIO_NAMES` says.
+            proprio: `(n,)` as `pftrack_sim.core.proprioception.PROPRIO_NAMES` says.
 
         Returns:
             `(4,)` forward speed, turn rate, pan rate, tilt rate, in [-1, 1] of the robot's limits.

@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from pftrack_sim import plugins
 from pftrack_sim.controllers.avoiding import Avoiding
 from pftrack_sim.controllers.base import Controller
 from pftrack_sim.controllers.searching import Searching
 from pftrack_sim.controllers.servo import Servo
 from pftrack_sim.controllers.still import Still
-from pftrack_sim.errors import ControllerError, ParameterError, did_you_mean
+from pftrack_sim.core import plugins
+from pftrack_sim.core.errors import ControllerError, ParameterError, did_you_mean
 
 GROUP = "pftrack_sim.controllers"
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import Rig, is_lost
+from pftrack_sim.controllers.base import RobotParameters, is_lost
 from pftrack_sim.controllers.servo import GAZE_S, TURN_S, Servo, direction
-from pftrack_sim.proprio import PROPRIO_INDEX
-from pftrack_sim.records import Estimate
+from pftrack_sim.core.proprioception import PROPRIO_INDEX
+from pftrack_sim.core.records import Estimate
 
 PATIENCE_S = 0.5
 """So long the last motion fades: most losses are a pillar's width."""
@@ -43,14 +43,14 @@ class Searching:
 
     def __init__(self, inner: Servo) -> None:
         self._inner = inner
-        self.reset(Rig())
+        self.reset(RobotParameters())
 
     @property
     def distance_m(self) -> float | None:
         """To the target as the last box has it; None while it is lost."""
         return self._inner.distance_m
 
-    def reset(self, rig: Rig) -> None:
+    def reset(self, rig: RobotParameters) -> None:
         """Forget where the target was; see `Controller.reset`."""
         self._inner.reset(rig)
         self._rig = rig

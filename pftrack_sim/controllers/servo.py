@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import Rig, is_lost, is_positive
-from pftrack_sim.errors import ParameterError
-from pftrack_sim.proprio import PROPRIO_INDEX
-from pftrack_sim.records import Estimate
+from pftrack_sim.controllers.base import RobotParameters, is_lost, is_positive
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.proprioception import PROPRIO_INDEX
+from pftrack_sim.core.records import Estimate
 
 GAZE_S = 0.25
 """Time constant of the head: a tenth of a second of vision and motors, with a phase margin of 65 degrees."""
@@ -84,9 +84,9 @@ class Servo:
         self._person_m = float(person_m)
         self.least_confidence = float(least_confidence)
         """Below this the tracker counts as unsure."""
-        self.reset(Rig())
+        self.reset(RobotParameters())
 
-    def reset(self, rig: Rig) -> None:
+    def reset(self, rig: RobotParameters) -> None:
         """Forget the last target; see `Controller.reset`."""
         self._rig = rig
         self._wanted_m = rig.distance_m if self._asked_m is None else self._asked_m
@@ -138,7 +138,7 @@ class Servo:
         return distance
 
 
-def direction(estimate: Estimate, rig: Rig) -> tuple[float, float]:
+def direction(estimate: Estimate, rig: RobotParameters) -> tuple[float, float]:
     """Bearing (to the left) and elevation (upwards) of a box's centre off the optical axis [rad]."""
     x, y, w, h = estimate.box.tolist()
     width_px, height_px = rig.image_size

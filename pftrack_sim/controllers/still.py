@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import Rig
-from pftrack_sim.records import Estimate
+from pftrack_sim.controllers.base import RobotParameters
+from pftrack_sim.core.records import Estimate
 
 
 class Still:
     """Stands still and looks ahead."""
 
-    def reset(self, rig: Rig) -> None:
+    def reset(self, rig: RobotParameters) -> None:
         """Nothing to forget."""
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> NDArray[np.float64]:

@@ -9,15 +9,15 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim import boxes
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import CommandError, ParameterError
+from pftrack_sim.core.proprioception import PROPRIO_HIGH
+from pftrack_sim.core.records import Estimate, Frame
 from pftrack_sim.env.spaces import BoundingBox
-from pftrack_sim.errors import CommandError, ParameterError
-from pftrack_sim.proprio import PROPRIO_HIGH
-from pftrack_sim.records import Estimate, Frame
 from pftrack_sim.render.overlay import draw_frame
 from pftrack_sim.scenario import ScenarioLike
+from pftrack_sim.simulation.simulation import Simulation
 
 Observation = dict[str, Any]
 
@@ -30,7 +30,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         init_box: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, else zeros.
         first: 1 in the frame in which the target is selected, else 0: the first in which anything of it can be seen.
             Unless the target starts out of view that is the first frame of the episode.
-        proprio: `(n,)` float32, the robot's own senses (`pftrack_sim.proprio.PROPRIO_NAMES`).
+        proprio: `(n,)` float32, the robot's own senses (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.

@@ -9,10 +9,10 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim import boxes
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.records import Estimate, Frame
 from pftrack_sim.env.base import CameraEnv, Observation, box_space, checked_command, overlap
-from pftrack_sim.errors import ParameterError
-from pftrack_sim.records import Estimate, Frame
 
 
 def following_reward(distance_error: float, bearing_error: float) -> float:
@@ -104,7 +104,7 @@ class TrackAndFollowEnv(FollowEnv):
 
     Action: `{"box": (4,) box [px], "command": (4,) in [-1, 1]}`: the box answers the frame shown, the command drives. A
     third key, `"late_s"`, may say how long after the frame the command is given; until then the one before stays in
-    force (`policies.Late` charges a tracker's thinking this way).
+    force (`policies.LatencyWrapper` charges a tracker's thinking this way).
     Reward: mean of the overlap (as in `TrackEnv`) and the following reward (as in `FollowEnv`); `info["overlap"]` and
     `info["following"]` hold the two, `info["scored"]` whether the answered frame counts in a mean overlap.
 

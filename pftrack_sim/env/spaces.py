@@ -14,8 +14,8 @@ import numpy as np
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from pftrack_sim import boxes
-from pftrack_sim.errors import BoxError
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import BoxError
 
 
 class BoundingBox(gym.Space[NDArray[np.float64]]):

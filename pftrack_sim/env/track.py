@@ -6,9 +6,9 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from pftrack_sim import boxes
+from pftrack_sim.core import boxes
+from pftrack_sim.core.records import Estimate
 from pftrack_sim.env.base import CameraEnv, Observation, box_space, overlap
-from pftrack_sim.records import Estimate
 
 
 class TrackEnv(CameraEnv):

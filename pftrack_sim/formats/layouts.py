@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pftrack_sim.errors import SequenceError
+from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.formats import otb
 from pftrack_sim.formats.sequence import RecordedSequence
 
 
 @dataclass(frozen=True)
-class Layout:
+class SequenceFormat:
     """One way to lay a sequence out on disk.
 
     Attributes:
@@ -26,7 +26,7 @@ class Layout:
     read: Callable[[Path], RecordedSequence]
 
 
-LAYOUTS = {"otb": Layout(otb.EXPECTS, otb.recognises, otb.read)}
+LAYOUTS = {"otb": SequenceFormat(otb.EXPECTS, otb.recognises, otb.read)}
 
 
 def read_sequence(path: str | Path) -> RecordedSequence:

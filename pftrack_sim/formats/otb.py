@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.errors import SequenceError
+from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.formats.sequence import RecordedSequence
 
 IMAGES = "img"

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.errors import SequenceError
-from pftrack_sim.records import Image, frozen_array
+from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.records import Image, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.records import Image
-from pftrack_sim.world.layout import PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP
+from pftrack_sim.core.records import Image
+from pftrack_sim.scene.layout import PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP
 
 DRAWN_GROUPS = (SCENERY_GROUP, PEOPLE_GROUP, ROBOT_GROUP)
 """Geom groups that renderers draw."""

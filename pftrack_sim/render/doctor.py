@@ -7,9 +7,9 @@ import subprocess
 import sys
 from dataclasses import asdict, dataclass
 
-from pftrack_sim.errors import RenderError
-from pftrack_sim.render.choice import WARP_REMEDY, warp_installed
-from pftrack_sim.render.context import REMEDIES, GLInfo, candidates, probe
+from pftrack_sim.core.errors import RenderError
+from pftrack_sim.render.gl.context import REMEDIES, GLInfo, candidates, probe
+from pftrack_sim.render.selection import WARP_REMEDY, warp_installed
 
 _PATIENCE_S = 60.0
 """How long a library may take to open; a broken driver can hang."""

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim import boxes
-from pftrack_sim.boxes import Box
-from pftrack_sim.records import Estimate, Frame, Image, Truth
+from pftrack_sim.core import boxes
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.records import Estimate, Frame, Image, Truth
 
 Colour = tuple[int, int, int]
 

@@ -13,7 +13,7 @@ import jinja2
 import plotly.offline
 from markupsafe import Markup
 
-from pftrack_sim.errors import RunError
+from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.data import Run, read_run
 from pftrack_sim.report.strips import strips

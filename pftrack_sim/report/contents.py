@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim import score, streams
-from pftrack_sim.bench.plan import LATENCY
+from pftrack_sim import score
+from pftrack_sim.benchmark.plan import LATENCY
+from pftrack_sim.core import random_streams
 from pftrack_sim.report.data import EpisodeKey, Frames, Row, Run
 from pftrack_sim.report.drives import drives
 from pftrack_sim.scenario.axes import axes_by_name
@@ -159,7 +160,7 @@ def _matrix(rows: Iterable[Row], trackers: Sequence[str]) -> dict[str, Any]:
         name: np.array([np.mean(found[seed]) if seed in found else math.nan for seed in seeds])
         for name, found in by_seed.items()
     }
-    compared = score.compare(scores, streams.stream(0, "bootstrap"))
+    compared = score.compare(scores, random_streams.stream(0, "bootstrap"))
     return {
         "wins": score.wins(compared, trackers).tolist(),
         "pairs": [

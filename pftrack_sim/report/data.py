@@ -11,9 +11,9 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.bench.plan import Plan
-from pftrack_sim.bench.reading import Run as RunFolder
-from pftrack_sim.errors import RunError
+from pftrack_sim.benchmark.plan import Plan
+from pftrack_sim.benchmark.reading import Run as RunFolder
+from pftrack_sim.core.errors import RunError
 
 
 @dataclass(frozen=True)

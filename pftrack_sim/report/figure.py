@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim import score, streams
-from pftrack_sim.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim import score
+from pftrack_sim.core import random_streams
+from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.report.contents import axis_of
 from pftrack_sim.report.data import Run, read_run
 
@@ -108,7 +109,7 @@ def _degradation(run: Run, axes: Axes) -> None:
                 if row.tracker == tracker and row.key.condition == condition:
                     by_seed.setdefault(row.key.seed, []).append(row.number("mean_overlap"))
             means = np.array([np.mean(values) for values in by_seed.values()])
-            low, high = score.bootstrap_interval(means, streams.stream(0, "bootstrap", tracker, condition))
+            low, high = score.bootstrap_interval(means, random_streams.stream(0, "bootstrap", tracker, condition))
             points.append((float(one["x"]), float(means.mean()), low, high))
         x, mean, low, high = np.array(sorted(points)).T
         axes.plot(x, mean, marker="o", ms=3, label=tracker, **_style(index))

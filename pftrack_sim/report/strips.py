@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from av.error import FFmpegError
 
-from pftrack_sim.errors import RunError
+from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.data import Row, Run
 
 FRAMES = 5

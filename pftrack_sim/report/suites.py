@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pftrack_sim.bench.claims import Part, TableRow, beside_the_paper, judge
-from pftrack_sim.bench.suite import Suite
+from pftrack_sim.benchmark.claims import Part, TableRow, beside_the_paper, judge
+from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.report.data import Run
 
 

@@ -6,9 +6,9 @@ import itertools
 import math
 from collections.abc import Iterator
 
+from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.axes import StreamAxis
 from pftrack_sim.scenario.model import ResolvedScenario
-from pftrack_sim.streams import stream
 
 
 def arrivals(settings: ResolvedScenario, seed: int) -> Iterator[int]:

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 from pydantic import ValidationError
 
-from pftrack_sim.errors import did_you_mean
+from pftrack_sim.core.errors import did_you_mean
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 

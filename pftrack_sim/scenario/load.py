@@ -12,8 +12,8 @@ from typing import Any, TypeAlias, cast
 
 from pydantic import ValidationError
 
-from pftrack_sim._data import envs_dir
-from pftrack_sim.errors import ScenarioError, UnknownNameError
+from pftrack_sim.core.data_files import envs_dir
+from pftrack_sim.core.errors import ScenarioError, UnknownNameError
 from pftrack_sim.scenario import ranges
 from pftrack_sim.scenario.delivery import frame_count
 from pftrack_sim.scenario.explain import problems

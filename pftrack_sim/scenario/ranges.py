@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias, cast
 
-from pftrack_sim.streams import stream
+from pftrack_sim.core.random_streams import stream
 
 Tree: TypeAlias = dict[str, Any]
 KeyPath: TypeAlias = tuple[str | int, ...]

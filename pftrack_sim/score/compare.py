@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 Numbers = NDArray[np.float64]
 

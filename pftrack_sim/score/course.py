@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.score.episode import SUCCESS_OVERLAP
 
 COVERED_BELOW = 0.5

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 Numbers = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim import boxes
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import ParameterError
 
 SUCCESS_OVERLAP = 0.5
 PRECISION_PX = 20.0

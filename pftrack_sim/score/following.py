@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 FOLLOWED_M = 3.0
 """EVT-Bench: a step is followed when the target is faced and no farther than this."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.score.course import drift_per_second, failures, recoveries, share_lost_for_good
 from pftrack_sim.score.curves import (
     area_under_success,

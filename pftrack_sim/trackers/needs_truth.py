@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from pftrack_sim.boxes import Box
+from pftrack_sim.core.boxes import Box
 
 
 @runtime_checkable

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from pftrack_sim.errors import ParameterError, did_you_mean
+from pftrack_sim.core.errors import ParameterError, did_you_mean
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

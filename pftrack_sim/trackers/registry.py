@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pftrack_sim import plugins
-from pftrack_sim.errors import ParameterError, TrackerError
-from pftrack_sim.records import Tracker
+from pftrack_sim.core import plugins
+from pftrack_sim.core.errors import ParameterError, TrackerError
+from pftrack_sim.core.records import Tracker
 
 GROUP = "pftrack_sim.trackers"
 PRESETS = ("default", "paper")
@@ -29,71 +29,83 @@ class _Known:
 
 _OURS = {
     "ko2012": _Known(
-        "pftrack_sim.trackers.ko2012:make_proposed",
+        "pftrack_sim.trackers.papers.ko2012:make_proposed",
         "Ko, Nam & Kwak 2012: particle filter on HSV colour and CS-LBP texture",
     ),
-    "ko2012-cslbp": _Known("pftrack_sim.trackers.ko2012:make_cslbp", "Ko et al. 2012, method 4: CS-LBP texture alone"),
-    "ko2012-hsv": _Known("pftrack_sim.trackers.ko2012:make_hsv", "Ko et al. 2012, method 2: HSV histogram"),
+    "ko2012-cslbp": _Known(
+        "pftrack_sim.trackers.papers.ko2012:make_cslbp", "Ko et al. 2012, method 4: CS-LBP texture alone"
+    ),
+    "ko2012-hsv": _Known("pftrack_sim.trackers.papers.ko2012:make_hsv", "Ko et al. 2012, method 2: HSV histogram"),
     "ko2012-hsv-kernel": _Known(
-        "pftrack_sim.trackers.ko2012:make_hsv_kernel",
+        "pftrack_sim.trackers.papers.ko2012:make_hsv_kernel",
         "Ko et al. 2012, method 3: HSV histogram under an Epanechnikov kernel",
     ),
-    "ko2012-rgb": _Known("pftrack_sim.trackers.ko2012:make_rgb", "Ko et al. 2012, method 1: RGB histogram"),
+    "ko2012-rgb": _Known("pftrack_sim.trackers.papers.ko2012:make_rgb", "Ko et al. 2012, method 1: RGB histogram"),
     "kwon2005": _Known(
-        "pftrack_sim.trackers.kwon2005:make_proposed",
+        "pftrack_sim.trackers.papers.kwon2005:make_proposed",
         "Kwon, Kim & Lim: appearance-adaptive particle filter on a grey template",
     ),
     "kwon2005-no-occlusion": _Known(
-        "pftrack_sim.trackers.kwon2005:make_no_occlusion", "kwon2005 that never holds the target to be covered"
+        "pftrack_sim.trackers.papers.kwon2005:make_no_occlusion", "kwon2005 that never holds the target to be covered"
     ),
     "lee2012": _Known(
-        "pftrack_sim.trackers.lee2012:make_proposed",
+        "pftrack_sim.trackers.papers.lee2012:make_proposed",
         "Lee et al. 2012: particle filter on colour and HOG, learnt on line by incremental PCA",
     ),
     "lee2012-checked": _Known(
-        "pftrack_sim.trackers.lee2012:make_checked",
+        "pftrack_sim.trackers.papers.lee2012:make_checked",
         "lee2012 that learns only from what resembles the target; not in the paper",
     ),
-    "lee2012-color": _Known("pftrack_sim.trackers.lee2012:make_color", "Lee et al. 2012, compared: colour alone"),
+    "lee2012-color": _Known(
+        "pftrack_sim.trackers.papers.lee2012:make_color", "Lee et al. 2012, compared: colour alone"
+    ),
     "lee2012-color-hog": _Known(
-        "pftrack_sim.trackers.lee2012:make_color_hog", "Lee et al. 2012, compared: colour and HOG, without learning"
+        "pftrack_sim.trackers.papers.lee2012:make_color_hog",
+        "Lee et al. 2012, compared: colour and HOG, without learning",
     ),
     "ncc": _Known(
-        "pftrack_sim.trackers.matching:make_ncc", "normalised cross-correlation with the first frame's patch"
+        "pftrack_sim.trackers.baselines.template_matching:make_ncc",
+        "normalised cross-correlation with the first frame's patch",
     ),
     "opencv-camshift": _Known(
-        "pftrack_sim.trackers.shift:make_camshift", "OpenCV's CamShift on the back-projected hue: Bradski 1998"
+        "pftrack_sim.trackers.baselines.mean_shift:make_camshift",
+        "OpenCV's CamShift on the back-projected hue: Bradski 1998",
     ),
     "opencv-csrt": _Known(
-        "pftrack_sim.trackers.opencv:make_csrt", "OpenCV's TrackerCSRT; needs opencv-contrib-python-headless"
+        "pftrack_sim.trackers.opencv.classic:make_csrt", "OpenCV's TrackerCSRT; needs opencv-contrib-python-headless"
     ),
     "opencv-dasiamrpn": _Known(
-        "pftrack_sim.trackers.networks:make_dasiamrpn",
+        "pftrack_sim.trackers.opencv.networks:make_dasiamrpn",
         "OpenCV's TrackerDaSiamRPN; needs model files: model, kernel_cls1, kernel_r1",
     ),
     "opencv-kcf": _Known(
-        "pftrack_sim.trackers.opencv:make_kcf", "OpenCV's TrackerKCF; needs opencv-contrib-python-headless"
+        "pftrack_sim.trackers.opencv.classic:make_kcf", "OpenCV's TrackerKCF; needs opencv-contrib-python-headless"
     ),
     "opencv-meanshift": _Known(
-        "pftrack_sim.trackers.shift:make_meanshift", "OpenCV's meanShift on the back-projected hue: Bradski 1998"
+        "pftrack_sim.trackers.baselines.mean_shift:make_meanshift",
+        "OpenCV's meanShift on the back-projected hue: Bradski 1998",
     ),
     "opencv-medianflow": _Known(
-        "pftrack_sim.trackers.opencv:make_medianflow",
+        "pftrack_sim.trackers.opencv.classic:make_medianflow",
         "OpenCV's TrackerMedianFlow; needs opencv-contrib-python-headless",
     ),
-    "opencv-mil": _Known("pftrack_sim.trackers.opencv:make_mil", "OpenCV's TrackerMIL: multiple-instance learning"),
+    "opencv-mil": _Known(
+        "pftrack_sim.trackers.opencv.classic:make_mil", "OpenCV's TrackerMIL: multiple-instance learning"
+    ),
     "opencv-mosse": _Known(
-        "pftrack_sim.trackers.opencv:make_mosse", "OpenCV's TrackerMOSSE; needs opencv-contrib-python-headless"
+        "pftrack_sim.trackers.opencv.classic:make_mosse", "OpenCV's TrackerMOSSE; needs opencv-contrib-python-headless"
     ),
     "opencv-nano": _Known(
-        "pftrack_sim.trackers.networks:make_nano", "OpenCV's TrackerNano; needs model files: backbone, neckhead"
+        "pftrack_sim.trackers.opencv.networks:make_nano", "OpenCV's TrackerNano; needs model files: backbone, neckhead"
     ),
     "opencv-tld": _Known(
-        "pftrack_sim.trackers.opencv:make_tld", "OpenCV's TrackerTLD; needs opencv-contrib-python-headless"
+        "pftrack_sim.trackers.opencv.classic:make_tld", "OpenCV's TrackerTLD; needs opencv-contrib-python-headless"
     ),
-    "opencv-vit": _Known("pftrack_sim.trackers.networks:make_vit", "OpenCV's TrackerVit; needs a model file: model"),
-    "oracle": _Known("pftrack_sim.trackers.yardsticks:make_oracle", "told the truth, says the truth"),
-    "stay": _Known("pftrack_sim.trackers.yardsticks:make_stay", "the first box for ever"),
+    "opencv-vit": _Known(
+        "pftrack_sim.trackers.opencv.networks:make_vit", "OpenCV's TrackerVit; needs a model file: model"
+    ),
+    "oracle": _Known("pftrack_sim.trackers.baselines.reference:make_oracle", "told the truth, says the truth"),
+    "stay": _Known("pftrack_sim.trackers.baselines.reference:make_stay", "the first box for ever"),
 }
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from pftrack_sim.camera import extents
 from pftrack_sim.camera.extents import Bodies, Shape
-from pftrack_sim.camera.optics import intrinsics
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.camera.pinhole import intrinsics
+from pftrack_sim.core.errors import ParameterError
 
 NEAR = 0.05
 K = intrinsics(640, 480, 0.9)

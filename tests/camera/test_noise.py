@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim.camera.noise import QUANTILES, Noise, outcomes
 from pftrack_sim.camera.sensor import Sensor
-from pftrack_sim.photometry import DISPLAY_GAMMA
+from pftrack_sim.core.photometry import DISPLAY_GAMMA
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes, NoiseAxis
 

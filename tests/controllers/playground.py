@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pftrack_sim.controllers import Controller
-from pftrack_sim.proprio import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_ANGLES_RAD, RANGE_M, RANGES
-from pftrack_sim.records import Estimate
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_ANGLES_RAD, RANGE_M, RANGES
+from pftrack_sim.core.records import Estimate
 
 SIZE = (640, 480)
 FOCAL_PX = 240.0 / math.tan(math.radians(25.0))

@@ -5,13 +5,13 @@ import pytest
 from playground import SIZE, Playground
 
 from pftrack_sim import controllers
-from pftrack_sim.controllers import Controller, Rig
+from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.controllers.avoiding import BRAKE_M_S2, HULL_M
 
 
 def made(name: str = "servo-avoid") -> Controller:
     controller = controllers.make(name)
-    controller.reset(Rig(SIZE))
+    controller.reset(RobotParameters(SIZE))
     return controller
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim import controllers
-from pftrack_sim.controllers import Rig
+from pftrack_sim.controllers import RobotParameters
 from pftrack_sim.controllers.registry import GROUP
-from pftrack_sim.errors import ControllerError, ParameterError, UnknownNameError
+from pftrack_sim.core.errors import ControllerError, ParameterError, UnknownNameError
 
 THIS = "controller_strangers"
 
@@ -41,7 +41,7 @@ def test_installed_ones_are_listed_and_cannot_take_our_names(monkeypatch: pytest
     from importlib.metadata import EntryPoint
 
     points = [EntryPoint("spinner", f"{THIS}:Spinner", GROUP), EntryPoint("servo", f"{THIS}:Spinner", GROUP)]
-    monkeypatch.setattr("pftrack_sim.plugins.entry_points", lambda group: points if group == GROUP else [])
+    monkeypatch.setattr("pftrack_sim.core.plugins.entry_points", lambda group: points if group == GROUP else [])
     assert "spinner" in controllers.names()
     assert "spinner" in controllers.describe("spinner").lower()
     assert controllers.make("spinner").act(None, None)[1] == 1.0
@@ -61,16 +61,16 @@ def test_unknown():
 )
 def test_an_impossible_rig_is_refused(wrong: dict):
     with pytest.raises(ParameterError, match="rig"):
-        Rig(**wrong)
+        RobotParameters(**wrong)
 
 
 def test_commands_change_no_faster_than_the_base_can():
     controller = controllers.make("servo")
-    rig = Rig(rate_hz=20.0, max_speed_m_s=2.0)
+    rig = RobotParameters(rate_hz=20.0, max_speed_m_s=2.0)
     controller.reset(rig)
     from pftrack_sim.controllers.servo import ACCELERATION
-    from pftrack_sim.proprio import PROPRIO_NAMES
-    from pftrack_sim.records import Estimate
+    from pftrack_sim.core.proprioception import PROPRIO_NAMES
+    from pftrack_sim.core.records import Estimate
 
     rng = np.random.default_rng(1)
     last = np.zeros(4)

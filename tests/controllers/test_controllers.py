@@ -7,15 +7,15 @@ import pytest
 from playground import SIZE, Playground
 
 from pftrack_sim import controllers
-from pftrack_sim.controllers import Controller, Rig, Servo
-from pftrack_sim.errors import ParameterError, UnknownNameError
-from pftrack_sim.proprio import PROPRIO_INDEX, PROPRIO_NAMES
-from pftrack_sim.records import Estimate
+from pftrack_sim.controllers import Controller, RobotParameters, Servo
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES
+from pftrack_sim.core.records import Estimate
 
 
 def servo(**params) -> Controller:
     controller = controllers.make("servo", **params)
-    controller.reset(Rig(SIZE))
+    controller.reset(RobotParameters(SIZE))
     return controller
 
 
@@ -109,7 +109,7 @@ def test_same_input_same_output_after_reset(name: str):
     controller = controllers.make(name)
 
     def episode() -> bytes:
-        controller.reset(Rig(SIZE, math.radians(60.0)))
+        controller.reset(RobotParameters(SIZE, math.radians(60.0)))
         rng = np.random.default_rng(3)
         return b"".join(
             controller.act(Estimate(rng.uniform(50, 200, 4)), rng.normal(size=len(PROPRIO_NAMES))).tobytes()

@@ -5,13 +5,13 @@ import pytest
 from playground import SIZE, Playground
 
 from pftrack_sim import controllers
-from pftrack_sim.controllers import Controller, Rig
+from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.controllers.searching import BEYOND_RAD, LOOK_S, PATIENCE_S, Searching
 
 
 def servo() -> Controller:
     controller = controllers.make("servo")
-    controller.reset(Rig(SIZE))
+    controller.reset(RobotParameters(SIZE))
     return controller
 
 

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pftrack_sim import boxes, scenario
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.records import Frame
+from pftrack_sim import scenario
+from pftrack_sim.core import boxes
+from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario.axes import axes_by_name
+from pftrack_sim.simulation.simulation import Simulation
 
 SMALL: dict[str, Any] = {"camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "duration_s": 1.2}
 AXES = list(axes_by_name())

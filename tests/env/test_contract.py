@@ -15,8 +15,8 @@ from gymnasium.utils.env_checker import check_env
 
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import scenario
-from pftrack_sim.errors import BoxError, CommandError, ParameterError, ScenarioError, UnknownNameError
-from pftrack_sim.records import Estimate
+from pftrack_sim.core.errors import BoxError, CommandError, ParameterError, ScenarioError, UnknownNameError
+from pftrack_sim.core.records import Estimate
 
 IDS = ["pftrack_sim/Track-v0", "pftrack_sim/Follow-v0", "pftrack_sim/TrackAndFollow-v0"]
 # Worlds of suites' episodes are long in the making.

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.records import Frame
+from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario.axes import DistractorsAxis
-from pftrack_sim.world import World
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.simulation.world import World
 
 PLACES = [name for name in scenario.names() if "/" not in name]
 """One scenario for each place; those of the suites are the same places again."""

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from pftrack_sim.camera.sensor import Sensor
-from pftrack_sim.photometry import DISPLAY_GAMMA, LUMINANCE
-from pftrack_sim.render.rasteriser import Rasteriser
+from pftrack_sim.core.photometry import DISPLAY_GAMMA, LUMINANCE
+from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes, LightAxis
-from pftrack_sim.world.lighting import Lighting
+from pftrack_sim.scene.lighting import Lighting
 
 WIDTH, HEIGHT, RATE_HZ = 64, 48, 30.0
 FACING = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]], dtype=np.float64)

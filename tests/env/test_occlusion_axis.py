@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.records import Truth
+from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import OcclusionAxis
+from pftrack_sim.simulation.simulation import Simulation
 
 PLACES = [name for name in scenario.names() if "/" not in name]
 """One scenario for each place; those of the suites are the same places again."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.errors import ScenarioError
-from pftrack_sim.records import Truth
+from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.core.records import Truth
+from pftrack_sim.simulation.simulation import Simulation
 
 AT_S, DURATION_S, RATE_HZ = 3.0, 1.0, 30.0
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.errors import ScenarioError
-from pftrack_sim.records import Frame
+from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.core.records import Frame
+from pftrack_sim.simulation.simulation import Simulation
 
 SMALL: dict[str, Any] = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False}
 AXES: dict[str, dict[str, Any]] = {

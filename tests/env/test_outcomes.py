@@ -8,7 +8,7 @@ import pytest
 
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, trackers
-from pftrack_sim.errors import CommandError, ParameterError
+from pftrack_sim.core.errors import CommandError, ParameterError
 
 SMALL = {
     "camera.width_px": 96,

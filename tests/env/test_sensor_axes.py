@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.camera.stream import compressed
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.records import Frame
+from pftrack_sim.camera.compression import compressed
+from pftrack_sim.core.records import Frame
+from pftrack_sim.simulation.simulation import Simulation
 
 SHORT = {"duration_s": 1.0, "camera.width_px": 160, "camera.height_px": 120, "camera.rate_hz": 10.0}
 PARAMETERS: dict[str, dict[str, Any]] = {

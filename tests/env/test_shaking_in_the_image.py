@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.simulation.simulation import Simulation
 
 RATE_HZ, DURATION_S = 25.0, 40.0
 SIZE = (320, 240)

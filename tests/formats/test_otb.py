@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pftrack_sim.errors import SequenceError
+from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.formats import read_sequence
 
 BOXES = ["1,1,10,20", "3,4,10.5,20", "5,6,11,21"]

@@ -15,8 +15,8 @@ from statistics import median
 from typing import Any
 
 from pftrack_sim import scenario
-from pftrack_sim.env.simulation import Simulation
 from pftrack_sim.scenario.axes import axes_by_name
+from pftrack_sim.simulation.simulation import Simulation
 
 ROUNDS, STEPS, SEED = 12, 5, 1
 

@@ -25,18 +25,18 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from pftrack_sim import trackers
-from pftrack_sim.bench import Contestant, make_plan, run
-from pftrack_sim.bench.episode import Job, play
-from pftrack_sim.bench.folder import episode_files
-from pftrack_sim.bench.pools import Done
-from pftrack_sim.bench.status import Status
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.isolation import IsolatedTracker, Limits
+from pftrack_sim.benchmark import TrackerSpec, make_plan, run
+from pftrack_sim.benchmark.episode import Job, play
+from pftrack_sim.benchmark.executor import Done
+from pftrack_sim.benchmark.folder import episode_files
+from pftrack_sim.benchmark.progress import Status
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits
 
 SIZE: dict[str, Any] = {"camera.width_px": 320, "camera.height_px": 240, "lights.shadows": False}
 EIGHT = [
-    *(Contestant(name="ko2012", params={"particle_count": count}) for count in (25, 50, 75, 100)),
-    *(Contestant(name=name) for name in ("ko2012", "stay", "oracle", "opencv-mil")),
+    *(TrackerSpec(name="ko2012", params={"particle_count": count}) for count in (25, 50, 75, 100)),
+    *(TrackerSpec(name=name) for name in ("ko2012", "stay", "oracle", "opencv-mil")),
 ]
 LIMITS = Limits()
 
@@ -158,7 +158,7 @@ def parent(folder: Path, episodes: int = 1000) -> None:
         with open("/proc/self/statm", encoding="ascii") as statm:
             seen.append((time.perf_counter(), int(statm.read().split()[1]) * 4096))
 
-    engine = importlib.import_module("pftrack_sim.bench.run")
+    engine = importlib.import_module("pftrack_sim.benchmark.run")
     real, engine._pool = engine._pool, lambda *_: Canned()
     plan = make_plan(["corridor"], ["stay", "oracle"], list(range(episodes)), overrides=overrides)
     run(plan, folder / "parent", videos="none", on_status=remember)
@@ -199,7 +199,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if "--kills" in sys.argv:
-            from tests.bench.survival import survive
+            from tests.benchmark.survival import survive
 
             kills = int(sys.argv[sys.argv.index("--kills") + 1])
             survive(folder, kills=kills, episodes=8, seed=0)

@@ -21,11 +21,11 @@ import numpy as np
 from mujoco.rendering.classic import renderer as mujoco_renderer
 
 from pftrack_sim import scenario
-from pftrack_sim.camera.optics import OPENGL_AXES, intrinsics
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.render.context import open_context
-from pftrack_sim.render.rasteriser import Rasteriser
-from pftrack_sim.render.truth import TruthMaker
+from pftrack_sim.camera.pinhole import OPENGL_AXES, intrinsics
+from pftrack_sim.render.gl.context import open_context
+from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.truth.observer import TruthObserver
 
 SIZES = ((160, 120), (320, 240), (640, 480))
 SCENARIOS = ("plaza-walk", "corridor", "warehouse", "street-night")
@@ -56,7 +56,7 @@ def measure(name: str, width: int, height: int, shadows: bool) -> dict[str, floa
     world, settings = simulation.world, simulation.settings
     fovy = float(np.deg2rad(settings.camera.fovy_deg))
     ours = Rasteriser(world.model, width, height)
-    maker = TruthMaker(world.model, world.people, ours, intrinsics(width, height, fovy))
+    maker = TruthObserver(world.model, world.people, ours, intrinsics(width, height, fovy))
     theirs = mujoco_renderer.Renderer(world.model, height, width)
     camera = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, "robot/camera")
     taken: dict[str, list[float]] = {"colour": [], "truth": [], "mujoco": []}

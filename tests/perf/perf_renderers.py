@@ -11,9 +11,9 @@ import time
 
 import numpy as np
 
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.render.choice import warp_installed
+from pftrack_sim.render.selection import warp_installed
 from pftrack_sim.scenario import load
+from pftrack_sim.simulation.simulation import Simulation
 
 SIZES = ((84, 84), (160, 120), (320, 240), (640, 480))
 FRAMES = 5

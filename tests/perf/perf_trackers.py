@@ -24,11 +24,11 @@ import cv2
 import numpy as np
 
 from pftrack_sim import trackers
-from pftrack_sim.errors import ParameterError
-from pftrack_sim.trackers import ko2012
-from pftrack_sim.trackers.appearance import colour, histogram, texture
-from pftrack_sim.trackers.appearance.model import window
-from pftrack_sim.trackers.filter import ParticleFilter, RandomWalk
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.trackers.features import colour, histogram, texture
+from pftrack_sim.trackers.features.model import window
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
+from pftrack_sim.trackers.papers import ko2012
 
 WIDTH, HEIGHT, FRAMES, COUNT = 640, 480, 300, 100
 TARGETS = {

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from render_stage import HEIGHT, WIDTH, K, build, looking
 
-from pftrack_sim.errors import RenderError, UnknownNameError
-from pftrack_sim.render import context, platforms
-from pftrack_sim.render.choice import open_renderer
-from pftrack_sim.render.context import open_context
-from pftrack_sim.render.rasteriser import Rasteriser
+from pftrack_sim.core.errors import RenderError, UnknownNameError
+from pftrack_sim.render.gl import context, platforms
+from pftrack_sim.render.gl.context import open_context
+from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.render.selection import open_renderer
 
 POSE = looking((0, 0, 1.2), (5, 0, 1))
 
@@ -223,8 +223,8 @@ def test_changing_the_model_three_hundred_times_does_not_grow():
 def test_importing_makes_no_context_and_changes_no_environment():
     program = (
         "import os; import mujoco, gymnasium, cv2; before = dict(os.environ)\n"
-        "import pftrack_sim.render.rasteriser, pftrack_sim.render.truth, pftrack_sim.render.overlay\n"
-        "from pftrack_sim.render import context, platforms\n"
+        "import pftrack_sim.render.gl.rasteriser, pftrack_sim.truth.observer, pftrack_sim.render.overlay\n"
+        "from pftrack_sim.render.gl import context, platforms\n"
         "import sys\n"
         "assert context._process.backend is None and not platforms._platforms\n"
         "assert before == dict(os.environ)\n"

@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from pftrack_sim.render import doctor
-from pftrack_sim.render.context import GLInfo, candidates
 from pftrack_sim.render.doctor import Attempt, Report, report
+from pftrack_sim.render.gl.context import GLInfo, candidates
 
 EGL = Attempt("egl", GLInfo("egl", "Mesa", "llvmpipe", "4.5"))
 BROKEN = Attempt("egl", None, "libEGL.so.1 is not installed")
@@ -70,7 +70,8 @@ def test_noise_on_standard_output_does_not_hide_the_answer(monkeypatch: pytest.M
 
 
 def test_the_child_of_the_doctor_answers_about_a_library_that_is_not_there():
-    program = "import sys; sys.argv[1:] = ['osmesa']; from pftrack_sim.render import platforms, doctor\n"
+    program = "import sys; sys.argv[1:] = ['osmesa']\n"
+    program += "from pftrack_sim.render import doctor; from pftrack_sim.render.gl import platforms\n"
     program += "def hidden(name, mode): raise OSError(name)\n"
     program += "platforms._load = hidden; doctor._main()"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

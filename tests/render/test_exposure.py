@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from render_stage import HEIGHT, WIDTH, K, new_spec
 
-from pftrack_sim import boxes
-from pftrack_sim.camera.jitter import Vibration
-from pftrack_sim.camera.lens import Lens
+from pftrack_sim.camera.distortion import Lens
+from pftrack_sim.camera.shake import Vibration
 from pftrack_sim.camera.shutter import Shutter
-from pftrack_sim.records import Frame
-from pftrack_sim.render.exposure import Exposer
-from pftrack_sim.render.rasteriser import Rasteriser
-from pftrack_sim.render.truth import TruthMaker
+from pftrack_sim.core import boxes
+from pftrack_sim.core.records import Frame
+from pftrack_sim.render.capture.exposure import FrameCapture
+from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.scenario.axes import DistortionAxis
 from pftrack_sim.scenario.model import Jitter
-from pftrack_sim.world.layout import PEOPLE_GROUP, SCENERY_GROUP
+from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
+from pftrack_sim.truth.observer import TruthObserver
 
 FRAME_S = 0.04
 NO_LENS = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -66,9 +66,9 @@ class Studio:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.shutter = shutter
-        self.exposer = Exposer(self.model, Lens(K, lens, (WIDTH, HEIGHT)), shutter, STILL)
+        self.exposer = FrameCapture(self.model, Lens(K, lens, (WIDTH, HEIGHT)), shutter, STILL)
         self.renderer = Rasteriser(self.model, *self.exposer.drawn_size)
-        self.truth = TruthMaker(self.model, ("target",), self.renderer, K, (WIDTH, HEIGHT))
+        self.truth = TruthObserver(self.model, ("target",), self.renderer, K, (WIDTH, HEIGHT))
         self.frames = 0
 
     def shoot(self, ball: tuple[float, float, float], pose: np.ndarray) -> Frame:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pftrack_sim.camera.optics import intrinsics
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.camera.pinhole import intrinsics
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import load
-from pftrack_sim.world import World
+from pftrack_sim.simulation.world import World
 
 pytest.importorskip("mujoco_warp")
 

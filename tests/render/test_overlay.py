@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pftrack_sim.records import Estimate, Frame, State, Truth
+from pftrack_sim.core.records import Estimate, Frame, State, Truth
 from pftrack_sim.render.overlay import PALETTE, draw_boxes, draw_frame
 
 

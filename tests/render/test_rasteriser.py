@@ -10,12 +10,12 @@ import pytest
 from mujoco.rendering.classic import renderer as mujoco_renderer
 from render_stage import HEIGHT, WIDTH, K, Stage, build, looking, new_spec, random_view
 
-from pftrack_sim.camera.optics import OPENGL_AXES, intrinsics, project
-from pftrack_sim.errors import ParameterError, RenderError
+from pftrack_sim.camera.pinhole import OPENGL_AXES, intrinsics, project
+from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.render.backend import PixelRect
-from pftrack_sim.render.context import open_context
-from pftrack_sim.render.rasteriser import Rasteriser
-from pftrack_sim.world.layout import HIDDEN_GROUP, PEOPLE_GROUP
+from pftrack_sim.render.gl.context import open_context
+from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 
 Drawing = Callable[[Stage], Rasteriser]
 

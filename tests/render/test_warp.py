@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pftrack_sim.env.simulation import Simulation
-from pftrack_sim.errors import ParameterError, RenderError, UnknownNameError
-from pftrack_sim.records import Truth
-from pftrack_sim.render import choice
+from pftrack_sim.core.errors import ParameterError, RenderError, UnknownNameError
+from pftrack_sim.core.records import Truth
+from pftrack_sim.render import selection as choice
 from pftrack_sim.render.backend import PixelRect
-from pftrack_sim.render.truth import TruthMaker
 from pftrack_sim.scenario import load, names
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.truth.observer import TruthObserver
 
 pytest.importorskip("mujoco_warp")
 
@@ -46,8 +46,8 @@ def _views(simulation: Simulation, count: int, every: int = 8):
 def test_the_truth_is_that_of_opengl(pair):
     simulation, caster = pair
     world, K = simulation.world, simulation._K
-    ours = TruthMaker(world.model, world.people, caster, K)
-    theirs = TruthMaker(world.model, world.people, simulation._renderer, K)
+    ours = TruthObserver(world.model, world.people, caster, K)
+    theirs = TruthObserver(world.model, world.people, simulation._renderer, K)
     image = np.zeros((120, 160, 3), dtype=np.uint8)
     for data, pose in _views(simulation, 3):
         seen = [maker.observe(data, pose, image, world.time_s, world.root_poses()) for maker in (ours, theirs)]
@@ -74,7 +74,7 @@ def test_over_two_hundred_frames_boxes_states_and_occluders_agree(pair, seed: in
     simulation.reset(seed)
     world, K = simulation.world, simulation._K
     caster.rebind(world.model)
-    makers = [TruthMaker(world.model, world.people, one, K) for one in (caster, simulation._renderer)]
+    makers = [TruthObserver(world.model, world.people, one, K) for one in (caster, simulation._renderer)]
     image = np.zeros((120, 160, 3), dtype=np.uint8)
     for data, pose in _views(simulation, 10):
         mine, other = (maker.observe(data, pose, image, world.time_s, world.root_poses())[0] for maker in makers)
@@ -199,7 +199,7 @@ def test_wrong_rectangles_poses_and_names_are_told(pair):
 
 _PROGRAM = """
 import hashlib
-from pftrack_sim.env.simulation import Simulation
+from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.scenario import load
 with Simulation(load("corridor", {size}), backend={backend}) as simulation:
     digest = hashlib.sha256()
@@ -265,7 +265,7 @@ def test_one_error_names_both_remedies_where_nothing_can_draw(monkeypatch: pytes
 
 def test_nothing_of_warp_is_imported_unless_chosen():
     program = (
-        "import sys, pftrack_sim.env.simulation, pftrack_sim.render.doctor; "
+        "import sys, pftrack_sim.simulation.simulation, pftrack_sim.render.doctor; "
         "assert not {'warp', 'mujoco_warp'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

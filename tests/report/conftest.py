@@ -9,7 +9,7 @@ import duckdb
 import pytest
 from report_stage import HOSTILE
 
-from pftrack_sim.bench import make_plan, run
+from pftrack_sim.benchmark import make_plan, run
 
 SMALL = {"duration_s": 0.8, "camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "occluders": []}
 

@@ -11,7 +11,7 @@ import pytest
 from report_stage import HOSTILE
 
 from pftrack_sim import report, score
-from pftrack_sim.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.report.contents import axis_of, contents
 from pftrack_sim.report.data import read_run
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim import report
-from pftrack_sim.bench import make_plan, run
-from pftrack_sim.bench.query import ask
+from pftrack_sim.benchmark import make_plan, run
+from pftrack_sim.benchmark.query import ask
 from pftrack_sim.report.data import read_run
 from pftrack_sim.report.drives import drives
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.errors import ParameterError, ScenarioError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.scenario import ranges
 from pftrack_sim.scenario.axes import axes_by_name
 

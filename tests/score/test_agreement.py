@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from pftrack_sim import score
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 levels = st.integers(0, 4).map(lambda number: 0.25 * number)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pftrack_sim import score
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 
 def test_a_long_absence_is_one_failure_and_unseen_frames_are_none():

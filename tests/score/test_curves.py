@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pftrack_sim import score
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 OVERLAP = [1.0, 0.5, 0.75, 0.0, 0.49, 0.51]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import score
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 NAN = [math.nan] * 4
 TRUTH = np.array([[0, 0, 10, 10], [0, 0, 10, 10], [0, 0, 10, 10], NAN, [0, 0, 10, 10], [0, 0, 10, 10]])

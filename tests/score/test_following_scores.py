@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.score.following import Course, Task, jerk_rms, losses, summarise
 
 RATE_HZ = 10.0

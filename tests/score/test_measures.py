@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import score
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError
 
 TRUTH = np.tile([10.0, 10.0, 20.0, 40.0], (8, 1))
 SAID = TRUTH + np.array([0, 0, 2, 4, 100, 100, 5, 2])[:, None] * [1, 0, 0, 0]

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pftrack_sim.errors import ParameterError
-from pftrack_sim.trackers.filter.adaptive import AdaptiveSpread, shift, slopes
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.trackers.filters.adaptive import AdaptiveSpread, shift, slopes
 
 SPREAD = AdaptiveSpread(noise=1.0, noise_min=0.5, noise_max=2.5, count=200, count_max=450)
 

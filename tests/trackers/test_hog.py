@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pftrack_sim.trackers.appearance.hog import CELL_COLUMNS, CELL_ROWS, COLUMNS, DIRECTION_COUNT, ROWS, SIZE, hog
+from pftrack_sim.trackers.features.hog import CELL_COLUMNS, CELL_ROWS, COLUMNS, DIRECTION_COUNT, ROWS, SIZE, hog
 
 WHOLE = np.array([[0.0, 0.0, COLUMNS, ROWS]])
 

@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from pftrack_sim import boxes, trackers
-from pftrack_sim.trackers.ko2012 import METHODS, PAPER
+from pftrack_sim import trackers
+from pftrack_sim.core import boxes
+from pftrack_sim.trackers.papers.ko2012 import METHODS, PAPER
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 

@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from pftrack_sim import boxes, trackers
-from pftrack_sim.records import Estimate
-from pftrack_sim.trackers.kwon2005 import PAPER, Kwon2005
+from pftrack_sim import trackers
+from pftrack_sim.core import boxes
+from pftrack_sim.core.records import Estimate
+from pftrack_sim.trackers.papers.kwon2005 import PAPER, Kwon2005
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 MOTIONS = ["similarity", "affine"]

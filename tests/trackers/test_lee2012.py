@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pftrack_sim import boxes, trackers
-from pftrack_sim.trackers.appearance.blocks import block_size, read_blocks
-from pftrack_sim.trackers.appearance.colour import hsv_joint_codes
-from pftrack_sim.trackers.appearance.histogram import distance_layout, histogram, histograms
-from pftrack_sim.trackers.filter import ConstantVelocity
-from pftrack_sim.trackers.lee2012 import METHODS, PAPER, PRESETS, Lee2012
+from pftrack_sim import trackers
+from pftrack_sim.core import boxes
+from pftrack_sim.trackers.features.blocks import block_size, read_blocks
+from pftrack_sim.trackers.features.colour import hsv_joint_codes
+from pftrack_sim.trackers.features.histogram import distance_layout, histogram, histograms
+from pftrack_sim.trackers.filters import ConstantVelocity
+from pftrack_sim.trackers.papers.lee2012 import METHODS, PAPER, PRESETS, Lee2012
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 NAMES = sorted(METHODS)

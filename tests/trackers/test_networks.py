@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim import trackers
-from pftrack_sim.errors import ParameterError, TrackerError
-from pftrack_sim.trackers.networks import KINDS
+from pftrack_sim.core.errors import ParameterError, TrackerError
+from pftrack_sim.trackers.opencv.networks import KINDS
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 NAMES = sorted(KINDS)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim import trackers
-from pftrack_sim.errors import TrackerError
-from pftrack_sim.trackers.opencv import KINDS
+from pftrack_sim.core.errors import TrackerError
+from pftrack_sim.trackers.opencv.classic import KINDS
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 

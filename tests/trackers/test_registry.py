@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import pftrack_sim
-from pftrack_sim import plugins, trackers
-from pftrack_sim.errors import ParameterError, TrackerError, UnknownNameError
-from pftrack_sim.records import Estimate
+from pftrack_sim import trackers
+from pftrack_sim.core import plugins
+from pftrack_sim.core.errors import ParameterError, TrackerError, UnknownNameError
+from pftrack_sim.core.records import Estimate
 from pftrack_sim.trackers import registry
 
 
@@ -169,7 +170,8 @@ def test_importing_trackers_loads_neither_numba_nor_opencv():
 import sys, types
 sys.modules["pftrack_sim"] = package = types.ModuleType("pftrack_sim")
 package.__path__ = [sys.argv[1]]
-from pftrack_sim import plugins, trackers
+from pftrack_sim import trackers
+from pftrack_sim.core import plugins
 trackers.names(), trackers.make("stay"), trackers.make("oracle")
 print({"numba", "cv2", "mujoco", "gymnasium"} & {*sys.modules})
 """

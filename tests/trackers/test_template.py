@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pftrack_sim.trackers.appearance.template import (
+from pftrack_sim.trackers.features.template import (
     MixtureNumbers,
     Outliers,
     PixelMixture,

@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from pftrack_sim import boxes, trackers
-from pftrack_sim.errors import BoxError, ImageError, TrackerError
-from pftrack_sim.records import Estimate, Tracker
-from pftrack_sim.trackers.opencv import KINDS
+from pftrack_sim import trackers
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
+from pftrack_sim.core.records import Estimate, Tracker
+from pftrack_sim.trackers.opencv.classic import KINDS
 
 KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-rgb"]
 # The others of OpenCV are in its contrib wheel, and are held to the same where that is the one installed.

@@ -10,8 +10,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim import boxes
-from pftrack_sim.errors import ParameterError
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.render.backend import geoms_drawn
 from pftrack_sim.render.warp import kernels
 from pftrack_sim.render.warp.raycaster import cameras_of

@@ -10,9 +10,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.camera.optics import camera_matrix, focal_and_centre
-from pftrack_sim.errors import ParameterError, RenderError
-from pftrack_sim.records import Image
+from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
+from pftrack_sim.core.errors import ParameterError, RenderError
+from pftrack_sim.core.records import Image
 from pftrack_sim.render.backend import Layer, PixelRect, geoms_drawn
 from pftrack_sim.render.warp import kernels, rays
 from pftrack_sim.render.warp.scene import SceneTable

@@ -11,8 +11,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from pftrack_sim.errors import RenderError
-from pftrack_sim.render.sky import sky_material
+from pftrack_sim.core.errors import RenderError
+from pftrack_sim.render.gl.sky import sky_material
 from pftrack_sim.render.warp import kernels, rays
 
 _ROLE_RGB = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)

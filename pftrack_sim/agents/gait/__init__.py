@@ -1,0 +1,1 @@
+"""Human gait: from positions on the ground to poses of limbs."""

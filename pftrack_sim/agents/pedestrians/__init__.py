@@ -1,0 +1,1 @@
+"""Motion of pedestrians and carts."""

@@ -1,0 +1,1 @@
+"""Motion of the robot: drive, script, odometry, range finder, road."""

@@ -1,0 +1,244 @@
+"""Drives the compiled robot: commands in, poses and senses out."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pftrack_sim.agents.robot.odometry import Calibration, Odometry
+from pftrack_sim.agents.robot.range_finder import RangeFinder
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGES
+from pftrack_sim.scenario import model as scenario
+from pftrack_sim.scene.layout import owner_name, pose_matrix
+from pftrack_sim.scene.robot import dimensions as d
+from pftrack_sim.scene.robot.body import BASE, CAMERA, REST_YAW_RAD
+
+ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
+"""Steepest change of forward speed [m/s^2], turn rate, pan rate and tilt rate [rad/s^2]."""
+ACCELERATION.setflags(write=False)
+
+SIDEWAYS_SHARE = 0.35
+"""Turns are slowed down where they would take more than this share of the load off the inner wheel."""
+
+WINDUP_RAD = 0.3
+"""A head held back by something falls behind its servo's reference by no more than this."""
+
+_SETTLE_S = 1.5
+_FAR_M = 1000.0
+_OPENCV_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
+_GROUND = "ground"
+
+
+class Drive:
+    """The robot's motors and sensors in a compiled model.
+
+    Args:
+        model: Compiled from a spec that went through `add_robot` with the same `robot` and `camera`.
+        robot: Limits of the drive and the head.
+        camera: Rest pan (by its mount) and rest tilt.
+        calibration: What the odometry takes the wheels and the track for; None is the truth.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        robot: scenario.Robot,
+        camera: scenario.Camera,
+        calibration: Calibration | None = None,
+    ) -> None:
+        self._model = model
+        self._calibration = calibration if calibration is not None else Calibration()
+        self._range_finder = RangeFinder(model)
+        degrees = (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s)
+        self.limits = np.array([robot.max_speed_m_s, *np.deg2rad(degrees)])
+        """`(4,)` fastest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
+        self.limits.setflags(write=False)
+        self.rest_rad = (REST_YAW_RAD[camera.mount], math.radians(camera.tilt_deg))
+        """Pan and tilt at rest."""
+        self._base = model.body(BASE).id
+        self._camera = model.camera(CAMERA).id
+        names = ("robot/axle-left", "robot/axle-right", "robot/pan", "robot/tilt")
+        self._joints = np.array([model.joint(name).qposadr[0] for name in names])
+        motors = ("robot/drive-left", "robot/drive-right", "robot/pan", "robot/tilt")
+        self._motors = np.array([model.actuator(name).id for name in motors])
+        sensors = ("wheel-speed-left", "wheel-speed-right", "gyro", "accelerometer", "pan", "tilt")
+        self._sensors = np.concatenate(
+            [
+                np.arange(model.sensor_adr[found.id], model.sensor_adr[found.id] + model.sensor_dim[found.id])
+                for found in (model.sensor(f"robot/{name}") for name in sensors)
+            ]
+        )
+        self._sensor_scale = np.ones(len(self._sensors))
+        self._sensor_scale[:2] = self._calibration.left_radius_m, self._calibration.right_radius_m
+        head_range = [model.joint(name).range for name in names[2:]]
+        self._head_low, self._head_high = np.array(head_range).T
+        free = model.joint("robot/free")
+        self._free = int(free.qposadr[0])
+        owned = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == self._base)
+        self._qpos = slice(self._free, int(model.jnt_qposadr[owned[-1]]) + 1)
+        self._dofs = np.flatnonzero(model.body_rootid[model.dof_bodyid] == self._base)
+        self._owners = [owner_name(model.body(body).name) for body in model.geom_bodyid]
+        self._mine = model.body_rootid[model.geom_bodyid] == self._base
+        self._harmless = self._mine | np.array([owner == _GROUND for owner in self._owners])
+        # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.
+        wheel_share = 0.5 - d.CASTER_SHARE
+        self._sideways_m_s2 = SIDEWAYS_SHARE * d.GRAVITY_M_S2 * wheel_share * d.TRACK_M / self._centre_of_mass_m()
+        self._at_rest: dict[float, NDArray[np.float64]] = {}
+        self._forget()
+
+    def _forget(self) -> None:
+        self._rates = np.zeros(4)
+        self._head = np.array(self.rest_rad)
+        self._odometry = Odometry()
+
+    def reset(
+        self, data: mujoco.MjData, x_m: float, y_m: float, heading_rad: float, pan_rad: float | None = None
+    ) -> None:
+        """Stand still, sunk into the springs as the weight demands.
+
+        Args:
+            data: Its derived quantities are brought up to date too.
+            x_m: Middle of the axle.
+            y_m: Middle of the axle.
+            heading_rad: Counter-clockwise from +x.
+            pan_rad: Where the head looks, counter-clockwise from straight ahead; None is the rest of the mount.
+        """
+        self._forget()
+        if pan_rad is not None:
+            self._head[0] = np.clip(math.remainder(pan_rad, 2.0 * math.pi), self._head_low[0], self._head_high[0])
+        rest = self._settled()
+        data.qpos[self._qpos] = rest
+        base = data.qpos[self._free : self._free + 7]
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        base[:2] = x_m + cos * rest[0] - sin * rest[1], y_m + sin * rest[0] + cos * rest[1]
+        turned = np.empty(4)
+        mujoco.mju_mulQuat(turned, np.array([math.cos(heading_rad / 2), 0, 0, math.sin(heading_rad / 2)]), rest[3:7])
+        base[3:7] = turned
+        data.qvel[self._dofs] = 0.0
+        data.qacc_warmstart[self._dofs] = 0.0
+        data.ctrl[self._motors] = [0.0, 0.0, *self._head]
+        mujoco.mj_forward(self._model, data)
+
+    def scaled(self, command: ArrayLike) -> tuple[float, float, float, float]:
+        """Speeds from shares of the limits.
+
+        Args:
+            command: `(4,)` forward, turn, pan, tilt in [-1, 1]; clipped.
+
+        Returns:
+            Forward speed [m/s], turn rate, pan rate, tilt rate [rad/s].
+        """
+        forward, turn, pan, tilt = np.clip(np.asarray(command, dtype=np.float64), -1.0, 1.0) * self.limits
+        return float(forward), float(turn), float(pan), float(tilt)
+
+    def command(
+        self,
+        data: mujoco.MjData,
+        forward_m_s: float,
+        turn_rad_s: float,
+        pan_rad_s: float,
+        tilt_rad_s: float,
+        tick_s: float,
+    ) -> None:
+        """Set the motors for the coming tick; call it once a tick, before the physics steps.
+
+        Speeds are clipped to the robot's limits and approached no faster than `ACCELERATION`.
+
+        Args:
+            data: Its `ctrl` is written.
+            forward_m_s: Speed of the base.
+            turn_rad_s: Counter-clockwise.
+            pan_rad_s: Counter-clockwise.
+            tilt_rad_s: Upwards.
+            tick_s: Length of the tick.
+        """
+        self._odometry = self._odometry_now(data)
+        wanted = np.clip([forward_m_s, turn_rad_s, pan_rad_s, tilt_rad_s], -self.limits, self.limits)
+        step = ACCELERATION * tick_s
+        self._rates = self._rates + np.clip(wanted - self._rates, -step, step)
+        forward, turn = self._rates[:2]
+        outward = abs(forward * turn)
+        if outward > self._sideways_m_s2:
+            turn *= self._sideways_m_s2 / outward
+            self._rates[1] = turn
+        half = 0.5 * d.TRACK_M * turn
+        now = data.qpos[self._joints[2:]]
+        ahead = np.clip(self._head + self._rates[2:] * tick_s, now - WINDUP_RAD, now + WINDUP_RAD)
+        self._head = np.clip(ahead, self._head_low, self._head_high)
+        wheels = (forward - half) / d.WHEEL_RADIUS_M, (forward + half) / d.WHEEL_RADIUS_M
+        data.ctrl[self._motors] = [*wheels, *self._head]
+
+    def pose(self, data: mujoco.MjData) -> tuple[float, float, float]:
+        """x, y [m] of the middle of the axle and heading [rad] in [-pi, pi], world frame."""
+        x, y, _, qw, qx, qy, qz = data.qpos[self._free : self._free + 7].tolist()
+        return x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+
+    def camera_pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
+        """`(4, 4)` T_world_camera, axes as OpenCV: x right, y down, z forward.
+
+        Brings the poses of bodies, geoms and cameras in `data` up to date with its state: after `mj_step` they are
+        one step old.
+        """
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_camlight(self._model, data)
+        rotation = data.cam_xmat[self._camera].reshape(3, 3) @ _OPENCV_FROM_MUJOCO
+        return pose_matrix(data.cam_xpos[self._camera], rotation)
+
+    def proprio(self, data: mujoco.MjData) -> NDArray[np.float32]:
+        """`(n,)` what the robot feels of itself, as `pftrack_sim.core.proprioception.PROPRIO_NAMES` says.
+
+        Poses of bodies and geoms in `data` must be up to date with its state.
+        """
+        odometry = self._odometry_now(data)
+        values = np.empty(len(PROPRIO_NAMES), dtype=np.float32)
+        values[:3] = odometry.x_m, odometry.y_m, odometry.heading_rad
+        values[PROPRIO_INDEX["wheel_left_m_s"] : RANGES.start] = data.sensordata[self._sensors] * self._sensor_scale
+        values[RANGES] = self._range_finder.look(data)
+        return values
+
+    def collision(self, data: mujoco.MjData) -> str | None:
+        """Owner of what the robot touched in the last physics step ("target", "pillar-3"), or None.
+
+        The ground does not count. Where it touches several, the one pressed into deepest.
+        """
+        pairs = data.contact.geom
+        if len(pairs) == 0:
+            return None
+        touching = self._mine[pairs].any(axis=1) & ~self._harmless[pairs].all(axis=1) & (data.contact.dist <= 0.0)
+        hits = np.flatnonzero(touching)
+        if hits.size == 0:
+            return None
+        first, second = pairs[hits[np.argmin(data.contact.dist[hits])]]
+        return self._owners[second if self._mine[first] else first]
+
+    def _odometry_now(self, data: mujoco.MjData) -> Odometry:
+        left, right = data.qpos[self._joints[:2]].tolist()
+        return self._odometry.at(left, right, self._calibration)
+
+    def _centre_of_mass_m(self) -> float:
+        """Height of the centre of mass above the ground, at rest."""
+        scratch = mujoco.MjData(self._model)
+        mujoco.mj_kinematics(self._model, scratch)
+        mujoco.mj_comPos(self._model, scratch)
+        return float(scratch.subtree_com[self._base, 2])
+
+    def _settled(self) -> NDArray[np.float64]:
+        """Positions of the robot's joints at rest at the origin with the head as it is now, worked out once.
+
+        It is put down far away from everything, and swings until it stands.
+        """
+        key = float(self._head[0])
+        if key not in self._at_rest:
+            scratch = mujoco.MjData(self._model)
+            scratch.qpos[self._free : self._free + 2] = _FAR_M
+            scratch.qpos[self._joints[2:]] = self._head
+            scratch.ctrl[self._motors[2:]] = self._head
+            mujoco.mj_step(self._model, scratch, round(_SETTLE_S / self._model.opt.timestep))
+            rest = scratch.qpos[self._qpos].copy()
+            rest[:2] -= _FAR_M
+            rest[self._joints[:2] - self._free] = 0.0
+            self._at_rest = {key: rest}
+        return self._at_rest[key]

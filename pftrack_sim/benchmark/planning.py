@@ -1,0 +1,269 @@
+"""From what a person asks for to a plan."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, cast, get_args
+
+from pftrack_sim import scenario as scenarios
+from pftrack_sim.benchmark.plan import LATENCY, Batch, Condition, Plan, ScoredBox, Stage, TrackerSpec, checked_plan
+from pftrack_sim.benchmark.suite import Suite, is_suite, load_suite, suite_names
+from pftrack_sim.controllers import make as make_controller
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.scenario import ScenarioLike
+from pftrack_sim.scenario.axes import axes_by_name
+
+
+def make_plan(
+    names: Sequence[ScenarioLike],
+    trackers: Sequence[str | TrackerSpec],
+    seeds: Sequence[int],
+    *,
+    axes: Mapping[str, Sequence[float]] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    preset: str = "default",
+    controllers: Sequence[str] = (),
+    latency_ms: Mapping[str, float] | None = None,
+    word: str = "",
+) -> Plan:
+    """The plan of all combinations.
+
+    Args:
+        names: Scenarios.
+        trackers: Names for `trackers.make`, or contestants with their parameters.
+        seeds: Root seeds.
+        axes: For a stress axis its severities, and for `axis.parameter` the parameter's values at severity 1.
+        overrides: Dotted keys set in every scenario.
+        preset: Preset of every tracker given by its name alone.
+        controllers: What drives the robot, by name, each with every tracker; without one the robot follows its script.
+        latency_ms: Simulated time charged for a frame, by the tracker's name; the others are not charged. An axis
+            `latency` charges all of them instead.
+        word: Said before the conditions' names.
+
+    Raises:
+        UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
+        ScenarioError: A wrong scenario, override or level.
+        ParameterError: No scenario, tracker or seed, one given twice, or a latency that is none.
+    """
+    for axis, levels in (axes or {}).items():
+        if axis == LATENCY:
+            check_latency(levels)
+        else:
+            _check_axis(axis)
+    loaded = [scenarios.load(name, overrides or {}) for name in names]
+    conditions = tuple(_conditions(axes or {}, word))
+    batch = Batch(
+        scenarios=tuple(Stage(name=one.name, tree=one.tree) for one in loaded),
+        conditions=conditions,
+        seeds=tuple(seeds),
+    )
+    contestants = tuple(
+        one if isinstance(one, TrackerSpec) else TrackerSpec(name=one, preset=preset) for one in trackers
+    )
+    plan = checked_plan((batch,), _drivers(contestants, controllers, latency_ms or {}))
+    for scenario in loaded:
+        for condition in conditions:
+            scenarios.load(scenario, condition.overrides)
+    return plan
+
+
+def _drivers(
+    trackers: Sequence[TrackerSpec], controllers: Sequence[str], latency_ms: Mapping[str, float]
+) -> tuple[TrackerSpec, ...]:
+    """Every tracker with every controller."""
+    check_latency(latency_ms.values())
+    names = [one.name for one in trackers]
+    for name in latency_ms:
+        if name not in names:
+            raise UnknownNameError("tracker that latency is given for", name, names)
+    for name in controllers:
+        make_controller(name)  # a mistake in its name is told before anything is drawn
+    charged = [one.model_copy(update={"latency_ms": latency_ms.get(one.name, one.latency_ms)}) for one in trackers]
+    if not controllers:
+        return tuple(charged)
+    return tuple(one.model_copy(update={"controller": name}) for name in controllers for one in charged)
+
+
+def check_latency(values: Iterable[float]) -> None:
+    """Raise ParameterError unless all are latencies."""
+    for value in values:
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ParameterError(f"a latency must be 0 ms or more, got {value!r}")
+
+
+def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: ScoredBox = "box") -> Plan:
+    """One plan of several with the same trackers: what a suite of several blocks runs.
+
+    Args:
+        plans: Each with its own scenarios, conditions and seeds.
+        suites: What they were made from, besides what they say themselves.
+        truth: What estimates are compared with.
+
+    Raises:
+        ParameterError: Their trackers differ, or an episode is in two of them.
+    """
+    if len({plan.labels for plan in plans}) != 1:
+        raise ParameterError("plans can be joined only if they have the same trackers, in the same order")
+    made_from = tuple(one for plan in plans for one in plan.suites) + suites
+    batches = tuple(batch for plan in plans for batch in plan.batches)
+    return checked_plan(batches, plans[0].trackers, made_from, truth)
+
+
+TRACKERS = ("ko2012", "opencv-mil", "stay")
+DRIVERS = ("oracle",)
+CONTROLLERS = ("servo-avoid",)
+SEEDS = (0, 1, 2)
+"""What scenarios are run with when nothing else is said: `DRIVERS` are the trackers where they drive the robot."""
+
+
+def plan_all(
+    names: Sequence[str],
+    *,
+    trackers: Sequence[str | TrackerSpec] | None = None,
+    seeds: Sequence[int] | None = None,
+    axes: Mapping[str, Sequence[float]] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    preset: str | None = None,
+    truth: str = "box",
+    controllers: Sequence[str] | None = None,
+    latency_ms: Mapping[str, float] | None = None,
+    drive: bool = False,
+) -> Plan:
+    """The plan of suites and scenarios together.
+
+    Args:
+        names: Suites and scenarios, by name or path.
+        trackers: Of everything; a suite's own, and `TRACKERS` or `DRIVERS` for scenarios, if None.
+        seeds: Of everything; a suite's own, and `SEEDS` for scenarios, if None.
+        axes: Swept in everything.
+        overrides: Dotted keys set in every scenario.
+        preset: Of every tracker; a suite's own, and `"default"` for scenarios, if None.
+        truth: What estimates are compared with: `"box"`, `"amodal_box"` or `"visible_box"`.
+        controllers: What drives the robot in everything.
+        latency_ms: Charged for a frame, by the tracker's name.
+        drive: Whether the trackers drive the robot also where `controllers` is None: with a suite's own, and with
+            `CONTROLLERS` in scenarios. Otherwise the robot is on its script, in suites too.
+
+    Raises:
+        UnknownNameError: An unknown suite, scenario, axis, parameter of an axis, box, or controller.
+        ScenarioError: A wrong suite, scenario, override or level.
+        ParameterError: Nothing to run, something given twice, or suites with different trackers.
+    """
+    if truth not in get_args(ScoredBox):
+        raise UnknownNameError("box of the truth", truth, get_args(ScoredBox))
+    fallback = CONTROLLERS if drive else ()
+    suites = [load_suite(name) for name in names if is_suite(name)]
+    if not drive and controllers is None:
+        suites = [one.scripted() for one in suites]
+    alone = [name for name in names if not is_suite(name)]
+    plans = [
+        plan_suite(
+            suite,
+            trackers=trackers,
+            seeds=seeds,
+            axes=axes,
+            overrides=overrides,
+            preset=preset,
+            controllers=controllers or suite.controllers or fallback,
+            latency_ms=latency_ms,
+        )
+        for suite in suites
+    ]
+    if alone or not plans:
+        unknown = [name for name in alone if name not in scenarios.names() and not name.endswith(".toml")]
+        if unknown:
+            raise UnknownNameError("suite or scenario", unknown[0], [*suite_names(), *scenarios.names()])
+        plans.append(
+            make_plan(
+                alone,
+                trackers if trackers is not None else DRIVERS if controllers or fallback else TRACKERS,
+                seeds if seeds is not None else SEEDS,
+                axes=axes,
+                overrides=overrides,
+                preset=preset or "default",
+                controllers=controllers or fallback,
+                latency_ms=latency_ms,
+            )
+        )
+    return join_plans(plans, truth=cast("ScoredBox", truth))
+
+
+def plan_suite(
+    suite: Suite,
+    *,
+    trackers: Sequence[str | TrackerSpec] | None = None,
+    seeds: Sequence[int] | None = None,
+    axes: Mapping[str, Sequence[float]] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    preset: str | None = None,
+    controllers: Sequence[str] | None = None,
+    latency_ms: Mapping[str, float] | None = None,
+) -> Plan:
+    """The plan of a suite.
+
+    Args:
+        suite: The suite.
+        trackers: Instead of its own; its table and claims then speak of those among them.
+        seeds: Instead of its own.
+        axes: Swept on top of its own; one that the suite sweeps too is replaced.
+        overrides: Dotted keys set in every scenario, after its own.
+        preset: Instead of its own.
+        controllers: Instead of its own.
+        latency_ms: Charged for a frame, by the tracker's name.
+
+    Raises:
+        UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
+        ScenarioError: A wrong scenario, override or level.
+        ParameterError: An episode or tracker given twice.
+    """
+    chosen = preset if preset is not None else suite.preset
+    plans = [
+        make_plan(
+            block.scenarios,
+            trackers if trackers is not None else suite.trackers,
+            seeds if seeds is not None else parse_seeds(suite.seeds),
+            axes={**block.axes, **(axes or {})},
+            overrides={**block.changes, **(overrides or {})},
+            preset=chosen,
+            controllers=controllers if controllers is not None else suite.controllers,
+            latency_ms=latency_ms,
+            word=block.word,
+        )
+        for block in suite.run
+    ]
+    return join_plans(plans, suites=(suite,))
+
+
+def _check_axis(axis: str) -> None:
+    name, dot, parameter = axis.partition(".")
+    known = axes_by_name()
+    if name not in known:
+        raise UnknownNameError("axis", name, [*known, LATENCY])
+    if dot and parameter not in known[name].model_fields:
+        raise UnknownNameError(f"parameter of the axis {name}", parameter, known[name].model_fields)
+
+
+def _conditions(axes: Mapping[str, Sequence[float]], word: str) -> Iterator[Condition]:
+    for levels in itertools.product(*axes.values()):
+        yield Condition(levels=tuple(zip(axes, (float(level) for level in levels), strict=True)), word=word)
+
+
+def parse_seeds(text: str) -> list[int]:
+    """Seeds as the command line writes them: `3`, `0:20` (20 excluded), `1,5,9`, and mixtures.
+
+    Raises:
+        ParameterError: Not seeds.
+
+    >>> parse_seeds("0:3,7")
+    [0, 1, 2, 7]
+    """
+    seeds: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d+)\s*(?::\s*(\d+)\s*)?", part)
+        if not match or (match[2] is not None and int(match[2]) <= int(match[1])):
+            raise ParameterError(f"seeds are written 3, 0:20 (20 excluded) or 1,5,9; got {text!r}")
+        seeds += range(int(match[1]), int(match[2])) if match[2] is not None else [int(match[1])]
+    return seeds

@@ -1,0 +1,1 @@
+"""Boxes, records, errors, random streams: what every room uses."""

@@ -1,0 +1,133 @@
+"""Boxes: `x, y, w, h`, float64, pixels, continuous coordinates.
+
+Pixel (row i, column j) covers [j, j+1) x [i, i+1): a mask on columns 10..19 has x = 10 and w = 10. Nothing here
+edits an argument.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pftrack_sim.core.errors import BoxError
+
+Box: TypeAlias = NDArray[np.float64]
+"""`(4,)` x, y, w, h [px]."""
+
+NO_BOX: Box = np.full(4, np.nan)
+NO_BOX.setflags(write=False)
+
+
+def checked(box: ArrayLike, *, what: str = "box") -> Box:
+    """A `(4,)` float64 copy of the box, if it is one.
+
+    Args:
+        box: Four numbers x, y, w, h [px]; w and h >= 0.
+        what: How the message calls it.
+
+    Raises:
+        BoxError: Wrong shape, not numbers, NaN, infinite, or a negative size.
+    """
+    try:
+        array = np.array(box, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BoxError(f"{what} must be four numbers x, y, w, h in pixels, got {box!r}") from error
+    if array.shape != (4,):
+        raise BoxError(f"{what} must have shape (4,) (x, y, w, h in pixels), got shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise BoxError(f"{what} must be finite, got {array.tolist()}")
+    if array[2] < 0 or array[3] < 0:
+        raise BoxError(f"{what} must have a width and height >= 0, got w={array[2]:g}, h={array[3]:g}")
+    return array
+
+
+def iou(first: ArrayLike, second: ArrayLike) -> float:
+    """Overlap: area of the intersection over area of the union (Ko et al. 2012, eq. 14).
+
+    Args:
+        first: `(4,)` box [px].
+        second: `(4,)` box [px].
+
+    Returns:
+        A number in [0, 1]; 0 when both are empty or any number is NaN.
+
+    >>> iou([0, 0, 2, 2], [1, 0, 2, 2])
+    0.3333333333333333
+    """
+    return float(pairwise_iou(np.asarray(first)[None], np.asarray(second)[None])[0])
+
+
+def pairwise_iou(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
+    """Overlap of row i of one with row i of the other.
+
+    Args:
+        first: `(N, 4)` boxes [px].
+        second: `(N, 4)` boxes [px].
+
+    Returns:
+        `(N,)` numbers in [0, 1]; 0 where the union is empty or a number is not finite.
+    """
+    a = np.asarray(first, dtype=np.float64)
+    b = np.asarray(second, dtype=np.float64)
+    near = np.maximum(a[:, :2], b[:, :2])
+    far = np.minimum(a[:, :2] + a[:, 2:], b[:, :2] + b[:, 2:])
+    with np.errstate(invalid="ignore", over="ignore"):
+        inner = np.clip(far - near, 0.0, None).prod(axis=1)
+        union = np.clip(a[:, 2:], 0.0, None).prod(axis=1) + np.clip(b[:, 2:], 0.0, None).prod(axis=1) - inner
+        valid = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1) & (union > 0)
+        # Rounding can leave the union of equal boxes a little smaller than their intersection.
+        return np.minimum(np.divide(inner, union, out=np.zeros_like(inner), where=valid), 1.0)
+
+
+def clip(box: ArrayLike, width_px: int, height_px: int) -> Box:
+    """The part of the box inside the image; size 0 on the nearest edge when it lies outside.
+
+    Args:
+        box: `(4,)` box [px].
+        width_px: Image width.
+        height_px: Image height.
+    """
+    x, y, w, h = (float(v) for v in np.asarray(box, dtype=np.float64))
+    left, right = (min(max(v, 0.0), float(width_px)) for v in (x, x + w))
+    top, bottom = (min(max(v, 0.0), float(height_px)) for v in (y, y + h))
+    return np.array([left, top, right - left, bottom - top])
+
+
+def area(box: ArrayLike) -> float:
+    """Width times height [px^2]; 0 for a box that is empty or not finite."""
+    w, h = (float(v) for v in np.asarray(box, dtype=np.float64)[2:])
+    return w * h if w > 0 and h > 0 and np.isfinite(w * h) else 0.0
+
+
+def centre(box: ArrayLike) -> NDArray[np.float64]:
+    """`(2,)` centre x, y [px]."""
+    array = np.asarray(box, dtype=np.float64)
+    return array[:2] + 0.5 * array[2:]
+
+
+def around(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`(N, 4)` boxes [px] whose centre x, y, width and height stand first in `(N, D)` states.
+
+    >>> around(np.array([[30.0, 40.0, 10.0, 20.0]])).tolist()
+    [[25.0, 30.0, 10.0, 20.0]]
+    """
+    found = states[:, :4].copy()
+    found[:, :2] -= 0.5 * found[:, 2:]
+    return found
+
+
+def from_mask(mask: NDArray[np.bool_]) -> Box:
+    """Extent of the true pixels of an `(H, W)` mask; NaN when there are none.
+
+    >>> mask = np.zeros((4, 6), bool); mask[1:3, 2:5] = True
+    >>> from_mask(mask).tolist()
+    [2.0, 1.0, 3.0, 2.0]
+    """
+    rows = np.flatnonzero(mask.any(axis=1))
+    if rows.size == 0:
+        return NO_BOX.copy()
+    columns = np.flatnonzero(mask.any(axis=0))
+    top, left = float(rows[0]), float(columns[0])
+    return np.array([left, top, float(columns[-1]) + 1.0 - left, float(rows[-1]) + 1.0 - top])

@@ -1,0 +1,22 @@
+"""Where scenarios and assets lie: inside the wheel, or at the root of a checkout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def _root() -> Path:
+    shipped = _PACKAGE / "_data"
+    return shipped if shipped.is_dir() else _PACKAGE.parent
+
+
+def envs_dir() -> Path:
+    """Folder of the shipped scenarios (TOML files)."""
+    return _root() / "envs"
+
+
+def assets_dir() -> Path:
+    """Folder of the shipped textures and MJCF fragments."""
+    return _root() / "assets"

@@ -1,0 +1,192 @@
+"""What flows between the rooms: truth, estimates, frames. Frozen, with arrays that nobody can edit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pftrack_sim.core.boxes import Box, checked
+from pftrack_sim.core.errors import ParameterError
+
+Image: TypeAlias = NDArray[np.uint8]
+"""`(H, W, 3)` RGB."""
+
+State: TypeAlias = Literal["visible", "occluded", "out_of_view"]
+
+
+def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
+    """A read-only float64 copy.
+
+    Args:
+        values: Anything numpy can read as numbers.
+        shape: Required shape; None takes any.
+
+    Raises:
+        ParameterError: The shape differs.
+    """
+    array = np.array(values, dtype=np.float64)
+    if shape is not None and array.shape != shape:
+        raise ParameterError(f"expected an array of shape {shape}, got {array.shape}")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Exact truth of one person in one frame.
+
+    Boxes are `(4,)` x, y, w, h [px]; poses are `(4, 4)` and map the second frame of their name into the first
+    (`T_world_camera` maps camera to world; camera axes as OpenCV: x right, y down, z forward).
+
+    Under a lens, an exposure or a rolling shutter every box describes each row's own mid-exposure, through the lens;
+    poses are those of the middle row's. `docs/truth.md` says it box by box and effect by effect.
+
+    Attributes:
+        name: Who it is: `"target"`, `"distractor-1"`, `"crosser-1"`.
+        box: Amodal box clipped to the image: the overlap is scored on it. Zero area when out of view.
+        amodal_box: Extent of the whole body as if nothing covered it and the image had no edge. NaN when no part
+            of the body is in front of the camera.
+        visible_box: Extent of the pixels that show the person. NaN when there are none.
+        swept_box: Extent of the whole body over the whole exposure, as if nothing covered it and the image had no
+            edge; the amodal box itself where the exposure is an instant. NaN as the amodal box.
+        visible_fraction: Visible pixels over the amodal pixels inside the image, in [0, 1]; 0 when there are none.
+        truncation: Share of the amodal box's area outside the image, in [0, 1].
+        state: `"visible"`: at least one pixel shows; `"occluded"`: inside the image, but fully covered;
+            `"out_of_view"`: no amodal pixel inside the image.
+        occluders: Names of what covers the person, the one that covers most pixels first.
+        distance_m: From the camera to the centre of the pelvis.
+        T_world_camera: `(4, 4)` camera pose.
+        T_world_target: `(4, 4)` pose of the person: origin on the ground below the pelvis, x forward, z up.
+        K: `(3, 3)` camera matrix [px].
+        distortion: `(5,)` OpenCV k1, k2, p1, p2, k3.
+        time_s: Simulated time of the frame since the start of the episode.
+        image_motion_px: Displacement of the centre of the amodal box since the previous frame; 0 in the first frame,
+            NaN when either box is NaN.
+        luminance: Mean luma of the visible pixels (ITU-R BT.601 weights on the 8-bit image) in [0, 1]; NaN when none.
+    """
+
+    name: str
+    box: Box
+    amodal_box: Box
+    visible_box: Box
+    swept_box: Box
+    visible_fraction: float
+    truncation: float
+    state: State
+    occluders: tuple[str, ...]
+    distance_m: float
+    T_world_camera: NDArray[np.float64]
+    T_world_target: NDArray[np.float64]
+    K: NDArray[np.float64]
+    distortion: NDArray[np.float64]
+    time_s: float
+    image_motion_px: float
+    luminance: float
+
+    def __post_init__(self) -> None:
+        shapes = {
+            "box": (4,),
+            "amodal_box": (4,),
+            "visible_box": (4,),
+            "swept_box": (4,),
+            "T_world_camera": (4, 4),
+            "T_world_target": (4, 4),
+            "K": (3, 3),
+            "distortion": (5,),
+        }
+        for key, shape in shapes.items():
+            object.__setattr__(self, key, frozen_array(getattr(self, key), shape))
+
+    def __eq__(self, other: object) -> bool:
+        """Same numbers everywhere, NaN equal to NaN: what two runs of one seed must give."""
+        if not isinstance(other, Truth):
+            return NotImplemented
+        pairs = ((getattr(self, one.name), getattr(other, one.name)) for one in fields(self))
+        return all(
+            np.array_equal(mine, theirs, equal_nan=isinstance(mine, (float, np.ndarray))) for mine, theirs in pairs
+        )
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def __reduce__(self) -> tuple[type[Truth], tuple[Any, ...]]:
+        # Through the constructor, so that arrays are read-only on the other side of a process boundary too.
+        return Truth, tuple(getattr(self, one.name) for one in fields(self))
+
+    @property
+    def scored(self) -> bool:
+        """Whether this frame counts in a mean overlap: something of the person can be seen.
+
+        Frames where the target cannot be seen are left out of the mean (Ko et al. 2012, section 4).
+        """
+        return self.state == "visible"
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a tracker says of one frame.
+
+    Attributes:
+        box: `(4,)` x, y, w, h [px].
+        confidence: In [0, 1]: how sure the tracker is that `box` shows the target; 1 for certain.
+        occluded: Whether the tracker holds that the target is covered.
+        particles: `(N, 4)` boxes [px] for drawing, or None.
+    """
+
+    box: Box
+    confidence: float = 1.0
+    occluded: bool = False
+    particles: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        box = checked(self.box, what="estimated box")
+        box.setflags(write=False)
+        object.__setattr__(self, "box", box)
+        if not 0.0 <= self.confidence <= 1.0:
+            raise ParameterError(f"confidence must be in [0, 1], got {self.confidence}")
+        if self.particles is not None:
+            particles = np.array(self.particles, dtype=np.float64)
+            if particles.ndim != 2 or particles.shape[1] != 4:
+                raise ParameterError(f"particles must have shape (N, 4), got {particles.shape}")
+            particles.setflags(write=False)
+            object.__setattr__(self, "particles", particles)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One image with everything that is true of it.
+
+    Attributes:
+        index: 0 for the first frame of the episode.
+        time_s: Simulated time since the start of the episode.
+        image: `(H, W, 3)` uint8 RGB, read-only.
+        truth: The target.
+        people: Everyone in view, the target first (it is always there, in view or not).
+        extras: What a renderer or a reader of sequences wants to add; never read by scores.
+    """
+
+    index: int
+    time_s: float
+    image: Image
+    truth: Truth
+    people: tuple[Truth, ...]
+    extras: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+@runtime_checkable
+class Tracker(Protocol):
+    """Pixels in, estimates out. A tracker never sees the truth.
+
+    `init` forgets everything from before: the same tracker on the same images gives the same estimates.
+    """
+
+    def init(self, image: Image, box: Box) -> None:
+        """Start on `image` `(H, W, 3)` uint8 RGB, with the target at `box` `(4,)` [px]."""
+        ...
+
+    def update(self, image: Image) -> Estimate:
+        """Say where the target is in the next image."""
+        ...

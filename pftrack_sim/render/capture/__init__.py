@@ -1,0 +1,1 @@
+"""Frames with exposure time, rolling shutter and lens distortion."""

@@ -1,0 +1,1 @@
+"""Builders of the MuJoCo model: places, people, robot, occluders, lights."""

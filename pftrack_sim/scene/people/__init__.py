@@ -1,0 +1,1 @@
+"""People: bodies of natural proportions, clothes and faces."""

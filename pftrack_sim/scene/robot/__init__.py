@@ -1,0 +1,1 @@
+"""The robot's bodies, joints, actuators and sensors."""

@@ -1,0 +1,150 @@
+"""One episode as it happens: the world moves, the camera looks, the truth is written down.
+
+build -> compile -> reset -> (advance -> shake -> draw -> expose -> truth) for every frame. The Gymnasium environments
+and the benchmark both stand on this class; it knows no actions, rewards or trackers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.camera.pinhole import intrinsics
+from pftrack_sim.camera.sensor import Sensor
+from pftrack_sim.camera.shake import combined
+from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.core.records import Frame
+from pftrack_sim.render.capture.exposure import make_frame_capture
+from pftrack_sim.render.selection import DescribedRenderer, check_name, open_renderer
+from pftrack_sim.scenario import ResolvedScenario, Scenario
+from pftrack_sim.scenario.delivery import arrivals, frame_count
+from pftrack_sim.simulation.world import World
+from pftrack_sim.truth.observer import TruthObserver
+
+
+class Simulation:
+    """Frames with exact truth from a scenario, one episode after the other.
+
+    Args:
+        scenario: The scenario with its ranges.
+        backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
+
+    Raises:
+        UnknownNameError: An unknown backend.
+        RenderError: Nothing can draw off-screen (raised at the first reset).
+    """
+
+    def __init__(self, scenario: Scenario, *, backend: str | None = None) -> None:
+        self.scenario = scenario
+        check_name(backend)  # a wrong name is told now, not at the first reset
+        self._backend = backend
+        self._image_size: tuple[int, int] | None = None
+        self._renderer: DescribedRenderer | None = None
+        self._world: World | None = None
+        self.frame_count = 0
+        """Frames shown in the running episode; 0 before the first reset."""
+
+    def reset(self, seed: int) -> Frame:
+        """Start the episode of a seed.
+
+        Returns:
+            Its first frame.
+
+        Raises:
+            ScenarioError: The scenario contradicts itself at this seed, or its image size depends on the seed.
+        """
+        settings = self.scenario.resolve(seed)
+        size = (settings.camera.width_px, settings.camera.height_px)
+        if self._image_size not in (None, size):
+            raise ScenarioError(
+                self.scenario.name,
+                [f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"],
+            )
+        # The old world goes first: two compiled models at once would double the memory of a reset.
+        self._world = None
+        world = World(settings, seed)
+        self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
+        self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
+        self._exposer = make_frame_capture(settings, world.model, self._K, self._vibration)
+        drawn = size if self._exposer is None else self._exposer.drawn_size
+        if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) != drawn:
+            self._renderer.close()
+            self._renderer = None
+        if self._renderer is None:
+            self._renderer = open_renderer(world.model, *drawn, self._backend)
+        else:
+            self._renderer.rebind(world.model)
+        self._image_size = size
+        self._world = world
+        self._sensor = Sensor(settings.sensor, settings.axes, seed, grey=settings.camera.grey)
+        self._truth = TruthObserver(world.model, world.people, self._renderer, self._K, size)
+        self._arrivals = arrivals(settings, seed)
+        self._taken = next(self._arrivals)
+        self._index = 0
+        self.frame_count = frame_count(settings, seed)
+        return self._shoot()
+
+    def advance(self, command: NDArray[np.float64] | None = None, late_s: float = 0.0) -> Frame:
+        """Let the world move on to the next frame that is shown: frames lost on the way are not drawn.
+
+        Args:
+            command: `(4,)` forward speed, turn rate, pan rate, tilt rate, each in [-1, 1] of the robot's limits;
+                None lets the robot follow its script. It holds until the frame is there.
+            late_s: How long after the last frame the command is given; until then the one before stays in force.
+        """
+        taken = next(self._arrivals)
+        for number in range(taken - self._taken):
+            self.world.advance(command, late_s if number == 0 else 0.0)
+        self._taken = taken
+        self._index += 1
+        return self._shoot()
+
+    def _shoot(self) -> Frame:
+        world = self.world
+        assert self._renderer is not None
+        world.light(self._sensor.settle(world.time_s))
+        if self._exposer is None:
+            T_world_camera = self._vibration.displace(world.camera_pose(), world.time_s)
+            drawn = self._renderer.color(world.data, T_world_camera, self._K)
+            image = self._sensor.expose(drawn, self._taken, world.time_s)
+            people = self._truth.observe(world.data, T_world_camera, image, world.time_s, world.root_poses())
+        else:
+            taken = self._exposer.take(
+                self._renderer, world.data, world.time_s, world.camera_pose(), world.root_poses()
+            )
+            image = self._sensor.expose(taken.image, self._taken, world.time_s)
+            people = self._truth.observe_taken(taken, image, world.time_s)
+        image.setflags(write=False)
+        return Frame(self._index, world.time_s, image, people[0], people)
+
+    @property
+    def world(self) -> World:
+        """The world of the running episode."""
+        if self._world is None:
+            raise ScenarioError(self.scenario.name, ["no episode is running: call reset(seed) first"])
+        return self._world
+
+    @property
+    def settings(self) -> ResolvedScenario:
+        """The scenario of the running episode, every range drawn."""
+        return self.world.settings
+
+    @property
+    def graphics(self) -> str:
+        """What draws, in one line; empty before the first reset."""
+        return self._renderer.description if self._renderer is not None else ""
+
+    def close(self) -> None:
+        """Free the renderer. Closing twice is fine."""
+        if self._renderer is not None:
+            self._renderer.close()
+        self._renderer = None
+        self._world = None
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()

@@ -1,0 +1,1 @@
+"""Exact ground truth of a frame: boxes, visibility, poses."""

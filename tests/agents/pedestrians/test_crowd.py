@@ -1,0 +1,179 @@
+"""Laws of walking: nobody touches anybody or anything, nobody is stuck, everything repeats."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.pedestrians.oncoming import away_from, plan_passing
+from pftrack_sim.scenario import model
+from pftrack_sim.scene.layout import Footprint, WalkableArea
+
+TICK_S = 1.0 / 60.0
+PATH_M = ((0.0, 0.0), (6.0, 0.0), (10.0, 0.6), (18.0, -0.4))
+TARGET = model.Target(path_m=PATH_M)
+
+HALL = WalkableArea(
+    (-3.0, -7.0, 21.0, 8.0),
+    (
+        *(Footprint(f"pillar-{x}-{y}", (x, y), (0.3, 0.3)) for x in (4.0, 8.0, 12.0) for y in (2.2, -2.5)),
+        Footprint("wall-1", (6.0, 5.0), (3.0, 0.1)),
+        Footprint("bench", (14.0, 1.8), (0.8, 0.25), 0.5),
+        Footprint("wall-2", (16.0, -4.5), (0.1, 2.0), 0.3),
+    ),
+    ((-2.0, -6.0), (-2.0, 7.0), (19.0, 7.0), (19.5, -6.0), (10.0, 6.5), (10.0, -6.0), (19.0, 1.0)),
+)
+CORRIDOR = WalkableArea(
+    (-3.0, -1.8, 22.0, 1.8),
+    (Footprint("plant", (7.0, 1.5), (0.25, 0.25)), Footprint("bin", (13.0, -1.5), (0.2, 0.2))),
+    ((-2.0, 0.7), (-2.0, -0.7), (21.0, 0.7), (21.0, -0.7), (10.0, 0.5)),
+)
+FIELD = WalkableArea((-6.0, -7.0, 20.0, 7.0), (), ())
+
+
+def crowd_of(layout: WalkableArea, count: int, seed: int) -> Crowd:
+    return Crowd(layout, TARGET, Path(PATH_M), model.Distractors(count=count), (), seed, robot_start_m=(-3.0, 0.0))
+
+
+def walk(crowd: Crowd, duration_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`(T, P, 2)` positions, `(T, P)` headings and `(T, 2)` places of a robot that follows the target."""
+    path = Path(PATH_M)
+    positions, headings, robots = [crowd.positions_m], [crowd.headings_rad], []
+    for tick in range(round(duration_s / TICK_S)):
+        x, y, _ = path.at(crowd.target_s_m - 3.0)
+        robots.append((float(x), float(y)))
+        crowd.tick(TICK_S, (tick + 1) * TICK_S, robots[-1], robots[-1])
+        positions.append(crowd.positions_m)
+        headings.append(crowd.headings_rad)
+    return np.array(positions), np.array(headings), np.array([robots[0], *robots])
+
+
+def gaps(positions: np.ndarray) -> np.ndarray:
+    """`(T, P, P)` distances between people; infinite from oneself."""
+    distance = np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1)
+    distance[:, np.arange(positions.shape[1]), np.arange(positions.shape[1])] = np.inf
+    return distance
+
+
+@pytest.mark.parametrize("layout", [HALL, CORRIDOR, FIELD], ids=["hall", "corridor", "field"])
+@pytest.mark.parametrize(("count", "seed"), [(1, 0), (3, 1), (6, 2), (6, 3), (9, 4), (12, 5), (12, 6)])
+def test_nobody_touches_anybody_or_anything_and_nobody_is_stuck(layout: WalkableArea, count: int, seed: int) -> None:
+    crowd = crowd_of(layout, count, seed)
+    positions, headings, robots = walk(crowd, 25.0)
+    assert gaps(positions).min() >= 0.45
+    strangers = positions[:, 1:]
+    assert np.linalg.norm(strangers - robots[:, None], axis=-1)[1:].min() >= 0.7
+    assert ObstacleMap(layout).clearance_m(strangers.reshape(-1, 2)).min() >= 0.25
+    speeds = np.linalg.norm(np.diff(strangers, axis=0), axis=-1) / TICK_S
+    assert speeds.max() <= 2.6
+    assert np.abs(np.diff(headings[:, 1:], axis=0)).max() <= math.radians(120.0) * TICK_S + 1e-9
+    # In no ten seconds does anyone stay within a step of one place.
+    for start in range(0, len(positions) - 600, 60):
+        assert np.ptp(strangers[start : start + 600], axis=0).max(axis=-1).min() > 0.6
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_people_walk_smoothly_and_face_where_they_go(seed: int) -> None:
+    positions, headings, _ = walk(crowd_of(HALL, 5, seed), 20.0)
+    velocity = np.diff(positions[:, 1:], axis=0) / TICK_S
+    acceleration = np.linalg.norm(np.diff(velocity, axis=0), axis=-1) / TICK_S
+    assert np.percentile(acceleration, 99) <= 3.0
+    speed = np.linalg.norm(velocity, axis=-1)
+    slip = np.arctan2(velocity[..., 1], velocity[..., 0]) - headings[1:, 1:]
+    slip = np.abs((slip + np.pi) % (2.0 * np.pi) - np.pi)[speed > 0.5]
+    assert np.degrees(np.median(slip)) <= 5.0
+    assert np.degrees(np.percentile(slip, 99)) <= 45.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_start_is_apart_free_and_repeats_after_reset(seed: int) -> None:
+    crowd = crowd_of(HALL, 12, seed)
+    start = crowd.positions_m
+    assert gaps(start[None]).min() >= 0.9
+    assert ObstacleMap(HALL).clearance_m(start[1:]).min() >= 0.4
+    first = walk(crowd, 3.0)
+    crowd.reset()
+    assert np.array_equal(crowd.positions_m, start)
+    again = walk(crowd, 3.0)
+    other = walk(crowd_of(HALL, 12, seed), 3.0)
+    for one, two, three in zip(first, again, other, strict=True):
+        assert np.array_equal(one, two)
+        assert np.array_equal(one, three)
+
+
+def test_seeds_differ_and_one_more_person_leaves_the_others_where_they_were() -> None:
+    few, many = crowd_of(HALL, 3, 7), crowd_of(HALL, 8, 7)
+    assert np.array_equal(few.positions_m, many.positions_m[:4])
+    assert np.array_equal(few.speeds_m_s, many.speeds_m_s[:4])
+    assert not np.array_equal(few.positions_m[1:], crowd_of(HALL, 3, 8).positions_m[1:])
+
+
+def test_target_is_exactly_on_its_path_whoever_is_about_and_stops_gently() -> None:
+    path = Path(PATH_M)
+    crowd = crowd_of(CORRIDOR, 12, 3)
+    assert crowd.speeds_m_s[0] == pytest.approx(TARGET.speed_m_s)
+    travelled = []
+    for tick in range(1200):
+        crowd.tick(TICK_S, (tick + 1) * TICK_S, None, None)
+        travelled.append(crowd.target_s_m)
+        x, y, heading = path.at(crowd.target_s_m)
+        assert np.abs(crowd.positions_m[0] - (float(x), float(y))).max() <= 1e-9
+        assert abs(crowd.headings_rad[0] - float(heading)) <= 1e-9
+    speed = np.diff(travelled) / TICK_S
+    assert speed.min() >= 0.0
+    assert (-np.diff(speed) / TICK_S).max() < 1.2
+    assert speed[-1] < 0.02
+    assert abs(travelled[-1] - path.length_m) <= 0.01
+
+
+def test_target_waits_for_a_robot_in_its_way_and_goes_on() -> None:
+    crowd = crowd_of(FIELD, 0, 0)
+    for tick in range(600):
+        crowd.tick(TICK_S, tick * TICK_S, (4.0, 0.1), None)
+    assert 0.5 <= np.linalg.norm(crowd.positions_m[0] - (4.0, 0.1)) <= 1.5
+    assert crowd.speeds_m_s[0] < 0.02
+    for tick in range(300):
+        crowd.tick(TICK_S, tick * TICK_S, (4.0, 3.0), None)
+    assert crowd.speeds_m_s[0] == pytest.approx(TARGET.speed_m_s)
+
+
+def test_arrays_are_frozen_and_names_are_in_order() -> None:
+    crowd = crowd_of(HALL, 2, 0)
+    assert crowd.names == ("target", "distractor-1", "distractor-2")
+    for array in (crowd.positions_m, crowd.headings_rad, crowd.speeds_m_s, crowd.velocities_m_s):
+        assert len(array) == 3
+        assert not array.flags.writeable
+    before = crowd.positions_m
+    kept = before.copy()
+    crowd.tick(TICK_S, TICK_S, None, None)
+    assert np.array_equal(before, kept)
+
+
+def test_on_laps_each_passer_meets_the_target_once() -> None:
+    lap = [(0.0, 0.0), (14.0, 0.0), (14.0, 1.2), (0.0, 1.2)]
+    path, layout = Path(lap * 4), WalkableArea((-5.0, -14.0, 19.0, 14.0), (), ((-2.0, -7.5), (4.0, 9.0)))
+    ground, speed = ObstacleMap(layout), 1.0
+    target = model.Target(path_m=tuple(lap * 4), speed_m_s=speed)
+    free, passings = away_from(path, ground, layout.bounds_m), []
+    for at_s in (7.0, 22.0, 37.0, 52.0):
+        passings.append(plan_passing(at_s, 0.8, 1.2, path, ground, lambda t: speed * t, 1, "test", free))
+        if passings[-1].waits_m is not None:
+            free = free[(free != passings[-1].waits_m).any(axis=1)]
+    assert sum(one.waits_m is not None for one in passings) == 3
+    crowd = Crowd(layout, target, path, model.Distractors(count=0), (), 0, passers=passings)
+    places = [crowd.positions_m]
+    for tick in range(round(60.0 / TICK_S)):
+        crowd.tick(TICK_S, (tick + 1) * TICK_S, None, None)
+        places.append(crowd.positions_m)
+    walked = np.array(places)
+    for person, one in enumerate(passings, start=1):
+        gap = np.linalg.norm(walked[:, person] - walked[:, 0], axis=1)
+        near = np.flatnonzero(gap < 2.5)
+        assert abs(gap.argmin() * TICK_S - one.at_s) < 0.3
+        assert gap.min() == pytest.approx(0.8, abs=0.1)
+        assert np.ptp(near) * TICK_S < 4.0, "it came near once"
+        speeds = np.linalg.norm(np.diff(walked[:, person], axis=0), axis=1) / TICK_S
+        assert speeds.max() < 2.41

@@ -1,0 +1,88 @@
+"""A rough road shakes the robot as ISO 8608 says, and a smooth one not at all."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from pftrack_sim.agents.robot.road import LONGEST_M, LOOP_M, REFERENCE_CYCLES_M, ROUGHNESS_M3, SHORTEST_M, Road, profile
+from pftrack_sim.scenario.axes import JitterAxis
+from pftrack_sim.scene.robot import dimensions as d
+
+LEAD_IN_S, RUN_M = 2.0, 24.0
+
+
+def predicted_acceleration(road_class: str, speed_m_s: float, sprung_kg: float) -> float:
+    """RMS of vertical acceleration by linear theory [m/s^2]: one mass that heaves on four springs and dampers.
+
+    Two independent tracks L, R under the wheels, their mean under the casters, fore and aft of the axle: the force is
+    (L + R) (wheel + caster cos(2 pi n a)). The spectrum of each track in time is G_d(n_0) n_0^2 v / f^2.
+    """
+    f = np.linspace(speed_m_s / LONGEST_M, speed_m_s / SHORTEST_M, 20_000)
+    omega = 2.0 * math.pi * f
+    wheel = d.WHEEL_SPRING_N_M + 1j * omega * d.WHEEL_DAMPING_NS_M
+    caster = d.CASTER_SPRING_N_M + 1j * omega * d.CASTER_DAMPING_NS_M
+    force = wheel + caster * np.cos(omega / speed_m_s * d.CASTER_ARM_M)
+    response = np.abs(force / (2.0 * (wheel + caster) - sprung_kg * omega**2)) ** 2
+    density = 2.0 * ROUGHNESS_M3[road_class] * REFERENCE_CYCLES_M**2 * speed_m_s / f**2
+    return math.sqrt(float(np.trapezoid(density * omega**4 * response, f)))
+
+
+def vertical_acceleration(lab: Callable[..., Any], road_class: str, speed_m_s: float, severity: float = 1.0) -> float:
+    """RMS measured on the simulated robot's body [m/s^2], driving straight on."""
+    robot = lab()
+    road = Road(robot.model, JitterAxis(severity=severity, road_class=road_class), seed=5)
+    step_s = robot.model.opt.timestep
+    run_s = RUN_M / speed_m_s if speed_m_s else 10.0
+    velocities = []
+    for tick in range(round((LEAD_IN_S + run_s) * 60)):
+        robot.drive.command(robot.data, speed_m_s, 0.0, 0.0, 0.0, 1 / 60)
+        for _ in range(robot.steps):
+            road.push(robot.data)
+            mujoco.mj_step(robot.model, robot.data)
+            if tick >= LEAD_IN_S * 60:
+                velocities.append(robot.data.qvel[2])
+    acceleration = np.diff(velocities) / step_s
+    return float(np.sqrt(np.mean(acceleration**2)))
+
+
+@pytest.mark.parametrize("road_class", list(ROUGHNESS_M3))
+def test_profile_has_the_spectrum_of_its_class(road_class: str):
+    heights = profile(road_class, np.random.default_rng(0))
+    cycles = np.fft.rfftfreq(heights.size, LOOP_M / heights.size)
+    density = 2.0 * np.abs(np.fft.rfft(heights) / heights.size) ** 2 * LOOP_M
+    wanted = ROUGHNESS_M3[road_class] * (np.maximum(cycles, 1e-9) / REFERENCE_CYCLES_M) ** -2.0
+    inside = (cycles > 1.0 / LONGEST_M + 0.01) & (cycles < 1.0 / SHORTEST_M - 0.01)
+    assert abs(density[inside] / wanted[inside] - 1.0).max() < 1e-6
+    assert density[~inside & (cycles < 0.49)].max() < 1e-12
+
+
+def test_each_class_is_twice_as_rough_as_the_one_before(lab: Callable[..., Any]):
+    rms = [vertical_acceleration(lab, road_class, 0.8) for road_class in "ABC"]
+    assert abs(np.array(rms[1:]) / rms[:-1] / 2.0 - 1.0).max() < 0.25
+
+
+def test_driving_faster_shakes_more_as_the_standard_predicts(lab: Callable[..., Any]):
+    sprung_kg = d.CHASSIS_KG + d.BATTERY_KG + d.FOOT_KG + d.PAN_KG + d.HEAD_KG + d.MAST_KG_M
+    speeds = (0.4, 0.8, 1.6)
+    measured = np.array([vertical_acceleration(lab, "B", speed) for speed in speeds])
+    predicted = np.array([predicted_acceleration("B", speed, sprung_kg) for speed in speeds])
+    assert abs(measured / predicted - 1.0).max() < 0.25, (measured, predicted)
+    assert (np.diff(measured) > 0.0).all()
+
+
+def test_standing_still_nothing_shakes(lab: Callable[..., Any]):
+    assert vertical_acceleration(lab, "E", 0.0) < 1e-3
+
+
+def test_severity_scales_the_bumps(lab: Callable[..., Any]):
+    robot = lab()
+    once, twice = (Road(robot.model, JitterAxis(severity=severity), seed=5) for severity in (1.0, 2.0))
+    robot.data.qpos[robot.model.joint("robot/axle-left").qposadr] = 3.3
+    robot.data.qvel[robot.model.joint("robot/axle-left").dofadr] = 2.0
+    for one, two in zip(once.bumps(robot.data), twice.bumps(robot.data), strict=True):
+        assert abs(two - 2.0 * one).max() < 1e-12
+        assert abs(one).max() > 0.0

@@ -1,0 +1,28 @@
+"""Episodes as small as they can be, and how two runs are compared."""
+
+from pathlib import Path
+from typing import Any
+
+from pftrack_sim.benchmark import Plan, Run, make_plan
+
+SMALL: dict[str, Any] = {
+    "camera.width_px": 96,
+    "camera.height_px": 72,
+    "camera.rate_hz": 10,
+    "lights.shadows": False,
+    "duration_s": 0.4,
+    "distractors.count": 0,
+    "place.clutter": 0.0,
+    "occluders": [],
+}
+TRACKERS = ("ko2012[particle_count=10]", "stay")
+
+
+def small_plan(seeds: range, trackers: list[Any] | None = None, **overrides: Any) -> Plan:
+    return make_plan(["corridor"], trackers or ["oracle", "stay"], list(seeds), overrides={**SMALL, **overrides})
+
+
+def contents(path: Path) -> list[tuple[Any, ...]]:
+    """For every episode the digest of all rows (times are not in it) and of all pixels."""
+    with Run(path).open() as database:
+        return database.sql("SELECT file, content_sha256, frames_digest FROM episodes ORDER BY number").fetchall()

@@ -1,0 +1,80 @@
+"""Kill a run at random moments, go on with it, and compare with one that nobody disturbed."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from pftrack_sim.benchmark.check import check
+from tests.benchmark.small import SMALL, contents
+
+
+def command(out: Path, episodes: int) -> list[str]:
+    settings = [word for key, value in SMALL.items() for word in ("--set", f"{key}={str(value).lower()}")]
+    code = "import sys; from pftrack_sim.cli import main; sys.argv[0] = 'pftrack-sim'; main()"
+    words = ["bench", "corridor", "--trackers", "oracle,ko2012", "--seeds", f"0:{episodes}", "--videos", "none"]
+    return [sys.executable, "-c", code, *words, "--workers", "2", "--progress", "quiet", "--out", str(out), *settings]
+
+
+def survive(folder: Path, *, kills: int, episodes: int, seed: int) -> None:
+    """Assert that a run that is killed again and again ends like an undisturbed one.
+
+    Args:
+        folder: Empty folder to work in.
+        kills: How often; by turns the parent and one of its workers.
+        episodes: Length of the run.
+        seed: Of the moments.
+    """
+    rng = random.Random(seed)
+    began = time.monotonic()
+    subprocess.run(command(folder / "undisturbed", episodes), check=True, capture_output=True)
+    whole_s = time.monotonic() - began
+    done = 0
+    round_ = 0
+    while done < kills:
+        out = folder / f"killed-{round_}"
+        round_ += 1
+        finished = False
+        while done < kills and not finished:
+            finished, killed = _disturb(command(out, episodes), rng.uniform(0.1, 0.9) * whole_s, done % 2 == 0, rng)
+            done += killed
+        subprocess.run(command(out, episodes), check=True, capture_output=True)
+        assert contents(out) == contents(folder / "undisturbed")
+        assert check(out).good
+        assert not list(out.rglob(".*.part"))
+
+
+def _disturb(words: list[str], after_s: float, whole: bool, rng: random.Random) -> tuple[bool, bool]:
+    """Start a run and kill it, or one of its workers, after a while: whether it came to its end, whether it was hit."""
+    run = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    time.sleep(after_s)
+    hit = False
+    if run.poll() is None:
+        victims = [run.pid] if whole else children(run.pid)
+        if victims:
+            os.kill(rng.choice(victims), signal.SIGKILL)
+            hit = True
+    _, said = run.communicate(timeout=300)
+    assert run.returncode in (0, -signal.SIGKILL), said.decode()
+    return run.returncode == 0, hit
+
+
+def children(pid: int) -> list[int]:
+    """Worker processes of a run, from what Linux says; not the one that only watches over shared memory."""
+    found: list[int] = []
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            words = (entry / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if parent == pid and b"spawn_main" in words:
+            found.append(int(entry.name))
+    return found

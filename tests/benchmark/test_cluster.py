@@ -1,0 +1,68 @@
+"""A real scheduler with two worker processes on loopback: the same bits as on one worker here."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pftrack_sim.benchmark import run
+from pftrack_sim.benchmark.cluster import DaskWorkers
+from pftrack_sim.benchmark.folder import episode_files
+from pftrack_sim.core.errors import RunError
+from tests.benchmark.small import contents, small_plan
+
+pytest.importorskip("distributed")
+
+
+def dask(*arguments: str, log: Path) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    with log.open("wb") as written:
+        return subprocess.Popen(
+            [sys.executable, "-m", *arguments], stdout=written, stderr=subprocess.STDOUT, env=environment
+        )
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    folder = tmp_path_factory.mktemp("dask")
+    log = folder / "scheduler.log"
+    started = [dask("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", log=log)]
+    try:
+        deadline = time.monotonic() + 60
+        while not (found := re.search(r"Scheduler at:\s+(tcp://\S+)", log.read_text())):
+            assert time.monotonic() < deadline, log.read_text()
+            time.sleep(0.1)
+        for number in range(2):
+            words = ["distributed.cli.dask_worker", found[1], "--no-nanny", "--nthreads", "1", "--no-dashboard"]
+            started.append(dask(*words, "--local-directory", str(folder), log=folder / f"worker-{number}.log"))
+        yield found[1]
+    finally:
+        for one in started:
+            one.kill()
+            one.wait()
+
+
+def test_a_cluster_gives_the_same_bits(scheduler: str, tmp_path: Path):
+    plan = small_plan(range(4), ["ko2012", "tests.benchmark.strangers:raises"])
+    here = run(plan, tmp_path / "here")
+    there = run(plan, tmp_path / "there", scheduler=scheduler)
+    assert contents(here.path) == contents(there.path)
+    assert [one.failure for one in there.results() if one.tracker != "ko2012"] == [
+        "frame 2: ValueError: lost my way"
+    ] * 4
+    assert len(list((there.path / "videos").rglob("*.mp4"))) == 1
+    for file in list(episode_files(there.path))[::2]:
+        file.unlink()
+    run(plan, there.path, scheduler=scheduler)
+    assert contents(here.path) == contents(there.path)
+
+
+def test_a_cluster_that_is_not_there(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("pftrack_sim.benchmark.cluster._CONNECT_S", 1)
+    with pytest.raises(RunError, match="no Dask scheduler at"):
+        DaskWorkers("tcp://127.0.0.1:9")

@@ -1,0 +1,206 @@
+"""Closed-loop runs: the plan, the folder and the workers of the benchmark, with the tracker driving the robot."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import Interrupted, Plan, Run, make_plan, plan_all, run
+from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.folder import episode_files
+from pftrack_sim.benchmark.latency import settled
+from pftrack_sim.benchmark.progress import Status
+from pftrack_sim.benchmark.query import ask
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.scenario import load
+from tests.benchmark.small import SMALL, contents
+
+THIS = "tests.benchmark.test_follow"
+
+
+class Raises:
+    """Works for two frames."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+
+    def reset(self, rig) -> None:
+        pass
+
+    def act(self, estimate, proprio):
+        self.frames += 1
+        if self.frames > 2:
+            raise RuntimeError("the motor is on fire")
+        return np.full(4, 0.5)
+
+
+class Unsure(Raises):
+    """Commands that are no numbers."""
+
+    def act(self, estimate, proprio):
+        return np.full(4, np.nan)
+
+
+class Greedy(Raises):
+    """Commands beyond the limits."""
+
+    def act(self, estimate, proprio):
+        return np.array([0.0, 7.0, 0.0, 0.0])
+
+
+def driving(seeds: range = range(2), trackers: tuple[Any, ...] = ("oracle", "stay"), **more: Any) -> Plan:
+    overrides = {**SMALL, **more.pop("overrides", {})}
+    options = {"controllers": ["servo-avoid"], **more}
+    return make_plan(["corridor"], trackers, list(seeds), overrides=overrides, **options)
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return run(driving(latency_ms={"stay": 130.0}), tmp_path_factory.mktemp("follow") / "run", videos="first")
+
+
+def frames(path: Path, columns: str, tracker: str) -> np.ndarray:
+    sql = f"SELECT {columns} FROM frames WHERE tracker LIKE '{tracker}%' AND seed = 0 ORDER BY frame"
+    return np.array(ask(path, sql).rows, dtype=np.float64)
+
+
+def test_a_run_folder_says_all(one: Run):
+    assert check(one.path).good
+    assert [Path(file).name for file, *_ in contents(one.path)] == [
+        "seed-0000__oracle-servo-avoid.parquet",
+        "seed-0000__stay-130ms-servo-avoid.parquet",
+        "seed-0001__oracle-servo-avoid.parquet",
+        "seed-0001__stay-130ms-servo-avoid.parquet",
+    ]
+    sql = "SELECT tracker, controller, latency_ms, outcome, mean_overlap FROM summary WHERE seed = 0 ORDER BY place"
+    first, second = ask(one.path, sql).rows
+    assert first == ("oracle+servo-avoid", "servo-avoid", 0.0, "finished", 1.0)
+    assert second[:4] == ("stay@130ms+servo-avoid", "servo-avoid", 130.0, "finished")
+    assert len(list((one.path / "videos").rglob("*.mp4"))) == 2
+    followed = [result.following for result in one.results()]
+    assert all(following is not None and following.length == 4 for following in followed)
+
+
+def test_where_a_command_leads_is_where_the_next_frame_is_drawn(one: Run):
+    here, then = frames(one.path, "robot_x_m, robot_y_m", "oracle"), frames(one.path, "after_x_m, after_y_m", "oracle")
+    assert np.array_equal(here[1:], then[:-1])
+    gaps = frames(one.path, "robot_x_m - target_x_m, robot_y_m - target_y_m", "oracle")
+    distances = frames(one.path, "after_distance_m", "oracle")[:, 0]
+    # The camera is not quite above the axle.
+    assert np.abs(np.hypot(*gaps.T)[1:] - distances[:-1]).max() < 0.15
+
+
+def test_two_workers_and_another_order_give_the_same_bits(one: Run, tmp_path: Path):
+    two = run(one.plan, tmp_path / "two", workers=2, videos="none", shuffle=1)
+    assert contents(two.path) == contents(one.path)
+
+
+def test_a_resumed_run_drives_only_what_is_missing(one: Run, tmp_path: Path):
+    begun = tmp_path / "run"
+    shutil.copytree(one.path, begun)
+    lost, *kept = episode_files(begun)
+    half = lost.with_name(f".{lost.name}.0badcafe.part")
+    half.write_bytes(lost.read_bytes()[:1000])
+    lost.unlink()
+    times = [file.stat().st_mtime_ns for file in kept]
+    seen: list[Status] = []
+
+    def press(status: Status) -> None:
+        seen.append(status)
+        if len(seen) > 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted, match="3 of 4 episodes are finished"):
+        run(one.plan, begun, workers=1, videos="none", on_status=press)
+    seen.clear()
+    run(one.plan, begun, videos="none", on_status=seen.append)
+    assert [status.done for status in seen if status.episode] == [4]
+    assert [file.stat().st_mtime_ns for file in kept] == times
+    assert contents(begun) == contents(one.path)
+    assert not half.exists()
+
+
+def test_late_frames_are_skipped_and_the_latency_axis_overrules(one: Run, tmp_path: Path):
+    plan = driving(range(1), ("oracle",), axes={"latency": [0.0, 130.0]}, latency_ms={"oracle": 500.0})
+    late = run(plan, tmp_path / "late", videos="none")
+    rows = ask(late.path, "SELECT condition, latency_ms FROM summary ORDER BY number").rows
+    assert rows == [("latency=0", 0.0), ("latency=130", 130.0)]
+    statuses = ask(late.path, "SELECT condition, status FROM frames ORDER BY condition, frame").rows
+    assert [status for condition, status in statuses if condition == "latency=0"] == ["init", "ok", "ok", "ok"]
+    assert [status for condition, status in statuses if condition == "latency=130"] == ["init", "busy", "ok", "busy"]
+    fresh = ask(late.path, "SELECT frames_digest FROM summary WHERE latency_ms = 0").rows
+    assert fresh == ask(one.path, "SELECT frames_digest FROM summary WHERE seed = 0 AND place = 0").rows
+
+
+@pytest.mark.parametrize(
+    ("controller", "says", "clipped"),
+    [
+        ("Raises", "frame 2: RuntimeError: the motor is on fire", 0),
+        ("Unsure", "frame 0: CommandError: a command must be finite", 0),
+        ("Greedy", None, 4),
+    ],
+)
+def test_a_controller_that_misbehaves_is_written_down(controller: str, says: str | None, clipped: int, tmp_path: Path):
+    wrong = run(driving(range(1), ("oracle",), controllers=[f"{THIS}:{controller}"]), tmp_path / "run", videos="none")
+    ((failure, counted, outcome),) = ask(wrong.path, "SELECT failure, clipped, outcome FROM summary").rows
+    assert counted == clipped
+    assert outcome in ("finished", "lost")
+    assert failure is None if says is None else failure.startswith(says)
+    commands = frames(wrong.path, "command_forward, command_turn, command_pan, command_tilt", "oracle")
+    assert np.abs(commands).max() <= 1.0
+    if says is not None:
+        assert not commands[2:].any()
+    assert check(wrong.path).good
+
+
+def test_a_tracker_that_fails_stops_the_robot(tmp_path: Path):
+    plan = driving(range(1), ("tests.benchmark.strangers:raises",))
+    failed = run(plan, tmp_path / "run", videos="none")
+    ((failure, frames_there),) = ask(failed.path, "SELECT failure, episode_frames FROM summary").rows
+    assert failure == "frame 2: ValueError: lost my way"
+    assert frames_there == 4
+    assert not frames(failed.path, "command_forward, command_turn", "tests")[2:].any()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"latency_ms": {"oracle": -1.0}},
+        {"axes": {"latency": [float("nan")]}},
+        {"controllers": ["still", "still"]},
+        {"controllers": [], "latency_ms": {"oracle": 7.0}},
+        {"controllers": [], "axes": {"latency": [7.0]}},
+    ],
+)
+def test_impossible_plans(wrong: dict[str, Any]):
+    with pytest.raises(ParameterError):
+        driving(**wrong)
+
+
+def test_unknown_names():
+    with pytest.raises(UnknownNameError, match="servo"):
+        driving(controllers=["sevro"])
+    with pytest.raises(UnknownNameError, match="oracle, stay"):
+        driving(latency_ms={"ko2012": 5.0})
+
+
+def test_what_is_driven_when_nothing_is_said():
+    assert plan_all(["corridor"], drive=True).labels == ("oracle+servo-avoid",)
+    assert plan_all(["quick"], drive=True).labels == tuple(
+        f"{name}+servo-avoid" for name in ("ko2012", "opencv-mil", "stay")
+    )
+    assert plan_all(["quick"]).kind == "open"
+
+
+def test_a_measured_latency_is_measured_once(tmp_path: Path):
+    scenario = load("corridor", {**SMALL, "duration_s": 1.0})
+    plan = driving(range(1), ("ko2012[particle_count=10]",))
+    trackers = driving(range(1), ("stay", "ko2012")).trackers
+    found = settled({"stay": None, "ko2012": 13.0}, trackers, scenario)
+    assert found["ko2012"] == 13.0
+    assert 0.0 < found["stay"] < 1000.0
+    assert plan.kind == "follow"
+    begun = run(driving(range(1), ("stay",), latency_ms={"stay": 41.5}), tmp_path / "run", videos="none")
+    assert settled({"stay": None}, trackers, scenario, begun.path) == {"stay": 41.5}

@@ -1,0 +1,99 @@
+"""A plan is every combination, once; names in it are safe as files."""
+
+import pytest
+
+from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
+from pftrack_sim.benchmark.naming import distinct_slugs, slug
+from pftrack_sim.benchmark.plan import differences, read_plan
+from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
+
+
+def test_every_combination_once():
+    plan = make_plan(["plaza-walk", "corridor"], ["stay"], [0, 1], axes={"jitter": [0, 2]})
+    episodes = list(plan.episodes())
+    assert len(episodes) == plan.episode_count == 8
+    assert len({episode.name for episode in episodes}) == len({episode.path for episode in episodes}) == 8
+    shaken = episodes[2]
+    assert shaken.condition.name == "jitter=2"
+    assert shaken.scenario.resolve(0).axes.jitter.severity == 2
+    assert plan.frame_count == sum(one.scenario.resolve(one.seed).frame_count for one in episodes)
+
+
+def test_severity_zero_is_the_base_scenario():
+    zero, base = (
+        make_plan(["plaza-walk"], ["stay"], [3], axes={"jitter": [0]}),
+        make_plan(["plaza-walk"], ["stay"], [3]),
+    )
+    assert next(zero.episodes()).scenario.resolve(3) == next(base.episodes()).scenario.resolve(3)
+
+
+def test_a_parameter_of_an_axis_is_swept_at_severity_1():
+    plan = make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter.ground_rms_deg": [0.5, 2]})
+    first, second = (one.scenario.resolve(0).axes.jitter for one in plan.episodes())
+    assert (first.severity, first.ground_rms_deg) == (1.0, 0.5)
+    assert (second.severity, second.ground_rms_deg) == (1.0, 2.0)
+
+
+def test_a_plan_goes_through_json_unchanged_and_any_change_shows():
+    trackers = [TrackerSpec(name="ko2012", preset="paper", params={"particle_count": 20}), "stay"]
+    plan = make_plan(["plaza-walk", "corridor"], trackers, [0, 5], axes={"jitter": [0, 1.5]})
+    again = Plan.model_validate_json(plan.model_dump_json())
+    assert again == plan
+    assert again.digest == plan.digest
+    assert list(again.episodes())[3].scenario.tree == list(plan.episodes())[3].scenario.tree
+    longer = make_plan(
+        ["plaza-walk", "corridor"], trackers, [0, 5], axes={"jitter": [0, 1.5]}, overrides={"duration_s": 3}
+    )
+    assert longer.digest != plan.digest
+    assert differences(longer, plan)[0] == "scenarios.plaza-walk.duration_s: 16.0 there, 3 asked for"
+    fewer = make_plan(["plaza-walk", "corridor"], ["stay"], [0, 5], axes={"jitter": [0, 1.5]})
+    assert differences(fewer, plan) == ["trackers: ko2012[preset=paper,particle_count=20], stay there, stay asked for"]
+    with pytest.raises(RunError, match="not a plan this version can read: format"):
+        read_plan({**plan.model_dump(mode="json"), "format": 7}, "run.json")
+
+
+def test_plans_are_joined_and_shuffled_without_losing_an_episode():
+    parts = [make_plan(["plaza-walk"], ["stay"], [0, 1], axes={"jitter": [level]}) for level in (1, 2)]
+    joined = join_plans(parts)
+    assert joined.episode_count == 4
+    paths = [one.path for one in joined.episodes()]
+    mixed = [one.path for one in joined.episodes(shuffle=3)]
+    assert mixed != paths
+    assert sorted(mixed) == sorted(paths)
+    with pytest.raises(ParameterError, match="scenario given twice: plaza-walk"):
+        join_plans([parts[0], parts[0]])
+
+
+def test_wrong_names_and_levels():
+    with pytest.raises(UnknownNameError, match="did you mean 'plaza-walk'"):
+        make_plan(["plaza-wlk"], ["stay"], [0])
+    with pytest.raises(UnknownNameError, match="unknown axis 'jiter'; did you mean 'jitter'"):
+        make_plan(["plaza-walk"], ["stay"], [0], axes={"jiter": [1]})
+    with pytest.raises(UnknownNameError, match="unknown parameter of the axis jitter 'bandhz'"):
+        make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter.bandhz": [1]})
+    with pytest.raises(ScenarioError, match="severity"):
+        make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter": [-1]})
+    with pytest.raises(ParameterError, match="given twice: stay"):
+        make_plan(["plaza-walk"], ["stay", "stay"], [0])
+    with pytest.raises(ParameterError, match="at least one seed"):
+        make_plan(["plaza-walk"], ["stay"], [])
+
+
+@pytest.mark.parametrize("text", ["", "a", "3:3", "5:2", "1,,2", "-1", "1:2:3"])
+def test_seeds_that_are_none(text: str):
+    with pytest.raises(ParameterError, match="seeds are written"):
+        parse_seeds(text)
+
+
+@pytest.mark.parametrize("name", ["../../etc/passwd", "a/b", ".", "..", "", "a\0b", "con<script>", "x" * 10])
+def test_no_name_leaves_the_folder(name: str):
+    made = slug(name)
+    assert made
+    assert "/" not in made
+    assert "\0" not in made
+    assert not made.startswith(".")
+
+
+def test_names_that_look_alike_get_files_of_their_own():
+    made = distinct_slugs(["a/b", "a b", "A-B", "a-b-2"])
+    assert len({one.lower() for one in made.values()}) == 4

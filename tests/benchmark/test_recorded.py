@@ -1,0 +1,90 @@
+"""Trackers on recorded sequences: scores, and the videos of them."""
+
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import TrackerSpec
+from pftrack_sim.benchmark.recorded import evaluate, video_paths
+from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.formats import RecordedSequence
+
+
+def record(folder: Path, count: int = 6) -> RecordedSequence:
+    """A white square that moves right over black; in the fourth frame nobody drew a box."""
+    folder.mkdir()
+    paths, truth = [], []
+    for index in range(count):
+        image = np.zeros((60, 80, 3), np.uint8)
+        image[20:40, 10 + index : 30 + index] = 255
+        paths.append(folder / f"{index}.png")
+        cv2.imwrite(str(paths[-1]), image)
+        truth.append([10.0 + index, 20, 20, 20] if index != 3 else [np.nan] * 4)
+    return RecordedSequence(folder.name, tuple(paths), np.array(truth))
+
+
+def frames(path: Path) -> list[np.ndarray]:
+    with av.open(str(path)) as container:
+        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+
+
+def test_scores_of_the_two_ends_of_the_scale(tmp_path: Path):
+    ticks: list[int] = []
+    found = evaluate([record(tmp_path / "a")], ["oracle", "stay"], [0, 1], on_frame=lambda: ticks.append(1))
+    assert [(one.tracker, one.seed) for one in found] == [("oracle", 0), ("stay", 0), ("oracle", 1), ("stay", 1)]
+    assert len(ticks) == 6 * 4
+    assert found[0].summary.frames == 4
+    assert found[0].summary.mean_overlap == 1.0
+    assert found[1].summary.mean_overlap == pytest.approx(np.mean([(20 - d) / (20 + d) for d in (1, 2, 4, 5)]))
+
+
+def test_a_video_shows_every_frame_with_the_truth_and_the_boxes(tmp_path: Path):
+    sequence = record(tmp_path / "a")
+    video = tmp_path / "new" / "a.mp4"
+    evaluate([sequence], ["stay"], [0, 1], video=video)
+    shown = frames(video)
+    assert len(shown) == 6
+    assert shown[0].shape == (60, 80, 3)
+    orange = [np.abs(frame.astype(int) - (230, 159, 0)).sum(axis=2)[30:38, 8:12].min() for frame in shown]
+    # The codec halves the resolution of colours, and does not give the same bits every time; black is at 389.
+    assert max(orange) < 250, "the tracker's box stays where it began"
+
+
+def test_particles_are_drawn_when_asked_for_and_change_no_score(tmp_path: Path):
+    sequence = record(tmp_path / "a")
+    scores, videos = [], []
+    for wanted in (False, True):
+        video = tmp_path / f"{wanted}.mp4"
+        shown = TrackerSpec(name="ko2012", params={"particles": wanted})
+        found = evaluate([sequence], [shown], [0], video=video)
+        scores.append(found[0].summary.mean_overlap)
+        videos.append(frames(video)[1].astype(int))
+    assert scores[0] == scores[1]
+    assert (np.abs(videos[1] - videos[0]).sum(axis=2) > 60).sum() > 20
+
+
+def test_several_sequences_go_into_a_folder(tmp_path: Path):
+    sequences = [record(tmp_path / "a"), record(tmp_path / "b", count=4)]
+    evaluate(sequences, ["stay"], [0], video=tmp_path / "videos")
+    assert [len(frames(tmp_path / "videos" / f"{name}.mp4")) for name in "ab"] == [6, 4]
+
+
+def test_names_of_videos_that_cannot_be(tmp_path: Path):
+    one, other = record(tmp_path / "a"), record(tmp_path / "b")
+    assert video_paths([one], tmp_path / "x.mp4") == [tmp_path / "x.mp4"]
+    with pytest.raises(ParameterError, match="give a folder instead of"):
+        video_paths([one, other], tmp_path / "x.mp4")
+    with pytest.raises(ParameterError, match="several sequences are called a:"):
+        video_paths([one, other, one], tmp_path / "videos")
+    with pytest.raises(RunError, match="neither a folder nor"):
+        video_paths([one], one.paths[0])
+
+
+def test_a_wrong_name_leaves_nothing_behind(tmp_path: Path):
+    sequence = record(tmp_path / "a")
+    with pytest.raises(UnknownNameError):
+        evaluate([sequence], ["stya"], [0], video=tmp_path / "videos")
+    assert not (tmp_path / "videos").exists()

@@ -1,0 +1,120 @@
+"""A run leaves a folder that says everything, and the same plan gives the same scores."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import av
+import duckdb
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import Plan, make_plan, plan_all, run
+from pftrack_sim.benchmark.progress import Status
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
+
+SMALL: dict[str, Any] = {
+    "camera.width_px": 96,
+    "camera.height_px": 72,
+    "lights.shadows": False,
+    "duration_s": 0.6,
+    "distractors.count": 1,
+}
+
+
+class Raises:
+    """A stranger's tracker that breaks at its third frame."""
+
+    def init(self, image: np.ndarray, box: np.ndarray) -> None:
+        self.seen = 0
+
+    def update(self, image: np.ndarray) -> Any:
+        self.seen += 1
+        if self.seen == 3:
+            raise ValueError("lost my way")
+        from pftrack_sim.core.records import Estimate
+
+        return Estimate([0, 0, 5, 5])
+
+
+def breaking(**_: Any) -> Raises:
+    return Raises()
+
+
+def rows(path: Path, query: str) -> list[tuple[Any, ...]]:
+    return duckdb.sql(query.replace("{}", str(path))).fetchall()
+
+
+def test_a_run_folder_tells_everything(tmp_path: Path):
+    seen: list[Status] = []
+    plan = make_plan(["warehouse"], ["oracle", "stay"], [0, 1], overrides=SMALL)
+    results = run(plan, tmp_path / "out", on_status=seen.append).results()
+    assert seen[-1].frames == plan.frame_count == 36
+    assert [one.done for one in seen if one.episode] == [1, 2]
+    assert seen[-1].means["oracle"] == 1.0
+    assert seen[-1].left_s == 0.0
+    assert [(one.seed, one.tracker) for one in results] == [(0, "oracle"), (0, "stay"), (1, "oracle"), (1, "stay")]
+    assert all(one.summary.mean_overlap == 1.0 for one in results if one.tracker == "oracle")
+    record = json.loads((tmp_path / "out/run.json").read_text())
+    assert Plan.model_validate(record["plan"]) == plan
+    assert record["plan_sha256"] == plan.digest
+    assert record["finished"]
+    assert record["sessions"][0]["versions"]["mujoco"].startswith("4.")
+    frames = rows(
+        tmp_path, "SELECT count(*), min(len(box)) FROM '{}/out/episodes/*/*/*.parquet' WHERE tracker = 'oracle'"
+    )
+    assert frames == [(36, 4)]
+    summary = rows(tmp_path, "SELECT tracker, avg(mean_overlap) FROM '{}/out/summary.parquet' GROUP BY 1 ORDER BY 1")
+    assert summary[0] == ("oracle", 1.0)
+    videos = list((tmp_path / "out/videos").rglob("*.mp4"))
+    assert videos == [tmp_path / "out/videos/warehouse/base/seed-0000.mp4"]
+    with av.open(str(videos[0])) as opened:
+        stream = opened.streams.video[0]
+        assert (stream.codec_context.name, stream.frames, stream.width) == ("h264", 18, 96)
+    assert not list((tmp_path / "out").rglob("*.part*"))
+
+
+def test_a_broken_tracker_in_the_same_process_hurts_only_itself(tmp_path: Path):
+    overrides = {**SMALL, "camera.width_px": 160, "camera.height_px": 120}
+    alone = run(make_plan(["corridor"], ["ko2012"], [4], overrides=overrides), tmp_path / "a", videos="none")
+    names = ["tests.benchmark.test_run:breaking", "ko2012"]
+    plan = make_plan(["corridor"], names, [4], overrides=overrides)
+    both = run(plan, tmp_path / "b", videos="none", isolation="never").results()
+    query = "SELECT * EXCLUDE ms FROM '{}/episodes/*/*/*.parquet' WHERE tracker = 'ko2012' ORDER BY frame"
+    assert str(rows(tmp_path / "a", query)) == str(rows(tmp_path / "b", query))
+    assert alone.results()[0].summary.mean_overlap == both[1].summary.mean_overlap
+    assert both[0].failure == "frame 3: ValueError: lost my way"
+    assert both[1].failure is None
+
+
+def test_nothing_is_written_when_a_name_is_wrong(tmp_path: Path):
+    plan = make_plan(["plaza-walk"], ["ko2021"], [0], overrides=SMALL)
+    with pytest.raises(UnknownNameError, match="did you mean 'ko2012'"):
+        run(plan, tmp_path / "out")
+    good = make_plan(["plaza-walk"], ["stay"], [0], overrides=SMALL)
+    with pytest.raises(ParameterError, match="videos must be one of"):
+        run(good, tmp_path / "out", videos="some")
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/mine.txt").write_text("precious")
+    with pytest.raises(RunError, match="not an empty folder"):
+        run(good, tmp_path / "full")
+    assert (tmp_path / "full/mine.txt").read_text() == "precious"
+
+
+@pytest.mark.parametrize("box", ["box", "amodal_box", "visible_box"])
+def test_scores_are_against_the_box_that_was_asked_for(tmp_path: Path, box: str):
+    plan = plan_all(["warehouse"], trackers=["stay"], seeds=[0], overrides=SMALL, truth=box)
+    run(plan, tmp_path / "out", workers=0, videos="none")
+    found = rows(tmp_path, f"SELECT estimate, {box}, overlap FROM '{{}}/out/episodes/*/*/*.parquet' WHERE scored")
+    said, true, overlap = (np.array([one[index] for one in found], dtype=np.float64) for index in range(3))
+    assert len(found) > 5
+    assert np.allclose(overlap, np.minimum(boxes.pairwise_iou(said, true), 1.0), rtol=0, atol=1e-12)
+
+
+def test_another_box_is_another_plan(tmp_path: Path):
+    plans = {box: plan_all(["warehouse"], truth=box) for box in ("box", "visible_box")}
+    assert plans["box"].digest != plans["visible_box"].digest
+    with pytest.raises(UnknownNameError, match=r"unknown box of the truth 'visible'; did you mean 'visible_box'\?"):
+        plan_all(["warehouse"], truth="visible")

@@ -1,0 +1,110 @@
+"""Whatever ends a run, nothing is lost and nothing half-done counts."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pftrack_sim.benchmark import run
+from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.progress import Status
+from pftrack_sim.core.errors import RunError
+from tests.benchmark.small import contents, small_plan
+from tests.benchmark.survival import command, survive
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills processes and fills disks the Linux way")
+
+
+def test_killed_at_random_moments(tmp_path: Path):
+    survive(tmp_path, kills=2, episodes=4, seed=1)
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path: Path):
+    words = command(tmp_path / "run", 40)
+    words[words.index("quiet")] = "json"
+    begun = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    assert begun.stderr is not None
+    first = begun.stderr.readline().decode()
+    assert '"done": 1, "total": 40' in first, first
+    os.killpg(begun.pid, signal.SIGINT)
+    _, said = begun.communicate(timeout=60)
+    last = said.decode().strip().splitlines()[-1]
+    assert begun.returncode == 130
+    assert "of 40 episodes are finished. Go on with: pftrack-sim bench corridor" in last
+    assert "Traceback" not in said.decode()
+    assert not check(tmp_path / "run").good
+    assert not [one for one in check(tmp_path / "run").problems if not one.startswith("missing")]
+
+
+@pytest.fixture
+def little_disk(tmp_path: Path) -> Iterator[Path]:
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", str(place)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("only root can make a small disk")
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def test_a_full_disk_harms_nothing(little_disk: Path, tmp_path: Path):
+    plan = small_plan(range(8), ["oracle", "stay"])
+    with pytest.raises(RunError, match="No space left on device") as caught:
+        run(plan, little_disk / "run", videos="none")
+    assert "of 8 episodes are finished; the same command goes on from there" in str(caught.value)
+    missing = check(little_disk / "run").problems
+    assert 0 < len(missing) < 8
+    assert all(one.startswith("missing") for one in missing)
+    assert not list(little_disk.rglob(".*.part"))
+    subprocess.run(["mount", "-o", "remount,size=4m", str(little_disk)], check=True)
+    run(plan, little_disk / "run", videos="none")
+    assert check(little_disk / "run").good
+    assert contents(little_disk / "run") == contents(run(plan, tmp_path / "whole", videos="none").path)
+
+
+def test_files_that_cannot_grow_harm_nothing(tmp_path: Path):
+    plan = small_plan(range(3), ["oracle"])
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def limit(status: Status) -> None:
+        if status.done == 1:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+
+    try:
+        with pytest.raises(RunError, match="cannot write"):
+            run(plan, tmp_path / "run", videos="none", on_status=limit)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert check(tmp_path / "run").problems == ("missing: corridor seed 1", "missing: corridor seed 2")
+    run(plan, tmp_path / "run", videos="none")
+    assert check(tmp_path / "run").good
+
+
+def test_the_first_frame_comes_soon_however_long_the_plan_is(tmp_path: Path):
+    """Nothing is done for every episode before the first is drawn: asked for as work, not as seconds."""
+    plan = small_plan(range(1000), ["oracle"])
+    resolved: list[int] = []
+    scenario = next(plan.episodes()).scenario
+    original = type(scenario).resolve
+
+    def counted(self: object, seed: int) -> object:
+        resolved.append(seed)
+        return original(self, seed)  # pyright: ignore[reportArgumentType]
+
+    class Enough(Exception):
+        pass
+
+    def stop(status: Status) -> None:
+        if status.frames:
+            raise Enough
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(type(scenario), "resolve", counted)
+        with pytest.raises(Enough):
+            run(plan, tmp_path / "run", videos="none", on_status=stop)
+    assert len(resolved) < 10

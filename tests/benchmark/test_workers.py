@@ -1,0 +1,218 @@
+"""The same plan gives the same bits: on one worker or two, in any order, in parts, fresh or resumed."""
+
+import os
+import shutil
+import signal
+import threading
+import time
+from pathlib import Path
+
+import duckdb
+import pytest
+
+from pftrack_sim.benchmark import Plan, Run, run
+from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.executor import LocalWorkers
+from pftrack_sim.benchmark.folder import episode_files
+from pftrack_sim.benchmark.merge import merge
+from pftrack_sim.benchmark.progress import Status
+from pftrack_sim.benchmark.query import ask
+from pftrack_sim.core.errors import ParameterError, RunError
+from tests.benchmark.small import contents, small_plan
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return small_plan(range(5), ["oracle", "ko2012"])
+
+
+@pytest.fixture(scope="module")
+def one(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return run(plan, tmp_path_factory.mktemp("one") / "run", videos="none")
+
+
+def test_two_workers_that_are_killed_give_the_same_bits(
+    plan: Plan, one: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Each of the first two workers is killed once, in the middle of an episode."""
+    killed: set[int] = set()
+    pools: list[LocalWorkers] = []
+    begin = LocalWorkers.__init__
+
+    def remembered(self: LocalWorkers, count: int) -> None:
+        begin(self, count)
+        pools.append(self)
+
+    monkeypatch.setattr(LocalWorkers, "__init__", remembered)
+
+    def kill(status: Status) -> None:
+        if pools and len(killed) < 2 and status.frames > status.done * 4:
+            for pid in set(pools[0].process_ids[:2]) - killed:
+                killed.add(pid)
+                os.kill(pid, signal.SIGKILL)
+
+    two = run(plan, tmp_path / "two", workers=2, videos="none", shuffle=1, on_status=kill)
+    assert len(killed) == 2
+    assert contents(two.path) == contents(one.path)
+    assert check(two.path).good
+
+
+def test_a_resumed_run_plays_only_what_is_missing(plan: Plan, one: Run, tmp_path: Path):
+    begun = tmp_path / "run"
+    shutil.copytree(one.path, begun)
+    files = list(episode_files(begun))
+    for lost in (files[1], files[3]):
+        lost.unlink()
+    kept = {file: file.stat().st_mtime_ns for file in episode_files(begun)}
+    half = files[1].with_name(f".{files[1].name}.0badcafe.part")
+    half.write_bytes(files[0].read_bytes()[:1000])
+    seen: list[Status] = []
+    run(plan, begun, videos="none", on_status=seen.append)
+    assert [status.done for status in seen if status.episode] == [4, 5]
+    assert contents(begun) == contents(one.path)
+    assert {file: file.stat().st_mtime_ns for file in kept} == kept
+    assert not half.exists()
+    run(plan, begun, videos="none", on_status=seen.append)
+    assert seen[-1].frames == 0
+    assert check(begun).good
+
+
+def test_parts_are_merged(plan: Plan, one: Run, tmp_path: Path):
+    for k in (1, 2):
+        run(plan, tmp_path / f"part-{k}", videos="first", part=(k, 2))
+    found = check(tmp_path / "part-1")
+    assert not found.good
+    assert found.episodes == 3
+    assert "missing: corridor seed 1" in found.problems
+    assert len(ask(tmp_path / "part-1", "SELECT * FROM episodes").rows) == 3
+    done = merge(tmp_path / "all", [tmp_path / "part-1", tmp_path / "part-2", one.path])
+    assert (done.added, done.shared, done.done) == (5, 5, 5)
+    assert contents(tmp_path / "all") == contents(one.path)
+    assert (tmp_path / "all/videos/corridor/base/seed-0000.mp4").is_file()
+    assert check(tmp_path / "all").good
+    other = run(small_plan(range(2), ["stay"]), tmp_path / "other", videos="none")
+    with pytest.raises(RunError, match=r"trackers: stay there, oracle, ko2012 asked for"):
+        merge(tmp_path / "all", [one.path, other.path])
+
+
+def middle_of(column: str, path: Path) -> int:
+    """Where the middle of a column lies in a Parquet file: elsewhere a changed byte may be one of the clock's."""
+    start, size = duckdb.execute(
+        "SELECT data_page_offset, total_compressed_size FROM parquet_metadata(?) WHERE path_in_schema = ?",
+        [str(path), column],
+    ).fetchall()[0]
+    return start + size // 2
+
+
+def test_check_finds_what_is_wrong(one: Run, tmp_path: Path):
+    def harmed(name: str) -> Path:
+        shutil.copytree(one.path, tmp_path / name)
+        return tmp_path / name
+
+    first = next(episode_files(one.path)).relative_to(one.path)
+    cut = harmed("cut")
+    (cut / first).write_bytes((one.path / first).read_bytes()[:-100])
+    swapped = harmed("swapped")
+    shutil.copy(swapped / first.with_name("seed-0001.parquet"), swapped / first)
+    added = harmed("added")
+    shutil.copy(added / first, added / first.with_name("seed-0099.parquet"))
+    flipped = harmed("flipped")
+    content = bytearray((flipped / first).read_bytes())
+    content[middle_of("overlap", flipped / first)] ^= 1
+    (flipped / first).write_bytes(content)
+    edited = harmed("edited")
+    record = (edited / "run.json").read_text()
+    (edited / "run.json").write_text(record.replace('"duration_s": 0.4', '"duration_s": 0.5'))
+    assert check(one.path).good
+    for folder in (cut, swapped, flipped):
+        (problem,) = check(folder).problems
+        assert problem == f"{first.as_posix()}: changed since the run was finished"
+        # Without the summary there is no hash to compare with: the rows speak for themselves.
+        (folder / "summary.parquet").unlink()
+        assert any(problem.startswith(first.as_posix()) for problem in check(folder).problems), folder
+    assert check(added).problems == (f"not in the plan: {first.with_name('seed-0099.parquet').as_posix()}",)
+    with pytest.raises(RunError, match="was edited"):
+        check(edited)
+
+
+def test_another_plan_in_the_folder_is_refused(one: Run):
+    with pytest.raises(RunError, match=r"holds another plan.*\n  seeds: 0, 1, 2, 3, 4 there, 0, 1 asked for"):
+        run(small_plan(range(2), ["oracle", "ko2012"]), one.path)
+
+
+def test_a_folder_has_one_writer_at_a_time(plan: Plan, tmp_path: Path):
+    problems: list[RunError] = []
+
+    def intrude(_: Status) -> None:
+        if not problems:
+            with pytest.raises(RunError, match="another process is writing") as caught:
+                run(plan, tmp_path / "run", videos="none")
+            problems.append(caught.value)
+
+    run(plan, tmp_path / "run", videos="none", part=(5, 5), on_status=intrude)
+    assert problems
+
+
+def test_ctrl_c_stops_and_keeps_what_is_finished(plan: Plan, one: Run, tmp_path: Path):
+    from pftrack_sim.benchmark import Interrupted
+
+    def press(status: Status) -> None:
+        if status.done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted, match="stopped; 2 of 5 episodes are finished"):
+        run(plan, tmp_path / "run", videos="none", workers=1, on_status=press)
+    assert len(list(episode_files(tmp_path / "run"))) == 2
+    run(plan, tmp_path / "run", videos="none")
+    assert contents(tmp_path / "run") == contents(one.path)
+
+
+def test_queries(one: Run):
+    answer = ask(one.path, "SELECT tracker, count(*) AS n FROM frames GROUP BY tracker ORDER BY tracker")
+    assert answer.heads == ("tracker", "n")
+    assert answer.rows == [("ko2012", 20), ("oracle", 20)]
+    assert ask(one.path, "SELECT count(*), sum(episode_frames) FROM episodes").rows == [(5, 20)]
+    assert ask(one.path, "SELECT avg(mean_overlap) FROM summary WHERE tracker = 'oracle'").rows == [(1.0,)]
+    with pytest.raises(RunError, match="the query failed"):
+        ask(one.path, "SELECT nonsense FROM frames")
+
+
+def test_options_that_are_not_allowed(plan: Plan, tmp_path: Path):
+    for options in ({"part": (3, 2)}, {"part": (0, 2)}, {"isolation": "some"}, {"workers": -1}):
+        with pytest.raises(ParameterError, match=next(iter(options))):
+            run(plan, tmp_path / "run", **options)  # pyright: ignore[reportArgumentType]
+    assert not (tmp_path / "run").exists()
+
+
+def test_tables_are_written(one: Run):
+    text = (one.path / "tables/trackers.csv").read_text().splitlines()
+    assert text[0].startswith("tracker,episodes,mean_overlap")
+    assert text[1].startswith("oracle,5,1.0")
+    assert "ko2012 & 5 & " in (one.path / "tables/trackers.tex").read_text()
+
+
+def test_workers_leave_with_their_parent(plan: Plan):
+    """Nothing is left running when a pool is closed."""
+    pool = LocalWorkers(1)
+    started = threading.Event()
+    from pftrack_sim.benchmark.episode import Job
+
+    jobs = (Job(episode, plan.trackers) for episode in plan.episodes())
+    for done in pool.play_all(jobs):
+        if done is not None:
+            started.set()
+            break
+    pids = pool.process_ids
+    pool.close()
+    assert started.is_set()
+    deadline = time.monotonic() + 20
+    while any(Path(f"/proc/{pid}").exists() and "Z" not in _state(pid) for pid in pids):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def _state(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return "Z"

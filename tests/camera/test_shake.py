@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pftrack_sim.camera.shake import Vibration, combined
+from pftrack_sim.core.random_streams import stream
+from pftrack_sim.scenario.axes import JitterAxis
+from pftrack_sim.scenario.model import Jitter
+
+SHAKE = Jitter(angular_rms_deg=0.4, translational_rms_mm=5.0, band_hz=(2.0, 9.0))
+POSE = np.array([[0, 0, 1, 3.3], [-1, 0, 0, -0.2], [0, -1, 0, 1.25], [0, 0, 0, 1]], dtype=np.float64)
+
+
+def vibration(jitter: Jitter = SHAKE, seed: int = 0) -> Vibration:
+    return Vibration.flat(jitter, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rms_of_each_axis(seed: int):
+    rotation, translation = vibration(seed=seed).offset(np.arange(0.0, 400.0, 1 / 60))
+    assert abs(np.sqrt((rotation**2).mean(axis=0)) / np.deg2rad(0.4) - 1.0).max() < 0.03
+    assert abs(np.sqrt((translation**2).mean(axis=0)) / 0.005 - 1.0).max() < 0.03
+    assert abs(rotation.mean(axis=0)).max() < 1e-4
+
+
+def test_spectrum_is_flat_inside_the_band_and_empty_outside():
+    rotation, _ = vibration().offset(np.arange(0.0, 400.0, 1 / 60))
+    windowed = rotation * np.hanning(len(rotation))[:, None]
+    power = (np.abs(np.fft.rfft(windowed, axis=0)) ** 2).sum(axis=1)
+    hertz = np.fft.rfftfreq(len(rotation), 1 / 60)
+    assert power[(hertz < 1.95) | (hertz > 9.05)].sum() < 1e-3 * power.sum()
+    sevenths, _ = np.histogram(hertz, bins=np.linspace(2.0, 9.0, 8), weights=power)
+    assert abs(sevenths / sevenths.mean() - 1.0).max() < 0.2
+
+
+def test_looks_gaussian_and_axes_are_independent():
+    rotation, translation = vibration(seed=2).offset(np.arange(0.0, 400.0, 1 / 60))
+    axes = np.concatenate([rotation, translation], axis=1)
+    axes = (axes - axes.mean(axis=0)) / axes.std(axis=0)
+    assert abs((axes**4).mean(axis=0) - 3.0).max() < 0.2
+    assert abs(np.corrcoef(axes.T) - np.eye(6)).max() < 0.05
+
+
+def test_any_time_in_any_order():
+    shake = vibration()
+    times = np.array([[3.0, 0.5], [100.0, 2.0]])
+    rotation, translation = shake.offset(times)
+    assert rotation.shape == translation.shape == (2, 2, 3)
+    assert abs(rotation[1, 0] - shake.offset(100.0)[0]).max() < 1e-15
+
+
+def test_zero_rms_is_the_pose_to_the_bit():
+    assert vibration(Jitter()).displace(POSE, 1.7).tobytes() == POSE.tobytes()
+    assert combined(Jitter(), JitterAxis(severity=0.0), 5, 1.2).displace(POSE, 1.7).tobytes() == POSE.tobytes()
+
+
+@settings(max_examples=50)
+@given(st.floats(0.0, 100.0), st.integers(0, 1000))
+def test_displaced_pose_is_a_pose_moved_in_the_camera_s_frame(time_s: float, seed: int):
+    shake = vibration(seed=seed)
+    before = POSE.copy()
+    moved = shake.displace(POSE, time_s)
+    assert (before == POSE).all()
+    assert abs(moved[:3, :3] @ moved[:3, :3].T - np.eye(3)).max() < 1e-12
+    rotation, translation = shake.offset(time_s)
+    relative = np.linalg.inv(POSE) @ moved
+    assert abs(relative[:3, 3] - translation).max() < 1e-12
+    angle = np.arccos(np.clip((np.trace(relative[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))
+    assert abs(angle - np.linalg.norm(rotation)) < 1e-7
+    assert relative[2, 1] == pytest.approx(rotation[0], abs=3e-4)
+
+
+@pytest.mark.parametrize("sources", [("wind",), ("ground",), ("wind", "ground"), ("road",)])
+def test_axis_adds_to_the_base_and_scales(sources: tuple[str, ...]):
+    base = Jitter(angular_rms_deg=0.2)
+    alone, once, thrice = (
+        np.concatenate(combined(base, JitterAxis(severity=severity, sources=sources), 3, 1.2).offset(1.3))
+        for severity in (0.0, 1.0, 3.0)
+    )
+    assert abs((thrice - alone) - 3.0 * (once - alone)).max() < 1e-12
+    assert (abs(once - alone).max() > 0.0) == (sources != ("road",))  # the road moves the robot, not the mount
+
+
+def test_sources_add_up_and_leave_each_other_alone():
+    still = Jitter()
+    wind, ground, both = (
+        np.concatenate(combined(still, JitterAxis(severity=1.0, sources=sources), 3, 1.2).offset(0.7))
+        for sources in (("wind",), ("ground",), ("wind", "ground"))
+    )
+    assert abs(wind + ground - both).max() < 1e-15
+
+
+def test_gusts_have_the_rms_and_the_spectrum_asked_for():
+    rotation, _ = Vibration.gusts(0.5, 0.8, 1.2, np.random.default_rng(0)).offset(np.arange(0.0, 2000.0, 0.02))
+    assert abs(np.sqrt((rotation**2).mean(axis=0)) / np.deg2rad(0.5) - 1.0).max() < 0.05
+    power = (np.abs(np.fft.rfft(rotation, axis=0)) ** 2).sum(axis=1)
+    hertz = np.fft.rfftfreq(len(rotation), 0.02)
+    share = np.array([power[hertz < edge].sum() for edge in (0.4, 0.8, 1.6, 9.7)]) / power.sum()
+    first_order = np.arctan(np.array([0.5, 1.0, 2.0, 12.0])) / np.arctan(12.0)
+    assert abs(share - first_order).max() < 0.03
+
+
+def test_gusts_carry_the_camera_with_the_mast():
+    gusts = Vibration.gusts(0.3, 0.8, 1.2, np.random.default_rng(1))
+    foot = np.array([0.0, 1.2, 0.0, 1.0])
+    for time_s in (0.0, 1.3, 7.7):
+        relative = np.linalg.inv(POSE) @ gusts.displace(POSE, time_s)
+        assert abs(relative @ foot - foot)[[0, 2]].max() < 2e-4  # the foot stays, to second order
+
+
+def test_severity_zero_is_the_base_to_the_bit():
+    base = Vibration.flat(SHAKE, stream(3, "jitter", "base")).displace(POSE, 0.4)
+    assert combined(SHAKE, JitterAxis(severity=0.0), 3, 1.2).displace(POSE, 0.4).tobytes() == base.tobytes()
+
+
+def test_seeds_differ_and_repeat():
+    axis = JitterAxis(severity=1.0)
+    first, again, other = (combined(SHAKE, axis, seed, 1.2).displace(POSE, 2.0) for seed in (1, 1, 2))
+    assert first.tobytes() == again.tobytes()
+    assert first.tobytes() != other.tobytes()
+
+
+def test_wrong_sources_and_bands_are_refused():
+    with pytest.raises(ValueError, match="low < high"):
+        JitterAxis(ground_band_hz=(5.0, 2.0))
+    with pytest.raises(ValueError, match="'wind', 'ground' or 'road'"):
+        JitterAxis.model_validate({"sources": ["rain"]})

@@ -1,0 +1,110 @@
+"""Records are frozen, all the way into their arrays, and across processes."""
+
+import dataclasses
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim.core.errors import BoxError, ParameterError
+from pftrack_sim.core.records import Estimate, Frame, State, Tracker, Truth, frozen_array
+
+
+def truth(state: State = "visible", **changed: Any) -> Truth:
+    given: dict[str, Any] = {
+        "name": "target",
+        "box": [0, 0, 5, 6],
+        "amodal_box": [-1, 0, 6, 6],
+        "visible_box": [np.nan] * 4,
+        "swept_box": [np.nan] * 4,
+        "visible_fraction": 0.5,
+        "truncation": 0.1,
+        "state": state,
+        "occluders": ("pillar",),
+        "distance_m": 4.0,
+        "T_world_camera": np.eye(4),
+        "T_world_target": np.eye(4),
+        "K": np.eye(3),
+        "distortion": np.zeros(5),
+        "time_s": 0.1,
+        "image_motion_px": 0.0,
+        "luminance": 0.4,
+    }
+    return Truth(**{**given, **changed})
+
+
+def arrays(record: Any) -> dict[str, np.ndarray]:
+    values = {one.name: getattr(record, one.name) for one in dataclasses.fields(record)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+def test_truth_is_frozen():
+    box = np.array([0.0, 0, 5, 6])
+    one = truth(box=box)
+    box[0] = 9
+    assert one.box[0] == 0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        one.name = "other"  # pyright: ignore[reportAttributeAccessIssue]
+    assert len(arrays(one)) == 8
+    for array in arrays(one).values():
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+
+
+def test_truth_stays_frozen_in_another_process():
+    one = truth()
+    other = pickle.loads(pickle.dumps(one))
+    assert all(not array.flags.writeable for array in arrays(other).values())
+    assert all(np.array_equal(a, arrays(one)[name], equal_nan=True) for name, a in arrays(other).items())
+
+
+@pytest.mark.parametrize(("state", "scored"), [("visible", True), ("occluded", False), ("out_of_view", False)])
+def test_only_what_can_be_seen_is_scored(state: State, scored: bool):
+    assert truth(state).scored is scored
+
+
+def test_truth_checks_its_shapes():
+    with pytest.raises(ParameterError, match=r"\(4, 4\), got \(3, 3\)"):
+        truth(T_world_camera=np.eye(3))
+
+
+def test_estimate_is_checked_and_frozen():
+    one = Estimate([1, 2, 3, 4], 0.5, particles=[[0, 0, 1, 1]])  # pyright: ignore[reportArgumentType]
+    for array in arrays(one).values():
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    with pytest.raises(BoxError, match="estimated box must be finite"):
+        Estimate([1, 2, np.nan, 4])  # pyright: ignore[reportArgumentType]
+    for confidence in (-0.01, 1.01, np.nan):
+        with pytest.raises(ParameterError, match="confidence"):
+            Estimate(np.ones(4), confidence)
+    with pytest.raises(ParameterError, match=r"\(N, 4\)"):
+        Estimate(np.ones(4), particles=np.ones((3, 2)))
+
+
+def test_frozen_array_is_a_copy():
+    mine = np.arange(3.0)
+    frozen = frozen_array(mine, (3,))
+    mine[0] = 7
+    assert frozen.tolist() == [0, 1, 2]
+    with pytest.raises(ParameterError, match="expected an array of shape"):
+        frozen_array(mine, (4,))
+
+
+def test_frames_do_not_share_their_extras():
+    image = np.zeros((2, 2, 3), np.uint8)
+    one, other = (Frame(0, 0.0, image, truth(), ()) for _ in range(2))
+    assert one.extras == {}
+    assert one.extras is not other.extras
+
+
+def test_anything_with_init_and_update_is_a_tracker():
+    class Mine:
+        def init(self, image: np.ndarray, box: np.ndarray) -> None: ...
+
+        def update(self, image: np.ndarray) -> Estimate:
+            return Estimate(np.ones(4))
+
+    assert isinstance(Mine(), Tracker)
+    assert not isinstance(object(), Tracker)

@@ -1,0 +1,242 @@
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+from typing import get_args
+
+import mujoco
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.core.random_streams import stream
+from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
+from pftrack_sim.scene import places
+from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
+
+KINDS = get_args(Place.model_fields["kind"].annotation)
+SHIPPED = ("plaza-walk", "corridor", "warehouse", "street-night")
+
+
+@cache
+def furnished(
+    kind: str, seed: int = 0, clutter: float = 1.0, shadows: bool = True
+) -> tuple[mujoco.MjModel, WalkableArea]:
+    spec = mujoco.MjSpec()
+    layout = places.furnish(spec, Place(kind=kind, clutter=clutter), Lights(shadows=shadows), stream(seed, "place"))
+    return spec.compile(), layout
+
+
+def body_poses(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    return {
+        model.body(index).name: np.concatenate([model.body_pos[index], model.body_quat[index]])
+        for index in range(1, model.nbody)
+    }
+
+
+def distance_m(footprint: Footprint, point: np.ndarray) -> float:
+    """From a point to the edge of a footprint; 0 inside."""
+    cosine, sine = np.cos(footprint.yaw_rad), np.sin(footprint.yaw_rad)
+    dx, dy = point - np.array(footprint.centre_m)
+    own = np.abs([cosine * dx + sine * dy, -sine * dx + cosine * dy])
+    return float(np.linalg.norm(np.maximum(own - footprint.half_m, 0.0)))
+
+
+def clearance_m(layout: WalkableArea, point: np.ndarray) -> float:
+    return min(distance_m(footprint, point) for footprint in layout.footprints)
+
+
+def along(points: np.ndarray, step_m: float = 0.1) -> np.ndarray:
+    """Points every `step_m` on a polyline."""
+    pieces = []
+    for a, b in pairwise(points):
+        count = max(2, int(np.linalg.norm(b - a) / step_m))
+        pieces.append(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
+    return np.concatenate(pieces)
+
+
+def robot_track(settings: ResolvedScenario) -> np.ndarray:
+    """Roughly where the robot drives: behind the target on its path, or beside it."""
+    path = np.array(settings.target.path_m)
+    first = (path[1] - path[0]) / np.linalg.norm(path[1] - path[0])
+    route = settings.robot.route
+    if route.kind == "trail":
+        return along(np.vstack([path[0] - route.distance_m * first, path]))
+    assert route.kind == "beside"
+    track = along(path)
+    heading = np.gradient(track, axis=0)
+    heading /= np.linalg.norm(heading, axis=1, keepdims=True)
+    right = np.column_stack([heading[:, 1], -heading[:, 0]])
+    return track + (1.0 if route.side == "right" else -1.0) * route.distance_m * right
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [0, 1, 7])
+def test_place_compiles_within_its_budget(kind: str, seed: int) -> None:
+    model, _ = furnished(kind, seed)
+    drawn = [index for index in range(model.ngeom) if model.geom_group[index] != HIDDEN_GROUP]
+    meshes = [index for index in drawn if model.geom_type[index] == mujoco.mjtGeom.mjGEOM_MESH]
+    triangles = sum(int(model.mesh_facenum[model.geom_dataid[index]]) for index in meshes)
+    assert model.ngeom < 250
+    assert 2_000 < triangles < 30_000
+    assert model.nq == 0, "scenery stands still: qpos is the robot's alone"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_same_seed_gives_the_same_model(kind: str) -> None:
+    first, _ = furnished(kind, 3)
+    spec = mujoco.MjSpec()
+    places.furnish(spec, Place(kind=kind), Lights(), stream(3, "place"))
+    second = spec.compile()
+    for field in ("geom_pos", "geom_quat", "body_pos", "body_quat", "mesh_vert", "mesh_texcoord", "mesh_face"):
+        np.testing.assert_array_equal(getattr(first, field), getattr(second, field))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_fixed_does_not_vary_with_the_seed(kind: str) -> None:
+    bare = [furnished(kind, seed, clutter=0.0) for seed in (0, 1, 2)]
+    poses = [body_poses(model) for model, _ in bare]
+    fixed = {
+        name
+        for name in poses[0]
+        if name.startswith(("house", "wall", "pillar", "rack", "tree", "lamp-post", "lockers", "kiosk", "fountain"))
+    }
+    assert len(fixed) >= 6
+    for other in poses[1:]:
+        assert poses[0].keys() == other.keys()
+        for name in fixed:
+            np.testing.assert_allclose(poses[0][name], other[name], rtol=0, atol=1e-12)
+    assert bare[0][1] == bare[1][1] == bare[2][1], "with no loose furniture the layout is the place's own"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_loose_things_vary_with_the_seed_and_clutter_thins_them_out(kind: str) -> None:
+    full, half, none = (furnished(kind, 0, clutter)[1] for clutter in (1.0, 0.5, 0.0))
+    assert len(none.footprints) < len(half.footprints) < len(full.footprints)
+    assert full.footprints != furnished(kind, 1)[1].footprints
+    names = [footprint.name for footprint in full.footprints]
+    everywhere = {footprint.name: footprint for footprint in full.footprints}
+    for footprint in half.footprints:
+        assert footprint == everywhere[footprint.name], "thinning out moves nothing that stays"
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_layout_is_walkable(kind: str, seed: int) -> None:
+    model, layout = furnished(kind, seed)
+    left, low, right, high = layout.bounds_m
+    bodies = body_poses(model)
+    assert len(layout.goals_m) >= 8
+    for goal in np.array(layout.goals_m):
+        assert left + 0.4 <= goal[0] <= right - 0.4
+        assert low + 0.4 <= goal[1] <= high - 0.4
+        assert clearance_m(layout, goal) >= 0.35, goal
+    for footprint in layout.footprints:
+        assert footprint.name in bodies
+        assert footprint.height_m > 0.0
+        np.testing.assert_allclose(bodies[footprint.name][:2], footprint.centre_m, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5])
+def test_shipped_paths_keep_clear_of_what_stands_there(name: str, seed: int) -> None:
+    settings = scenario.load(name).resolve(seed)
+    _, layout = furnished(settings.place.kind, seed)
+    left, low, right, high = layout.bounds_m
+    path = np.array(settings.target.path_m)
+    walked = along(path)
+    heading = path[1] - path[0]
+    assert abs(np.arctan2(heading[1], heading[0])) < 0.15, "paths begin along +x, the way the robot faces"
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    assert length >= settings.target.speed_m_s * settings.duration_s, "the target walks until the end"
+    for track, margin in ((walked, 0.6), (robot_track(settings), 0.5)):
+        assert (track[:, 0].min(), track[:, 1].min()) >= (left, low)
+        assert track[:, 0].max() <= right - 0.5
+        assert track[:, 1].max() <= high - 0.5
+        nearest = min(track, key=lambda point: clearance_m(layout, point))
+        assert clearance_m(layout, nearest) >= margin, nearest
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scenarios_resolve_for_every_seed(name: str) -> None:
+    shipped = scenario.load(name)
+    assert shipped.resolve(0) != shipped.resolve(1)
+    assert {scenario.load(other).resolve(0).place.kind for other in SHIPPED} == set(KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_geom_belongs_to_a_named_body_and_collides_as_agreed(kind: str) -> None:
+    model, layout = furnished(kind)
+    plane = model.geom("ground/plane")
+    assert model.geom_type[plane.id] == mujoco.mjtGeom.mjGEOM_PLANE
+    assert model.body(model.geom_bodyid[plane.id]).name == "ground"
+    assert model.body_pos[model.geom_bodyid[plane.id], 2] == 0.0
+    assert int((model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE).sum()) == 1
+    for index in range(model.ngeom):
+        body = int(model.geom_bodyid[index])
+        assert body > 0
+        assert model.body(body).name
+        assert "/" not in model.body(body).name, "a slash marks a part of a person or of the robot"
+        bits = (int(model.geom_contype[index]), int(model.geom_conaffinity[index]))
+        if model.geom_group[index] == HIDDEN_GROUP:
+            assert bits == (1, 2)
+        else:
+            assert model.geom_group[index] == SCENERY_GROUP
+            assert bits == (0, 0)
+    solid = {model.body(int(model.geom_bodyid[index])).name for index in np.flatnonzero(model.geom_contype == 1)}
+    assert {footprint.name for footprint in layout.footprints} <= solid
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_people_stand_on_what_is_drawn(kind: str) -> None:
+    model, layout = furnished(kind)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    seen = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+    hit = np.zeros(1, np.int32)
+    for x, y in layout.goals_m:
+        # Off the goal by a little: a ray along the edge of two triangles may slip between them.
+        below = mujoco.mj_ray(
+            model, data, np.array([x + 0.013, y + 0.017, 1.0]), np.array([0.0, 0.0, -1.0]), seen, 1, -1, hit, None
+        )
+        assert abs(below - 1.0) < 0.02
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_view_is_closed_all_round(kind: str) -> None:
+    model, layout = furnished(kind)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    seen = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+    hit = np.zeros(1, np.int32)
+    turn = np.deg2rad(np.arange(0.0, 360.0, 3.0))
+    for x, y in layout.goals_m[:6]:
+        for angle in turn:
+            ray = np.array([np.cos(angle), np.sin(angle), 0.0])
+            far = mujoco.mj_ray(model, data, np.array([x, y, 1.25]), ray, seen, 1, -1, hit, None)
+            assert 0.0 < far < 110.0, (x, y, np.rad2deg(angle))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_lights_fit_the_renderer(kind: str) -> None:
+    model, _ = furnished(kind)
+    names = [model.light(index).name for index in range(model.nlight)]
+    assert all(name.startswith("light/") for name in names)
+    assert 1 <= model.nlight <= 7, "OpenGL has eight, and the headlight is one of them"
+    assert int(model.light_castshadow.sum()) == 1
+    assert int(furnished(kind, shadows=False)[0].light_castshadow.sum()) == 0
+    head = model.vis.headlight
+    assert head.diffuse.max() == 0.0
+    assert head.ambient.min() > 0.0
+    assert head.ambient.max() < 0.7
+    assert ("light/sun" in names) == (kind == "plaza")
+
+
+def test_sun_stands_where_the_scenario_says() -> None:
+    spec = mujoco.MjSpec()
+    lights = Lights(sun_azimuth_deg=90.0, sun_elevation_deg=30.0)
+    places.furnish(spec, Place(kind="plaza"), lights, stream(0, "place"))
+    model = spec.compile()
+    towards_sun = -model.light("light/sun").dir
+    np.testing.assert_allclose(towards_sun, [0.0, np.cos(np.pi / 6), 0.5], rtol=0, atol=1e-9)

@@ -1,0 +1,260 @@
+"""An occlusion happens when it was asked for, and lasts as long."""
+
+import math
+import re
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+
+from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.crossing import Crossing
+from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.scenario import model
+from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
+from pftrack_sim.scene.occluders.bodies import add_occluders, occluder_names, place
+from pftrack_sim.scene.occluders.placement import Placement
+from pftrack_sim.simulation.dry_run import DryRun
+from pftrack_sim.simulation.occlusion.crossing import plan_walker
+from pftrack_sim.simulation.occlusion.line_of_sight import covered_by_box, covered_by_person, spans
+from pftrack_sim.simulation.occlusion.static import plan_static
+
+TICK_S = 1.0 / 60.0
+FRAME_S = 1.0 / 30.0
+CAMERA_Z_M, HEIGHT_M = 1.25, 1.74
+PATH_M = ((0.0, 0.0), (6.0, 0.5), (11.0, -1.0), (18.0, 0.0))
+TARGET = model.Target(path_m=PATH_M)
+HALL = WalkableArea(
+    (-6.0, -9.0, 24.0, 9.0),
+    (Footprint("pillar-1", (5.0, 4.0), (0.3, 0.3)), Footprint("wall-1", (12.0, -4.5), (2.0, 0.1), 0.2)),
+    ((-5.0, -8.0), (-5.0, 8.0), (23.0, 8.0), (23.0, -8.0)),
+)
+
+Camera = Callable[[float, float], np.ndarray]
+
+
+def camera_of(kind: str, rng: np.random.Generator) -> Camera:
+    """Where a camera is, from the time and the target's arc length: standing, beside it or behind it."""
+    side, gap, phase = rng.choice((-1.0, 1.0)), rng.uniform(2.8, 4.5), rng.uniform(0.0, 6.0)
+    spot = np.array([rng.uniform(2.0, 14.0), side * rng.uniform(5.5, 8.0)])
+    path = Path(PATH_M)
+
+    def camera(time_s: float, s_m: float) -> np.ndarray:
+        if kind == "still":
+            return spot
+        if kind == "beside":
+            return np.array([s_m + 0.4 * math.sin(0.4 * time_s + phase), side * gap + 0.2 * math.sin(0.5 * time_s)])
+        x, y, _ = path.at(s_m - gap)
+        return np.array([float(x), float(y) + 0.15 * math.sin(0.7 * time_s + phase)])
+
+    return camera
+
+
+def rehearsal_of(camera: Camera, duration_s: float = 14.0) -> DryRun:
+    path, times = Path(PATH_M), np.arange(round(duration_s / TICK_S)) * TICK_S
+    s = np.minimum(TARGET.speed_m_s * times, path.length_m)
+    x, y, _ = path.at(s)
+    places = np.array([camera(t, one) for t, one in zip(times.tolist(), s.tolist(), strict=True)])
+    return DryRun.of(times, np.c_[places, np.full(len(times), CAMERA_Z_M)], np.stack([x, y], axis=1), None, HEIGHT_M)
+
+
+def occluder_of(kind: str, rng: np.random.Generator) -> model.Occluder:
+    return model.Occluder.model_validate(
+        {
+            "kind": kind,
+            "at_s": rng.uniform(0.5, 8.0),
+            "duration_s": rng.uniform(0.25, 2.0),
+            "depth": rng.uniform(0.25, 0.85),
+            "share": rng.uniform(0.25, 1.0),
+        }
+    )
+
+
+def assert_in_time(covered: np.ndarray, times_s: np.ndarray, asked: model.Occluder) -> None:
+    until_s = asked.at_s + asked.duration_s
+    around = [span for span in spans(covered, times_s) if span[0] < until_s + 1.0 and span[1] > asked.at_s - 1.0]
+    assert len(around) == 1, around
+    assert abs(around[0][0] - asked.at_s) <= 2.0 * FRAME_S
+    assert abs(around[0][1] - until_s) <= 2.0 * FRAME_S
+
+
+def hidden_share(placement: Placement, camera: np.ndarray, target: np.ndarray) -> float:
+    """Share of the target's height whose line of sight enters the box, by marching along it."""
+    along = np.linspace(0.0, 1.0, 600)
+    ground = camera + along[:, None] * (target - camera)
+    cos, sin = np.cos(placement.yaw_rad), np.sin(placement.yaw_rad)
+    local = (ground - placement.centre_m) @ np.array([(cos, -sin), (sin, cos)])
+    within = (np.abs(local) <= placement.half_m).all(axis=1)
+    heights = (np.arange(400) + 0.5) / 400 * HEIGHT_M
+    sight = CAMERA_Z_M + along * (heights[:, None] - CAMERA_Z_M)
+    return float(((sight <= placement.height_m) & within).any(axis=1).mean())
+
+
+@pytest.mark.parametrize("kind", ["pillar", "wall", "boxes"])
+def test_standing_things_cover_when_asked_and_stand_in_nobodys_way(kind: str) -> None:
+    for seed in range(56):
+        rng = np.random.default_rng(seed)
+        rehearsal = rehearsal_of(camera_of(("still", "beside")[seed % 2], rng))
+        asked = occluder_of(kind, rng)
+        found = plan_static(asked, rehearsal, HALL)
+        frames = slice(None, None, 2)
+        camera, target = rehearsal.camera_m[frames, :2], rehearsal.target_m[frames]
+        covered = covered_by_box(camera, target, found.centre_m, found.half_m, found.yaw_rad)
+        assert_in_time(covered, rehearsal.times_s[frames], asked)
+        alone = ObstacleMap(WalkableArea((-99.0, -99.0, 99.0, 99.0), (found.footprint("it"),), ()))
+        assert alone.clearance_m(rehearsal.target_m).min() >= 0.45
+        assert alone.clearance_m(rehearsal.robot_m).min() >= 0.5
+        assert ObstacleMap(HALL).clearance_m(found.centre_m)[0] > 0.0
+        middle = np.argmin(np.abs(rehearsal.times_s - asked.at_s - 0.5 * asked.duration_s))
+        share = hidden_share(found, rehearsal.camera_m[middle, :2], rehearsal.target_m[middle])
+        assert abs(share - (1.0 if kind == "pillar" else asked.share)) <= 0.05
+
+
+def test_straight_behind_the_target_no_standing_thing_helps() -> None:
+    times = np.arange(600) * TICK_S
+    target = np.stack([1.2 * times, 0.0 * times], axis=1)
+    camera = np.c_[target - (3.0, 0.0), np.full(600, CAMERA_Z_M)]
+    rehearsal = DryRun.of(times, camera, target, None, HEIGHT_M)
+    asked = model.Occluder(kind="pillar", at_s=3.0)
+    with pytest.raises(ParameterError, match=r"occluders\[1\].*walker"):
+        plan_static(asked, rehearsal, HALL, "occluders[1]")
+
+
+def test_an_occlusion_after_the_end_says_so() -> None:
+    rehearsal = rehearsal_of(camera_of("still", np.random.default_rng(0)), 5.0)
+    for kind in ("wall", "walker"):
+        asked = occluder_of(kind, np.random.default_rng(0)).model_copy(update={"at_s": 4.5, "duration_s": 3.0})
+        with pytest.raises(ParameterError, match=re.escape("end at 7.5 s")):
+            (plan_walker if kind == "walker" else plan_static)(asked, rehearsal, HALL)
+
+
+def test_a_place_that_is_taken_names_a_time_that_works() -> None:
+    rng = np.random.default_rng(3)
+    rehearsal = rehearsal_of(camera_of("still", rng))
+    asked = model.Occluder(kind="pillar", at_s=4.0, duration_s=0.5)
+    free = plan_static(asked, rehearsal, HALL)
+    shelf = Footprint("shelf", free.centre_m, (0.8, 4.0), free.yaw_rad)
+    taken = WalkableArea(HALL.bounds_m, (shelf,), HALL.goals_m)
+    with pytest.raises(ParameterError, match="something already stands there") as caught:
+        plan_static(asked, rehearsal, taken)
+    suggestion = re.search(r"use at_s = ([\d.]+)", str(caught.value))
+    assert suggestion is not None
+    plan_static(asked.model_copy(update={"at_s": float(suggestion[1])}), rehearsal, taken)
+
+
+@pytest.mark.parametrize("kind", ["still", "beside", "trail"])
+def test_walkers_cover_when_asked_and_walk_like_people(kind: str) -> None:
+    fastest, hardest = [], []
+    for seed in range(18):
+        rng = np.random.default_rng(seed)
+        camera, asked = camera_of(kind, rng), occluder_of("walker", rng)
+        duration_s = asked.at_s + asked.duration_s + 1.5
+        crossing = plan_walker(asked, rehearsal_of(camera, duration_s + 1.0), HALL)
+        crowd = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=1), (crossing,), seed)
+        assert crowd.names == ("target", "distractor-1", "crosser-1")
+        cameras, positions = [], []
+        for tick in range(round(duration_s / TICK_S)):
+            time_s = (tick + 1) * TICK_S
+            cameras.append(camera(time_s, TARGET.speed_m_s * time_s))
+            crowd.tick(TICK_S, time_s, cameras[-1], cameras[-1])
+            positions.append(crowd.positions_m)
+        places, times = np.array(positions), (np.arange(len(positions)) + 1) * TICK_S
+        covered = covered_by_person(np.array(cameras), places[:, 0], places[:, 2], crossing.half_width_m)
+        assert_in_time(covered[1::2], times[1::2], asked)
+        assert np.linalg.norm(places[:, 2] - places[:, 0], axis=-1).min() >= 0.45
+        assert np.linalg.norm(places[:, 2] - places[:, 1], axis=-1).min() >= 0.45
+        velocity = np.diff(places[:, 2], axis=0) / TICK_S
+        fastest.append(np.linalg.norm(velocity, axis=-1).max())
+        hardest.append(np.percentile(np.linalg.norm(np.diff(velocity, axis=0), axis=-1) / TICK_S, 99))
+    assert max(fastest) <= 2.8
+    assert np.median(fastest) <= 2.0
+    assert np.median(hardest) <= 3.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_walker_is_in_time_for_a_camera_that_went_elsewhere(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    camera = camera_of("trail", rng)
+    asked = model.Occluder(kind="walker", at_s=6.0, duration_s=1.0)
+    crossing = plan_walker(asked, rehearsal_of(camera), HALL)
+    drift = rng.uniform(-0.5, 0.5, 2)
+    crowd = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=0), (crossing,), seed)
+    cameras, positions = [], []
+    for tick in range(500):
+        time_s = (tick + 1) * TICK_S
+        cameras.append(camera(time_s, TARGET.speed_m_s * time_s) + drift * min(time_s / 4.0, 1.0))
+        crowd.tick(TICK_S, time_s, cameras[-1], cameras[-1])
+        positions.append(crowd.positions_m)
+    places = np.array(positions)
+    covered = covered_by_person(np.array(cameras), places[:, 0], places[:, 1], crossing.half_width_m)
+    assert_in_time(covered, (np.arange(500) + 1) * TICK_S, asked)
+
+
+def test_walkers_leave_the_draws_of_the_others_alone() -> None:
+    alone = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (), 5)
+    joined = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (Crossing(3.0, 1.0),), 5)
+    assert np.array_equal(alone.positions_m, joined.positions_m[:5])
+
+
+@pytest.mark.parametrize("wrong", [{"at_s": -1.0}, {"duration_s": 0.0}, {"depth": 1.0}])
+def test_a_crossing_that_cannot_be_is_an_error(wrong: dict[str, float]) -> None:
+    with pytest.raises(ParameterError):
+        Crossing(**{"at_s": 1.0, "duration_s": 1.0, **wrong})
+
+
+def test_bodies_stand_where_they_were_planned_and_stop_sight_and_robot() -> None:
+    kinds = ("pillar", "walker", "wall", "boxes")
+    occluders = [model.Occluder.model_validate({"kind": kind, "at_s": 1.0}) for kind in kinds]
+    spec = mujoco.MjSpec()
+    ball = spec.worldbody.add_body(name="robot", pos=[0.0, -3.0, 0.5])
+    ball.add_freejoint()
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.2, 0.0, 0.0], contype=2, conaffinity=1)
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    names = add_occluders(spec, occluders)
+    assert (
+        names
+        == tuple(name for name in occluder_names(occluders) if name)
+        == tuple(f"occluder-{kind}-{index}" for kind, index in (("pillar", 1), ("wall", 3), ("boxes", 4)))
+    )
+    compiled = spec.compile()
+    for index, name in ((0, names[0]), (2, names[1]), (3, names[2])):
+        data = mujoco.MjData(compiled)
+        mujoco.mj_forward(compiled, data)
+        # Out of the way until it is placed.
+        assert data.body(name).xpos[2] < -1.0
+        for half, height, yaw in (((0.2, 0.15), 2.6, 0.3), ((1.4, 0.1), 0.9, -0.2)):
+            kind = occluders[index].kind
+            assert kind != "walker"
+            placement = Placement(kind, (0.3, 0.4), half, yaw, height, 0.5, ())
+            mujoco.mj_resetData(compiled, data)
+            place(compiled, data, index, placement)
+            mujoco.mj_forward(compiled, data)
+            thing = ObstacleMap(WalkableArea((-99.0, -99.0, 99.0, 99.0), (placement.footprint(name),), ()))
+            # What is drawn fills the planned box, no more than a brim beyond.
+            for geom in range(compiled.ngeom):
+                if owner_name(compiled.geom(geom).name) != name or data.geom_xpos[geom, 2] < 0.0:
+                    continue
+                signs = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1)
+                corners = (
+                    data.geom_xpos[geom]
+                    + (data.geom_xmat[geom].reshape(3, 3) @ (signs * compiled.geom_size[geom][:, None])).T
+                )
+                assert thing.clearance_m(corners[:, :2]).max() <= 0.045
+                assert corners[:, 2].min() >= -1e-6
+                assert corners[:, 2].max() <= height + 1e-6
+            for aside in np.linspace(-2.0, 2.0, 41):
+                start, way = np.array([0.3 + aside, -3.0, 0.5 * height]), np.array([0.0, 1.0, 0.0])
+                hit, geom = -1.0, np.zeros(1, np.int32)
+                hit = mujoco.mj_ray(compiled, data, start, way, None, 1, ball.id, geom, None)
+                blocked = thing.blocked(start[:2], (start + 7.0 * way)[None, :2], 0.0)[0]
+                near = thing.blocked(start[:2], (start + 7.0 * way)[None, :2], 0.03)[0]
+                # Seen from above and seen by a ray: the same, but for the brim.
+                assert blocked <= (hit > 0.0) <= near
+            data.qpos[:3] = (0.3, -2.0, 0.5)
+            data.qvel[:3] = (0.0, 3.0, 0.0)
+            for _ in range(600):
+                mujoco.mj_step(compiled, data)
+                assert data.qpos[1] < 0.4

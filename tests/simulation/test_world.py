@@ -1,0 +1,92 @@
+"""The world as a whole: clocks that fit, and conditions that stay paired by seed."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.agents.clock import PHYSICS_HZ, TICK_HZ, Clock
+from pftrack_sim.simulation.world import World
+
+BASE: dict[str, Any] = {"duration_s": 3, "lights.shadows": False}
+
+
+def world(overrides: dict[str, Any] | None = None, seed: int = 5, name: str = "plaza-walk") -> World:
+    return World(scenario.load(name, {**BASE, **(overrides or {})}).resolve(seed), seed)
+
+
+def walk(overrides: dict[str, Any] | None = None, frames: int = 30, **more: Any) -> tuple[np.ndarray, np.ndarray]:
+    """`(N, 4, 4)` poses of the target and of the camera."""
+    moving = world(overrides, **more)
+    targets, cameras = [], []
+    for _ in range(frames):
+        moving.advance()
+        targets.append(moving.root_poses()[0])
+        cameras.append(moving.camera_pose())
+    return np.array(targets), np.array(cameras)
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 12.5, 15.0, 25.0, 29.97, 30.0, 60.0, 200.0])
+def test_clocks_fit_into_each_other(rate_hz: float):
+    clock = Clock.for_rate(rate_hz)
+    assert 1.0 / clock.tick_s >= TICK_HZ - 1e-9
+    assert 1.0 / clock.step_s >= PHYSICS_HZ - 1e-9
+    assert clock.ticks * clock.tick_s == pytest.approx(1.0 / rate_hz, rel=1e-12)
+    assert clock.time_s(1000 * clock.ticks) == pytest.approx(1000 / rate_hz, rel=1e-14)
+
+
+def test_frames_fall_on_the_clock():
+    moving = world()
+    for _ in range(45):
+        moving.advance()
+    assert moving.time_s == 1.5
+    assert moving.data.time == pytest.approx(1.5, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"distractors.count": 1},
+        {"distractors.similarity": 1.0},
+        {"axes.jitter.severity": 2.0, "axes.jitter.sources": ["wind", "ground"]},
+        {"lights.ev": -2.0},
+        {"camera.width_px": 96, "camera.height_px": 72},
+    ],
+    ids=lambda overrides: next(iter(overrides)),
+)
+def test_a_change_of_condition_leaves_target_and_robot_as_they_were(overrides: dict[str, Any]):
+    for before, after in zip(walk(), walk(overrides), strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+def test_a_rough_road_shakes_the_robot_and_nobody_else():
+    smooth, rough = world(), world({"axes.jitter": {"sources": ["road"], "road_class": "C"}})
+    for _ in range(30):
+        smooth.advance()
+        rough.advance()
+    np.testing.assert_array_equal(smooth.root_poses()[0], rough.root_poses()[0])
+    assert abs(smooth.camera_pose() - rough.camera_pose()).max() > 1e-4
+    assert abs(smooth.camera_pose() - rough.camera_pose()).max() < 0.1
+
+
+def test_strangers_are_the_same_when_another_joins():
+    few, many = world({"distractors.count": 2}), world({"distractors.count": 3})
+
+    def cloth(of: World, name: str) -> bytes:
+        model = of.model
+        body = next(i for i in range(model.nbody) if model.body(i).name == f"{name}/torso")
+        material = model.geom_matid[np.flatnonzero(model.geom_bodyid == body)[0]]
+        texture = model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB]
+        start = model.tex_adr[texture]
+        size = model.tex_width[texture] * model.tex_height[texture] * model.tex_nchannel[texture]
+        return model.tex_data[start : start + size].tobytes()
+
+    for name in ("target", "distractor-1", "distractor-2"):
+        assert cloth(few, name) == cloth(many, name)
+    assert cloth(many, "distractor-3") != cloth(many, "distractor-2")
+
+
+def test_seeds_differ():
+    assert not np.array_equal(walk(frames=5)[0], walk(frames=5, seed=6)[0])

@@ -1,0 +1,57 @@
+"""The two ends of the scale."""
+
+import numpy as np
+import pytest
+
+from pftrack_sim import trackers
+from pftrack_sim.core.errors import TrackerError
+
+IMAGE = np.zeros((60, 80, 3), np.uint8)
+BOX = np.array([10.5, 10, 20, 30])
+
+
+def test_stay_stays():
+    tracker = trackers.make("stay")
+    tracker.init(IMAGE, BOX)
+    assert [tracker.update(IMAGE).box.tolist() for _ in range(3)] == [BOX.tolist()] * 3
+
+
+def test_only_the_oracle_is_told():
+    told: list[str] = []
+    for name in trackers.names():
+        try:
+            tracker = trackers.make(name)
+        except TrackerError:
+            continue  # it needs model files or another wheel
+        if isinstance(tracker, trackers.NeedsTruth):
+            told.append(name)
+    assert told == ["oracle"]
+
+
+def test_oracle_says_what_it_was_told():
+    tracker = trackers.make("oracle")
+    assert isinstance(tracker, trackers.NeedsTruth)
+    tracker.init(IMAGE, BOX)
+    assert tracker.update(IMAGE).box.tolist() == BOX.tolist()
+    moved = np.array([-5.0, 12, 18, 31])
+    tracker.tell(moved)
+    moved += 100  # it keeps no reference
+    assert tracker.update(IMAGE).box.tolist() == [-5.0, 12, 18, 31]
+
+
+@pytest.mark.parametrize("gone", [[np.nan] * 4, [5.0, 5, 0, 0], [5.0, 5, 0, 9], [np.inf, 1, 2, 3]])
+def test_oracle_repeats_itself_while_the_target_is_gone(gone: list[float]):
+    tracker = trackers.make("oracle")
+    assert isinstance(tracker, trackers.NeedsTruth)
+    tracker.init(IMAGE, BOX)
+    tracker.tell(np.array([1.0, 2, 3, 4]))
+    tracker.tell(np.array(gone))
+    assert tracker.update(IMAGE).box.tolist() == [1, 2, 3, 4]
+
+
+def test_oracle_forgets_what_it_was_told_before_init():
+    tracker = trackers.make("oracle")
+    assert isinstance(tracker, trackers.NeedsTruth)
+    tracker.tell(np.array([1.0, 2, 3, 4]))
+    tracker.init(IMAGE, BOX)
+    assert tracker.update(IMAGE).box.tolist() == BOX.tolist()

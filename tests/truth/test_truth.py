@@ -1,0 +1,266 @@
+"""Truth where people are hard to see, and what making it must not do."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+import pytest
+from observing import Drawing, observed
+from render_stage import FAR, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, words
+
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.records import Truth
+from pftrack_sim.render.backend import Layer, PixelRect
+from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
+from pftrack_sim.truth.observer import TruthObserver
+
+LEVEL = looking((0, 0, 1.0), (5, 0, 1.0))
+
+
+def alone(at: tuple[float, float, float] = (4.0, 0.0, 0.0), **options: Any) -> Stage:
+    stage = build(people=1, pillars=0, ground=False, **options)
+    # Out of the way: the robot's mast.
+    stage.model.body_pos[stage.model.body("robot/mast").id] = (-9.0, 0.0, 0.0)
+    stage.place("target", at)
+    return stage
+
+
+def test_a_target_behind_the_camera_is_out_of_view_and_still_listed(drawing: Drawing):
+    stage = alone((-4.0, 0.0, 0.0))
+    truth = observed(stage, drawing(stage), LEVEL)["target"]
+    assert truth.state == "out_of_view"
+    assert np.isnan(truth.amodal_box).all()
+    assert np.isnan(truth.visible_box).all()
+    assert boxes.area(truth.box) == 0.0
+    assert (truth.visible_fraction, truth.truncation, truth.occluders) == (0.0, 1.0, ())
+    assert np.isnan(truth.luminance)
+    assert truth.distance_m == pytest.approx(4.0, abs=0.1)
+
+
+def test_a_target_beside_the_view_has_an_amodal_box_and_no_pixels(drawing: Drawing):
+    stage = alone((2.0, 6.0, 0.0))
+    truth = observed(stage, drawing(stage), LEVEL)["target"]
+    assert truth.state == "out_of_view"
+    assert np.isfinite(truth.amodal_box).all()
+    assert truth.amodal_box[0] + truth.amodal_box[2] < 0
+    assert truth.truncation == 1.0
+    assert boxes.area(truth.box) == 0.0
+
+
+def test_a_target_that_fills_the_frame(drawing: Drawing):
+    stage = alone((0.25, 0.0, -0.2))
+    truth = observed(stage, drawing(stage), LEVEL)["target"]
+    assert truth.state == "visible"
+    assert truth.box.tolist() == [0, 0, WIDTH, HEIGHT]
+    assert truth.truncation > 0.5
+    assert truth.visible_fraction == 1.0
+
+
+def test_a_camera_inside_the_target(drawing: Drawing):
+    for height in (-0.6, -0.2, 0.05):
+        stage = alone((0.0, 0.0, height))
+        renderer = drawing(stage)
+        truth = observed(stage, renderer, LEVEL)["target"]
+        assert np.isfinite(truth.amodal_box).all()
+        # Surfaces seen from within are not drawn: the truth is of the picture.
+        drawn = (renderer.ids(stage.data, LEVEL, K).ids >= 0).any()
+        assert truth.state == ("visible" if drawn else "out_of_view")
+
+
+def test_a_target_at_sixty_metres_is_a_few_pixels(drawing: Drawing):
+    stage = alone((60.0, 0.0, 0.0))
+    truth = observed(stage, drawing(stage), LEVEL)["target"]
+    assert truth.state == "visible"
+    assert 4 < truth.amodal_box[3] < 10
+    assert truth.visible_fraction == 1.0
+    assert np.abs(truth.visible_box[3] - truth.amodal_box[3]) < 2
+
+
+def test_a_target_beyond_the_far_plane_is_out_of_view(drawing: Drawing):
+    stage = alone((FAR + 5.0, 0.0, 0.0))
+    truth = observed(stage, drawing(stage), LEVEL)["target"]
+    assert truth.state == "out_of_view"
+    assert boxes.area(truth.box) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("edge", "offset"),
+    [("left", (0.0, 1.75, 0.0)), ("right", (0.0, -1.75, 0.0)), ("top", (0.0, 0.0, 1.4)), ("bottom", (0.0, 0.0, -1.9))],
+)
+def test_a_target_cut_by_an_edge(edge: str, offset: tuple[float, float, float], drawing: Drawing):
+    stage = alone((3.0 + offset[0], offset[1], offset[2]))
+    truth = observed(stage, drawing(stage), LEVEL)["target"]
+    x, y, w, h = truth.amodal_box
+    outside = {"left": x < 0, "right": x + w > WIDTH, "top": y < 0, "bottom": y + h > HEIGHT}
+    assert [name for name, out in outside.items() if out] == [edge]
+    assert 0.05 < truth.truncation < 0.95
+    assert truth.truncation == pytest.approx(1 - boxes.area(truth.box) / boxes.area(truth.amodal_box))
+    assert truth.visible_fraction == 1.0
+    touched = {"left": truth.visible_box[0] == 0, "top": truth.visible_box[1] == 0}
+    touched |= {"right": truth.visible_box[0] + truth.visible_box[2] == WIDTH}
+    touched |= {"bottom": truth.visible_box[1] + truth.visible_box[3] == HEIGHT}
+    assert [name for name, touch in touched.items() if touch] == [edge]
+
+
+def test_a_target_wholly_hidden_is_occluded_by_name(drawing: Drawing):
+    spec_stage = build(people=2, pillars=2, ground=False)
+    for name, at in (("target", (5.0, 0.0, 0.0)), ("distractor-1", (1.2, 0.35, -0.2))):
+        spec_stage.place(name, at)
+    model = spec_stage.model
+    wall, other = model.body("pillar-2").id, model.body("pillar-1").id
+    model.body_pos[other] = (-9, 0, 0)
+    model.body_pos[model.body("robot/mast").id] = (-9, 0, 0)
+    model.body_pos[wall] = (3.0, 0.0, 1.0)
+    model.geom_size[model.body_geomadr[wall]] = (0.1, 3.0, 3.0)
+    model.geom_aabb[model.body_geomadr[wall], 3:] = (0.1, 3.0, 3.0)
+    mujoco.mj_forward(model, spec_stage.data)
+    truths = observed(spec_stage, drawing(spec_stage), LEVEL)
+    target = truths["target"]
+    assert target.state == "occluded"
+    assert target.visible_fraction == 0.0
+    assert np.isnan(target.visible_box).all()
+    assert boxes.area(target.box) > 0
+    assert set(target.occluders) == {"pillar-2", "distractor-1"}
+    assert truths["distractor-1"].visible_fraction == 1.0
+
+
+def test_people_who_cover_each_other_and_the_robot_are_named(drawing: Drawing):
+    stage = build(people=3, pillars=0, ground=False)
+    stage.place("target", (4.0, 0.1, 0.0))
+    stage.place("distractor-1", (2.5, 0.0, 0.0))
+    stage.place("distractor-2", (6.0, 0.35, 0.0))
+    model = stage.model
+    model.body_pos[model.body("robot/mast").id] = (0.7, 0.0, 0.9)
+    mujoco.mj_forward(model, stage.data)
+    truths = observed(stage, drawing(stage), LEVEL)
+    assert truths["target"].occluders == ("distractor-1", "robot")
+    assert truths["distractor-1"].occluders == ("robot",)
+    assert set(truths["distractor-2"].occluders) == {"distractor-1", "target", "robot"}
+
+
+def test_image_motion_is_counted_from_the_previous_frame(drawing: Drawing):
+    stage = alone()
+    renderer = drawing(stage)
+    maker = TruthObserver(stage.model, stage.people, renderer, K)
+
+    def next_frame(at: tuple[float, float, float]) -> Truth:
+        stage.place("target", at)
+        image = renderer.color(stage.data, LEVEL, K)
+        return maker.observe(stage.data, LEVEL, image, 0.0, stage.roots())[0]
+
+    first, second = next_frame((4.0, 0.0, 0.0)), next_frame((4.0, 0.3, 0.0))
+    assert first.image_motion_px == 0.0
+    moved = boxes.centre(second.amodal_box) - boxes.centre(first.amodal_box)
+    assert second.image_motion_px == pytest.approx(np.hypot(*moved))
+    assert second.image_motion_px > 5
+    assert np.isnan(next_frame((-4.0, 0.0, 0.0)).image_motion_px)
+    assert np.isnan(next_frame((4.0, 0.0, 0.0)).image_motion_px)
+    maker.reset()
+    assert next_frame((4.0, 0.5, 0.0)).image_motion_px == 0.0
+
+
+def test_luminance_is_of_the_image_given(drawing: Drawing):
+    stage = alone()
+    renderer = drawing(stage)
+    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    for colour, luma in (((255, 255, 255), 1.0), ((0, 0, 0), 0.0), ((255, 0, 0), 0.299), ((0, 0, 255), 0.114)):
+        image = np.full((HEIGHT, WIDTH, 3), colour, np.uint8)
+        (truth,) = maker.observe(stage.data, LEVEL, image, 0.0, stage.roots())
+        assert truth.luminance == pytest.approx(luma, abs=1e-9)
+    grey = cv2.cvtColor(np.full((1, 1, 3), (255, 0, 0), np.uint8), cv2.COLOR_RGB2GRAY)
+    assert grey[0, 0] / 255 == pytest.approx(0.299, abs=0.005)  # the same weights as OpenCV's
+
+
+def test_looking_changes_nothing(drawing: Drawing):
+    stage = build(1)
+    renderer = drawing(stage)
+    kept = {name: getattr(stage.model, name).copy() for name in ("geom_group", "geom_rgba", "geom_pos")}
+    state = stage.data.geom_xpos.copy(), stage.data.mocap_pos.copy()
+    image = renderer.color(stage.data, LEVEL, K)
+    pixels, poses = image.copy(), stage.roots()
+    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    first = maker.observe(stage.data, LEVEL, image, 0.0, poses)
+    assert np.array_equal(image, pixels)
+    assert np.array_equal(poses, stage.roots())
+    assert all(np.array_equal(getattr(stage.model, name), value) for name, value in kept.items())
+    assert np.array_equal(stage.data.geom_xpos, state[0])
+    assert np.array_equal(stage.data.mocap_pos, state[1])
+    maker.reset()
+    again = maker.observe(stage.data, LEVEL, image, 0.0, poses)
+    assert [words(one) for one in first] == [words(one) for one in again]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        first[0].state = "occluded"  # type: ignore[misc]
+
+
+class _Counting:
+    """Counts what is asked of a renderer, of which the truth may use nothing but the interface."""
+
+    def __init__(self, renderer: Rasteriser) -> None:
+        self._renderer = renderer
+        self.asked: list[PixelRect | None] = []
+        self.width_px, self.height_px, self.near_m = renderer.width_px, renderer.height_px, renderer.near_m
+        self.visible_geoms = renderer.visible_geoms
+
+    def ids(self, *arguments: Any, within: PixelRect | None = None, **options: Any) -> Layer:
+        self.asked.append(within)
+        return self._renderer.ids(*arguments, within=within, **options)
+
+
+def test_nothing_is_drawn_that_cannot_matter(drawing: Drawing):
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    for at, drawn in (((-4.0, 0.0, 0.0), 0), ((4.0, 0.0, 0.0), 1)):
+        stage = alone(at)
+        counting = _Counting(drawing(stage))
+        TruthObserver(stage.model, stage.people, counting, K).observe(  # type: ignore[arg-type]
+            stage.data, LEVEL, image, 0.0, stage.roots()
+        )
+        assert len(counting.asked) == drawn
+    # Feet in the air: the ground below covers nothing. Feet in the ground: it may.
+    for height, drawn in ((0.01, 1), (-0.02, 2)):
+        stage = build(people=1, pillars=0)
+        stage.model.body_pos[stage.model.body("robot/mast").id] = (-9.0, 0.0, 0.0)
+        stage.place("target", (4.0, 0.0, height))
+        counting = _Counting(drawing(stage))
+        (truth,) = TruthObserver(stage.model, stage.people, counting, K).observe(  # type: ignore[arg-type]
+            stage.data, LEVEL, image, 0.0, stage.roots()
+        )
+        assert len(counting.asked) == drawn
+        assert (truth.occluders == ()) == (height > 0)
+
+
+def test_infinite_planes_cover_too(drawing: Drawing):
+    spec = new_spec()
+    spec.worldbody.add_body(name="ground").add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], group=SCENERY_GROUP
+    )
+    body = spec.worldbody.add_body(name="target/pelvis", mocap=True, pos=[4, 0, 0])
+    body.add_geom(size=[0.5, 0, 0], group=PEOPLE_GROUP)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    stage = Stage(model, data, ("target",), {})
+    truth = observed(stage, drawing(stage), LEVEL)["target"]
+    assert truth.occluders == ("ground",)
+    assert 0.4 < truth.visible_fraction < 0.8
+
+
+def test_wrong_arguments_are_refused(drawing: Drawing):
+    stage = build()
+    renderer = drawing(stage)
+    with pytest.raises(ParameterError, match="at least one"):
+        TruthObserver(stage.model, (), renderer, K)
+    with pytest.raises(ParameterError, match="nobody/pelvis"):
+        TruthObserver(stage.model, ("nobody",), renderer, K)
+    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    with pytest.raises(ParameterError, match="T_world_people"):
+        maker.observe(stage.data, LEVEL, image, 0.0, stage.roots()[:1])
+    with pytest.raises(ParameterError, match="image"):
+        maker.observe(stage.data, LEVEL, image[:5], 0.0, stage.roots())
+    assert renderer.near_m == pytest.approx(NEAR)

@@ -1,0 +1,145 @@
+"""Truth against analytic projections and against brute-force rendering."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from observing import Drawing, observed
+from render_stage import HEIGHT, WIDTH, K, Stage, build, looking, new_spec, random_view
+
+from pftrack_sim.core import boxes
+from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.scene.layout import PEOPLE_GROUP
+from pftrack_sim.truth.observer import TruthObserver
+
+
+def brute_force(stage: Stage, renderer: Rasteriser, pose: np.ndarray) -> dict[str, dict[str, Any]]:
+    """The same of two whole pictures per person: everything, and the person alone in the world."""
+    everything = renderer.ids(stage.data, pose, K).ids
+    image = renderer.color(stage.data, pose, K)
+    owners = [stage.owner(geom) for geom in range(stage.model.ngeom)]
+    found: dict[str, dict[str, Any]] = {}
+    for name in stage.people:
+        own = np.array([owner == name for owner in owners])
+        amodal = renderer.ids(stage.data, pose, K, shown=own).ids >= 0
+        visible = np.append(own, False)[everything]
+        covering = Counter(owners[geom] for geom in everything[amodal & ~visible])
+        luma = image[visible] @ (0.299, 0.587, 0.114) / 255.0
+        found[name] = {
+            "amodal": int(amodal.sum()),
+            "extent": boxes.from_mask(amodal),
+            "fraction": visible.sum() / amodal.sum() if amodal.any() else 0.0,
+            "visible_box": boxes.from_mask(visible),
+            "occluders": [owner for owner, _ in sorted(covering.items(), key=lambda item: (-item[1], item[0]))],
+            "luminance": luma.mean() if len(luma) else np.nan,
+        }
+    return found
+
+
+def single(kind: mujoco.mjtGeom, size: list[float], mesh: np.ndarray | None = None) -> Stage:
+    """One person that is one finely tessellated geom."""
+    spec = new_spec(slices=96)
+    body = spec.worldbody.add_body(name="target/pelvis", mocap=True)
+    if mesh is not None:
+        spec.add_mesh(name="own", uservert=mesh.ravel())
+        body.add_geom(type=kind, meshname="own", group=PEOPLE_GROUP)
+    else:
+        body.add_geom(type=kind, size=size, group=PEOPLE_GROUP)
+    model = spec.compile()
+    return Stage(model, mujoco.MjData(model), ("target",), {"target/pelvis": np.zeros(3)})
+
+
+def turn(data: mujoco.MjData, rng: np.random.Generator) -> None:
+    quaternion = rng.normal(size=4)
+    data.mocap_quat[0] = quaternion / np.linalg.norm(quaternion)
+
+
+SOLIDS = {
+    "sphere": (mujoco.mjtGeom.mjGEOM_SPHERE, [0.3, 0, 0]),
+    "capsule": (mujoco.mjtGeom.mjGEOM_CAPSULE, [0.15, 0.5, 0]),
+    "ellipsoid": (mujoco.mjtGeom.mjGEOM_ELLIPSOID, [0.15, 0.3, 0.6]),
+    "cylinder": (mujoco.mjtGeom.mjGEOM_CYLINDER, [0.2, 0.5, 0]),
+    "box": (mujoco.mjtGeom.mjGEOM_BOX, [0.15, 0.3, 0.6]),
+    "mesh": (mujoco.mjtGeom.mjGEOM_MESH, []),
+}
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
+def test_amodal_boxes_are_the_extents_of_what_is_drawn(solid: str, drawing: Drawing):
+    kind, size = SOLIDS[solid]
+    rng = np.random.default_rng(sum(map(ord, solid)))
+    # Blunt: a tip thinner than a pixel reaches farther than any pixel that shows it.
+    directions = rng.normal(size=(300, 3))
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    vertices = unit * (0.25, 0.3, 0.5) if solid == "mesh" else None
+    stage = single(kind, size, vertices)
+    renderer = drawing(stage)
+    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    compared = 0
+    for _ in range(300):
+        depth = float(np.exp(rng.uniform(np.log(1.6), np.log(40.0))))
+        at = np.array([depth, *rng.uniform(-0.6, 0.6, 2) * (depth - 0.6) * 0.6])
+        stage.data.mocap_pos[0] = at
+        turn(stage.data, rng)
+        mujoco.mj_forward(stage.model, stage.data)
+        pose = looking((0.0, 0.0, 0.0), (1.0, *rng.normal(size=2) * 0.05), rng.normal() * 0.2)
+        (truth,) = maker.observe(stage.data, pose, image, 0.0, stage.roots())
+        seen = boxes.from_mask(renderer.ids(stage.data, pose, K).ids >= 0)
+        if np.isnan(seen).any():
+            assert truth.state == "out_of_view"
+            continue
+        assert np.array_equal(truth.box, boxes.clip(truth.amodal_box, WIDTH, HEIGHT))
+        short = np.concatenate([seen[:2] - truth.box[:2], (truth.box - seen)[:2] + (truth.box - seen)[2:]])
+        # Never past the box; and up to it, unless the edge of the image cuts off what reaches farthest.
+        assert short.min() >= -1.0
+        if truth.truncation == 0.0:
+            compared += 1
+            assert short.max() <= 1.0
+    assert compared >= 200
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_truth_is_what_brute_force_finds(seed: int, drawing: Drawing):
+    rng = np.random.default_rng(100 + seed)
+    stage = build(seed, people=int(rng.integers(1, 6)), pillars=int(rng.integers(0, 6)), ground=seed % 3 > 0)
+    renderer = drawing(stage)
+    for _ in range(3):
+        pose = random_view(rng)
+        truths, expected = observed(stage, renderer, pose), brute_force(stage, renderer, pose)
+        assert set(truths) == {name for name in stage.people if expected[name]["amodal"]} | {"target"}
+        for name, truth in truths.items():
+            wanted = expected[name]
+            # Not only within 0.01: layers compare the very numbers that the whole picture was sorted by.
+            assert truth.visible_fraction == wanted["fraction"]
+            assert np.array_equal(truth.visible_box, wanted["visible_box"], equal_nan=True)
+            assert list(truth.occluders) == wanted["occluders"]
+            assert truth.luminance == pytest.approx(wanted["luminance"], abs=1e-9, nan_ok=True)
+            state = "visible" if wanted["fraction"] else "occluded" if wanted["amodal"] else "out_of_view"
+            assert truth.state == state
+            assert truth.scored == (state == "visible")
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_boxes_nest_and_numbers_stay_in_their_ranges(seed: int, drawing: Drawing):
+    rng = np.random.default_rng(200 + seed)
+    stage = build(seed, people=5, slices=64)
+    renderer, pose = drawing(stage), random_view(rng)
+    for name, truth in observed(stage, renderer, pose).items():
+        assert 0.0 <= truth.visible_fraction <= 1.0
+        assert 0.0 <= truth.truncation <= 1.0
+        assert (truth.box[:2] >= 0).all()
+        assert (truth.box[:2] + truth.box[2:] <= (WIDTH, HEIGHT)).all()
+        pelvis = stage.data.body(f"{name}/pelvis").xpos
+        assert truth.distance_m == pytest.approx(np.linalg.norm(pelvis - pose[:3, 3]))
+        assert np.array_equal(truth.T_world_camera, pose)
+        assert np.array_equal(truth.K, K)
+        assert np.array_equal(truth.distortion, np.zeros(5))
+        if truth.state == "visible":
+            assert (truth.visible_box[:2] >= truth.amodal_box[:2] - 1).all()
+            ends = truth.visible_box[:2] + truth.visible_box[2:]
+            assert (ends <= truth.amodal_box[:2] + truth.amodal_box[2:] + 1).all()
