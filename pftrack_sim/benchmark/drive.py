@@ -87,7 +87,7 @@ def drive(
         truths: list[Truth] = []
         pixels = hashlib.blake2b(digest_size=16)
         while not truths or info["outcome"] is None:
-            frame = env._current
+            frame = env.simulation.frame
             pixels.update(np.ascontiguousarray(frame.image).data)
             action = _answer(policy, observation, info, heard, entry)
             estimate = heard.estimates[-1]

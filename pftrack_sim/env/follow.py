@@ -79,7 +79,7 @@ class FollowEnv(CameraEnv):
         if frame.truth.scored:
             self._seen_s = frame.time_s
         lost_s = frame.time_s - self._seen_s
-        collision = self.simulation.world.collision()
+        collision = self.simulation.collision()
         reward = following_reward(
             abs(distance_m - follow.distance_m) / follow.distance_limit_m,
             abs(bearing_rad) / math.radians(follow.bearing_limit_deg),

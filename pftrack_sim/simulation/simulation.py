@@ -43,6 +43,7 @@ class Simulation:
         self._image_size: tuple[int, int] | None = None
         self._renderer: DescribedRenderer | None = None
         self._world: World | None = None
+        self._frame: Frame | None = None
         self.frame_count = 0
         """Frames shown in the running episode; 0 before the first reset."""
 
@@ -63,7 +64,7 @@ class Simulation:
                 [f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"],
             )
         # The old world goes first: two compiled models at once would double the memory of a reset.
-        self._world = None
+        self._world = self._frame = None
         world = World(settings, seed)
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
         self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
@@ -84,7 +85,7 @@ class Simulation:
         self._taken = next(self._arrivals)
         self._index = 0
         self.frame_count = frame_count(settings, seed)
-        return self._shoot()
+        return self._take_frame()
 
     def advance(self, command: NDArray[np.float64] | None = None, late_s: float = 0.0) -> Frame:
         """Let the world move on to the next frame that is shown: frames lost on the way are not drawn.
@@ -99,9 +100,9 @@ class Simulation:
             self.world.advance(command, late_s if number == 0 else 0.0)
         self._taken = taken
         self._index += 1
-        return self._shoot()
+        return self._take_frame()
 
-    def _shoot(self) -> Frame:
+    def _take_frame(self) -> Frame:
         world = self.world
         assert self._renderer is not None
         world.light(self._sensor.settle(world.time_s))
@@ -117,14 +118,26 @@ class Simulation:
             image = self._sensor.expose(taken.image, self._taken, world.time_s)
             people = self._truth.observe_taken(taken, image, world.time_s)
         image.setflags(write=False)
-        return Frame(self._index, world.time_s, image, people[0], people)
+        self._frame = Frame(self._index, world.time_s, image, people[0], people)
+        return self._frame
+
+    @property
+    def frame(self) -> Frame:
+        """The last frame of the running episode."""
+        if self._frame is None:
+            raise self._no_episode()
+        return self._frame
 
     @property
     def world(self) -> World:
         """The world of the running episode."""
         if self._world is None:
-            raise ScenarioError(self.scenario.name, ["no episode is running: call reset(seed) first"])
+            raise self._no_episode()
         return self._world
+
+    def collision(self) -> str | None:
+        """Name of the person or thing that the robot touches, or None."""
+        return self.world.collision()
 
     @property
     def settings(self) -> ResolvedScenario:
@@ -141,7 +154,10 @@ class Simulation:
         if self._renderer is not None:
             self._renderer.close()
         self._renderer = None
-        self._world = None
+        self._world = self._frame = None
+
+    def _no_episode(self) -> ScenarioError:
+        return ScenarioError(self.scenario.name, ["no episode is running: call reset(seed) first"])
 
     def __enter__(self) -> Simulation:
         return self
