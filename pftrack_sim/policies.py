@@ -95,7 +95,7 @@ class TrackingPolicy:
             if info is None:
                 raise TrackerError("this tracker asks for the truth: call the policy with (observation, info)")
             truth: Truth = info["truth"]
-            self.tracker.tell(truth.box)
+            self.tracker.receive_truth(truth.box)
         if observation["first"]:
             box = np.asarray(observation["init_box"], dtype=np.float64)
             self.tracker.init(image, box)

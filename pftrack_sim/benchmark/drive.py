@@ -33,7 +33,7 @@ class _Asked:
         self.entry = entry
         self._truth: NDArray[np.float64] = np.zeros(4)
 
-    def tell(self, box: ArrayLike) -> None:
+    def receive_truth(self, box: ArrayLike) -> None:
         """The true box, for a tracker that asks for it."""
         self._truth = np.asarray(box, dtype=np.float64)
 

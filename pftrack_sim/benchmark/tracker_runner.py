@@ -15,9 +15,8 @@ from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image, Tracker
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, checked_answer
-from pftrack_sim.trackers.isolation.answers import check_untouched
-from pftrack_sim.trackers.isolation.tracker import try_to_make
+from pftrack_sim.trackers.base import check_unmodified, checked_estimate
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, try_make
 from pftrack_sim.trackers.registry import GROUP
 
 Isolation: TypeAlias = Literal["auto", "always", "never"]
@@ -78,7 +77,7 @@ class TrackerRun:
     def _answer(self, image: Image, truth_box: Box) -> tuple[Estimate, float]:
         if isinstance(self.tracker, IsolatedTracker):
             if self.tracker.needs_truth:
-                self.tracker.hear_truth(truth_box)
+                self.tracker.receive_truth(truth_box)
             if not self.started:
                 self.started = True
                 self.tracker.init(image, truth_box)
@@ -86,17 +85,17 @@ class TrackerRun:
             return self.tracker.update(image), self.tracker.took_ms
         own = image.copy()
         if isinstance(self.tracker, trackers.NeedsTruth):
-            self.tracker.tell(truth_box)
+            self.tracker.receive_truth(truth_box)
         began = time.perf_counter()
         if not self.started:
             self.started = True
             self.tracker.init(own, np.array(truth_box))
             took_ms = (time.perf_counter() - began) * 1e3
-            check_untouched(own, image)
+            check_unmodified(own, image)
             return Estimate(truth_box), took_ms
         said = self.tracker.update(own)
         took_ms = (time.perf_counter() - began) * 1e3
-        return checked_answer(said, own, image), took_ms
+        return checked_estimate(said, own, image), took_ms
 
     @property
     def boxes(self) -> np.ndarray:
@@ -156,7 +155,7 @@ def try_out(contestants: Sequence[TrackerSpec], isolation: Isolation, limits: Li
         if who.name not in trackers.names() and ":" not in who.name:
             trackers.describe(who.name)
         if is_isolated(who.name, isolation):
-            try_to_make(who.name, preset=who.preset, params=who.params, limits=limits)
+            try_make(who.name, preset=who.preset, params=who.params, limits=limits)
         else:
             trackers.make(who.name, preset=who.preset, **who.params)
 

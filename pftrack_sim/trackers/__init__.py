@@ -14,7 +14,7 @@ has found the target, and 0 when it says it has not.
 
 from __future__ import annotations
 
-from pftrack_sim.trackers.needs_truth import NeedsTruth
+from pftrack_sim.trackers.base import NeedsTruth
 from pftrack_sim.trackers.registry import PRESETS, describe, make, names
 
 __all__ = ["PRESETS", "NeedsTruth", "describe", "make", "names"]

@@ -1,12 +1,12 @@
-"""What every tracker demands of its input, said once and with its own clear error."""
+"""Base class of the built-in trackers, and the checks of every tracker's input and output."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
@@ -14,34 +14,51 @@ from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.core.records import Estimate, Image
 
 
-class BaseTracker(ABC):
-    """A tracker that checks its input before the method sees it.
+@runtime_checkable
+class NeedsTruth(Protocol):
+    """A tracker that receives the ground truth of each frame, before `init` and before every `update`.
 
-    A method implements `_start`, which must forget everything from before, and `_follow`. Both get an image that is
-    `(H, W, 3)` uint8, contiguous, and not to be written to.
+    It exists for references such as `oracle`: the tracker runner calls this method where a tracker has it. A tracker
+    without it never gets the truth.
+    """
+
+    def receive_truth(self, box: Box) -> None:
+        """Receive the target's true box in the next frame.
+
+        Args:
+            box: `(4,)` box [px]; NaN or without area when the target is not in the image.
+        """
+        ...
+
+
+class BaseTracker(ABC):
+    """A tracker that checks its input before the method gets it.
+
+    Subclasses implement `_start`, which must reset all state, and `_follow`. Both get a contiguous `(H, W, 3)` uint8
+    image, which they must not modify.
     """
 
     def __init__(self) -> None:
         self._shape: tuple[int, ...] | None = None
 
     def init(self, image: Image, box: ArrayLike) -> None:
-        """Start on an image; everything from before is forgotten. Refused input leaves the tracker as it was.
+        """Start on an image and reset all state. After an error the tracker is unchanged.
 
         Args:
             image: `(H, W, 3)` uint8 RGB.
-            box: `(4,)` the target's box [px]. It may be partly outside the image, but not wholly.
+            box: `(4,)` the target's box [px]. It may lie partly, but not wholly, outside the image.
 
         Raises:
             ImageError: The image is not `(H, W, 3)` uint8.
             BoxError: The box is NaN, has no area, or lies wholly outside the image.
         """
         pixels = checked_image(image)
-        start = checked_start(box, pixels)
+        start = _checked_first_box(box, pixels)
         self._start(pixels, start)
         self._shape = pixels.shape
 
     def update(self, image: Image) -> Estimate:
-        """Say where the target is in the next image.
+        """Estimate the target's box in the next image.
 
         Args:
             image: `(H, W, 3)` uint8 RGB, of the size given to `init`.
@@ -54,8 +71,8 @@ class BaseTracker(ABC):
             raise TrackerError("update was called before init: a tracker must be given the first box")
         pixels = checked_image(image)
         if pixels.shape != self._shape:
-            then, now = (f"{shape[1]}x{shape[0]}" for shape in (self._shape, pixels.shape))
-            raise ImageError(f"the image changed its size within a sequence: from {then} to {now} (width x height)")
+            before, now = (f"{shape[1]}x{shape[0]}" for shape in (self._shape, pixels.shape))
+            raise ImageError(f"the image changed its size within a sequence: from {before} to {now} (width x height)")
         return self._follow(pixels)
 
     @abstractmethod
@@ -65,18 +82,15 @@ class BaseTracker(ABC):
     def _follow(self, image: Image) -> Estimate: ...
 
 
-def checked_image(image: object) -> NDArray[np.uint8]:
-    """The image, contiguous, if it is one.
-
-    Args:
-        image: What should be `(H, W, 3)` uint8 RGB.
+def checked_image(image: object) -> Image:
+    """Check an image and make it contiguous.
 
     Raises:
         ImageError: It is not an array, not uint8, not `(H, W, 3)`, or has no pixels.
     """
     if not isinstance(image, np.ndarray):
         raise ImageError(f"an image must be a numpy array (H, W, 3) uint8 RGB, got {type(image).__name__}")
-    pixels = cast("NDArray[Any]", image)
+    pixels = cast("np.ndarray[Any, np.dtype[Any]]", image)
     if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
         raise ImageError(f"an image must have shape (H, W, 3) in RGB, with H and W >= 1, got {pixels.shape}")
     if pixels.dtype != np.uint8:
@@ -84,20 +98,37 @@ def checked_image(image: object) -> NDArray[np.uint8]:
     return np.ascontiguousarray(pixels)
 
 
-def checked_start(box: ArrayLike, image: NDArray[np.uint8]) -> Box:
-    """The first box, if a target can lie there.
+def _checked_first_box(box: ArrayLike, image: Image) -> Box:
+    first = boxes.checked(box, what="first box")
+    height_px, width_px = image.shape[:2]
+    if boxes.area(first) == 0.0:
+        raise BoxError(f"first box must have a width and height > 0, got {first.tolist()}")
+    if boxes.area(boxes.clip(first, width_px, height_px)) == 0.0:
+        raise BoxError(f"first box {first.tolist()} lies wholly outside the {width_px}x{height_px} image")
+    return first
+
+
+def checked_estimate(output: object, given: Image, original: Image) -> Estimate:
+    """Check what a tracker's `update` returned and copy it into a plain `Estimate`.
 
     Args:
-        box: `(4,)` box [px].
-        image: `(H, W, 3)`.
+        output: What the tracker returned.
+        given: `(H, W, 3)` the copy of the image that the tracker got.
+        original: `(H, W, 3)` the image before the call.
 
     Raises:
-        BoxError: The box is NaN, has no area, or lies wholly outside the image.
+        TrackerError: The output is no `Estimate`, or the tracker modified its image.
+        BoxError: The box is invalid.
+        ParameterError: The confidence is not in [0, 1].
     """
-    start = boxes.checked(box, what="first box")
-    height_px, width_px = image.shape[:2]
-    if boxes.area(start) == 0.0:
-        raise BoxError(f"first box must have a width and height > 0, got {start.tolist()}")
-    if boxes.area(boxes.clip(start, width_px, height_px)) == 0.0:
-        raise BoxError(f"first box {start.tolist()} lies wholly outside the {width_px}x{height_px} image")
-    return start
+    check_unmodified(given, original)
+    if not isinstance(output, Estimate):
+        raise TrackerError(f"update must return an Estimate, got {type(output).__name__}")
+    # Rebuilt, so that a subclass cannot change its values after this check.
+    return Estimate(np.array(output.box), float(output.confidence), bool(output.occluded), output.particles)
+
+
+def check_unmodified(given: Image, original: Image) -> None:
+    """Raise TrackerError when a tracker modified the image it got."""
+    if not np.array_equal(given, original):
+        raise TrackerError("it wrote into the image it was given")

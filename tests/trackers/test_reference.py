@@ -34,7 +34,7 @@ def test_oracle_says_what_it_was_told():
     tracker.init(IMAGE, BOX)
     assert tracker.update(IMAGE).box.tolist() == BOX.tolist()
     moved = np.array([-5.0, 12, 18, 31])
-    tracker.tell(moved)
+    tracker.receive_truth(moved)
     moved += 100  # it keeps no reference
     assert tracker.update(IMAGE).box.tolist() == [-5.0, 12, 18, 31]
 
@@ -44,14 +44,14 @@ def test_oracle_repeats_itself_while_the_target_is_gone(gone: list[float]):
     tracker = trackers.make("oracle")
     assert isinstance(tracker, trackers.NeedsTruth)
     tracker.init(IMAGE, BOX)
-    tracker.tell(np.array([1.0, 2, 3, 4]))
-    tracker.tell(np.array(gone))
+    tracker.receive_truth(np.array([1.0, 2, 3, 4]))
+    tracker.receive_truth(np.array(gone))
     assert tracker.update(IMAGE).box.tolist() == [1, 2, 3, 4]
 
 
 def test_oracle_forgets_what_it_was_told_before_init():
     tracker = trackers.make("oracle")
     assert isinstance(tracker, trackers.NeedsTruth)
-    tracker.tell(np.array([1.0, 2, 3, 4]))
+    tracker.receive_truth(np.array([1.0, 2, 3, 4]))
     tracker.init(IMAGE, BOX)
     assert tracker.update(IMAGE).box.tolist() == BOX.tolist()

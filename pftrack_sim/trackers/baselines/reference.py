@@ -24,7 +24,7 @@ class Oracle(BaseTracker):
         super().__init__()
         self._told: Box | None = None
 
-    def tell(self, box: Box) -> None:
+    def receive_truth(self, box: Box) -> None:
         """Hear the target's true box in the frame about to come; `(4,)` [px], NaN or without area when not there."""
         truth = np.array(box, dtype=np.float64)
         if truth.shape == (4,) and np.isfinite(truth).all() and boxes.area(truth) > 0.0:

@@ -1,6 +1,5 @@
-"""A tracker in a process of its own, so that whatever it does hurts only itself."""
+"""Run a tracker in its own process, so that crashes, timeouts and memory leaks are isolated per tracker."""
 
-from pftrack_sim.trackers.isolation.answers import checked_answer
-from pftrack_sim.trackers.isolation.tracker import IsolatedTracker, Limits, TrackerFault
+from pftrack_sim.trackers.isolation.tracker import IsolatedTracker, Limits, TrackerFault, try_make
 
-__all__ = ["IsolatedTracker", "Limits", "TrackerFault", "checked_answer"]
+__all__ = ["IsolatedTracker", "Limits", "TrackerFault", "try_make"]

@@ -21,7 +21,7 @@ import numpy as np
 
 from pftrack_sim import trackers
 from pftrack_sim.core.records import Estimate, Tracker
-from pftrack_sim.trackers.isolation.answers import check_untouched, checked_answer
+from pftrack_sim.trackers.base import check_unmodified, checked_estimate
 
 MAX_PARTICLES = 10_000
 """More are not sent: they are for drawing only."""
@@ -64,16 +64,16 @@ def _answer(tracker: Tracker, order: dict[str, Any], shared: SharedMemory) -> di
     original = np.ndarray(shape, dtype=np.uint8, buffer=shared.buf)
     given = original.copy()
     if order["truth"] is not None and isinstance(tracker, trackers.NeedsTruth):
-        tracker.tell(np.array(order["truth"]))
+        tracker.receive_truth(np.array(order["truth"]))
     began = time.perf_counter()
     if order["do"] == "init":
         tracker.init(given, np.array(order["box"]))
         ms = (time.perf_counter() - began) * 1e3
-        check_untouched(given, original)
+        check_unmodified(given, original)
         return {"ms": ms}
     said = tracker.update(given)
     ms = (time.perf_counter() - began) * 1e3
-    return {"ms": ms, **_as_json(checked_answer(said, given, original))}
+    return {"ms": ms, **_as_json(checked_estimate(said, given, original))}
 
 
 def _as_json(said: Estimate) -> dict[str, Any]:

@@ -112,7 +112,7 @@ class IsolatedTracker:
             except TrackerFault as error:
                 raise TrackerFault(f"could not be made: {error}") from None
 
-    def hear_truth(self, box: ArrayLike) -> None:
+    def receive_truth(self, box: ArrayLike) -> None:
         """The target's true box in the frame to come, for a tracker that `needs_truth`."""
         self._truth = [float(number) for number in np.asarray(box)]
 
@@ -222,7 +222,7 @@ class IsolatedTracker:
             self._heard += some[: max(room, 0)]
 
 
-def try_to_make(name: str, *, preset: str, params: dict[str, Any], limits: Limits) -> None:
+def try_make(name: str, *, preset: str, params: dict[str, Any], limits: Limits) -> None:
     """Make a tracker once, to tell mistakes in its name, preset or parameters before anything is run.
 
     Raises:
