@@ -67,11 +67,11 @@ def read(opened: Path, closed: Path, measure: str) -> Pairs:
 def interval(shares: NDArray[np.float64]) -> tuple[float, float]:
     """Of a mean over episodes: Wilson's where they are won or lost, else from the bootstrap."""
     if np.isin(shares, (0.0, 1.0)).all():
-        return score.share_interval(shares)
+        return score.proportion_interval(shares)
     return score.bootstrap_interval(shares, np.random.default_rng(0))
 
 
-def draw(pairs: Pairs, found: score.Agreement, measure: str, path: Path) -> None:
+def draw(pairs: Pairs, found: score.RankAgreement, measure: str, path: Path) -> None:
     """The scatter plot: a colour for each tracker, a marker for each condition."""
     figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
     trackers = sorted({tracker for tracker, _ in pairs.points})

@@ -97,7 +97,7 @@ class Log:
             info: What the last step said.
         """
         done = self.table()
-        course = following.Course(
+        course = following.DrivenPath(
             done["after_s"],
             done["after_distance_m"],
             done["after_bearing_rad"],
@@ -106,7 +106,7 @@ class Log:
             info["outcome"],
         )
         limit_rad = float(np.deg2rad(task.bearing_limit_deg))
-        goal = following.Task(task.distance_m, task.distance_limit_m, limit_rad, frames)
+        goal = following.FollowTask(task.distance_m, task.distance_limit_m, limit_rad, frames)
         scored = following.summarise(course, goal).as_dict()
         ended = {"outcome": info["outcome"], "collided_with": info["collision"], "clipped": info["clipped"]}
         return {**{f"follow_{key}": value for key, value in scored.items()}, **ended}

@@ -150,12 +150,13 @@ def _write(path: Path, episode: Episode, shown: Shown) -> list[dict[str, Any]]:
     truth_boxes = np.array([getattr(one, episode.truth) for one in truths])
     scored = np.array([one.scored for one in truths])
     visible = np.array([one.visible_fraction for one in truths])
+    times = np.array([one.time_s for one in truths])
     rate_hz = episode.scenario.resolve(episode.seed).camera.rate_hz
     rows: list[dict[str, Any]] = []
     tables: list[dict[str, np.ndarray]] = []
     for entry in shown.entries:
         frames = score.frame_scores(entry.boxes, truth_boxes)
-        summary = score.measure(frames, scored, visible, np.array(entry.ms), rate_hz)
+        summary = score.measure(frames, scored, visible, np.array(entry.ms), times)
         tables.append(estimate_columns(entry, frames.overlap, frames.centre_error_px))
         said = {"failure": entry.failure, "printed": entry.printed}
         rows.append({**key, "tracker": entry.name, **summary.as_dict(), **shown.scores, **said})

@@ -179,9 +179,9 @@ def print_follow(results: Sequence[Result]) -> None:
 
 def _ranged(values: Sequence[float], *, share: bool = False) -> str:
     """A mean, and below it its interval."""
-    from pftrack_sim.score import bootstrap_interval, share_interval
+    from pftrack_sim.score import bootstrap_interval, proportion_interval
 
-    low, high = share_interval(values) if share else bootstrap_interval(values, np.random.default_rng(0))
+    low, high = proportion_interval(values) if share else bootstrap_interval(values, np.random.default_rng(0))
     mean = _mean(values)
     told = "-" if math.isnan(mean) else f"{mean:.2f}"
     return told if math.isnan(low) else f"{told}\n{low:.2f}-{high:.2f}"

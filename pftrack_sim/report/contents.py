@@ -162,11 +162,11 @@ def _matrix(rows: Iterable[Row], trackers: Sequence[str]) -> dict[str, Any]:
     }
     compared = score.compare(scores, random_streams.stream(0, "bootstrap"))
     return {
-        "wins": score.wins(compared, trackers).tolist(),
+        "wins": score.win_matrix(compared, trackers).tolist(),
         "pairs": [
             {
-                "one": trackers.index(one.one),
-                "other": trackers.index(one.other),
+                "one": trackers.index(one.first),
+                "other": trackers.index(one.second),
                 "difference": _json(one.difference),
                 "low": _json(one.low),
                 "high": _json(one.high),

@@ -1,7 +1,7 @@
-"""Success and precision over their thresholds, and the measures that are read off them.
+"""Success and precision curves, and the measures derived from them.
 
-Toolkits differ in whether a frame exactly on a threshold counts; each function says which rule it has. Frames that are
-not to be scored (the first, those without a visible target) are left out by the caller.
+Toolkits differ in whether a frame exactly on a threshold counts; each function states its rule. The caller leaves out
+frames that are not scored: the first one and those without a visible target.
 """
 
 from __future__ import annotations
@@ -9,17 +9,22 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.types import BoolArray, FloatArray
 
-Numbers = NDArray[np.float64]
 
-
-def _frozen(values: Numbers) -> Numbers:
+def _frozen(values: FloatArray) -> FloatArray:
     values.setflags(write=False)
     return values
 
+
+SUCCESS_OVERLAP = 0.5
+"""Overlap from which a frame counts as tracked."""
+
+PRECISION_PX = 20.0
+"""Centre error up to which a frame counts as precise."""
 
 SUCCESS_THRESHOLDS = _frozen(np.linspace(0.0, 1.0, 21))
 """`(21,)` overlaps 0, 0.05 ... 1 (Wu, Lim & Yang 2013, and the GOT-10k toolkit)."""
@@ -31,7 +36,7 @@ NORMALISED_PRECISION_THRESHOLDS = _frozen(np.linspace(0.0, 0.5, 51))
 """`(51,)` centre errors 0, 0.01 ... 0.5 in sizes of the box (Müller et al. 2018, TrackingNet)."""
 
 
-def success_curve(overlap: ArrayLike, thresholds: ArrayLike = SUCCESS_THRESHOLDS) -> Numbers:
+def success_curve(overlap: ArrayLike, thresholds: ArrayLike = SUCCESS_THRESHOLDS) -> FloatArray:
     """Share of frames with an overlap of *more* than each threshold (Wu, Lim & Yang 2013; GOT-10k: `>`).
 
     A perfect tracker is at 0 for the threshold 1: its area is 20/21, not 1.
@@ -66,13 +71,23 @@ def area_under_success(overlap: ArrayLike) -> float:
 
 
 def average_overlap(overlap: ArrayLike) -> float:
-    """AO: mean overlap of all frames but the first, whose box is given (Huang, Zhao & Huang 2019, GOT-10k).
-
-    Args:
-        overlap: `(N,)` overlaps of a sequence without its first frame.
-    """
+    """AO: mean of `(N,)` overlaps of a sequence without its first frame (Huang, Zhao & Huang 2019, GOT-10k)."""
     values = _row("overlap", overlap)
     return float(values.mean()) if values.size else math.nan
+
+
+def success_rate(overlap: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> float:
+    """Share of frames with an overlap of *at least* the threshold; NaN for no frames.
+
+    Wu, Lim & Yang 2013 use more than the threshold, which differs only in frames exactly on it.
+    """
+    values = _row("overlap", overlap)
+    return float(np.mean(values >= threshold)) if values.size else math.nan
+
+
+def precision(centre_error: ArrayLike, threshold_px: float = PRECISION_PX) -> float:
+    """Share of frames with a centre error of *at most* the threshold (Wu, Lim & Yang 2013); NaN for no frames."""
+    return float(precision_curve(centre_error, [threshold_px])[0])
 
 
 def strict_success_rate(overlap: ArrayLike, threshold: float = 0.5) -> float:
@@ -88,7 +103,7 @@ def strict_success_rate(overlap: ArrayLike, threshold: float = 0.5) -> float:
     return float(success_curve(overlap, [threshold])[0])
 
 
-def precision_curve(centre_error: ArrayLike, thresholds: ArrayLike = PRECISION_THRESHOLDS_PX) -> Numbers:
+def precision_curve(centre_error: ArrayLike, thresholds: ArrayLike = PRECISION_THRESHOLDS_PX) -> FloatArray:
     """Share of frames with a centre error of *at most* each threshold (Wu, Lim & Yang 2013: `<=`).
 
     Args:
@@ -105,50 +120,19 @@ def precision_curve(centre_error: ArrayLike, thresholds: ArrayLike = PRECISION_T
     return _shares(values[:, None] <= at)
 
 
-def normalised_centre_errors(estimates: ArrayLike, truth: ArrayLike) -> Numbers:
-    """Centre errors in sizes of the true box: across in its widths, down in its heights (Müller et al. 2018, eq. 2).
-
-    Args:
-        estimates: `(N, 4)` boxes [px]; a row that is not finite is a miss.
-        truth: `(N, 4)` boxes [px]; NaN, or of no area, where there is none.
-
-    Returns:
-        `(N,)`; infinite for a miss, NaN where there is no truth.
-
-    Raises:
-        ParameterError: The shapes differ or are not `(N, 4)`.
-    """
-    said, true = np.asarray(estimates, dtype=np.float64), np.asarray(truth, dtype=np.float64)
-    if said.shape != true.shape or said.ndim != 2 or said.shape[1] != 4:
-        raise ParameterError(f"estimates and truth must both have shape (N, 4), got {said.shape} and {true.shape}")
-    known = np.isfinite(true).all(axis=1) & (true[:, 2:] > 0.0).all(axis=1)
-    both = known & np.isfinite(said).all(axis=1)
-    errors = np.where(known, math.inf, math.nan)
-    shift = said[both, :2] + 0.5 * said[both, 2:] - true[both, :2] - 0.5 * true[both, 2:]
-    errors[both] = np.hypot(*(shift / true[both, 2:]).T)
-    return errors
-
-
 def normalised_precision(normalised_error: ArrayLike) -> float:
-    """Mean of the normalised precision curve over [0, 0.5] (Müller et al. 2018).
-
-    Args:
-        normalised_error: `(N,)` from `normalised_centre_errors`.
-
-    Returns:
-        A number in [0, 1]; NaN for no frames.
-    """
+    """Mean of the normalised precision curve over [0, 0.5] (Müller et al. 2018) of `(N,)` normalised errors."""
     return float(np.mean(precision_curve(normalised_error, NORMALISED_PRECISION_THRESHOLDS)))
 
 
-def _row(name: str, values: ArrayLike) -> Numbers:
+def _row(name: str, values: ArrayLike) -> FloatArray:
     row = np.asarray(values, dtype=np.float64)
     if row.ndim != 1:
         raise ParameterError(f"{name} must have shape (N,), got {row.shape}")
     return row
 
 
-def _shares(counted: NDArray[np.bool_]) -> Numbers:
+def _shares(counted: BoolArray) -> FloatArray:
     """Mean of each column; NaN where there are no rows."""
     count, columns = counted.shape[0], counted.shape[-1]
     if not count:

@@ -1,7 +1,7 @@
-"""How well boxes agree with the truth.
+"""Scores of one tracker on one episode or sequence, in one row.
 
-Frames where the target cannot be seen are not scored (Ko et al. 2012, section 4), and neither is the first scored
-frame: the tracker was given its box.
+Frames where the target cannot be seen are not scored (Ko et al. 2012, section 4), nor is the first visible frame: its
+box was given to the tracker.
 """
 
 from __future__ import annotations
@@ -10,13 +10,12 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
-
-SUCCESS_OVERLAP = 0.5
-PRECISION_PX = 20.0
+from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.score import curves, events
+from pftrack_sim.score.frames import FrameScores
 
 
 @dataclass(frozen=True)
@@ -28,8 +27,8 @@ class Summary:
         mean_overlap: Mean overlap (Ko et al. 2012, table 2).
         success: Share of frames with an overlap of at least `SUCCESS_OVERLAP`.
         precision: Share of frames with a centre error of at most `PRECISION_PX`.
-        centre_error_median_px: Median centre error; infinite when the tracker gave no box in most frames.
-        ms_median: Median time for a frame; the frame where it was started does not count.
+        centre_error_median_px: Median centre error; infinite when the tracker missed most frames.
+        ms_median: Median time per frame, without the frame of the initialisation.
     """
 
     frames: int
@@ -40,119 +39,123 @@ class Summary:
     ms_median: float
 
     def as_dict(self) -> dict[str, float]:
-        """By name, for a table."""
+        """Fields by name."""
         return asdict(self)
 
 
-def overlaps(estimates: ArrayLike, truth: ArrayLike) -> NDArray[np.float64]:
-    """Overlap of every frame's estimate with the truth (Ko et al. 2012, eq. 14).
+@dataclass(frozen=True)
+class Measures(Summary):
+    """Scores of one tracker on one simulated episode; NaN where a measure is undefined.
 
-    Args:
-        estimates: `(N, 4)` boxes [px]; a row that is not finite is a miss.
-        truth: `(N, 4)` boxes [px]; NaN or of no area where there is none.
-
-    Returns:
-        `(N,)` numbers in [0, 1]; 0 for a miss, and where there is no truth.
-
-    Raises:
-        ParameterError: The shapes differ or are not `(N, 4)`.
+    Attributes:
+        auc: Area under the success curve (Wu, Lim & Yang 2013).
+        sr_50: Share of frames with an overlap of more than 0.5 (GOT-10k).
+        sr_75: Share of frames with an overlap of more than 0.75 (GOT-10k).
+        normalised_precision: Mean of the normalised precision curve (Müller et al. 2018).
+        failures: Number of times the overlap falls to 0.
+        occlusions: Number of occlusions that end within the episode.
+        recovered: Share of these after which the target is tracked again before the next one or the end.
+        recovery_s: Mean time of these recoveries.
+        drift_per_s: Slope of the normalised centre error until the first failure [box sizes/s].
+        lost_for_good: Share of the scored frames after the last tracked one.
+        ms_p95: 95th percentile of the time per frame.
     """
-    # A box with itself may come to 1 + 2e-16.
-    return np.minimum(boxes.pairwise_iou(*_paired(estimates, truth)), 1.0)
 
-
-def centre_errors(estimates: ArrayLike, truth: ArrayLike) -> NDArray[np.float64]:
-    """Distance of every frame's centre from the truth's.
-
-    Args:
-        estimates: `(N, 4)` boxes [px]; a row that is not finite is a miss.
-        truth: `(N, 4)` boxes [px]; NaN where there is none.
-
-    Returns:
-        `(N,)` pixels; infinite for a miss, NaN where there is no truth.
-
-    Raises:
-        ParameterError: The shapes differ or are not `(N, 4)`.
-    """
-    said, true = _paired(estimates, truth)
-    answered, known = np.isfinite(said).all(axis=1), np.isfinite(true).all(axis=1)
-    errors = np.where(known, math.inf, math.nan)
-    both = answered & known
-    shift = (said[both, :2] + 0.5 * said[both, 2:]) - (true[both, :2] + 0.5 * true[both, 2:])
-    errors[both] = np.hypot(shift[:, 0], shift[:, 1])
-    return errors
-
-
-def success_rate(overlap: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> float:
-    """Share of frames that are tracked: overlap at least the threshold.
-
-    The threshold itself counts as tracked. (Wu, Lim & Yang 2013 ask for more than the threshold, which differs only in
-    frames exactly on it.)
-
-    Args:
-        overlap: `(N,)` overlaps.
-        threshold: In [0, 1].
-
-    Returns:
-        A number in [0, 1]; NaN for no frames.
-    """
-    return _mean(np.asarray(overlap, dtype=np.float64) >= threshold)
-
-
-def precision(centre_error: ArrayLike, threshold_px: float = PRECISION_PX) -> float:
-    """Share of frames whose centre error is at most the threshold (Wu, Lim & Yang 2013).
-
-    Args:
-        centre_error: `(N,)` [px]; NaN counts as a miss.
-        threshold_px: In pixels.
-
-    Returns:
-        A number in [0, 1]; NaN for no frames.
-    """
-    return _mean(np.asarray(centre_error, dtype=np.float64) <= threshold_px)
+    auc: float
+    sr_50: float
+    sr_75: float
+    normalised_precision: float
+    failures: int
+    occlusions: int
+    recovered: float
+    recovery_s: float
+    drift_per_s: float
+    lost_for_good: float
+    ms_p95: float
 
 
 def summarise(overlap: ArrayLike, centre_error: ArrayLike, scored: ArrayLike, ms: ArrayLike) -> Summary:
-    """Put a sequence into one row.
+    """Summary of one sequence.
 
     Args:
-        overlap: `(N,)` from `overlaps`.
-        centre_error: `(N,)` from `centre_errors` [px].
-        scored: `(N,)` true where the target can be seen. The first of these frames is left out: its box was given.
-        ms: `(N,)` time the tracker took.
+        overlap: `(N,)` overlaps.
+        centre_error: `(N,)` centre errors [px].
+        scored: `(N,)` true where the target can be seen; the first of these frames is not scored.
+        ms: `(N,)` time the tracker took for each frame.
 
     Raises:
         ParameterError: The lengths differ.
     """
-    columns = [np.asarray(one, dtype=np.float64) for one in (overlap, centre_error, ms)]
+    columns = [np.asarray(column, dtype=np.float64) for column in (overlap, centre_error, ms)]
     counted = np.array(scored, dtype=np.bool_)
-    if any(one.shape != counted.shape or one.ndim != 1 for one in columns):
-        shapes = ", ".join(str(one.shape) for one in (*columns[:2], counted, columns[2]))
+    if any(column.shape != counted.shape or column.ndim != 1 for column in columns):
+        shapes = ", ".join(str(column.shape) for column in (*columns[:2], counted, columns[2]))
         raise ParameterError(f"overlap, centre_error, scored and ms must have one number per frame, got {shapes}")
-    seen = np.flatnonzero(counted)
-    given = int(seen[0]) if seen.size else counted.size
-    counted[: given + 1] = False
-    some_overlap, some_error, took = columns[0][counted], columns[1][counted], columns[2][given + 1 :]
+    first = _first_visible(counted)
+    counted[: first + 1] = False
+    scored_overlap, scored_error, took = columns[0][counted], columns[1][counted], columns[2][first + 1 :]
     return Summary(
         frames=int(counted.sum()),
-        mean_overlap=_mean(some_overlap),
-        success=success_rate(some_overlap),
-        precision=precision(some_error),
-        centre_error_median_px=_median(some_error),
+        mean_overlap=curves.average_overlap(scored_overlap),
+        success=curves.success_rate(scored_overlap),
+        precision=curves.precision(scored_error),
+        centre_error_median_px=_median(scored_error),
         ms_median=_median(took),
     )
 
 
-def _paired(estimates: ArrayLike, truth: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    said, true = np.asarray(estimates, dtype=np.float64), np.asarray(truth, dtype=np.float64)
-    if said.shape != true.shape or said.ndim != 2 or said.shape[1] != 4:
-        raise ParameterError(f"estimates and truth must both have shape (N, 4), got {said.shape} and {true.shape}")
-    return said, true
+def measure(
+    frames: FrameScores, scored: ArrayLike, visible_fraction: ArrayLike, ms: ArrayLike, time_s: ArrayLike
+) -> Measures:
+    """All measures of one simulated episode.
+
+    Args:
+        frames: From `frame_scores`.
+        scored: `(N,)` true where the target can be seen; the first of these frames is not scored.
+        visible_fraction: `(N,)` in [0, 1].
+        ms: `(N,)` time the tracker took for each frame.
+        time_s: `(N,)` rising times of the frames.
+
+    Raises:
+        ParameterError: The lengths differ, or the times do not rise.
+    """
+    times = np.asarray(time_s, dtype=np.float64)
+    if times.shape != frames.overlap.shape or (np.diff(times) <= 0.0).any():
+        raise ParameterError(f"time_s must be {frames.overlap.size} rising numbers, got shape {times.shape}")
+    summary = summarise(frames.overlap, frames.centre_error_px, scored, ms)
+    counted = np.array(scored, dtype=np.bool_)
+    first = _first_visible(counted)
+    counted[: first + 1] = False
+    overlap, took = frames.overlap[counted], np.asarray(ms, dtype=np.float64)[first + 1 :]
+    # Before the initialisation there is no occlusion to recover from.
+    visible = np.asarray(visible_fraction, dtype=np.float64)[first:]
+    recoveries = events.recoveries(frames.overlap[first:], visible, times[first:])
+    recovered_s = [recovery.after_s for recovery in recoveries if math.isfinite(recovery.after_s)]
+    return Measures(
+        frames=summary.frames,
+        mean_overlap=summary.mean_overlap,
+        success=summary.success,
+        precision=summary.precision,
+        centre_error_median_px=summary.centre_error_median_px,
+        ms_median=summary.ms_median,
+        auc=curves.area_under_success(overlap),
+        sr_50=curves.strict_success_rate(overlap, 0.5),
+        sr_75=curves.strict_success_rate(overlap, 0.75),
+        normalised_precision=curves.normalised_precision(frames.normalised_error[counted]),
+        failures=events.failures(frames.overlap, counted),
+        occlusions=len(recoveries),
+        recovered=len(recovered_s) / len(recoveries) if recoveries else math.nan,
+        recovery_s=float(np.mean(recovered_s)) if recovered_s else math.nan,
+        drift_per_s=events.drift_per_second(frames.normalised_error, frames.overlap, counted, times),
+        lost_for_good=events.share_permanently_lost(frames.overlap, counted),
+        ms_p95=float(np.percentile(took, 95)) if took.size else math.nan,
+    )
 
 
-def _mean(values: NDArray[np.float64] | NDArray[np.bool_]) -> float:
-    return float(np.mean(values)) if values.size else math.nan
+def _first_visible(scored: BoolArray) -> int:
+    visible = np.flatnonzero(scored)
+    return int(visible[0]) if visible.size else scored.size
 
 
-def _median(values: NDArray[np.float64]) -> float:
+def _median(values: FloatArray) -> float:
     return float(np.median(values)) if values.size else math.nan

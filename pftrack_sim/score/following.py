@@ -1,10 +1,10 @@
-"""How well a robot followed: the field's measures, and measures in metres and seconds.
+"""Measures of person following: those of EVT-Bench, and errors in metres, degrees and seconds.
 
 Success, tracking and collision are those of EVT-Bench, the benchmark of TrackVLA (Wang et al. 2025, "TrackVLA: embodied
 visual tracking in the wild", arXiv:2505.23189), as its published evaluation code counts them (wsakobe/TrackVLA,
 `evt_bench/additional_metric.py`, `baseline_agent.py`, `analyze_results.py`), with "facing" taken as: part of the target
-can be seen. Two things differ, because they are ours: a collision is a contact in the physics or, as there, a distance
-below 0.5 m; and the episode's own limits end it, while there 20 steps beyond 4 m do.
+can be seen. Two things differ: a collision is a contact in the physics or, as there, a distance below 0.5 m; and the
+scenario's own limits end the episode, while there 20 steps beyond 4 m do.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.signal import savgol_filter
 
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.types import BoolArray, FloatArray
 
 FOLLOWED_M = 3.0
 """EVT-Bench: a step is followed when the target is faced and no farther than this."""
@@ -27,12 +29,12 @@ COLLISION_M = 0.5
 """EVT-Bench: nearer than this is a collision."""
 
 FOUND_S = 0.5
-"""Seen this long without a break, a lost target counts as found again."""
+"""A lost target that is visible this long without a break is found again."""
 
 
 @dataclass(frozen=True)
-class Course:
-    """An episode as it was driven, one number for each frame.
+class DrivenPath:
+    """A driven episode, one row per frame.
 
     Attributes:
         time_s: `(N,)` simulated time.
@@ -40,29 +42,29 @@ class Course:
         bearing_rad: `(N,)` of the target off the optical axis.
         seen: `(N,)` whether part of the target can be seen.
         robot_xy_m: `(N, 2)` where the robot was.
-        outcome: How it ended: `"finished"`, `"collision"` or `"lost"`.
+        outcome: `"finished"`, `"collision"` or `"lost"`.
 
     Raises:
         ParameterError: The lengths differ, or there are no frames.
     """
 
-    time_s: NDArray[np.float64]
-    distance_m: NDArray[np.float64]
-    bearing_rad: NDArray[np.float64]
-    seen: NDArray[np.bool_]
-    robot_xy_m: NDArray[np.float64]
+    time_s: FloatArray
+    distance_m: FloatArray
+    bearing_rad: FloatArray
+    seen: BoolArray
+    robot_xy_m: FloatArray
     outcome: str
 
     def __post_init__(self) -> None:
         frames = len(self.time_s)
         shapes = [np.shape(one) for one in (self.time_s, self.distance_m, self.bearing_rad, self.seen)]
         if frames == 0 or any(one != (frames,) for one in shapes) or np.shape(self.robot_xy_m) != (frames, 2):
-            raise ParameterError(f"a course needs one number per frame, got {[*shapes, np.shape(self.robot_xy_m)]}")
+            raise ParameterError(f"need one number per frame, got {[*shapes, np.shape(self.robot_xy_m)]}")
 
 
 @dataclass(frozen=True)
-class Task:
-    """What following well means.
+class FollowTask:
+    """Wanted distance and the limits of a follow task.
 
     Attributes:
         distance_m: Wanted.
@@ -92,8 +94,8 @@ class Following:
         bearing_rms_deg: Error of bearing.
         time_to_loss_s: Until the target was first out of sight for longer than `FOUND_S`; the whole time when never.
         time_to_find_s: Mean time from a loss until it was seen again for `FOUND_S`; NaN when never lost or never found.
-        losses: How often it was lost so.
-        jerk_rms_m_s3: Of the robot's way, over half a second: what a passenger would feel.
+        losses: Number of such losses.
+        jerk_rms_m_s3: Jerk of the robot's path, over half a second.
     """
 
     success: float
@@ -109,48 +111,46 @@ class Following:
     jerk_rms_m_s3: float
 
     def as_dict(self) -> dict[str, float]:
-        """By name, for a table."""
+        """Fields by name."""
         return asdict(self)
 
 
-def summarise(course: Course, task: Task) -> Following:
-    """Put an episode into one row.
+def summarise(path: DrivenPath, task: FollowTask) -> Following:
+    """Measures of one driven episode.
 
     EVT-Bench's robots keep 1-3 m, so its limit of 3 m is the outer edge of what is wanted. Where the task wants another
     distance, the limits move along: followed is `distance_m` + 1 m or nearer, success from 1 m to there. With a wanted
     distance of 2 m they are exactly EVT-Bench's 3 m and 1 to 3 m.
     """
-    distance, bearing, seen = course.distance_m, course.bearing_rad, np.asarray(course.seen, dtype=np.bool_)
+    distance, bearing, seen = path.distance_m, path.bearing_rad, np.asarray(path.seen, dtype=np.bool_)
     farthest = task.distance_m + 0.5 * (SUCCESS_M[1] - SUCCESS_M[0])
     followed = seen & (distance <= farthest)
-    collided = course.outcome == "collision" or bool((distance < COLLISION_M).any())
-    finished = course.outcome == "finished" and not collided
-    last = bool(followed[-1])
-    gone = losses(course.time_s, seen)
-    rate_hz = 1.0 / float(np.median(np.diff(course.time_s))) if len(course.time_s) > 1 else math.nan
+    collided = path.outcome == "collision" or bool((distance < COLLISION_M).any())
+    finished = path.outcome == "finished" and not collided
+    lost_spans = losses(path.time_s, seen)
     good = (
         seen
         & (np.abs(distance - task.distance_m) <= task.distance_limit_m)
         & (np.abs(bearing) <= task.bearing_limit_rad)
     )
-    found = [until - since for since, until in gone if not math.isnan(until)]
+    found = [until - since for since, until in lost_spans if not math.isnan(until)]
     return Following(
-        success=float(finished and last),
+        success=float(finished and bool(followed[-1])),
         tracking_rate=float(followed.sum()) / max(task.frames, len(distance)),
         collision=float(collided),
         length=len(distance),
         within=float(good.mean()),
         distance_rms_m=_rms(distance - task.distance_m),
         bearing_rms_deg=math.degrees(_rms(bearing)),
-        time_to_loss_s=float((gone[0][0] if gone else course.time_s[-1]) - course.time_s[0]),
+        time_to_loss_s=float((lost_spans[0][0] if lost_spans else path.time_s[-1]) - path.time_s[0]),
         time_to_find_s=sum(found) / len(found) if found else math.nan,
-        losses=len(gone),
-        jerk_rms_m_s3=jerk_rms(course.robot_xy_m, rate_hz),
+        losses=len(lost_spans),
+        jerk_rms_m_s3=jerk_rms(path.robot_xy_m, path.time_s),
     )
 
 
 def losses(time_s: ArrayLike, seen: ArrayLike) -> list[tuple[float, float]]:
-    """When the target was lost, and when found again.
+    """Times at which the target was lost and found again.
 
     Lost: out of sight for longer than `FOUND_S`. Found: in sight for at least that long without a break.
 
@@ -182,29 +182,31 @@ def losses(time_s: ArrayLike, seen: ArrayLike) -> list[tuple[float, float]]:
     return found
 
 
-def jerk_rms(xy_m: ArrayLike, rate_hz: float, window_s: float = 0.5) -> float:
-    """RMS of the third derivative of a way [m/s^3], smoothed by a cubic fitted over a window (Savitzky and Golay 1964).
+def jerk_rms(xy_m: ArrayLike, time_s: ArrayLike, window_s: float = 0.5) -> float:
+    """RMS of the third derivative of a path [m/s^3], from a cubic fitted over a window (Savitzky and Golay 1964).
 
     Args:
-        xy_m: `(N, 2)` places.
-        rate_hz: Places per second.
+        xy_m: `(N, 2)` positions.
+        time_s: `(N,)` rising times; positions at irregular times are interpolated to their median interval.
         window_s: Length of the window.
 
     Returns:
-        NaN when the way is shorter than the window.
+        NaN when the path is shorter than the window.
     """
-    way = np.asarray(xy_m, dtype=np.float64)
-    if not math.isfinite(rate_hz):
+    path, times = np.asarray(xy_m, dtype=np.float64), np.asarray(time_s, dtype=np.float64)
+    if len(times) < 2:
         return math.nan
-    half = max(2, round(0.5 * window_s * rate_hz))
-    if len(way) < 2 * half + 1:
+    interval_s = float(np.median(np.diff(times)))
+    if np.ptp(np.diff(times)) > 1e-6:
+        even = np.arange(times[0], times[-1] + 0.5 * interval_s, interval_s)
+        path = np.column_stack([np.interp(even, times, path[:, 0]), np.interp(even, times, path[:, 1])])
+    half = max(2, round(0.5 * window_s / interval_s))
+    if len(path) < 2 * half + 1:
         return math.nan
-    times = np.arange(-half, half + 1) / rate_hz
-    # The third coefficient of the least-squares cubic, times 3!.
-    weights = 6.0 * np.linalg.pinv(np.vander(times, 4, increasing=True))[3]
-    jerk = np.stack([np.convolve(column, weights[::-1], mode="valid") for column in way.T])
-    return _rms(np.hypot(*jerk))
+    jerk: FloatArray = savgol_filter(path, 2 * half + 1, 3, deriv=3, delta=interval_s, axis=0)
+    jerk = jerk[half : len(path) - half]
+    return _rms(np.hypot(*jerk.T))
 
 
-def _rms(values: NDArray[np.float64]) -> float:
+def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan

@@ -93,7 +93,7 @@ def test_bootstrap_intervals_cover_the_mean_about_as_often_as_they_say():
     rng = np.random.default_rng(0)
     hits = 0
     for _ in range(400):
-        low, high = score.bootstrap_interval(rng.normal(0.5, 0.1, 40), rng, draw_count=400)
+        low, high = score.bootstrap_interval(rng.normal(0.5, 0.1, 40), rng, resamples=400)
         hits += low <= 0.5 <= high
     assert 0.90 < hits / 400 < 0.98
 
@@ -101,7 +101,7 @@ def test_bootstrap_intervals_cover_the_mean_about_as_often_as_they_say():
 def test_bootstrap_intervals_against_the_normal_one():
     values = np.random.default_rng(1).normal(0.6, 0.05, 200)
     half = 1.96 * values.std() / np.sqrt(values.size)
-    found = score.bootstrap_interval(values, np.random.default_rng(2), draw_count=20_000)
+    found = score.bootstrap_interval(values, np.random.default_rng(2), resamples=20_000)
     assert np.allclose(found, [values.mean() - half, values.mean() + half], rtol=0, atol=0.1 * half)
 
 
@@ -122,7 +122,7 @@ def test_bootstrap_intervals_draw_from_the_given_generator_only():
     assert wide[0] <= first[0] < first[1] <= wide[1]
 
 
-@pytest.mark.parametrize("given", [{"level": 0.0}, {"level": 1.0}, {"draw_count": 0}])
+@pytest.mark.parametrize("given", [{"level": 0.0}, {"level": 1.0}, {"resamples": 0}])
 def test_bootstrap_intervals_refuse_what_cannot_be(given: dict[str, float]):
     with pytest.raises(ParameterError, match="level must be in"):
         score.bootstrap_interval([0.1, 0.2], np.random.default_rng(0), **given)  # pyright: ignore[reportArgumentType]

@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.score.following import Course, Task, jerk_rms, losses, summarise
+from pftrack_sim.score.following import DrivenPath, FollowTask, jerk_rms, losses, summarise
 
 RATE_HZ = 10.0
-TASK = Task(distance_m=2.0, distance_limit_m=1.0, bearing_limit_rad=0.5, frames=100)
+TASK = FollowTask(distance_m=2.0, distance_limit_m=1.0, bearing_limit_rad=0.5, frames=100)
 
 
-def course(frames: int = 100, outcome: str = "finished", **columns) -> Course:
+def course(frames: int = 100, outcome: str = "finished", **columns) -> DrivenPath:
     filled = {
         "distance_m": np.full(frames, 2.0),
         "bearing_rad": np.zeros(frames),
         "seen": np.ones(frames, dtype=bool),
         "robot_xy_m": np.zeros((frames, 2)),
     }
-    return Course(time_s=np.arange(frames) / RATE_HZ, outcome=outcome, **{**filled, **columns})
+    return DrivenPath(time_s=np.arange(frames) / RATE_HZ, outcome=outcome, **{**filled, **columns})
 
 
 def test_a_perfect_course():
@@ -81,13 +81,13 @@ def test_a_loss_is_longer_than_a_blink_and_found_is_longer_than_a_glimpse():
 def test_jerk_of_a_cubic_is_its_third_derivative(jerk: float):
     times = np.arange(100) / RATE_HZ
     way = np.stack([1.0 + times + 0.2 * times**2 + jerk / 6.0 * times**3, np.zeros(100)], axis=1)
-    assert abs(jerk_rms(way, RATE_HZ) - jerk) < 1e-6
+    assert abs(jerk_rms(way, times) - jerk) < 1e-6
     turned = way @ np.array([[0.6, 0.8], [-0.8, 0.6]])
-    assert abs(jerk_rms(turned, RATE_HZ) - jerk) < 1e-6
+    assert abs(jerk_rms(turned, times) - jerk) < 1e-6
 
 
 def test_too_short_for_a_jerk():
-    assert math.isnan(jerk_rms(np.zeros((3, 2)), RATE_HZ))
+    assert math.isnan(jerk_rms(np.zeros((3, 2)), np.arange(3) / RATE_HZ))
 
 
 def test_lengths_must_agree():

@@ -18,7 +18,7 @@ def rng() -> np.random.Generator:
 
 def test_interval_agrees_with_scipys_percentile_bootstrap():
     values = np.random.default_rng(3).normal(0.6, 0.1, 25)
-    low, high = score.bootstrap_interval(values, rng(), draw_count=20_000)
+    low, high = score.bootstrap_interval(values, rng(), resamples=20_000)
     theirs = stats.bootstrap((values,), np.mean, n_resamples=20_000, method="percentile", rng=rng()).confidence_interval
     assert abs(low - theirs.low) < 2e-3
     assert abs(high - theirs.high) < 2e-3
@@ -29,7 +29,7 @@ def test_interval_holds_the_mean_about_as_often_as_it_says():
     draws = np.random.default_rng(5)
     held = 0
     for _ in range(400):
-        low, high = score.bootstrap_interval(draws.normal(0.0, 1.0, 20), draws, draw_count=500)
+        low, high = score.bootstrap_interval(draws.normal(0.0, 1.0, 20), draws, resamples=500)
         held += low <= 0.0 <= high
     assert 0.88 < held / 400 < 0.98
 
@@ -81,10 +81,10 @@ def test_who_beats_whom():
     good = 0.8 + 0.02 * draws.random(12)
     scores = {"good": good, "same": good + 1e-3 * draws.normal(size=12), "bad": good - 0.3}
     compared = score.compare(scores, rng())
-    assert [(one.one, one.other) for one in compared] == [("good", "same"), ("good", "bad"), ("same", "bad")]
+    assert [(one.first, one.second) for one in compared] == [("good", "same"), ("good", "bad"), ("same", "bad")]
     assert all(one.p_corrected >= one.p for one in compared)
     assert all(one.seeds == 12 for one in compared)
-    table = score.wins(compared, list(scores))
+    table = score.win_matrix(compared, list(scores))
     assert table.tolist() == [[0, 0, 1], [0, 0, 1], [-1, -1, 0]]
 
 
@@ -105,11 +105,11 @@ def test_bad_input():
 def test_shares_agree_with_scipys_wilson_interval(held: int, count: int):
     theirs = stats.binomtest(held, count).proportion_ci(method="wilson")
     values = np.array([1.0] * held + [0.0] * (count - held) + [math.nan])
-    assert score.share_interval(values) == pytest.approx((theirs.low, theirs.high))
+    assert score.proportion_interval(values) == pytest.approx((theirs.low, theirs.high))
 
 
 def test_no_share_of_other_numbers():
-    assert np.isnan(score.share_interval([])).all()
+    assert np.isnan(score.proportion_interval([])).all()
     for wrong in ([0.5], [[1.0]], [2.0]):
         with pytest.raises(ParameterError):
-            score.share_interval(wrong)
+            score.proportion_interval(wrong)

@@ -1,6 +1,6 @@
-"""What happens in the course of an episode: failures, recovery after an occlusion, drift, loss for good.
+"""Events of an episode over time: failures, recovery after occlusions, drift, permanent loss.
 
-A tracker is never started again: what it loses it must find by itself.
+A tracker is not reinitialised after a failure. Times are the frames' own: under frame loss they are irregular.
 """
 
 from __future__ import annotations
@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.score.episode import SUCCESS_OVERLAP
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.score.curves import SUCCESS_OVERLAP
 
 COVERED_BELOW = 0.5
 """Visible fraction below which the target counts as occluded."""
@@ -21,26 +22,26 @@ COVERED_BELOW = 0.5
 
 @dataclass(frozen=True)
 class Recovery:
-    """What came after an occlusion.
+    """Recovery of a tracker after one occlusion.
 
     Attributes:
         first: First occluded frame.
         last: Last occluded frame.
-        after_s: Time from the first frame after it until the target is tracked again; 0 when it is at once, infinite
-            when it is not before the next occlusion or the end.
-        watched_s: Time there was for it, so that an infinite `after_s` can be read as "more than this" (censored).
+        after_s: Time from the first frame after it until the target is tracked again; infinite when it is not tracked
+            before the next occlusion or the end.
+        observed_s: Time until the next occlusion or the end: an infinite `after_s` is censored at this value.
     """
 
     first: int
     last: int
     after_s: float
-    watched_s: float
+    observed_s: float
 
 
 def failures(overlap: ArrayLike, scored: ArrayLike) -> int:
-    """How often the tracker loses the target altogether: overlaps that fall to 0 from above (Kristan et al. 2016).
+    """Number of times the overlap falls to 0 from above (Kristan et al. 2016).
 
-    VOT starts a tracker anew after each; here it goes on, so a long absence counts once.
+    VOT reinitialises a tracker after each; here it goes on, so a long absence counts once.
 
     Args:
         overlap: `(N,)` overlaps.
@@ -52,7 +53,7 @@ def failures(overlap: ArrayLike, scored: ArrayLike) -> int:
     >>> failures([0.8, 0.0, 0.0, 0.4, 0.0], [True] * 5)
     2
     """
-    seen, _ = _seen(overlap, scored)
+    seen, _ = _scored(overlap, scored)
     return int(np.count_nonzero((seen[1:] == 0.0) & (seen[:-1] > 0.0)))
 
 
@@ -76,19 +77,19 @@ def occlusions(visible_fraction: ArrayLike, covered_below: float = COVERED_BELOW
 def recoveries(
     overlap: ArrayLike,
     visible_fraction: ArrayLike,
-    rate_hz: float,
+    time_s: ArrayLike,
     *,
     threshold: float = SUCCESS_OVERLAP,
     covered_below: float = COVERED_BELOW,
 ) -> list[Recovery]:
-    """How long after each occlusion the target is tracked again.
+    """Time after each occlusion until the target is tracked again.
 
-    An occlusion that lasts to the end has nothing after it and is left out.
+    An occlusion that lasts to the end of the episode is left out.
 
     Args:
         overlap: `(N,)` overlaps.
         visible_fraction: `(N,)` in [0, 1].
-        rate_hz: Frames per second.
+        time_s: `(N,)` times of the frames.
         threshold: Overlap from which the target counts as tracked.
         covered_below: Visible fraction below which it is occluded.
 
@@ -96,20 +97,24 @@ def recoveries(
         ParameterError: The lengths differ.
     """
     values, visible = _pair("visible_fraction", overlap, visible_fraction)
+    _, times = _pair("time_s", overlap, time_s)
+    # The last frame lasts as long as a frame usually does.
+    ends = np.append(times, times[-1] + np.median(np.diff(times))) if times.size > 1 else times
     spans = occlusions(visible, covered_below)
     starts = [first for first, _ in spans] + [values.size]
     found: list[Recovery] = []
     for (first, last), end in zip(spans, starts[1:], strict=True):
-        if last + 1 >= end:
+        uncovered = last + 1
+        if uncovered >= end:
             continue
-        tracked = np.flatnonzero(values[last + 1 : end] >= threshold)
-        after = float(tracked[0]) / rate_hz if tracked.size else math.inf
-        found.append(Recovery(first, last, after, (end - last - 1) / rate_hz))
+        tracked = np.flatnonzero(values[uncovered:end] >= threshold)
+        after = float(times[uncovered + tracked[0]] - times[uncovered]) if tracked.size else math.inf
+        found.append(Recovery(first, last, after, float(ends[end] - times[uncovered])))
     return found
 
 
-def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: ArrayLike, rate_hz: float) -> float:
-    """How fast the box slides off while the target is still held: slope of the centre error over time.
+def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: ArrayLike, time_s: ArrayLike) -> float:
+    """Slope of the normalised centre error over time while the target is still tracked.
 
     Ordinary least squares over the frames before the first failure (overlap 0), where the target can be seen.
 
@@ -117,7 +122,7 @@ def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: Ar
         normalised_error: `(N,)` centre errors in sizes of the box, from `normalised_centre_errors`.
         overlap: `(N,)` overlaps.
         scored: `(N,)` true where the target can be seen.
-        rate_hz: Frames per second.
+        time_s: `(N,)` times of the frames.
 
     Returns:
         Box sizes per second; NaN for fewer than 3 frames.
@@ -125,20 +130,21 @@ def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: Ar
     Raises:
         ParameterError: The lengths differ.
 
-    >>> round(drift_per_second([0.0, 0.1, 0.2, 9.0], [1.0, 0.9, 0.8, 0.0], [True] * 4, 10.0), 6)
+    >>> round(drift_per_second([0.0, 0.1, 0.2, 9.0], [1.0, 0.9, 0.8, 0.0], [True] * 4, [0.0, 0.1, 0.2, 0.3]), 6)
     1.0
     """
     values, _ = _pair("normalised_error", overlap, normalised_error)
-    seen, frames = _seen(values, scored)
+    _, times = _pair("time_s", overlap, time_s)
+    seen, frames = _scored(values, scored)
     lost = np.flatnonzero(seen == 0.0)
     held = frames[: lost[0]] if lost.size else frames
     if held.size < 3:
         return math.nan
-    slope, _ = np.polyfit(held / rate_hz, np.asarray(normalised_error, dtype=np.float64)[held], 1)
+    slope, _ = np.polyfit(times[held], np.asarray(normalised_error, dtype=np.float64)[held], 1)
     return float(slope)
 
 
-def share_lost_for_good(overlap: ArrayLike, scored: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> float:
+def share_permanently_lost(overlap: ArrayLike, scored: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> float:
     """Share of the scored frames after the last one in which the target was tracked.
 
     Args:
@@ -152,31 +158,31 @@ def share_lost_for_good(overlap: ArrayLike, scored: ArrayLike, threshold: float 
     Raises:
         ParameterError: The lengths differ.
 
-    >>> share_lost_for_good([0.9, 0.6, 0.1, 0.0], [True] * 4)
+    >>> share_permanently_lost([0.9, 0.6, 0.1, 0.0], [True] * 4)
     0.5
     """
-    seen, _ = _seen(overlap, scored)
+    seen, _ = _scored(overlap, scored)
     if not seen.size:
         return math.nan
     tracked = np.flatnonzero(seen >= threshold)
     return 1.0 - (float(tracked[-1]) + 1.0) / seen.size if tracked.size else 1.0
 
 
-def _seen(overlap: ArrayLike, scored: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def _scored(overlap: ArrayLike, scored: ArrayLike) -> tuple[FloatArray, IntArray]:
     """Overlaps of the scored frames, and which these are."""
     values, counted = _pair("scored", overlap, scored)
     frames = np.flatnonzero(counted)
     return values[frames], frames
 
 
-def _pair(name: str, overlap: ArrayLike, other: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _pair(name: str, overlap: ArrayLike, other: ArrayLike) -> tuple[FloatArray, FloatArray]:
     values, others = np.asarray(overlap, dtype=np.float64), np.asarray(other, dtype=np.float64)
     if values.ndim != 1 or values.shape != others.shape:
         raise ParameterError(f"overlap and {name} must have one number per frame, got {values.shape}, {others.shape}")
     return values, others
 
 
-def _spans(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+def _spans(flags: BoolArray) -> Iterator[tuple[int, int]]:
     """First and last index of every run of true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     for first, end in edges.reshape(-1, 2):

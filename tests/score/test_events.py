@@ -22,13 +22,13 @@ def test_recovery_is_measured_from_the_end_of_each_occlusion():
     #            0    1    2    3    4    5    6    7    8    9
     visible = [1.0, 0.3, 0.0, 1.0, 1.0, 1.0, 0.1, 1.0, 1.0, 0.0]
     overlap = [0.9, 0.6, 0.0, 0.1, 0.2, 0.7, 0.0, 0.1, 0.4, 0.0]
-    first, second = score.recoveries(overlap, visible, rate_hz=10.0)
-    assert (first.first, first.last, first.after_s, first.watched_s) == (1, 2, 0.2, 0.3)
-    assert (second.first, second.last, second.after_s, second.watched_s) == (6, 6, math.inf, 0.2)
+    first, second = score.recoveries(overlap, visible, np.arange(10) / 10.0)
+    assert (first.first, first.last, first.after_s, first.observed_s) == (1, 2, pytest.approx(0.2), pytest.approx(0.3))
+    assert (second.first, second.last, second.after_s, second.observed_s) == (6, 6, math.inf, pytest.approx(0.2))
 
 
 def test_held_through_an_occlusion_is_recovery_at_once():
-    (only,) = score.recoveries([0.8] * 5, [1, 0, 0, 1, 1], rate_hz=25.0)
+    (only,) = score.recoveries([0.8] * 5, [1, 0, 0, 1, 1], np.arange(5) / 25.0)
     assert only.after_s == 0.0
 
 
@@ -44,20 +44,37 @@ def test_drift_is_the_slope_until_the_first_failure():
     error = 0.02 + 0.3 * frames / rate
     overlap = np.where(frames < 40, 0.7, 0.0)
     scored = frames % 3 > 0
-    assert score.drift_per_second(error, overlap, scored, rate) == pytest.approx(0.3)
-    assert math.isnan(score.drift_per_second([0.1, 0.2], [1, 1], [True, True], rate))
+    assert score.drift_per_second(error, overlap, scored, frames / rate) == pytest.approx(0.3)
+    assert math.isnan(score.drift_per_second([0.1, 0.2], [1, 1], [True, True], [0.0, 0.1]))
 
 
 @pytest.mark.parametrize(
     ("overlap", "share"), [([0.9, 0.9], 0.0), ([0.1, 0.1], 1.0), ([0.9, 0.1, 0.9, 0.2, 0.3], 0.4), ([], math.nan)]
 )
-def test_share_lost_for_good(overlap: list[float], share: float):
-    assert score.share_lost_for_good(overlap, [True] * len(overlap)) == pytest.approx(share, nan_ok=True)
+def test_share_permanently_lost(overlap: list[float], share: float):
+    assert score.share_permanently_lost(overlap, [True] * len(overlap)) == pytest.approx(share, nan_ok=True)
 
 
 def test_lengths_must_agree():
-    for call in (score.failures, score.share_lost_for_good):
+    for call in (score.failures, score.share_permanently_lost):
         with pytest.raises(ParameterError, match="per frame"):
             call([0.1, 0.2], [True])
     with pytest.raises(ParameterError, match="per frame"):
-        score.recoveries([0.1, 0.2], [1.0], 25.0)
+        score.recoveries([0.1, 0.2], [1.0], [0.0, 0.1])
+
+
+def test_times_of_irregular_frames_decide_and_not_their_number():
+    frames = np.arange(60)
+    visible, overlap = np.where((frames >= 10) & (frames < 20), 0.0, 1.0), np.where(frames >= 35, 0.8, 0.1)
+    error = 0.02 + 0.3 * frames / 20.0
+    kept = np.isin(frames, [12, 13, 14, 23, 24, 25, 26, 40], invert=True)
+    every, some = frames / 20.0, frames[kept] / 20.0
+    (whole,) = score.recoveries(overlap, visible, every)
+    (thinned,) = score.recoveries(overlap[kept], visible[kept], some)
+    assert thinned.after_s == pytest.approx(whole.after_s)
+    assert thinned.observed_s == pytest.approx(whole.observed_s)
+    slopes = [
+        score.drift_per_second(error[keep], np.ones(keep.sum()), np.ones(keep.sum()), frames[keep] / 20.0)
+        for keep in (np.ones(60, dtype=bool), kept)
+    ]
+    assert slopes == pytest.approx([0.3, 0.3])
