@@ -40,11 +40,11 @@ class PixelRect(NamedTuple):
         """Rows and columns, to index an image with."""
         return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
 
-    def within(self, outer: PixelRect) -> PixelRect:
+    def relative_to(self, outer: PixelRect) -> PixelRect:
         """The same pixels, counted from the corner of another rectangle."""
         return PixelRect(self.left - outer.left, self.top - outer.top, self.width, self.height)
 
-    def meets(self, other: PixelRect) -> bool:
+    def intersects(self, other: PixelRect) -> bool:
         """Whether they share a pixel."""
         return (
             self.left < other.left + other.width
@@ -53,15 +53,15 @@ class PixelRect(NamedTuple):
             and other.top < self.top + self.height
         )
 
-    def common(self, other: PixelRect) -> PixelRect:
-        """The pixels they share, if they meet."""
+    def intersection(self, other: PixelRect) -> PixelRect:
+        """The pixels they share, if they intersect."""
         left, top = max(self.left, other.left), max(self.top, other.top)
         right = min(self.left + self.width, other.left + other.width)
         bottom = min(self.top + self.height, other.top + other.height)
         return PixelRect(left, top, right - left, bottom - top)
 
 
-def around(rects: Sequence[PixelRect]) -> PixelRect:
+def bounding_rect(rects: Sequence[PixelRect]) -> PixelRect:
     """The smallest rectangle around one or several."""
     left, top = min(rect.left for rect in rects), min(rect.top for rect in rects)
     right, bottom = max(rect.left + rect.width for rect in rects), max(rect.top + rect.height for rect in rects)
@@ -69,19 +69,19 @@ def around(rects: Sequence[PixelRect]) -> PixelRect:
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
+class Segmentation:
     """Some of the scene's geoms, drawn alone.
 
     Attributes:
         rect: Where in the image.
         ids: `(h, w)` int32 geom id of each pixel, -1 where there is none.
-        nearness: `(h, w)` float32, larger is nearer, 0 where there is none; compares between layers of the same
+        inverse_depth: `(h, w)` float32, affine in 1 / depth, 0 where there is none; compares between layers of the same
             renderer and camera. On equal nearness the larger id is on top.
     """
 
     rect: PixelRect
     ids: NDArray[np.int32]
-    nearness: NDArray[np.float32]
+    inverse_depth: NDArray[np.float32]
 
 
 class Renderer(Protocol):
@@ -107,6 +107,11 @@ class Renderer(Protocol):
         ...
 
     @property
+    def description(self) -> str:
+        """Name of the library, graphics card and version, in one line."""
+        ...
+
+    @property
     def visible_geoms(self) -> NDArray[np.bool_]:
         """`(ngeom,)` which geoms are drawn at all."""
         ...
@@ -128,17 +133,17 @@ class Renderer(Protocol):
         T_world_camera: NDArray[np.float64],
         K: NDArray[np.float64],
         *,
-        shown: NDArray[np.bool_] | None = None,
-        within: PixelRect | None = None,
-    ) -> Layer:
+        geoms: NDArray[np.bool_] | None = None,
+        rect: PixelRect | None = None,
+    ) -> Segmentation:
         """Which geom each pixel shows.
 
         Args:
             data: Positions.
             T_world_camera: Camera pose.
             K: Camera matrix of the whole image.
-            shown: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
-            within: The rectangle wanted; None is the whole image. Its pixels are those of the whole image, to the bit.
+            geoms: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
+            rect: The rectangle wanted; None is the whole image. Its pixels are those of the whole image, to the bit.
         """
         ...
 

@@ -57,7 +57,7 @@ class Bounds:
         every = np.arange(len(self._half))
         return self._reaches(data, every, normals, offsets).all(axis=1) | self._unbounded
 
-    def may_cover(
+    def may_occlude(
         self,
         data: mujoco.MjData,
         T_world_camera: Array,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any
 
 from pftrack_sim.core.errors import RenderError, UnknownNameError
 from pftrack_sim.render.backend import Renderer
@@ -14,15 +14,6 @@ NAMES = ("gl", *BACKENDS, "warp")
 
 WARP_REMEDY = """\
   anywhere:        pip install 'pftrack-sim[warp]'     (no OpenGL: a ray caster, slower, 400 MB)"""
-
-
-class DescribedRenderer(Renderer, Protocol):
-    """A renderer that says what it is."""
-
-    @property
-    def description(self) -> str:
-        """What draws, in one line."""
-        ...
 
 
 def check_name(backend: str | None) -> None:
@@ -40,7 +31,7 @@ def warp_installed() -> bool:
     return all(find_spec(name) is not None for name in ("mujoco_warp", "warp"))
 
 
-def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None = None) -> DescribedRenderer:
+def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None = None) -> Renderer:
     """A renderer of a model.
 
     Args:
@@ -71,7 +62,7 @@ def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None
     return Rasteriser(model, width_px, height_px, None if backend == "gl" else backend)
 
 
-def _warp(model: Any, width_px: int, height_px: int) -> DescribedRenderer:
+def _warp(model: Any, width_px: int, height_px: int) -> Renderer:
     if not warp_installed():
         raise RenderError(
             f"the renderer warp is not installed. Install it:\n{WARP_REMEDY}\nor OpenGL, one of:\n{REMEDIES}"

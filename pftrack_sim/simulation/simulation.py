@@ -16,8 +16,9 @@ from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.camera.shake import combined
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.records import Frame
+from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.exposure import make_frame_capture
-from pftrack_sim.render.selection import DescribedRenderer, check_name, open_renderer
+from pftrack_sim.render.selection import check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.delivery import arrivals, frame_count
 from pftrack_sim.simulation.world import World
@@ -41,7 +42,7 @@ class Simulation:
         check_name(backend)  # a wrong name is told now, not at the first reset
         self._backend = backend
         self._image_size: tuple[int, int] | None = None
-        self._renderer: DescribedRenderer | None = None
+        self._renderer: Renderer | None = None
         self._world: World | None = None
         self._frame: Frame | None = None
         self.frame_count = 0

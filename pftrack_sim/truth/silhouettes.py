@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.render.backend import Layer, PixelRect, Renderer, around
+from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, bounding_rect
 from pftrack_sim.render.culling import Bounds
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ class Silhouettes:
         if not rects:
             return {}
         people = sorted(rects)
-        covers = self._bounds.may_cover(
+        covers = self._bounds.may_occlude(
             data,
             T_world_camera,
             K,
@@ -99,31 +99,31 @@ class Silhouettes:
         )
         scenery = self._others[covers.any(axis=1)]
         covered = [people[column] for column in np.flatnonzero(covers.any(axis=0))]
-        layers: list[Layer] = []
-        layer_of: dict[int, Layer] = {}
+        layers: list[Segmentation] = []
+        layer_of: dict[int, Segmentation] = {}
         for index, group in enumerate(_apart(rects, covered)):
             shown = np.logical_or.reduce(self._masks[group, :-1], axis=0)
             wanted = [rects[person] for person in group]
             if index == 0 and scenery.size:
                 shown[scenery] = True
                 wanted += [rects[person] for person in covered]
-            layer = renderer.ids(data, T_world_camera, K, shown=shown, within=around(wanted))
+            layer = renderer.ids(data, T_world_camera, K, geoms=shown, rect=bounding_rect(wanted))
             layers.append(layer)
             layer_of.update(dict.fromkeys(group, layer))
         return {person: self._silhouette(person, rects[person], layer_of[person], layers) for person in people}
 
-    def _silhouette(self, person: int, rect: PixelRect, own: Layer, layers: list[Layer]) -> Silhouette:
-        rows, columns = rect.within(own.rect).slices
-        ids, nearness = own.ids[rows, columns], own.nearness[rows, columns]
+    def _silhouette(self, person: int, rect: PixelRect, own: Segmentation, layers: list[Segmentation]) -> Silhouette:
+        rows, columns = rect.relative_to(own.rect).slices
+        ids, nearness = own.ids[rows, columns], own.inverse_depth[rows, columns]
         amodal = self._masks[person].take(ids)
         top, best = ids, nearness
         for layer in layers:
-            if layer is own or not layer.rect.meets(rect):
+            if layer is own or not layer.rect.intersects(rect):
                 continue
-            common = rect.common(layer.rect)
-            theirs = common.within(layer.rect).slices
-            here = common.within(rect).slices
-            other_ids, other = layer.ids[theirs], layer.nearness[theirs]
+            common = rect.intersection(layer.rect)
+            theirs = common.relative_to(layer.rect).slices
+            here = common.relative_to(rect).slices
+            other_ids, other = layer.ids[theirs], layer.inverse_depth[theirs]
             closer = amodal[here] & ((other > best[here]) | ((other == best[here]) & (other_ids > top[here])))
             if closer.any():
                 if top is ids:
@@ -165,7 +165,7 @@ def _apart(rects: dict[int, PixelRect], covered: list[int]) -> list[list[int]]:
     groups: list[list[int]] = [[]] if covered else []
     for person in sorted(rects):
         for group in groups[1:] if person in covered else groups:
-            if not any(rects[person].meets(rects[other]) for other in group):
+            if not any(rects[person].intersects(rects[other]) for other in group):
                 group.append(person)
                 break
         else:

@@ -153,7 +153,7 @@ def test_threads_with_a_rasteriser_each_draw_at_the_same_time_from_one_model():
         with Rasteriser(stage.model, WIDTH, HEIGHT) as own:
             for index in range(10):
                 some = np.arange(stage.model.ngeom) % (index + 2) > 0
-                own.ids(stage.data, POSE, K, shown=some)
+                own.ids(stage.data, POSE, K, geoms=some)
                 if not np.array_equal(own.ids(stage.data, POSE, K).ids, ids):
                     wrong.append(index)
                 if not np.array_equal(own.color(stage.data, POSE, K), image):

@@ -106,10 +106,10 @@ def test_any_rectangle_is_the_whole_image_cropped(drawing: Drawing):
         for _ in range(12):
             left, top = int(rng.integers(WIDTH)), int(rng.integers(HEIGHT))
             rect = PixelRect(left, top, int(rng.integers(1, WIDTH - left + 1)), int(rng.integers(1, HEIGHT - top + 1)))
-            part = renderer.ids(stage.data, pose, K, within=rect)
+            part = renderer.ids(stage.data, pose, K, rect=rect)
             assert part.rect == rect
             assert np.array_equal(part.ids, whole.ids[rect.slices])
-            assert np.array_equal(part.nearness, whole.nearness[rect.slices])
+            assert np.array_equal(part.inverse_depth, whole.inverse_depth[rect.slices])
 
 
 def test_layers_laid_over_each_other_are_the_whole_picture(drawing: Drawing):
@@ -119,13 +119,13 @@ def test_layers_laid_over_each_other_are_the_whole_picture(drawing: Drawing):
         renderer, pose = drawing(stage), random_view(rng)
         whole = renderer.ids(stage.data, pose, K)
         share = rng.integers(3, size=stage.model.ngeom)
-        ids, nearness = np.full_like(whole.ids, -1), np.zeros_like(whole.nearness)
+        ids, nearness = np.full_like(whole.ids, -1), np.zeros_like(whole.inverse_depth)
         for index in range(3):
-            layer = renderer.ids(stage.data, pose, K, shown=share == index)
-            over = (layer.nearness > nearness) | ((layer.nearness == nearness) & (layer.ids > ids))
-            ids[over], nearness[over] = layer.ids[over], layer.nearness[over]
+            layer = renderer.ids(stage.data, pose, K, geoms=share == index)
+            over = (layer.inverse_depth > nearness) | ((layer.inverse_depth == nearness) & (layer.ids > ids))
+            ids[over], nearness[over] = layer.ids[over], layer.inverse_depth[over]
         assert np.array_equal(ids, whole.ids)
-        assert np.array_equal(nearness, whole.nearness)
+        assert np.array_equal(nearness, whole.inverse_depth)
 
 
 def test_every_id_is_a_drawn_geom_of_the_scene(drawing: Drawing):
@@ -140,7 +140,7 @@ def test_every_id_is_a_drawn_geom_of_the_scene(drawing: Drawing):
             assert seen.min() >= -1
             assert seen.max() < stage.model.ngeom
             assert renderer.visible_geoms[seen[seen >= 0]].all()
-            assert ((layer.nearness > 0) == (layer.ids >= 0)).all()
+            assert ((layer.inverse_depth > 0) == (layer.ids >= 0)).all()
 
 
 def test_only_what_is_shown_is_drawn(drawing: Drawing):
@@ -148,12 +148,12 @@ def test_only_what_is_shown_is_drawn(drawing: Drawing):
     renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
     groups = stage.model.geom_group.copy()
     shown = stage.model.geom_group == PEOPLE_GROUP
-    seen = np.unique(renderer.ids(stage.data, pose, K, shown=shown).ids)
+    seen = np.unique(renderer.ids(stage.data, pose, K, geoms=shown).ids)
     assert set(seen) - {-1} <= set(np.flatnonzero(shown))
     assert len(seen) > 5
-    nothing = renderer.ids(stage.data, pose, K, shown=np.zeros(stage.model.ngeom, bool))
+    nothing = renderer.ids(stage.data, pose, K, geoms=np.zeros(stage.model.ngeom, bool))
     assert (nothing.ids == -1).all()
-    everything = renderer.ids(stage.data, pose, K, shown=np.ones(stage.model.ngeom, bool))
+    everything = renderer.ids(stage.data, pose, K, geoms=np.ones(stage.model.ngeom, bool))
     assert np.array_equal(everything.ids, renderer.ids(stage.data, pose, K).ids)
     assert np.array_equal(groups, stage.model.geom_group)  # the caller's model stays as it is
 
@@ -179,7 +179,7 @@ def test_ids_do_not_depend_on_light_shadows_or_multisampling():
             layers.append(renderer.ids(stage.data, pose, K))
             pictures.append(renderer.color(stage.data, pose, K))
     assert np.array_equal(layers[0].ids, layers[1].ids)
-    assert np.array_equal(layers[0].nearness, layers[1].nearness)
+    assert np.array_equal(layers[0].inverse_depth, layers[1].inverse_depth)
     assert not np.array_equal(*pictures)
 
 
@@ -244,7 +244,7 @@ def test_wrong_arguments_are_refused(drawing: Drawing):
     renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
     for rect in (PixelRect(0, 0, 0, 5), PixelRect(-1, 0, 5, 5), PixelRect(0, 0, WIDTH + 1, 5)):
         with pytest.raises(ParameterError, match="rectangle"):
-            renderer.ids(stage.data, pose, K, within=rect)
+            renderer.ids(stage.data, pose, K, rect=rect)
     for wrong in (np.eye(3), np.full((4, 4), np.nan)):
         with pytest.raises(ParameterError, match="T_world_camera"):
             renderer.color(stage.data, wrong, K)

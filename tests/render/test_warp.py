@@ -135,9 +135,9 @@ def test_a_rectangle_is_cut_out_of_the_whole(pair):
     simulation, caster = pair
     data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
     rect = PixelRect(31, 17, 50, 44)
-    whole, part = caster.ids(data, pose, K), caster.ids(data, pose, K, within=rect)
+    whole, part = caster.ids(data, pose, K), caster.ids(data, pose, K, rect=rect)
     np.testing.assert_array_equal(part.ids, whole.ids[rect.slices])
-    np.testing.assert_array_equal(part.nearness, whole.nearness[rect.slices])
+    np.testing.assert_array_equal(part.inverse_depth, whole.inverse_depth[rect.slices])
 
 
 def test_only_what_is_shown_is_drawn_and_what_shows_stays_as_near(pair):
@@ -145,12 +145,12 @@ def test_only_what_is_shown_is_drawn_and_what_shows_stays_as_near(pair):
     data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
     whole = caster.ids(data, pose, K)
     shown = np.asarray(simulation.world.model.geom_group) == 1
-    alone = caster.ids(data, pose, K, shown=shown)
+    alone = caster.ids(data, pose, K, geoms=shown)
     assert shown[alone.ids[alone.ids >= 0]].all()
     theirs = (whole.ids >= 0) & shown[whole.ids]
     np.testing.assert_array_equal(alone.ids[theirs], whole.ids[theirs])
-    np.testing.assert_array_equal(alone.nearness[theirs], whole.nearness[theirs])
-    assert (caster.ids(data, pose, K, shown=np.zeros_like(shown)).ids == -1).all()
+    np.testing.assert_array_equal(alone.inverse_depth[theirs], whole.inverse_depth[theirs])
+    assert (caster.ids(data, pose, K, geoms=np.zeros_like(shown)).ids == -1).all()
 
 
 def test_darker_lights_make_a_darker_picture(pair):
@@ -190,7 +190,7 @@ def test_wrong_rectangles_poses_and_names_are_told(pair):
     simulation, caster = pair
     data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
     with pytest.raises(ParameterError, match="rectangle"):
-        caster.ids(data, pose, K, within=PixelRect(150, 0, 20, 20))
+        caster.ids(data, pose, K, rect=PixelRect(150, 0, 20, 20))
     with pytest.raises(ParameterError, match="T_world_camera"):
         caster.color(data, pose * np.nan, K)
     with pytest.raises(UnknownNameError, match="warp"):

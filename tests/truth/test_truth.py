@@ -15,7 +15,7 @@ from render_stage import FAR, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Truth
-from pftrack_sim.render.backend import Layer, PixelRect
+from pftrack_sim.render.backend import PixelRect, Segmentation
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
 from pftrack_sim.truth.observer import TruthObserver
@@ -207,9 +207,9 @@ class _Counting:
         self.width_px, self.height_px, self.near_m = renderer.width_px, renderer.height_px, renderer.near_m
         self.visible_geoms = renderer.visible_geoms
 
-    def ids(self, *arguments: Any, within: PixelRect | None = None, **options: Any) -> Layer:
-        self.asked.append(within)
-        return self._renderer.ids(*arguments, within=within, **options)
+    def ids(self, *arguments: Any, rect: PixelRect | None = None, **options: Any) -> Segmentation:
+        self.asked.append(rect)
+        return self._renderer.ids(*arguments, rect=rect, **options)
 
 
 def test_nothing_is_drawn_that_cannot_matter(drawing: Drawing):

@@ -25,7 +25,7 @@ def brute_force(stage: Stage, renderer: Rasteriser, pose: np.ndarray) -> dict[st
     found: dict[str, dict[str, Any]] = {}
     for name in stage.people:
         own = np.array([owner == name for owner in owners])
-        amodal = renderer.ids(stage.data, pose, K, shown=own).ids >= 0
+        amodal = renderer.ids(stage.data, pose, K, geoms=own).ids >= 0
         visible = np.append(own, False)[everything]
         covering = Counter(owners[geom] for geom in everything[amodal & ~visible])
         luma = image[visible] @ (0.299, 0.587, 0.114) / 255.0

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.camera.pinhole import camera_matrix, frustum
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Image
-from pftrack_sim.render.backend import DRAWN_GROUPS, Layer, PixelRect, geoms_drawn
+from pftrack_sim.render.backend import DRAWN_GROUPS, PixelRect, Segmentation, geoms_drawn
 from pftrack_sim.render.culling import Bounds
 from pftrack_sim.render.gl.context import GLContext, GLInfo, open_context
 from pftrack_sim.render.gl.sky import Sky
@@ -186,9 +186,9 @@ class Rasteriser:
         T_world_camera: ArrayLike,
         K: ArrayLike | float,
         *,
-        shown: NDArray[np.bool_] | None = None,
-        within: PixelRect | None = None,
-    ) -> Layer:
+        geoms: NDArray[np.bool_] | None = None,
+        rect: PixelRect | None = None,
+    ) -> Segmentation:
         """Which geom each pixel shows: hard edges, whatever the multisampling, light or fog.
 
         The whole image is rasterised whatever is wanted of it: clipped to a smaller view, triangles would be rounded
@@ -198,14 +198,14 @@ class Rasteriser:
             data: Positions, up to date.
             T_world_camera: `(4, 4)` camera pose, OpenCV axes.
             K: `(3, 3)` camera matrix of the whole image [px], or a vertical field of view [rad].
-            shown: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
-            within: The rectangle wanted; None is the whole image.
+            geoms: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
+            rect: The rectangle wanted; None is the whole image.
 
         Raises:
             ParameterError: A pose, camera matrix, mask or rectangle that is none.
             RenderError: Closed.
         """
-        rect = PixelRect(0, 0, self._width, self._height) if within is None else within
+        rect = PixelRect(0, 0, self._width, self._height) if rect is None else rect
         if not (
             rect.width > 0
             and rect.height > 0
@@ -213,7 +213,7 @@ class Rasteriser:
             and 0 <= rect.top <= self._height - rect.height
         ):
             raise ParameterError(f"the rectangle must lie in the {self._width} x {self._height} image, got {rect}")
-        wanted = self._visible if shown is None else self._visible & shown
+        wanted = self._visible if geoms is None else self._visible & geoms
         model, scene = self._ids_kit()
         # Hiding is by group, in a copy of the model: several threads may share the caller's.
         model.geom_group[:] = np.where(wanted, SCENERY_GROUP, _NEVER_DRAWN)
@@ -228,7 +228,7 @@ class Rasteriser:
             mujoco.mjr_render(mujoco.MjrRect(0, 0, self._width, self._height), scene, drawing)
             mujoco.mjr_readPixels(pixels, nearness, area, drawing)
         codes = pixels.view("<u4")[:, :, 0] & _CODE_BITS
-        return Layer(rect, geom_of_code.take(codes)[::-1], nearness[::-1])
+        return Segmentation(rect, geom_of_code.take(codes)[::-1], nearness[::-1])
 
     def close(self) -> None:
         """Free everything; a second call does nothing."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.core.records import Image
-from pftrack_sim.render.backend import Layer, PixelRect, geoms_drawn
+from pftrack_sim.render.backend import PixelRect, Segmentation, geoms_drawn
 from pftrack_sim.render.warp import kernels, rays
 from pftrack_sim.render.warp.scene import SceneTable
 
@@ -140,24 +140,24 @@ class Raycaster:
         T_world_camera: ArrayLike,
         K: ArrayLike | float,
         *,
-        shown: NDArray[np.bool_] | None = None,
-        within: PixelRect | None = None,
-    ) -> Layer:
+        geoms: NDArray[np.bool_] | None = None,
+        rect: PixelRect | None = None,
+    ) -> Segmentation:
         """Which geom each pixel shows; only the rectangle wanted is cast, and only the geoms shown are searched.
 
         Args:
             data: Positions, up to date.
             T_world_camera: `(4, 4)` camera pose, OpenCV axes.
             K: `(3, 3)` camera matrix of the whole image [px], or a vertical field of view [rad].
-            shown: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
-            within: The rectangle wanted; None is the whole image.
+            geoms: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
+            rect: The rectangle wanted; None is the whole image.
 
         Raises:
             ParameterError: A pose, camera matrix, mask or rectangle that is none.
             RenderError: Closed.
         """
         table = self._open()
-        rect = PixelRect(0, 0, self._width, self._height) if within is None else within
+        rect = PixelRect(0, 0, self._width, self._height) if rect is None else rect
         if not (
             rect.width > 0
             and rect.height > 0
@@ -167,7 +167,7 @@ class Raycaster:
             raise ParameterError(f"the rectangle must lie in the {self._width} x {self._height} image, got {rect}")
         cameras = cameras_of([T_world_camera], [K], (self._width, self._height), self._near_m, self._far_m)
         table.place([data])
-        wanted = self._visible if shown is None else self._visible & shown
+        wanted = self._visible if geoms is None else self._visible & geoms
         tree, kept = table.tree(wanted)
         ids = wp.full((1, rect.width * rect.height), -1, dtype=int)
         nearness = wp.zeros((1, rect.width * rect.height), dtype=float)
@@ -179,7 +179,7 @@ class Raycaster:
                 outputs=[ids, nearness],
             )
         shape = rect.height, rect.width
-        return Layer(
+        return Segmentation(
             rect,
             np.array(ids.numpy(), dtype=np.int32).reshape(shape),
             np.array(nearness.numpy(), dtype=np.float32).reshape(shape),
