@@ -10,7 +10,7 @@ import numpy as np
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crossing import Crossing
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, away_from, plan_passing
+from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, plan_oncoming_pass, positions_away_from
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
@@ -147,7 +147,7 @@ def _passings(
     walked = [0.0]
     for point in rehearsal.at(times)[1]:
         walked.append(path.project(point, walked[-1]))
-    free = away_from(path, ground, layout.bounds_m)
+    free = positions_away_from(path, ground, layout.bounds_m)
 
     def target_s_at(time_s: float) -> float:
         near_m = float(np.interp(time_s, times, walked[1:]))
@@ -164,9 +164,9 @@ def _passings(
             side = -1 if aside > 0.0 else 1
         try:
             name = f"axes.distractors, passing {number + 1}"
-            found.append(plan_passing(at_s, axis.distance_m, pace, path, ground, target_s_at, side, name, free))
-            if found[-1].waits_m is not None:
-                free = free[(free != found[-1].waits_m).any(axis=1)]
+            found.append(plan_oncoming_pass(at_s, axis.distance_m, pace, path, ground, target_s_at, side, name, free))
+            if found[-1].waiting_m is not None:
+                free = free[(free != found[-1].waiting_m).any(axis=1)]
         except ParameterError as error:
             problems.append(str(error))
     return tuple(found)

@@ -136,7 +136,7 @@ class World:
             plans.crossings,
             seed,
             robot_start_m=self._robot_start_m,
-            passers=plans.passings,
+            oncoming=plans.passings,
             carts=plans.carts,
             target_axis=self.settings.axes.target,
         )
@@ -150,7 +150,5 @@ class World:
         return motion.rehearse(until_s, self.settings.target.height_m)
 
     def _move_carts(self) -> None:
-        carts = self._motion.crowd.carts
-        for index, name in enumerate(self._cart_names):
-            x, y = carts.state[:2, index].tolist()
-            move_cart(self.model, self.data, name, (x, y), float(carts.yaw_rad[index]))
+        for name, cart in zip(self._cart_names, self._motion.crowd.carts, strict=True):
+            move_cart(self.model, self.data, name, cart.position_m, cart.yaw_rad)

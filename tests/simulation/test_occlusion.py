@@ -195,14 +195,16 @@ def test_a_walker_is_in_time_for_a_camera_that_went_elsewhere(seed: int) -> None
 
 def test_walkers_leave_the_draws_of_the_others_alone() -> None:
     alone = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (), 5)
-    joined = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (Crossing(3.0, 1.0),), 5)
+    joined = Crowd(
+        HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (Crossing(3.0, 1.0, 0.6, 1, (3.0, 3.2), 2.0),), 5
+    )
     assert np.array_equal(alone.positions_m, joined.positions_m[:5])
 
 
 @pytest.mark.parametrize("wrong", [{"at_s": -1.0}, {"duration_s": 0.0}, {"depth": 1.0}])
 def test_a_crossing_that_cannot_be_is_an_error(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError):
-        Crossing(**{"at_s": 1.0, "duration_s": 1.0, **wrong})
+        Crossing(**{"at_s": 1.0, "duration_s": 1.0, "depth": 0.6, **wrong}, side=1, waiting_m=(0.0, 3.0), lead_s=1.0)
 
 
 def test_bodies_stand_where_they_were_planned_and_stop_sight_and_robot() -> None:

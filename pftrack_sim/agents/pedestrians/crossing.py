@@ -43,9 +43,9 @@ class Crossing:
         at_s: When the target's centre line goes behind the walker.
         duration_s: How long it stays there.
         depth: Where the walker crosses, as a share of the distance from the camera (0) to the target (1).
-        side: From where it enters, seen from the camera: 1 the left, -1 the right, None drawn from the seed.
-        stage_m: Where it waits before; None for a place guessed from the target's path.
-        lead_s: How long before `at_s` it sets off; None for as long as the way needs.
+        side: Side from which it enters, seen from the camera: 1 left, -1 right.
+        waiting_m: x, y of its waiting place [m], world frame.
+        lead_s: Time before `at_s` at which it starts to move.
         half_width_m: Half of the width that covers the line of sight.
         edge_m_s: Speed across the line of sight while the edges pass it; in between it lingers. None for one even speed
             all the way, which lets the target out of cover gradually.
@@ -56,10 +56,10 @@ class Crossing:
 
     at_s: float
     duration_s: float
-    depth: float = 0.6
-    side: Literal[-1, 1] | None = None
-    stage_m: Xy | None = None
-    lead_s: float | None = None
+    depth: float
+    side: Literal[-1, 1]
+    waiting_m: Xy
+    lead_s: float
     half_width_m: float = WALKER_HALF_WIDTH_M
     edge_m_s: float | None = None
 
@@ -100,13 +100,11 @@ class OcclusionTrajectory:
     """The walk of one crossing, evaluated as it happens.
 
     Args:
-        crossing: What is asked.
-        side: From where the walker enters: 1 is the left of the line of sight, -1 the right.
+        crossing: Time, place and side of the crossing.
     """
 
-    def __init__(self, crossing: Crossing, side: Literal[-1, 1]) -> None:
+    def __init__(self, crossing: Crossing) -> None:
         self.crossing = crossing
-        self.side: Literal[-1, 1] = side
         self._reference: Xy | None = None
         self._before: Xy | None = None
         self._velocity: Xy = (0.0, 0.0)
@@ -120,17 +118,7 @@ class OcclusionTrajectory:
         """Whether the walker has set off."""
         return not math.isnan(self._begin_s)
 
-    def side_with(self, position_m: Xy, camera_m: Xy, target_m: Xy) -> None:
-        """Enter from the side where the walker already is, if the side is free to choose and it has not set off."""
-        if self.crossing.side is not None or self.begun:
-            return
-        ux, uy, _ = _sight(self.crossing.depth, camera_m, target_m)
-        across = ux * (position_m[1] - camera_m[1]) - uy * (position_m[0] - camera_m[0])
-        if across * self.side < -0.3:
-            self.side = 1 if across > 0.0 else -1
-            self._reference = None
-
-    def watch(self, dt_s: float, time_s: float, camera_m: Xy, target_m: Xy) -> Xy:
+    def update(self, dt_s: float, time_s: float, camera_m: Xy, target_m: Xy) -> Xy:
         """Follow the line of sight; returns where the walker would be if it were exactly on its crossing [m]."""
         ux, uy, reach = _sight(self.crossing.depth, camera_m, target_m)
         across = self._across_m(time_s)
@@ -142,7 +130,7 @@ class OcclusionTrajectory:
         return now
 
     def begin(self, dt_s: float, time_s: float, position_m: Xy, velocity_m_s: Xy | None) -> None:
-        """Set off, after `watch` at the same time.
+        """Set off, after `update` at the same time.
 
         Args:
             dt_s: Length of the tick.
@@ -159,7 +147,7 @@ class OcclusionTrajectory:
         self._error_rate = (rate[0] - self._velocity[0], rate[1] - self._velocity[1])
 
     def position(self, time_s: float) -> Xy:
-        """Where the walker is, after `watch` at the same time [m]."""
+        """Where the walker is, after `update` at the same time [m]."""
         reference = self._reference
         if reference is None or not self.begun:
             raise RuntimeError("a crossing has a position once it has begun")
@@ -190,13 +178,13 @@ class OcclusionTrajectory:
         over_s = time_s - crossing.until_s
         if over_s <= 0.0:
             if crossing.edge_m_s is None or time_s <= crossing.at_s:
-                return self.side * (half - rate * (time_s - crossing.at_s))
-            return self.side * crossing.across_m(-over_s - 0.5 * crossing.duration_s)
+                return self.crossing.side * (half - rate * (time_s - crossing.at_s))
+            return self.crossing.side * crossing.across_m(-over_s - 0.5 * crossing.duration_s)
         if math.isnan(self._exit_m_s):
             self._exit_m_s = self._choose_exit_rate()
         x = min(over_s / _EXIT_RAMP_S, 1.0)
         ramped = _EXIT_RAMP_S * (x**3 - 0.5 * x**4) + max(over_s - _EXIT_RAMP_S, 0.0)
-        return -self.side * (half + rate * over_s + (self._exit_m_s - rate) * ramped)
+        return -self.crossing.side * (half + rate * over_s + (self._exit_m_s - rate) * ramped)
 
     def _choose_exit_rate(self) -> float:
         """Speed across the line of sight after the crossing that makes an ordinary walking speed in the world."""
@@ -217,14 +205,13 @@ def _sight(depth: float, camera_m: Xy, target_m: Xy) -> tuple[float, float, floa
     return dx / distance, dy / distance, reach
 
 
-def rehearse(
-    crossing: Crossing, side: Literal[-1, 1], start_s: float, dt_s: float, camera_m: np.ndarray, target_m: np.ndarray
+def crossing_track(
+    crossing: Crossing, start_s: float, dt_s: float, camera_m: np.ndarray, target_m: np.ndarray
 ) -> np.ndarray:
     """The walk over a recorded episode.
 
     Args:
-        crossing: What is asked; its `stage_m` and `lead_s` must be given.
-        side: From where the walker enters.
+        crossing: Time, place and side of the crossing.
         start_s: Time of the first sample.
         dt_s: Time between samples.
         camera_m: `(K, 2)` camera on the ground.
@@ -233,17 +220,15 @@ def rehearse(
     Returns:
         `(K, 2)` positions of the walker until it is free to go, NaN afterwards [m].
     """
-    if crossing.stage_m is None or crossing.lead_s is None:
-        raise ValueError("a rehearsed crossing needs stage_m and lead_s")
-    walk = OcclusionTrajectory(crossing, side)
+    walk = OcclusionTrajectory(crossing)
     track = np.full((len(camera_m), 2), np.nan)
     for index, (camera, target) in enumerate(zip(camera_m.tolist(), target_m.tolist(), strict=True)):
         time_s = start_s + index * dt_s
-        walk.watch(dt_s, time_s, (camera[0], camera[1]), (target[0], target[1]))
+        walk.update(dt_s, time_s, (camera[0], camera[1]), (target[0], target[1]))
         if not walk.begun and index > 0 and time_s >= crossing.at_s - crossing.lead_s:
             # One who sets off as the record begins is already on the way.
-            walk.begin(dt_s, time_s, crossing.stage_m, (0.0, 0.0) if index > 2 else None)
-        track[index] = walk.position(time_s) if walk.begun else crossing.stage_m
+            walk.begin(dt_s, time_s, crossing.waiting_m, (0.0, 0.0) if index > 2 else None)
+        track[index] = walk.position(time_s) if walk.begun else crossing.waiting_m
         if walk.finished(time_s):
             break
     return track

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.agents.pedestrians import avoidance
-from pftrack_sim.agents.pedestrians.carts import Carts
+from pftrack_sim.agents.pedestrians.carts import Cart
 from pftrack_sim.agents.pedestrians.crossing import (
     Crossing,
     OcclusionTrajectory,
@@ -43,8 +43,6 @@ Array = NDArray[np.float64]
 CROSSING_LIMIT_M_S = 2.8
 """A walker who cannot be in time without running comes late."""
 
-_FARTHEST_LEAD_S = 15.0
-
 _CLEAR_OF_TARGET_M = 0.55
 _CLEAR_OF_ROBOT_M = 0.7
 """On the way to and from its crossing, a walker goes around the target and the robot at this distance."""
@@ -58,10 +56,10 @@ class Crowd:
         target: The person to track.
         target_path: Where it walks.
         distractors: How many strangers there are and how fast they walk.
-        crossers: Walkers who come between the camera and the target, each at its time.
+        crossings: Walkers who come between the camera and the target, each at its time.
         seed: Root seed of the episode. Every person draws from a stream of its own.
         robot_start_m: `(2,)` where the robot starts, kept free of people; None if it does not matter.
-        passers: People who pass close by the target.
+        oncoming: People who pass close by the target.
         carts: Things that drive themselves between the camera and the target.
         target_axis: What the target does besides walking; None for nothing.
     """
@@ -72,11 +70,11 @@ class Crowd:
         target: model.Target,
         target_path: Path,
         distractors: model.Distractors,
-        crossers: Sequence[Crossing],
+        crossings: Sequence[Crossing],
         seed: int,
         *,
         robot_start_m: ArrayLike | None = None,
-        passers: Sequence[OncomingPass] = (),
+        oncoming: Sequence[OncomingPass] = (),
         carts: Sequence[Crossing] = (),
         target_axis: TargetAxis | None = None,
     ) -> None:
@@ -85,18 +83,18 @@ class Crowd:
         self._places = GoalSampler(self._ground, self._routes, layout.bounds_m, layout.goals_m, target_path)
         self._target = TargetWalk(target_path, target.speed_m_s, target_axis or TargetAxis())
         self._distractors = distractors
-        self._crossings = at_different_depths(crossers)
+        self._crossings = at_different_depths(crossings)
         self._seed = seed
         self._robot_start = None if robot_start_m is None else np.asarray(robot_start_m, dtype=np.float64)
-        self._passers = OncomingPedestrians(passers, target_path, self._ground)
-        self.carts = Carts(carts, self._ground)
+        self._passers = OncomingPedestrians(oncoming, target_path, self._ground)
+        self.carts = tuple(Cart(crossing, self._ground) for crossing in carts)
         self._first_passer = 1 + distractors.count + len(self._crossings)
-        self._people = self._first_passer + len(passers)
+        self._people = self._first_passer + len(oncoming)
         self.names: tuple[str, ...] = (
             "target",
             *(f"distractor-{i + 1}" for i in range(distractors.count)),
             *(f"crosser-{i + 1}" for i in range(len(self._crossings))),
-            *(f"passer-{i + 1}" for i in range(len(passers))),
+            *(f"passer-{i + 1}" for i in range(len(oncoming))),
         )
         self.reset()
 
@@ -143,11 +141,12 @@ class Crowd:
         """Everyone back to the start."""
         count, crossers, people = self._distractors.count, len(self._crossings), self._people
         # Rows x, y, vx, vy; after the people come the robot and the carts.
-        self.carts.reset()
+        for cart in self.carts:
+            cart.reset()
         self._passers.reset()
-        self._state = np.zeros((4, people + 1 + self.carts.state.shape[1]))
+        self._state = np.zeros((4, people + 1 + len(self.carts)))
         self._state[:2, people] = NOWHERE_M
-        self._state[:, people + 1 :] = self.carts.state
+        self._store_carts()
         self._heading = np.zeros(people)
         rngs = [random_streams.stream(self._seed, "distractors", i) for i in range(count)]
         rngs += [random_streams.stream(self._seed, "crossers", i) for i in range(crossers)]
@@ -187,12 +186,13 @@ class Crowd:
         if self._crossings and camera_xy is not None:
             camera = np.asarray(camera_xy, dtype=np.float64)
             self._cross(dt_s, time_s, (float(camera[0]), float(camera[1])))
-        if camera_xy is not None and self.carts.state.size:
+        if camera_xy is not None:
             camera = np.asarray(camera_xy, dtype=np.float64)
             robot_m = self._state[:2, self._people].tolist()
             target_m = (float(self._state[0, 0]), float(self._state[1, 0]))
-            self.carts.advance(dt_s, time_s, (float(camera[0]), float(camera[1])), target_m, robot_m)
-            self._state[:, self._people + 1 :] = self.carts.state
+            for cart in self.carts:
+                cart.update(dt_s, time_s, (float(camera[0]), float(camera[1])), target_m, robot_m)
+            self._store_carts()
         if self._passed:
             self._pass_by(dt_s, time_s)
         who = self._yielders.who
@@ -202,6 +202,10 @@ class Crowd:
         turn(dt_s, self._state[2, 1 : self._people], self._state[3, 1 : self._people], self._heading[1:])
 
     # Moments of a tick -----------------------------------------------------------------------------------------
+
+    def _store_carts(self) -> None:
+        for column, cart in enumerate(self.carts, start=self._people + 1):
+            self._state[:, column] = (*cart.position_m, *cart.velocity_m_s)
 
     def _follow_robot(self, dt_s: float, robot_xy: ArrayLike | None) -> Array | None:
         """Take the robot's place and velocity (by difference, smoothed)."""
@@ -226,9 +230,8 @@ class Crowd:
             if self._released[index]:
                 continue
             here = (float(self._state[0, person]), float(self._state[1, person]))
-            walk.side_with(here, camera, target)
-            walk.watch(dt_s, time_s, camera, target)
-            if not walk.begun and time_s >= walk.crossing.at_s - self._lead_s(walk, time_s, here, camera):
+            walk.update(dt_s, time_s, camera, target)
+            if not walk.begun and time_s >= walk.crossing.at_s - walk.crossing.lead_s:
                 suits = None if self._ticks <= 2 else (float(self._state[2, person]), float(self._state[3, person]))
                 walk.begin(dt_s, time_s, here, suits)
                 changed = True
@@ -300,18 +303,6 @@ class Crowd:
         there = self._ground.outside(around, avoidance.WALL_DISTANCE_M)
         return within(here, there, CROSSING_LIMIT_M_S * dt_s), walk.finished(time_s)
 
-    def _lead_s(self, walk: OcclusionTrajectory, time_s: float, here: Xy, camera: Xy) -> float:
-        """How long before its time a walker sets off."""
-        crossing = walk.crossing
-        if crossing.lead_s is not None:
-            return crossing.lead_s
-        wait_s = crossing.at_s - time_s
-        if wait_s > _FARTHEST_LEAD_S:
-            return 0.0
-        (there,), (target,) = self._foresee(camera, [wait_s])
-        x, y = there + crossing.depth * (target - there)
-        return max(math.hypot(x - here[0], y - here[1]) / 1.0 + 0.5, 1.0)
-
     def _foresee(self, camera: Xy, ahead_s: Sequence[float]) -> tuple[Array, Array]:
         """Where camera `(K, 2)` and target `(K, 2)` will be, as far as one can tell.
 
@@ -344,15 +335,10 @@ class Crowd:
         self._walks: list[OcclusionTrajectory] = []
         for index, (crossing, rng) in enumerate(zip(self._crossings, rngs, strict=True)):
             person = 1 + self._distractors.count + index
-            drawn: Literal[-1, 1] = 1 if rng.random() < 0.5 else -1
-            side = drawn if crossing.side is None else crossing.side
-            self._walks.append(OcclusionTrajectory(crossing, side))
+            rng.random()  # Unused; the later draws of this stream must stay what they are.
+            self._walks.append(OcclusionTrajectory(crossing))
             self._errands.speed_m_s[person] = 1.2
-            if crossing.stage_m is None:
-                wanted, gap = self._places.beside_target(self._target.foresee_s(crossing.at_s), side * 3.2), 1.0
-            else:
-                wanted, gap = np.array(crossing.stage_m), 0.0
-            stage = self._places.waiting_place(wanted, taken, gap)
+            stage = self._places.waiting_position(np.array(crossing.waiting_m), taken)
             taken.append(stage)
             self._state[:2, person] = stage
             self._errands.wait_at(person, stage)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.oncoming import away_from
+from pftrack_sim.agents.pedestrians.oncoming import positions_away_from
 from pftrack_sim.agents.pedestrians.routes import ROUTE_CLEARANCE_M, Routes
 
 if TYPE_CHECKING:
@@ -67,10 +67,6 @@ class GoalSampler:
         """`(2,)` point beside the target's path."""
         x, y, heading = self._path.at(min(max(s_m, 0.0), self._path.length_m))
         return np.array([float(x) - left_m * np.sin(heading), float(y) + left_m * np.cos(heading)])
-
-    def track_distance_m(self, point_m: Array) -> float:
-        """Distance of a point from the target's path."""
-        return float(np.hypot(*(self.track_m - point_m).T).min())
 
     def start(self, rng: np.random.Generator, taken_m: Sequence[Array]) -> Array:
         """`(2,)` where a stranger starts: near the target's path or anywhere, apart from those `taken_m`."""
@@ -165,7 +161,7 @@ class GoalSampler:
         Returns:
             `(K, 2)` points to walk through; None when nothing can be reached.
         """
-        goals = away_from(self._path, self._ground, (*self._low.tolist(), *self._high.tolist()))
+        goals = positions_away_from(self._path, self._ground, (*self._low.tolist(), *self._high.tolist()))
         goals = goals[np.hypot(*(goals[:, None] - others_m).transpose(2, 0, 1)).min(axis=1) > _ELBOW_ROOM_M]
         way = goals - position_m
         onward = way @ (np.cos(heading_rad), np.sin(heading_rad))
@@ -175,14 +171,14 @@ class GoalSampler:
                 return route
         return None
 
-    def waiting_place(self, wanted_m: Array, taken_m: Sequence[Array], track_gap_m: float) -> Array:
-        """`(2,)` the free place nearest to a wanted one, apart from those `taken_m` and from the target's path."""
+    def waiting_position(self, wanted_m: Array, taken_m: Sequence[Array]) -> Array:
+        """`(2,)` the free position nearest to the wanted one that is at least 0.8 m from all `taken_m`."""
         for radius in (0.0, 0.4, 0.8, 1.2, 1.7, 2.3, 3.0, 4.0, 5.5, 7.5):
             for step in range(12 if radius else 1):
                 angle = step * np.pi / 6.0
                 point = wanted_m + radius * np.array([np.cos(angle), np.sin(angle)])
                 apart = all(np.hypot(*(point - other)) >= 0.8 for other in taken_m)
-                if apart and self.free(point) and self.track_distance_m(point) >= track_gap_m:
+                if apart and self.free(point):
                     return point
         return wanted_m
 

@@ -48,17 +48,17 @@ class OncomingPass:
         meets_at_m: Where the target then is, along its path.
         left_m: Its place to the left of the path when it passes; negative is to the right.
         speed_m_s: How fast it walks.
-        waits_m: Where it waits until it is time, away from the path; None for one that comes all along the path.
+        waiting_m: Where it waits until it is time, away from the path; None for one that comes all along the path.
     """
 
     at_s: float
     meets_at_m: float
     left_m: float
     speed_m_s: float
-    waits_m: Xy | None = None
+    waiting_m: Xy | None = None
 
 
-def plan_passing(
+def plan_oncoming_pass(
     at_s: float,
     distance_m: float,
     speed_m_s: float,
@@ -107,10 +107,10 @@ def plan_passing(
     if not len(places):
         return found
     x, y = places[np.argmin(np.hypot(*(places - join).T))].tolist()
-    return replace(found, waits_m=(x, y))
+    return replace(found, waiting_m=(x, y))
 
 
-def away_from(path: Path, ground: ObstacleMap, bounds_m: tuple[float, float, float, float]) -> Array:
+def positions_away_from(path: Path, ground: ObstacleMap, bounds_m: tuple[float, float, float, float]) -> Array:
     """`(N, 2)` free places on a grid over the walkable area that are at least `ASIDE_M` from a path [m]."""
     x_min, y_min, x_max, y_max = bounds_m
     across, along = np.arange(x_min + 1.0, x_max, _GRID_M), np.arange(y_min + 1.0, y_max, _GRID_M)
@@ -151,10 +151,10 @@ class OncomingPedestrians:
         self.state: Array = np.zeros((4, count))
         self.heading_rad: Array = np.zeros(count)
         for index, one in enumerate(self.passings):
-            if one.waits_m is not None:
+            if one.waiting_m is not None:
                 x, y = self._joins_m(one)
-                self.heading_rad[index] = math.atan2(y - one.waits_m[1], x - one.waits_m[0])
-                self.state[:2, index] = one.waits_m
+                self.heading_rad[index] = math.atan2(y - one.waiting_m[1], x - one.waiting_m[0])
+                self.state[:2, index] = one.waiting_m
                 continue
             s = self._s_m(one, 0.0)
             _, _, heading = self._path.at(s)
@@ -167,15 +167,15 @@ class OncomingPedestrians:
     def waits(self, index: int, time_s: float) -> bool:
         """Whether a passer is still to come onto the path."""
         one = self.passings[index]
-        return one.waits_m is not None and time_s < self._joins_s(one)
+        return one.waiting_m is not None and time_s < self._joins_s(one)
 
     def comes_to_m(self, index: int, time_s: float) -> Array | None:
         """`(2,)` where one that waits comes onto the path, once it is time to set off for there."""
         one = self.passings[index]
-        if one.waits_m is None:
+        if one.waiting_m is None:
             return None
         x, y = self._joins_m(one)
-        way_m = _DETOUR * math.hypot(x - one.waits_m[0], y - one.waits_m[1])
+        way_m = _DETOUR * math.hypot(x - one.waiting_m[0], y - one.waiting_m[1])
         return np.array([x, y]) if time_s >= self._joins_s(one) - way_m / one.speed_m_s - _START_S else None
 
     def advance(
@@ -206,7 +206,7 @@ class OncomingPedestrians:
         reach = self._path.length_m - one.meets_at_m
         whole_s = reach / one.speed_m_s + 0.5 * _START_S
         begin_s = one.at_s - whole_s
-        if begin_s <= 0.0 or one.waits_m is not None:
+        if begin_s <= 0.0 or one.waiting_m is not None:
             return one.meets_at_m + one.speed_m_s * (one.at_s - time_s)
         # One whose way is longer than the path waits at the path's end, and sets off in a second.
         since = max(time_s - begin_s, 0.0)

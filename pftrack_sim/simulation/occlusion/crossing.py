@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.agents.pedestrians.crossing import WALKER_HALF_WIDTH_M, Crossing, rehearse
+from pftrack_sim.agents.pedestrians.crossing import WALKER_HALF_WIDTH_M, Crossing, crossing_track
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import model
@@ -113,12 +113,10 @@ def plan_walker(
 
 def _seen_half_width(crossing: Crossing, rehearsal: DryRun) -> float:
     """Half of the width the walker shows to the camera while covering: shoulders from behind, a chest from the side."""
-    assert crossing.side is not None
-    lead = crossing.lead_s or 0.0
-    start_s = max(crossing.at_s - lead - 2.0 * STEP_S, float(rehearsal.times_s[0]))
+    start_s = max(crossing.at_s - crossing.lead_s - 2.0 * STEP_S, float(rehearsal.times_s[0]))
     grid = np.arange(start_s, crossing.until_s + STEP_S, STEP_S)
     camera, target = rehearsal.at(grid)
-    track = rehearse(crossing, crossing.side, start_s, STEP_S, camera[:, :2], target)
+    track = crossing_track(crossing, start_s, STEP_S, camera[:, :2], target)
     covering = (grid >= crossing.at_s) & ~np.isnan(track[:, 0])
     walked = np.gradient(track, axis=0)[covering]
     sight = (target - camera[:, :2])[covering]
@@ -148,7 +146,7 @@ def _attempt(
     start_s = max(occluder.at_s - lead - 5.0 * STEP_S, begin_s)
     grid = np.arange(start_s, min(until_s + 3.2, float(rehearsal.times_s[-1])), STEP_S)
     camera, target = rehearsal.at(grid)
-    track = rehearse(crossing, side, start_s, STEP_S, camera[:, :2], target)
+    track = crossing_track(crossing, start_s, STEP_S, camera[:, :2], target)
     known = ~np.isnan(track[:, 0])
     track, target, grid = track[known], target[known], grid[known]
     speed = np.hypot(*np.diff(track, axis=0).T) / STEP_S
@@ -169,7 +167,7 @@ def _attempt(
 def _spoils(crossing: Crossing, rehearsal: DryRun, start_s: float, grid: Array, track: Array) -> float:
     """What else the walk would do: cover the target at other times, or stand in the way while waiting."""
     waiting = rehearsal.times_s < start_s
-    stage = np.broadcast_to(np.asarray(crossing.stage_m), (int(waiting.sum()), 2))
+    stage = np.broadcast_to(np.asarray(crossing.waiting_m), (int(waiting.sum()), 2))
     walked = (grid < crossing.at_s - 0.1) | (grid > crossing.until_s + 0.1)
     cameras, targets = rehearsal.at(grid[walked])
     camera = np.vstack([rehearsal.camera_m[waiting, :2], cameras[:, :2]])

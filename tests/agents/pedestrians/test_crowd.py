@@ -8,7 +8,7 @@ import pytest
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.oncoming import away_from, plan_passing
+from pftrack_sim.agents.pedestrians.oncoming import plan_oncoming_pass, positions_away_from
 from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 
@@ -157,13 +157,13 @@ def test_on_laps_each_passer_meets_the_target_once() -> None:
     path, layout = Path(lap * 4), WalkableArea((-5.0, -14.0, 19.0, 14.0), (), ((-2.0, -7.5), (4.0, 9.0)))
     ground, speed = ObstacleMap(layout), 1.0
     target = model.Target(path_m=tuple(lap * 4), speed_m_s=speed)
-    free, passings = away_from(path, ground, layout.bounds_m), []
+    free, passings = positions_away_from(path, ground, layout.bounds_m), []
     for at_s in (7.0, 22.0, 37.0, 52.0):
-        passings.append(plan_passing(at_s, 0.8, 1.2, path, ground, lambda t: speed * t, 1, "test", free))
-        if passings[-1].waits_m is not None:
-            free = free[(free != passings[-1].waits_m).any(axis=1)]
-    assert sum(one.waits_m is not None for one in passings) == 3
-    crowd = Crowd(layout, target, path, model.Distractors(count=0), (), 0, passers=passings)
+        passings.append(plan_oncoming_pass(at_s, 0.8, 1.2, path, ground, lambda t: speed * t, 1, "test", free))
+        if passings[-1].waiting_m is not None:
+            free = free[(free != passings[-1].waiting_m).any(axis=1)]
+    assert sum(one.waiting_m is not None for one in passings) == 3
+    crowd = Crowd(layout, target, path, model.Distractors(count=0), (), 0, oncoming=passings)
     places = [crowd.positions_m]
     for tick in range(round(60.0 / TICK_S)):
         crowd.tick(TICK_S, (tick + 1) * TICK_S, None, None)
