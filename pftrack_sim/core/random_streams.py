@@ -1,4 +1,4 @@
-"""One root seed per episode, one named child stream per concern.
+"""Random streams: one root seed per episode, one named child stream per concern.
 
 A stream depends on the seed and on its own name only, so drawing more from one, or adding another, leaves
 every other draw as it was: two conditions of an experiment stay paired by seed.
@@ -14,11 +14,11 @@ from pftrack_sim.core.errors import ParameterError
 
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:
-    """The generator of one concern of one episode.
+    """Random generator of one concern of one episode.
 
     Args:
         seed: Root seed of the episode, >= 0.
-        names: What the stream is for, for example `"clothes", "distractor-1"`.
+        names: Name of the stream in parts, for example `"clothes", "distractor-1"`.
 
     Raises:
         ParameterError: The seed is negative.
@@ -28,6 +28,7 @@ def stream(seed: int, *names: str | int) -> np.random.Generator:
     """
     if seed < 0:
         raise ParameterError(f"seed must be >= 0, got {seed}")
-    key = "/".join(str(name) for name in names).encode()
+    # Escaped, so that ("a", "b") and ("a/b",) are two streams.
+    key = "/".join(str(name).replace("\\", "\\\\").replace("/", "\\/") for name in names).encode()
     words = np.frombuffer(hashlib.sha256(key).digest()[:16], dtype="<u4")
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *(int(word) for word in words)])))
