@@ -15,8 +15,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
-from pftrack_sim.scenario.explain import problems
 from pftrack_sim.scenario.section import NotNegative, Positive, Section, Share
+from pftrack_sim.scenario.validation import problems
 
 Measure: TypeAlias = Literal["mean_overlap", "success", "follow_success", "follow_tracking_rate", "follow_within"]
 """A number in [0, 1] that every episode has: see `score.Measures`, and `score.following.Following` where it drives."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pftrack_sim.core.photometry import DISPLAY_GAMMA, LUMINANCE, tint
 from pftrack_sim.core.records import Image
 from pftrack_sim.scenario.axes import LightAxis
-from pftrack_sim.scenario.axes.light import WHITE_K
+from pftrack_sim.scenario.axes.scene import WHITE_K
 
 Numbers = NDArray[np.float64]
 

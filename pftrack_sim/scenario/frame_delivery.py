@@ -1,4 +1,4 @@
-"""Which of the camera's frames arrive: known before an episode starts, from its settings and its seed alone."""
+"""Delivery of frames over the link: which captured frames arrive, from settings and seed alone."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pftrack_sim.scenario.model import ResolvedScenario
 
 
 def arrivals(settings: ResolvedScenario, seed: int) -> Iterator[int]:
-    """Indices of the frames taken that are shown, ascending, without end.
+    """Indices of the captured frames that are delivered, ascending, endless.
 
-    The first frame taken is always shown: the target is selected in it.
+    The first frame is always delivered: the target is selected in it.
 
     Args:
         settings: The scenario, every range drawn.
@@ -27,7 +27,7 @@ def arrivals(settings: ResolvedScenario, seed: int) -> Iterator[int]:
 
 
 def frame_count(settings: ResolvedScenario, seed: int) -> int:
-    """Frames shown in one episode, at least 2: one to be shown the target, one to find it in."""
+    """Number of frames delivered in one episode, at least 2."""
     taken = settings.frame_count
     if not settings.axes.stream.on:
         return taken
@@ -35,16 +35,16 @@ def frame_count(settings: ResolvedScenario, seed: int) -> int:
 
 
 def _sent(share: float) -> Iterator[int]:
-    """Frames that are sent when a share of those taken is: evenly spaced, as nearly as frames can be."""
+    """Indices of the frames sent, spaced as evenly as a share of the captured frames allows."""
     if share >= 1.0:
         yield from itertools.count()
     for number in itertools.count():
-        # Rounded first, so that 20 of 30 frames are the same ones however the quotient came out.
+        # Rounded first: rounding errors of the quotient must not move the ceiling.
         yield math.ceil(round(number / share, 9))
 
 
 def _received(axis: StreamAxis, sent: Iterator[int], seed: int) -> Iterator[int]:
-    """Frames that are sent and not lost (Gilbert 1960: all are lost in the bad state, none in the good)."""
+    """Frames sent and not lost (Gilbert 1960: all are lost in the bad state, none in the good state)."""
     rng = stream(seed, "stream", "lost")
     fall, leave = axis.transitions
     yield next(sent)

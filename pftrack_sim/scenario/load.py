@@ -1,4 +1,4 @@
-"""From a name, a file or a dict to a scenario, or to every mistake in it at once."""
+"""Loading of scenarios from a name, a file or a dict; all errors are reported at once."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from pydantic import ValidationError
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
 from pftrack_sim.scenario import ranges
-from pftrack_sim.scenario.delivery import frame_count
-from pftrack_sim.scenario.explain import problems
+from pftrack_sim.scenario.frame_delivery import frame_count
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
+from pftrack_sim.scenario.validation import problems
 
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A scenario with its ranges: what a TOML file says. Make it with `load`.
+    """A validated scenario with its ranges; created by `load`.
 
     Attributes:
         name: The name in `envs/`, the path, or `"custom"` for a dict.
-        tree: What the file says, with overrides applied. Not to be edited.
+        tree: Contents of the file with overrides applied; read-only.
     """
 
     name: str
     tree: Tree
 
     def resolve(self, seed: int) -> ResolvedScenario:
-        """The scenario of one episode: every range drawn from the seed.
+        """Scenario of one episode, every range drawn from the seed.
 
         Raises:
             ScenarioError: The values drawn contradict each other.
@@ -48,12 +48,12 @@ class Scenario:
             raise ScenarioError(f"{self.name} at seed {seed}", list(problems(error, tree))) from None
 
     def frame_count(self, seed: int) -> int:
-        """Frames shown in the episode of a seed: those taken, less what the stream leaves out."""
+        """Number of frames delivered in the episode of a seed."""
         return frame_count(self.resolve(seed), seed)
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what the scenario says, whatever the order of its keys."""
+        """SHA-256 of the contents, independent of the order of keys."""
         return hashlib.sha256(json.dumps(self.tree, sort_keys=True).encode()).hexdigest()
 
 
@@ -68,7 +68,7 @@ def names() -> list[str]:
 
 
 def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
-    """A checked scenario.
+    """Load and validate a scenario.
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict of the same shape, or a Scenario.
@@ -86,13 +86,13 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
     else:
         loaded = _read(scenario)
     tree = loaded.tree
-    mistakes: list[str] = []
+    errors: list[str] = []
     for key, value in (overrides or {}).items():
-        tree, mistake = _set(tree, key, value)
-        mistakes += [mistake] if mistake else []
-    mistakes += _mistakes(tree)
-    if mistakes:
-        raise ScenarioError(loaded.name, mistakes)
+        tree, error = _set(tree, key, value)
+        errors += [error] if error else []
+    errors += _problems(tree)
+    if errors:
+        raise ScenarioError(loaded.name, errors)
     return Scenario(loaded.name, tree)
 
 
@@ -115,7 +115,7 @@ def _read(scenario: str | Path) -> Scenario:
 
 
 def _set(tree: Tree, key: str, value: object) -> tuple[Tree, str | None]:
-    """A copy of the tree with one dotted key set, or the same tree and what is wrong with the key."""
+    """Copy of the tree with one dotted key set, or the same tree and an error message."""
     copied = cast("Tree", ranges.replaced(tree, {}))
     parts = key.split(".")
     node: Any = copied
@@ -140,7 +140,7 @@ def _set(tree: Tree, key: str, value: object) -> tuple[Tree, str | None]:
     return copied, None
 
 
-def _mistakes(tree: Tree) -> list[str]:
+def _problems(tree: Tree) -> list[str]:
     found: list[str] = []
     spans: list[tuple[KeyPath, list[object]]] = []
     for path, value in ranges.walk(tree):
@@ -152,7 +152,7 @@ def _mistakes(tree: Tree) -> list[str]:
     if found:
         return found
     base = {path: values[0] for path, values in spans}
-    # Every end of every range must be valid on its own, so that no seed meets a mistake that another did not.
+    # Every end of every range must be valid on its own, so that validity does not depend on the seed.
     trials = [base] + [{**base, path: value} for path, values in spans for value in values[1:]]
     for trial in trials:
         candidate = ranges.replaced(tree, trial)

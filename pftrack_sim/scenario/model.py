@@ -1,7 +1,7 @@
-"""What a scenario says once every range has been drawn: concrete numbers, validated, frozen.
+"""Tables of a scenario after every range has been drawn: validated, frozen numbers.
 
 The unit of every number is in its key. Angles are degrees here (`_deg`) and radians in code. World frame: z up,
-x forward at the robot's start. These classes are also the JSON Schema that editors complete keys from.
+x forward at the robot's start. The JSON Schema for editors is derived from these classes.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from pftrack_sim.scenario.section import NotNegative, Point, Positive, Section, 
 
 
 class Place(Section):
-    """Where it happens."""
+    """The place and its loose furniture."""
 
-    kind: Literal["plaza", "corridor", "warehouse", "street"] = Field(description="Which scenery is built.")
-    clutter: Share = Field(default=1.0, description="Share of the place's loose furniture that is put out.")
+    kind: Literal["plaza", "corridor", "warehouse", "street"] = Field(description="Kind of place.")
+    clutter: Share = Field(default=1.0, description="Share of the place's loose furniture that is present.")
 
 
 class StillRoute(Section):
     """The robot stands still."""
 
     kind: Literal["still"]
-    start_m: Point = Field(default=(0.0, 0.0), description="Where it stands.")
-    heading_deg: float = Field(default=0.0, description="Which way it faces; 0 is +x, counter-clockwise.")
+    start_m: Point = Field(default=(0.0, 0.0), description="Position of the robot.")
+    heading_deg: float = Field(default=0.0, description="Heading; 0 is +x, counter-clockwise.")
 
 
 class WaypointRoute(Section):
@@ -63,7 +63,7 @@ class Robot(Section):
     route: Route
     gaze: Literal["target", "forward"] = Field(
         default="target",
-        description="'target': the head turns lazily after the target, as an operator would; 'forward': fixed.",
+        description="'target': the head follows the target with an operator's lag; 'forward': fixed.",
     )
     max_speed_m_s: Positive = Field(default=1.6, description="Fastest forward speed of the drive.")
     max_turn_deg_s: Positive = Field(default=90.0, description="Fastest turn rate of the drive.")
@@ -73,10 +73,11 @@ class Robot(Section):
         default=1.0, description="Coulomb friction between tyres and floor: 1 dry, 0.4 wet tiles, 0.1 ice."
     )
     latency_ms: Annotated[float, Field(ge=0.0, le=2000.0)] = Field(
-        default=0.0, description="Time from a command to what the motors do, rounded to the physics step."
+        default=0.0, description="Delay from a command to the motors, rounded to the physics step."
     )
     odometry_error_percent: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
-        default=0.5, description="Standard deviation of what the odometry has wrong about each wheel and the track."
+        default=0.5,
+        description="Standard deviation of the odometry's error of each wheel's radius and of the track.",
     )
 
 
@@ -89,7 +90,7 @@ class Camera(Section):
     rate_hz: Annotated[float, Field(ge=1.0, le=250.0)] = Field(default=30.0, description="Frames per second.")
     height_m: Annotated[float, Field(ge=0.3, le=3.0)] = Field(default=1.25, description="Height of the optical centre.")
     mount: Literal["front", "left", "right", "back"] = Field(
-        default="front", description="Which way the camera looks at rest."
+        default="front", description="Direction of the camera at rest."
     )
     tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = Field(
         default=0.0, description="Tilt at rest; positive looks up."
@@ -98,7 +99,7 @@ class Camera(Section):
 
 
 class Jitter(Section):
-    """Vibration of the camera on its mount, on top of what the drive itself produces.
+    """Vibration of the camera on its mount, in addition to that of the drive.
 
     Band-limited Gaussian motion: independent roll, pitch, yaw and x, y, z, each with the RMS given.
     """
@@ -115,7 +116,7 @@ class Jitter(Section):
 
 
 class Sensor(Section):
-    """From the light in the image plane to numbers."""
+    """Optical blur and anti-aliasing."""
 
     psf_sigma_px: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
         default=0.5,
@@ -130,7 +131,7 @@ class LightStep(Section):
     """A sudden change."""
 
     kind: Literal["step"]
-    at_s: NotNegative = Field(description="When.")
+    at_s: NotNegative = Field(description="Time of the change.")
     ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(description="Change of the light in stops; -1 halves it.")
     lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change.")
 
@@ -139,8 +140,8 @@ class LightRamp(Section):
     """A gradual change."""
 
     kind: Literal["ramp"]
-    from_s: NotNegative = Field(description="When it begins.")
-    to_s: NotNegative = Field(description="When it is complete.")
+    from_s: NotNegative = Field(description="Time at which the ramp begins.")
+    to_s: NotNegative = Field(description="Time at which the ramp ends.")
     ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(description="Change of the light in stops; -1 halves it.")
     lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change.")
 
@@ -159,8 +160,8 @@ class Lights(Section):
 
     shadows: bool = Field(default=True, description="Whether the main light casts shadows.")
     ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(default=0.0, description="All light, in stops; -1 halves it.")
-    sun_azimuth_deg: float = Field(default=40.0, description="Where the sun stands; 0 is +x, counter-clockwise.")
-    sun_elevation_deg: Annotated[float, Field(ge=5.0, le=90.0)] = Field(default=48.0, description="Height of the sun.")
+    sun_azimuth_deg: float = Field(default=40.0, description="Azimuth of the sun; 0 is +x, counter-clockwise.")
+    sun_elevation_deg: Annotated[float, Field(ge=5.0, le=90.0)] = Field(default=48.0, description="Sun's elevation.")
     schedule: tuple[LightChange, ...] = Field(default=(), description="Changes over time; their stops add up.")
 
 
@@ -175,17 +176,17 @@ class Target(Section):
 
 
 class Distractors(Section):
-    """Other people who walk about."""
+    """Other pedestrians."""
 
-    count: Annotated[int, Field(ge=0, le=12)] = Field(default=3, description="How many.")
+    count: Annotated[int, Field(ge=0, le=12)] = Field(default=3, description="Number of pedestrians.")
     similarity: Share = Field(
-        default=0.2, description="Likeness of their clothes to the target's; 1 is the same clothes."
+        default=0.2, description="Similarity of their clothes to the target's; 1 is the same clothes."
     )
     speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=1.2, description="Mean walking speed.")
 
 
 class Occluder(Section):
-    """Something that comes between the camera and the target, when asked and for as long as asked.
+    """An occluder between the camera and the target at a given time and for a given duration.
 
     The target's centre line is behind it from `at_s` to `at_s + duration_s`.
     """
@@ -194,18 +195,18 @@ class Occluder(Section):
         description="'pillar': full height; 'wall': low, covers the legs upwards; 'boxes': a stack; 'walker': a person."
     )
     at_s: NotNegative = Field(description="When the target's centre line goes behind it.")
-    duration_s: Positive = Field(default=1.0, description="How long the centre line stays behind it.")
+    duration_s: Positive = Field(default=1.0, description="Duration for which the centre line stays behind it.")
     share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
         default=1.0, description="Share of the target's height that a wall or boxes cover."
     )
     depth: Annotated[float, Field(ge=0.2, le=0.9)] = Field(
-        default=0.6, description="Where it stands on the line from the camera (0) to the target (1)."
+        default=0.6, description="Position on the line from the camera (0) to the target (1)."
     )
-    similarity: Share = Field(default=0.0, description="Likeness of a walker's clothes to the target's.")
+    similarity: Share = Field(default=0.0, description="Similarity of a walker's clothes to the target's.")
 
 
 class Follow(Section):
-    """What following well means in `Follow-v0`."""
+    """Wanted distance and limits of `Follow-v0`."""
 
     distance_m: Positive = Field(default=3.0, description="Wanted distance to the target.")
     distance_limit_m: Positive = Field(default=3.0, description="Error of distance at which the reward reaches 0.")
@@ -218,10 +219,7 @@ class Follow(Section):
 
 
 class ResolvedScenario(Section):
-    """One episode's scenario: every range drawn.
-
-    `Scenario.resolve(seed)` makes it.
-    """
+    """Scenario of one episode with every range drawn; created by `Scenario.resolve(seed)`."""
 
     version: Annotated[int, Field(ge=1)] = Field(
         default=1, description="Raised when frames or truth of the scenario change."
@@ -237,10 +235,10 @@ class ResolvedScenario(Section):
     lights: Lights = Lights()
     target: Target
     distractors: Distractors = Distractors()
-    occluders: tuple[Occluder, ...] = Field(default=(), description="Occlusions to happen, each at its time.")
+    occluders: tuple[Occluder, ...] = Field(default=(), description="Occlusions, each at its time.")
     follow: Follow = Follow()
 
     @property
     def frame_count(self) -> int:
-        """Frames that the camera takes in one episode, at least 2; see `delivery.frame_count` for those shown."""
+        """Frames captured in one episode, at least 2; see `frame_delivery.frame_count` for those delivered."""
         return max(2, round(self.duration_s * self.camera.rate_hz))

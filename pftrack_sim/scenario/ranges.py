@@ -1,10 +1,10 @@
-"""Ranges in a scenario: any value may be drawn per seed instead of written down.
+"""Ranges in a scenario: any value may be drawn per seed instead of fixed.
 
     speed_m_s = {uniform = [1.1, 1.4]}      a real number between the two
     count     = {integer = [2, 5]}          a whole number, both ends included
     side      = {choice = ["left", "right"]}
 
-Each draw has a stream of its own, named after its key: adding a range changes no other draw.
+Each draw has its own random stream, named after its key: adding a range changes no other draw.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def is_range(value: object) -> bool:
 
 
 def draw(value: Mapping[str, Any], seed: int, path: KeyPath) -> object:
-    """One value of a well-formed range, from the stream of its key."""
+    """One value of a well-formed range, drawn from the stream of its key."""
     kind, given = next(iter(value.items()))
     given = cast("list[Any]", given)
     rng = stream(seed, "scenario", dotted(path))
@@ -46,7 +46,7 @@ def draw(value: Mapping[str, Any], seed: int, path: KeyPath) -> object:
 
 
 def problem(value: Mapping[str, Any]) -> str | None:
-    """What is wrong with how a range is written, or None."""
+    """Error message for a malformed range, or None."""
     kind, given = next(iter(value.items()))
     if not isinstance(given, Sequence) or isinstance(given, str) or len(cast("Sequence[object]", given)) == 0:
         return f"{kind} needs a list, got {given!r}"

@@ -1,15 +1,15 @@
-"""JSON Schema of a scenario file, ranges included, so that editors complete and check the keys."""
+"""JSON Schema of a scenario file, ranges included, for completion and validation in editors."""
 
 from __future__ import annotations
 
 import copy
 from typing import Any, cast
 
-from pftrack_sim.scenario.explain import json_schema
+from pftrack_sim.scenario.validation import json_schema
 
 
 def editor_schema() -> dict[str, Any]:
-    """The schema that TOML editors use: every leaf may also be a range."""
+    """Schema for TOML editors: every leaf may also be a range."""
     schema = copy.deepcopy(json_schema())
     definitions = cast("dict[str, dict[str, Any]]", schema["$defs"])
     for table in [schema, *definitions.values()]:

@@ -1,4 +1,4 @@
-"""What every table of a scenario has in common."""
+"""Base class and number types of all tables of a scenario."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ NotNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
 
 
 class Section(BaseModel):
-    """Base of every table: unknown keys are errors, values never change."""
+    """Base of every table: frozen, unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="null")

@@ -1,4 +1,4 @@
-"""From pydantic's findings to lines a person can act on: path, value given, what is allowed, nearest key."""
+"""Validation errors as readable lines: path of the key, value given, what is allowed, nearest valid key."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 
 
 def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None = None) -> Iterator[str]:
-    """One line for each finding.
+    """One line per validation error.
 
     Args:
-        error: What pydantic found in `tree`.
+        error: Raised by pydantic for `tree`.
         tree: The tree that was validated, ranges already replaced.
-        schema: JSON Schema of what it was validated as; that of a scenario if None.
+        schema: JSON Schema of the validated model; that of a scenario if None.
     """
     schema = schema if schema is not None else json_schema()
     for found in error.errors(include_url=False):
@@ -45,7 +45,7 @@ def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None =
             tag = context["tag"]
             yield f"{dotted(path)}.kind: got {tag!r}{did_you_mean(str(tag), allowed)} (allowed: {', '.join(allowed)})"
         elif kind == "union_tag_not_found":
-            yield f"{dotted(path)}.kind: required key is missing (it says which kind of table this is)"
+            yield f"{dotted(path)}.kind: required key is missing (it selects the kind of this table)"
         else:
             message = found["msg"].removeprefix("Value error, ")
             message = message[:1].lower() + message[1:]
@@ -53,7 +53,7 @@ def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None =
 
 
 def _path_in(tree: object, loc: Sequence[str | int]) -> KeyPath:
-    """The path of keys, without the tags that pydantic puts in for the alternatives of a union."""
+    """Path of keys without the union tags that pydantic inserts."""
     path: list[str | int] = []
     node = tree
     for position, part in enumerate(loc):
@@ -78,7 +78,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _allowed_keys(path: KeyPath, tree: object, schema: dict[str, Any]) -> list[str]:
-    """Keys that the table at `path` may have; for a union, those of the alternative its `kind` picks."""
+    """Keys allowed in the table at `path`; for a union, those of the alternative selected by its `kind`."""
     node: Any = schema
     value: Any = tree
     for part in path:

@@ -20,7 +20,7 @@ from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.exposure import make_frame_capture
 from pftrack_sim.render.selection import check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
-from pftrack_sim.scenario.delivery import arrivals, frame_count
+from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.observer import TruthObserver
 

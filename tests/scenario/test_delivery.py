@@ -5,7 +5,7 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.scenario.axes import StreamAxis
-from pftrack_sim.scenario.delivery import arrivals
+from pftrack_sim.scenario.frame_delivery import arrivals
 
 FRAMES = 60_000
 

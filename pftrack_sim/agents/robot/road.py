@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.scenario.axes.jitter import JitterAxis
+from pftrack_sim.scenario.axes.sensing import JitterAxis
 from pftrack_sim.scene.robot import dimensions as d
 
 ROUGHNESS_M3 = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}

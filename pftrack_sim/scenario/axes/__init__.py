@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pftrack_sim.scenario.axes.axis import Axis
-from pftrack_sim.scenario.axes.blur import BlurAxis
-from pftrack_sim.scenario.axes.distortion import DistortionAxis
-from pftrack_sim.scenario.axes.distractors import DistractorsAxis
-from pftrack_sim.scenario.axes.jitter import JitterAxis
-from pftrack_sim.scenario.axes.light import LightAxis
-from pftrack_sim.scenario.axes.noise import NoiseAxis
-from pftrack_sim.scenario.axes.occlusion import OcclusionAxis
-from pftrack_sim.scenario.axes.rolling_shutter import RollingShutterAxis
-from pftrack_sim.scenario.axes.stream import StreamAxis
-from pftrack_sim.scenario.axes.target import TargetAxis
+from pftrack_sim.scenario.axes.base import Axis
+from pftrack_sim.scenario.axes.scene import DistractorsAxis, LightAxis, OcclusionAxis, TargetAxis
+from pftrack_sim.scenario.axes.sensing import (
+    BlurAxis,
+    DistortionAxis,
+    JitterAxis,
+    NoiseAxis,
+    RollingShutterAxis,
+    StreamAxis,
+)
 from pftrack_sim.scenario.section import Section
 
 

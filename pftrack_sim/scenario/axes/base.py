@@ -1,4 +1,4 @@
-"""What the stress axes have in common."""
+"""Base class of the stress axes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ class Axis(Section):
     """A stress axis: a table of physical parameters, and a severity that scales them.
 
     The parameters are those of severity 1, the typical value. At severity 0 the scenario is the base to the bit,
-    whatever the parameters. A table that gives parameters and no severity means them as they stand: severity 1.
+    for any parameters. A table with parameters and no severity has severity 1.
 
-    Subclasses say what they do in their docstring and in these:
+    Subclasses set:
 
     Attributes:
-        headline: The parameter that a plot of the axis is drawn over.
+        headline: Parameter on the x axis of degradation plots.
         unit: Its unit, as a label.
-        law: What severity s does to the parameters, and what they do to the frame.
-        source: Where the typical values and the law come from.
+        law: Effect of the severity on the parameters, and of the parameters on the frame.
+        source: Reference for the typical values and the law.
     """
 
     headline: ClassVar[str]
@@ -45,7 +45,7 @@ class Axis(Section):
 
     @property
     def on(self) -> bool:
-        """Whether it does anything."""
+        """Whether the severity is above 0."""
         return self.severity > 0.0
 
     @property

@@ -1,0 +1,207 @@
+"""Stress axes of the camera and of the link to the tracker."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Literal, TypeAlias
+
+from pydantic import Field, model_validator
+
+from pftrack_sim.scenario.axes.base import Axis
+from pftrack_sim.scenario.section import NotNegative, Positive
+
+Source: TypeAlias = Literal["wind", "ground", "road"]
+RoadClass: TypeAlias = Literal["A", "B", "C", "D", "E"]
+
+
+class JitterAxis(Axis):
+    """Camera shake from the three sources of Ko et al. 2012: wind, ground vibration and road roughness."""
+
+    headline: ClassVar[str] = "angular_rms_deg"
+    unit: ClassVar[str] = "deg RMS"
+    law: ClassVar[str] = (
+        "RMS of wind and ground, and the height of the road's bumps, are multiplied by the severity; wind sways the "
+        "mast about its foot with a first-order spectrum, ground is flat over its band, the road goes through wheels "
+        "and suspension at the robot's speed"
+    )
+    source: ClassVar[str] = "Ko, Nam & Kwak 2012, section 1; ISO 8608:2016; Shinozuka & Deodatis 1991"
+
+    sources: Annotated[tuple[Source, ...], Field(min_length=1)] = Field(
+        default=("wind", "ground", "road"), description="Active sources."
+    )
+    wind_rms_deg: NotNegative = Field(default=0.2, description="Gusts: RMS of each of pitch, yaw and roll.")
+    wind_corner_hz: Annotated[float, Field(gt=0.0, le=20.0)] = Field(
+        default=0.8, description="Gusts: frequency above which they fade (spectrum 1 / (1 + (f / corner)^2))."
+    )
+    ground_rms_deg: NotNegative = Field(default=0.3, description="Vibration: RMS of each of pitch, yaw and roll.")
+    ground_rms_mm: NotNegative = Field(default=3.0, description="Vibration: RMS along each of x, y and z.")
+    ground_band_hz: tuple[Positive, Positive] = Field(
+        default=(2.0, 12.0), description="Vibration: lowest and highest frequency."
+    )
+    road_class: RoadClass = Field(
+        default="B", description="Roughness of the road by ISO 8608: A (very good) to E (very poor)."
+    )
+
+    @model_validator(mode="after")
+    def _band_is_ordered(self) -> JitterAxis:
+        if self.ground_band_hz[0] >= self.ground_band_hz[1]:
+            raise ValueError(f"ground_band_hz must be [low, high] with low < high, got {list(self.ground_band_hz)}")
+        return self
+
+    @property
+    def angular_rms_deg(self) -> float:
+        """RMS of each of pitch, yaw and roll by wind and ground together, at severity 1 (the road's is its own)."""
+        wind = self.wind_rms_deg if "wind" in self.sources else 0.0
+        ground = self.ground_rms_deg if "ground" in self.sources else 0.0
+        return math.hypot(wind, ground)
+
+    @property
+    def roughness(self) -> float:
+        """Factor on the heights of the road's bumps: the severity, or 0 without a road."""
+        return self.severity if "road" in self.sources else 0.0
+
+
+class BlurAxis(Axis):
+    """Finite exposure time: the frame integrates light over it; at severity 0 the exposure is an instant."""
+
+    headline: ClassVar[str] = "exposure_ms"
+    unit: ClassVar[str] = "ms"
+    law: ClassVar[str] = (
+        "the exposure is multiplied by the severity; an edge that moves at v px/s is smeared over v x exposure, in "
+        "linear light. The frame's time is the end of its exposure"
+    )
+    source: ClassVar[str] = "Potmesil & Chakravarty 1983 (temporal box filter); 10 ms is a usual indoor exposure"
+
+    exposure_ms: Annotated[float, Field(ge=0.0, le=200.0)] = Field(default=10.0, description="Exposure time.")
+
+
+class RollingShutterAxis(Axis):
+    """Rows are exposed one after the other, the top row first; at severity 0 all at once."""
+
+    headline: ClassVar[str] = "readout_ms"
+    unit: ClassVar[str] = "ms"
+    law: ClassVar[str] = (
+        "the readout is multiplied by the severity; a row at height y of H is exposed readout x (1 - y / H) before "
+        "the frame's time, so an upright pole that moves at v px/s slants by v x readout over the image's height"
+    )
+    source: ClassVar[str] = "Meingast, Geyer & Sastry 2005; 20 ms is usual in phones and webcams"
+
+    readout_ms: Annotated[float, Field(ge=0.0, le=200.0)] = Field(
+        default=20.0, description="Readout time from the top row to the bottom row."
+    )
+
+
+class DistortionAxis(Axis):
+    """Brown-Conrady lens distortion in OpenCV's parameters; at severity 0 a pinhole camera."""
+
+    headline: ClassVar[str] = "radial"
+    unit: ClassVar[str] = "|k1|"
+    law: ClassVar[str] = (
+        "every coefficient is multiplied by the severity; a ray with slopes (x, y) falls where cv2.projectPoints puts "
+        "it. The camera matrix stays as it is: the middle of the image keeps its scale"
+    )
+    source: ClassVar[str] = "Brown 1966; OpenCV, camera calibration; coefficients of a usual wide-angle webcam"
+
+    k1: float = Field(default=-0.25, description="Radial, r^2: negative is a barrel, positive a cushion.")
+    k2: float = Field(default=0.08, description="Radial, r^4.")
+    p1: float = Field(default=0.0, description="Tangential: the sensor is tilted about the horizontal.")
+    p2: float = Field(default=0.0, description="Tangential: the sensor is tilted about the vertical.")
+    k3: float = Field(default=0.0, description="Radial, r^6.")
+
+    @property
+    def coefficients(self) -> tuple[float, float, float, float, float]:
+        """OpenCV's k1, k2, p1, p2, k3 at this severity."""
+        s = self.severity
+        return s * self.k1, s * self.k2, s * self.p1, s * self.p2, s * self.k3
+
+    @property
+    def radial(self) -> float:
+        """Magnitude of k1 at severity 1."""
+        return abs(self.k1)
+
+
+class NoiseAxis(Axis):
+    """Sensor noise by EMVA 1288: Poisson photoelectrons, Gaussian read noise, analogue gain."""
+
+    headline: ClassVar[str] = "gain"
+    unit: ClassVar[str] = "x analogue gain"
+    law: ClassVar[str] = (
+        "gain and read noise are multiplied by the severity; a white pixel is full_well_e / gain electrons, their "
+        "number is Poisson, read noise in electrons is added, and the sum is clipped, display-coded and rounded"
+    )
+    source: ClassVar[str] = (
+        "EMVA Standard 1288, release 4.0, section 2; typical values are round numbers for a small CMOS"
+    )
+
+    full_well_e: Positive = Field(default=10000.0, description="Electrons of a white pixel at gain 1.")
+    read_noise_e: NotNegative = Field(default=6.0, description="Standard deviation of the read noise [e-].")
+    gain: Positive = Field(
+        default=4.0, description="Analogue gain, as ISO / 100: less light is enough for white, with fewer electrons."
+    )
+
+    @property
+    def white_e(self) -> float:
+        """Electrons of a white pixel at this severity, above 0."""
+        return self.full_well_e / (self.severity * self.gain)
+
+
+MOST_DROPPED = 0.9
+"""Upper bound of the share of lost frames at any severity."""
+
+WORST_QUALITY = 3
+"""Lower bound of the JPEG quality at any severity."""
+
+
+class StreamAxis(Axis):
+    """A radio link: JPEG compression, a lower frame rate, and frames lost in bursts.
+
+    A lost frame is never delivered; the truth of a delivered frame is that of its capture time. In a closed loop the
+    last command holds in between.
+    """
+
+    headline: ClassVar[str] = "dropped_share"
+    unit: ClassVar[str] = "share of frames"
+    law: ClassVar[str] = (
+        "share dropped and loss of quality (100 - jpeg_quality) are multiplied by the severity, the rate is divided by "
+        "it; frames are lost by a chain of two states whose bad state lasts burst_frames on average"
+    )
+    source: ClassVar[str] = (
+        "Gilbert 1960, 'Capacity of a burst-noise channel'; Elliott 1963; JPEG quality as in the Independent JPEG "
+        "Group's library"
+    )
+
+    jpeg_quality: Annotated[int, Field(ge=1, le=100)] = Field(default=60, description="JPEG quality; 100 is best.")
+    dropped_share: Annotated[float, Field(ge=0.0, le=MOST_DROPPED)] = Field(
+        default=0.1, description="Share of the frames sent that are lost, in the long run."
+    )
+    burst_frames: Annotated[float, Field(ge=1.0)] = Field(
+        default=3.0, description="Mean number of frames lost in a row."
+    )
+    rate_hz: Positive = Field(
+        default=20.0, description="Frames sent per second; no more than the camera takes are sent at any severity."
+    )
+
+    @property
+    def quality(self) -> int:
+        """JPEG quality at this severity."""
+        return max(WORST_QUALITY, round(100.0 - self.severity * (100.0 - self.jpeg_quality)))
+
+    @property
+    def lost(self) -> float:
+        """Share of frames lost at this severity."""
+        return min(MOST_DROPPED, self.severity * self.dropped_share)
+
+    @property
+    def sent_hz(self) -> float:
+        """Frames sent per second at this severity, above 0."""
+        return self.rate_hz / self.severity
+
+    @property
+    def transitions(self) -> tuple[float, float]:
+        """Probabilities per frame of falling into the bad state, and of leaving it.
+
+        Bursts become longer than `burst_frames` where the share of lost frames demands it.
+        """
+        odds = self.lost / (1.0 - self.lost)
+        leave = 1.0 / max(self.burst_frames, odds)
+        return leave * odds, leave
