@@ -60,6 +60,11 @@ class Exposure:
         return self._ev
 
     @property
+    def metering(self) -> bool:
+        """Whether the mean colour of each frame controls the next."""
+        return self._axis.auto_exposure or self._axis.auto_white_balance
+
+    @property
     def gains(self) -> tuple[float, float, float]:
         """How much the camera amplifies linear red, green and blue of the frame that it settled for."""
         red, green, blue = np.exp2(self._ev + self._balance_ev)
@@ -80,7 +85,7 @@ class Exposure:
         if kelvin != WHITE_K:
             factors = factors * tint(kelvin, WHITE_K)
         coloured = image if (factors == 1.0).all() else _scaled(image, factors)
-        if self._axis.auto_exposure or self._axis.auto_white_balance:
+        if self.metering:
             self._meter(coloured)
         return coloured
 

@@ -47,23 +47,39 @@ class Sensor:
         """
         return 0.0 if self._exposure is None else self._exposure.settle(time_s)
 
-    def expose(self, image: Image, index: int, time_s: float) -> Image:
-        """What the sensor reads. Frames come in the order of the episode: the automatics remember.
+    @property
+    def metering(self) -> bool:
+        """Whether later frames depend on the pixels of earlier ones (auto-exposure, auto white balance)."""
+        return self._exposure is not None and self._exposure.metering
+
+    def expose(self, image: Image, time_s: float) -> Image:
+        """Apply the lens blur, the colour of the light and the white balance, and meter the result.
+
+        With `metering`, every frame that the camera takes must pass through here in order of time, whether it is
+        delivered or not.
 
         Args:
-            image: `(H, W, 3)` uint8 RGB as a perfect camera would see it.
-            index: Of the frame among those taken in its episode.
-            time_s: When it is taken, since the start of the episode.
+            image: `(H, W, 3)` uint8 RGB, rendered.
+            time_s: Time of the frame since the start of the episode.
 
         Returns:
-            `(H, W, 3)` uint8; the argument itself when lens and sensor are perfect.
+            `(H, W, 3)` uint8; the argument itself where nothing changes.
         """
         image = self._blur(image)
-        gains = (1.0, 1.0, 1.0)
-        if self._exposure is not None:
-            gains = self._exposure.gains
-            image = self._exposure.balance(image, time_s)
+        return image if self._exposure is None else self._exposure.balance(image, time_s)
+
+    def read(self, image: Image, index: int) -> Image:
+        """Read out and transmit the frame exposed last: noise, luma, JPEG.
+
+        Args:
+            image: `(H, W, 3)` uint8, from `expose`.
+            index: Index of the frame among those taken in the episode; it selects the noise.
+
+        Returns:
+            `(H, W, 3)` uint8; the argument itself where nothing changes.
+        """
         if self._noise is not None:
+            gains = (1.0, 1.0, 1.0) if self._exposure is None else self._exposure.gains
             image = self._noise.read(image, index, gains)
         if self._grey:
             image = _grey(image)

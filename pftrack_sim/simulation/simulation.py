@@ -15,9 +15,9 @@ from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.camera.shake import combined
 from pftrack_sim.core.errors import ScenarioError
-from pftrack_sim.core.records import Frame
+from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.render.backend import Renderer
-from pftrack_sim.render.capture.exposure import make_frame_capture
+from pftrack_sim.render.capture.exposure import CapturedFrame, make_frame_capture
 from pftrack_sim.render.selection import check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
@@ -86,10 +86,14 @@ class Simulation:
         self._taken = next(self._arrivals)
         self._index = 0
         self.frame_count = frame_count(settings, seed)
+        self._record_poses()
         return self._take_frame()
 
     def advance(self, command: NDArray[np.float64] | None = None, late_s: float = 0.0) -> Frame:
-        """Let the world move on to the next frame that is shown: frames lost on the way are not drawn.
+        """Advance the world to the next frame that is delivered.
+
+        Frames lost on the way are recorded, so that poses and exposures do not depend on the delivery; they are
+        rendered only where the camera meters them.
 
         Args:
             command: `(4,)` forward speed, turn rate, pan rate, tilt rate, each in [-1, 1] of the robot's limits;
@@ -97,27 +101,44 @@ class Simulation:
             late_s: How long after the last frame the command is given; until then the one before stays in force.
         """
         taken = next(self._arrivals)
-        for number in range(taken - self._taken):
-            self.world.advance(command, late_s if number == 0 else 0.0)
+        for index in range(self._taken, taken):
+            self.world.advance(command, late_s if index == self._taken else 0.0)
+            self._record_poses()
+            if index + 1 < taken and self._sensor.metering:
+                self._expose()
         self._taken = taken
         self._index += 1
         return self._take_frame()
 
-    def _take_frame(self) -> Frame:
+    def _record_poses(self) -> None:
+        """Record the poses of a camera frame, delivered or not."""
+        if self._exposer is not None:
+            world = self.world
+            self._exposer.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
+
+    def _camera_pose(self) -> NDArray[np.float64]:
+        """`(4, 4)` T_world_camera with the vibration of the mount."""
+        return self._vibration.displace(self.world.camera_pose(), self.world.time_s)
+
+    def _expose(self) -> tuple[Image, CapturedFrame | None]:
+        """Render, expose and meter the camera's current frame; None where it is an instant through a pinhole."""
         world = self.world
         assert self._renderer is not None
         world.light(self._sensor.settle(world.time_s))
-        if self._exposer is None:
-            T_world_camera = self._vibration.displace(world.camera_pose(), world.time_s)
-            drawn = self._renderer.color(world.data, T_world_camera, self._K)
-            image = self._sensor.expose(drawn, self._taken, world.time_s)
-            people = self._truth.observe(world.data, T_world_camera, image, world.time_s, world.root_poses())
+        captured = None if self._exposer is None else self._exposer.capture(self._renderer)
+        rendered = (
+            self._renderer.color(world.data, self._camera_pose(), self._K) if captured is None else captured.image
+        )
+        return self._sensor.expose(rendered, world.time_s), captured
+
+    def _take_frame(self) -> Frame:
+        world = self.world
+        exposed, captured = self._expose()
+        image = self._sensor.read(exposed, self._taken)
+        if captured is None:
+            people = self._truth.observe(world.data, self._camera_pose(), image, world.time_s, world.root_poses())
         else:
-            taken = self._exposer.take(
-                self._renderer, world.data, world.time_s, world.camera_pose(), world.root_poses()
-            )
-            image = self._sensor.expose(taken.image, self._taken, world.time_s)
-            people = self._truth.observe_taken(taken, image, world.time_s)
+            people = self._truth.observe_taken(captured, image, world.time_s)
         image.setflags(write=False)
         self._frame = Frame(self._index, world.time_s, image, people[0], people)
         return self._frame

@@ -51,7 +51,7 @@ class Card:
         means = []
         for index in range(frames):
             lighting.apply(index / RATE_HZ, 0.0, sensor.settle(index / RATE_HZ))
-            means.append(linear(sensor.expose(self.draw(), index, index / RATE_HZ)))
+            means.append(linear(sensor.expose(self.draw(), index / RATE_HZ)))
         lighting.restore()
         return np.array(means)
 

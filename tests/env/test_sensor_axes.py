@@ -1,6 +1,7 @@
 """The axes of light, noise and stream in whole episodes: the base at severity 0, repeatable, and what arrives."""
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,24 @@ def test_noise_of_a_frame_does_not_depend_on_which_others_arrived():
     taken = {frame.time_s: frame for frame in episode(noisy)}
     for frame in episode({**noisy, **lossy}):
         assert np.array_equal(frame.image, compressed(taken[frame.time_s].image, 100))
+
+
+@pytest.mark.parametrize("automatics", [True, False])
+def test_truth_and_exposure_do_not_depend_on_which_frames_arrive(automatics: bool):
+    optics = {f"axes.{axis}.severity": 2.0 for axis in ("blur", "rolling_shutter", "light", "noise", "jitter")}
+    light = {"axes.light.auto_exposure": automatics, "axes.light.auto_white_balance": automatics,
+             "axes.light.at_s": 0.1, "axes.light.exposure_lag_s": 0.2}  # fmt: skip
+    stream = {"axes.stream.severity": 1.0, "axes.stream.rate_hz": SHORT["camera.rate_hz"]}
+    common = {**optics, **light, **stream, "duration_s": 1.5, "lights.shadows": False}
+    complete = {frame.time_s: frame for frame in episode({**common, "axes.stream.dropped_share": 0.0})}
+    lossy = episode({**common, "axes.stream.dropped_share": 0.5})
+    assert 3 < len(lossy) < len(complete)
+    for frame in lossy:
+        twin = complete[frame.time_s]
+        # The motion in the image is between frames that are shown.
+        mine, theirs = ([replace(one, image_motion_px=0.0) for one in both.people] for both in (frame, twin))
+        assert mine == theirs
+        assert np.array_equal(frame.image, twin.image)
 
 
 def test_the_command_holds_while_frames_are_lost():

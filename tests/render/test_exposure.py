@@ -76,7 +76,8 @@ class Studio:
         mujoco.mj_forward(self.model, self.data)
         root = np.eye(4)[None]
         time_s = self.frames * FRAME_S
-        taken = self.exposer.take(self.renderer, self.data, time_s, pose, root)
+        self.exposer.record(self.data, time_s, pose, root)
+        taken = self.exposer.capture(self.renderer)
         (truth,) = self.truth.observe_taken(taken, taken.image, time_s)
         self.frames += 1
         return Frame(self.frames - 1, time_s, taken.image, truth, (truth,))
@@ -251,7 +252,8 @@ def test_visible_pixels_are_those_that_each_row_sees_at_its_own_instant(studio, 
         room.data.mocap_pos[0] = (4.0, 0.3 + 1.5 * moved, 0.5)
         mujoco.mj_forward(room.model, room.data)
         pose = facing(0.9 * moved, (0.5 * moved, 0.8 * moved, height_m))
-        taken = exposer.take(renderer, room.data, room.frames * FRAME_S, pose, np.eye(4)[None])
+        exposer.record(room.data, room.frames * FRAME_S, pose, np.eye(4)[None])
+        taken = exposer.capture(renderer)
         (truth,) = room.truth.observe_taken(taken, taken.image, room.frames * FRAME_S)
         room.frames += 1
     # Row by row: the whole scene as it was just then, looked at along each pixel's ray.

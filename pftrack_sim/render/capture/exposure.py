@@ -123,24 +123,31 @@ class FrameCapture:
         width, height = (int(one) for one in np.minimum(size + 2 * margin, np.ceil(_LARGEST * size)))
         return width, height
 
-    def take(
-        self, renderer: Renderer, data: mujoco.MjData, time_s: float, T_world_camera: Array, T_world_people: Array
-    ) -> CapturedFrame:
-        """Take the next frame.
+    def record(self, data: mujoco.MjData, time_s: float, T_world_camera: Array, T_world_people: Array) -> None:
+        """Record the poses at the time of a camera frame, captured or not: every frame of the camera, in order.
 
         Args:
-            renderer: Draws at `drawn_size`; it is bound to the model.
-            data: Positions at the stamp, up to date.
-            time_s: The stamp, since the start of the episode.
-            T_world_camera: `(4, 4)` camera pose at the stamp without the mount's vibration.
-            T_world_people: `(P, 4, 4)` root poses at the stamp.
+            data: Positions at the time stamp, up to date.
+            time_s: Time stamp since the start of the episode.
+            T_world_camera: `(4, 4)` camera pose at the time stamp without the vibration of the mount.
+            T_world_people: `(P, 4, 4)` root poses at the time stamp.
         """
+        self._time_s = time_s
         self._past.remember(data, time_s, T_world_camera, T_world_people)
         self._scratch.light_xpos[:], self._scratch.light_xdir[:] = data.light_xpos, data.light_xdir
+
+    def capture(self, renderer: Renderer) -> CapturedFrame:
+        """Render and expose the frame recorded last.
+
+        Args:
+            renderer: Renders at `drawn_size`; it is bound to the model.
+        """
         window, middle = self.shutter.window_s, self.shutter.middle_s
         instants = np.linspace(-window, 0.0, _KNOTS) if window else np.zeros(1)
         steady = self._past.cameras(instants)
-        shaken = [self._vibration.displace(pose, time_s + when) for pose, when in zip(steady, instants, strict=True)]
+        shaken = [
+            self._vibration.displace(pose, self._time_s + when) for pose, when in zip(steady, instants, strict=True)
+        ]
         self.flight = CameraTrajectory(instants, np.stack(shaken))
         self._when = self._own_rows()
         edges, samples, turned = self._plan(renderer)
