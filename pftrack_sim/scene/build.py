@@ -15,7 +15,7 @@ from pftrack_sim.scene.occluders.bodies import add_occluders
 from pftrack_sim.scene.occluders.carts import add_carts, asked_of, cart_names
 from pftrack_sim.scene.people.body import Person, add_person
 from pftrack_sim.scene.people.sampling import sample_cast
-from pftrack_sim.scene.robot.body import add_robot
+from pftrack_sim.scene.robot import add_robot
 
 NEAR_M = 0.05
 FAR_M = 120.0

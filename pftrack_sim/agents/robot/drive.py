@@ -13,8 +13,7 @@ from pftrack_sim.agents.robot.range_finder import RangeFinder
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGES
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scene.layout import owner_name, pose_matrix
-from pftrack_sim.scene.robot import dimensions as d
-from pftrack_sim.scene.robot.body import BASE, CAMERA, REST_YAW_RAD
+from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD, TRACK_M, WHEEL_RADIUS_M
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
 """Steepest change of forward speed [m/s^2], turn rate, pan rate and tilt rate [rad/s^2]."""
@@ -84,8 +83,8 @@ class Drive:
         self._mine = model.body_rootid[model.geom_bodyid] == self._base
         self._harmless = self._mine | np.array([owner == _GROUND for owner in self._owners])
         # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.
-        wheel_share = 0.5 - d.CASTER_SHARE
-        self._sideways_m_s2 = SIDEWAYS_SHARE * d.GRAVITY_M_S2 * wheel_share * d.TRACK_M / self._centre_of_mass_m()
+        wheel_share = 0.5 - CASTER_SHARE
+        self._sideways_m_s2 = SIDEWAYS_SHARE * GRAVITY_M_S2 * wheel_share * TRACK_M / self._centre_of_mass_m()
         self._at_rest: dict[float, NDArray[np.float64]] = {}
         self._forget()
 
@@ -164,11 +163,11 @@ class Drive:
         if outward > self._sideways_m_s2:
             turn *= self._sideways_m_s2 / outward
             self._rates[1] = turn
-        half = 0.5 * d.TRACK_M * turn
+        half = 0.5 * TRACK_M * turn
         now = data.qpos[self._joints[2:]]
         ahead = np.clip(self._head + self._rates[2:] * tick_s, now - WINDUP_RAD, now + WINDUP_RAD)
         self._head = np.clip(ahead, self._head_low, self._head_high)
-        wheels = (forward - half) / d.WHEEL_RADIUS_M, (forward + half) / d.WHEEL_RADIUS_M
+        wheels = (forward - half) / WHEEL_RADIUS_M, (forward + half) / WHEEL_RADIUS_M
         data.ctrl[self._motors] = [*wheels, *self._head]
 
     def pose(self, data: mujoco.MjData) -> tuple[float, float, float]:

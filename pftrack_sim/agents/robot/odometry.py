@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pftrack_sim.scene.robot.dimensions import TRACK_M, WHEEL_RADIUS_M
+from pftrack_sim.scene.robot import TRACK_M, WHEEL_RADIUS_M
 
 
 @dataclass(frozen=True)

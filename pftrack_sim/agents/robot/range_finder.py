@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.proprioception import RANGE_ANGLES_RAD, RANGE_M
 from pftrack_sim.scene.layout import HIDDEN_GROUP
-from pftrack_sim.scene.robot.body import BASE
+from pftrack_sim.scene.robot import BASE
 
 HEIGHT_M = 0.2
 """Of the beams above the ground, with the robot at rest: shins of people, and everything that stands on the ground."""

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.axes.sensing import JitterAxis
-from pftrack_sim.scene.robot import dimensions as d
+from pftrack_sim.scene.robot import (
+    CASTER_ARM_M,
+    CASTER_DAMPING_NS_M,
+    CASTER_SPRING_N_M,
+    WHEEL_DAMPING_NS_M,
+    WHEEL_RADIUS_M,
+    WHEEL_SPRING_N_M,
+)
 
 ROUGHNESS_M3 = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
 """G_d(n_0): displacement power spectral density at `REFERENCE_CYCLES_M`, geometric mean of each class (ISO 8608)."""
@@ -70,10 +77,10 @@ class Road:
         self._speeds = np.array([joint.dofadr[0] for joint in axles])
         mounts = [model.joint(f"robot/suspension-{end}").dofadr[0] for end in ("left", "right", "front", "rear")]
         self._mounts = np.array(mounts)
-        self._spring = np.repeat([d.WHEEL_SPRING_N_M, d.CASTER_SPRING_N_M], 2)
-        self._damper = np.repeat([d.WHEEL_DAMPING_NS_M, d.CASTER_DAMPING_NS_M], 2)
+        self._spring = np.repeat([WHEEL_SPRING_N_M, CASTER_SPRING_N_M], 2)
+        self._damper = np.repeat([WHEEL_DAMPING_NS_M, CASTER_DAMPING_NS_M], 2)
         self._track = np.array([0, 1, 2, 2])
-        self._ahead_m = np.array([0.0, 0.0, d.CASTER_ARM_M, -d.CASTER_ARM_M])
+        self._ahead_m = np.array([0.0, 0.0, CASTER_ARM_M, -CASTER_ARM_M])
 
     def push(self, data: mujoco.MjData) -> None:
         """Set the forces for the coming physics step."""
@@ -86,8 +93,8 @@ class Road:
         Returns:
             `(4,)` heights [m] and `(4,)` rates at which they change [m/s].
         """
-        left, right = (d.WHEEL_RADIUS_M * data.qpos[self._angles]).tolist()
-        left_m_s, right_m_s = (d.WHEEL_RADIUS_M * data.qvel[self._speeds]).tolist()
+        left, right = (WHEEL_RADIUS_M * data.qpos[self._angles]).tolist()
+        left_m_s, right_m_s = (WHEEL_RADIUS_M * data.qvel[self._speeds]).tolist()
         middle, middle_m_s = 0.5 * (left + right), 0.5 * (left_m_s + right_m_s)
         at = np.array([left, right, middle, middle]) + self._ahead_m
         place = np.mod(at, LOOP_M) / _SAMPLE_M

@@ -10,7 +10,7 @@ import pytest
 
 from pftrack_sim.agents.robot.drive import Drive
 from pftrack_sim.scenario.model import Camera, Robot, StillRoute
-from pftrack_sim.scene.robot.body import add_robot
+from pftrack_sim.scene.robot import add_robot
 
 TICK_S = 1.0 / 60.0
 

@@ -5,8 +5,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from pftrack_sim.scene import robot
 from pftrack_sim.scene.layout import HIDDEN_ROBOT_GROUP, ROBOT_GROUP
-from pftrack_sim.scene.robot.body import CAMERA
+from pftrack_sim.scene.robot import CAMERA
 
 
 @pytest.mark.parametrize("degree", [True, False])
@@ -79,3 +80,30 @@ def test_camera_does_not_see_the_robot_at_rest(lab: Callable, mount, fovy_deg, t
 
 def test_field_of_view_is_the_camera_s(lab: Callable):
     assert lab(fovy_deg=63.0).model.camera(CAMERA).fovy == pytest.approx(63.0)
+
+
+def test_constants_repeat_the_mjcf_file(lab: Callable):
+    model = lab(height_m=1.25).model
+    mass_kg = {model.body(i).name.removeprefix("robot/"): model.body_mass[i] for i in range(model.nbody)}
+    position_m = {model.body(i).name.removeprefix("robot/"): model.body_pos[i] for i in range(model.nbody)}
+    mast = robot.Mast.for_camera(1.25, 0.0)
+    assert mass_kg["base"] == robot.BASE_KG
+    assert mass_kg["mast"] == pytest.approx(robot.FOOT_KG + mast.pole_kg, abs=1e-12)
+    assert (mass_kg["pan"], mass_kg["head"]) == (robot.PAN_KG, robot.HEAD_KG)
+    assert position_m["mast"][2] == robot.DECK_M
+    assert position_m["head"][2] == robot.NECK_M
+    assert model.camera(CAMERA).pos[0] == robot.LENS_M
+    assert position_m["mount-left"][1] - position_m["mount-right"][1] == robot.TRACK_M
+    assert position_m["caster-front"][0] == -position_m["caster-rear"][0] == robot.CASTER_ARM_M
+    for side in ("left", "right"):
+        assert model.geom(f"robot/tyre-{side}").size[0] == position_m[f"mount-{side}"][2] == robot.WHEEL_RADIUS_M
+    wheel, caster = (model.joint(f"robot/suspension-{end}") for end in ("left", "front"))
+    assert (wheel.stiffness[0], wheel.damping[0]) == (robot.WHEEL_SPRING_N_M, robot.WHEEL_DAMPING_NS_M)
+    assert (caster.stiffness[0], caster.damping[0]) == (robot.CASTER_SPRING_N_M, robot.CASTER_DAMPING_NS_M)
+    assert -model.opt.gravity[2] == robot.GRAVITY_M_S2
+
+
+@pytest.mark.parametrize(("height_m", "geoms"), [(0.7, 1), (1.25, 3)])
+def test_short_masts_have_no_pole_and_no_clamp(lab: Callable, height_m: float, geoms: int):
+    shortest, model = lab(height_m=0.3).model, lab(height_m=height_m).model
+    assert model.body("robot/mast").geomnum[0] - shortest.body("robot/mast").geomnum[0] == geoms

@@ -7,7 +7,7 @@ from pftrack_sim.agents.robot.odometry import Calibration, Odometry
 from pftrack_sim.core.proprioception import PROPRIO_INDEX
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.model import Robot, StillRoute
-from pftrack_sim.scene.robot.dimensions import TRACK_M, WHEEL_RADIUS_M
+from pftrack_sim.scene.robot import TRACK_M, WHEEL_RADIUS_M
 
 
 def test_no_error_is_the_truth():

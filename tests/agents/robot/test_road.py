@@ -10,7 +10,7 @@ import pytest
 
 from pftrack_sim.agents.robot.road import LONGEST_M, LOOP_M, REFERENCE_CYCLES_M, ROUGHNESS_M3, SHORTEST_M, Road, profile
 from pftrack_sim.scenario.axes import JitterAxis
-from pftrack_sim.scene.robot import dimensions as d
+from pftrack_sim.scene import robot as body
 
 LEAD_IN_S, RUN_M = 2.0, 24.0
 
@@ -23,9 +23,9 @@ def predicted_acceleration(road_class: str, speed_m_s: float, sprung_kg: float) 
     """
     f = np.linspace(speed_m_s / LONGEST_M, speed_m_s / SHORTEST_M, 20_000)
     omega = 2.0 * math.pi * f
-    wheel = d.WHEEL_SPRING_N_M + 1j * omega * d.WHEEL_DAMPING_NS_M
-    caster = d.CASTER_SPRING_N_M + 1j * omega * d.CASTER_DAMPING_NS_M
-    force = wheel + caster * np.cos(omega / speed_m_s * d.CASTER_ARM_M)
+    wheel = body.WHEEL_SPRING_N_M + 1j * omega * body.WHEEL_DAMPING_NS_M
+    caster = body.CASTER_SPRING_N_M + 1j * omega * body.CASTER_DAMPING_NS_M
+    force = wheel + caster * np.cos(omega / speed_m_s * body.CASTER_ARM_M)
     response = np.abs(force / (2.0 * (wheel + caster) - sprung_kg * omega**2)) ** 2
     density = 2.0 * ROUGHNESS_M3[road_class] * REFERENCE_CYCLES_M**2 * speed_m_s / f**2
     return math.sqrt(float(np.trapezoid(density * omega**4 * response, f)))
@@ -66,7 +66,7 @@ def test_each_class_is_twice_as_rough_as_the_one_before(lab: Callable[..., Any])
 
 
 def test_driving_faster_shakes_more_as_the_standard_predicts(lab: Callable[..., Any]):
-    sprung_kg = d.CHASSIS_KG + d.BATTERY_KG + d.FOOT_KG + d.PAN_KG + d.HEAD_KG + d.MAST_KG_M
+    sprung_kg = body.BASE_KG + body.FOOT_KG + body.PAN_KG + body.HEAD_KG + body.MAST_KG_M
     speeds = (0.4, 0.8, 1.6)
     measured = np.array([vertical_acceleration(lab, "B", speed) for speed in speeds])
     predicted = np.array([predicted_acceleration("B", speed, sprung_kg) for speed in speeds])

@@ -1,0 +1,130 @@
+"""The robot: loads `assets/robot.xml` and adapts it to a scenario's camera and floor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+
+from pftrack_sim.core.data_files import assets_dir
+from pftrack_sim.scenario import model
+
+PREFIX = "robot/"
+BASE = "robot/base"
+CAMERA = "robot/camera"
+
+REST_YAW_RAD = {"front": 0.0, "left": math.pi / 2, "right": -math.pi / 2, "back": math.pi}
+"""Pan angle at rest by camera mount."""
+
+GRAVITY_M_S2 = 9.81
+
+# Dimensions that Python code needs. They repeat the MJCF file; a test compares both.
+WHEEL_RADIUS_M = 0.0975
+TRACK_M = 0.38
+"""Distance between the contact points of the tyres."""
+CASTER_ARM_M = 0.185
+"""Distance of each caster from the axle of the wheels."""
+DECK_M = 0.235
+"""Height of the foot of the mast."""
+NECK_M = 0.055
+"""From the top of the mast up to the tilt axis."""
+LENS_M = 0.06
+"""From the tilt axis forward to the optical centre."""
+
+BASE_KG, FOOT_KG, PAN_KG, HEAD_KG = 17.0, 0.1, 0.45, 0.40
+MAST_KG_M = 0.55
+CASTER_SHARE = 0.2
+"""Share of the sprung weight on each caster; the wheels carry the rest, for traction."""
+
+WHEEL_SPRING_N_M, WHEEL_DAMPING_NS_M = 11000.0, 160.0
+CASTER_SPRING_N_M, CASTER_DAMPING_NS_M = 9000.0, 280.0
+
+_MAST_HZ_M = 4.5
+"""Natural frequency of the mast on a fixed base, times its length: longer masts swing slower."""
+_MAST_HZ_RANGE = (3.0, 15.0)
+_MAST_DAMPING_RATIO = 0.06
+_MIN_POLE_M = 0.02
+_MIN_CLAMPED_M = 0.5
+
+
+@dataclass(frozen=True)
+class Mast:
+    """The mast that holds a camera at a given height.
+
+    Attributes:
+        length_m: From the deck to the pan unit; negative if the neck is sunk into the deck.
+        stiffness_nm_rad: Of the joints at its foot, in pitch and in roll.
+        damping_nms_rad: Of the joints at its foot, in pitch and in roll.
+    """
+
+    length_m: float
+    stiffness_nm_rad: float
+    damping_nms_rad: float
+
+    @classmethod
+    def for_camera(cls, height_m: float, tilt_rad: float) -> Mast:
+        """Mast with the optical centre at `height_m` above the ground when the robot is at rest, tilted `tilt_rad`."""
+        length = height_m - LENS_M * math.sin(tilt_rad) - NECK_M - DECK_M
+        pole, top = max(length, 0.0), max(length, 0.0) + NECK_M
+        inertia = MAST_KG_M * pole**3 / 3.0 + (PAN_KG + HEAD_KG) * top**2
+        gravity_torque = GRAVITY_M_S2 * (0.5 * MAST_KG_M * pole**2 + (PAN_KG + HEAD_KG) * top)
+        low_hz, high_hz = _MAST_HZ_RANGE
+        omega = 2.0 * math.pi * min(max(_MAST_HZ_M / top, low_hz), high_hz)
+        return cls(length, inertia * omega**2 + gravity_torque, 2.0 * _MAST_DAMPING_RATIO * omega * inertia)
+
+    @property
+    def pole_kg(self) -> float:
+        """Mass of the pole."""
+        return MAST_KG_M * max(self.length_m, 0.0)
+
+
+def add_robot(spec: mujoco.MjSpec, robot: model.Robot, camera: model.Camera) -> None:
+    """Attach the robot to the world at the origin, facing +x, resting on the ground z = 0.
+
+    Args:
+        spec: Gains bodies, joints, actuators, sensors and the camera, all named `"robot/..."`. It needs a colliding
+            ground plane at z = 0 and gravity along -z.
+        robot: Friction of the tyres on the floor. The drive (`agents.robot`) applies speed limits.
+        camera: Field of view, height of the optical centre and tilt at rest.
+    """
+    mjcf = mujoco.MjSpec.from_file(str(assets_dir() / "robot.xml"))
+    mast = Mast.for_camera(camera.height_m, math.radians(camera.tilt_deg))
+    mjcf.camera("camera").fovy = camera.fovy_deg
+    for side in ("left", "right"):
+        mjcf.geom(f"tyre-{side}").friction[0] = robot.floor_friction
+    _set_mast(mjcf, mast)
+    _preload_suspension(mjcf, BASE_KG + FOOT_KG + mast.pole_kg + PAN_KG + HEAD_KG)
+    spec.attach(mjcf, prefix=PREFIX, frame=spec.worldbody.add_frame())
+
+
+def _set_mast(mjcf: mujoco.MjSpec, mast: Mast) -> None:
+    half_m = 0.5 * mast.length_m
+    for name in ("mast-pitch", "mast-roll"):
+        joint = mjcf.joint(name)
+        joint.stiffness[0] = mast.stiffness_nm_rad
+        joint.damping[0] = mast.damping_nms_rad
+    mjcf.body("pan").pos[2] = mast.length_m
+    pole = mjcf.geom("pole")
+    if mast.length_m > _MIN_POLE_M:
+        pole.size[1] = pole.pos[2] = half_m
+        pole.mass = mast.pole_kg
+    else:
+        mjcf.delete(pole)
+    clamp = mjcf.frame("clamp")
+    if mast.length_m > _MIN_CLAMPED_M:
+        clamp.pos[2] = half_m
+    else:
+        mjcf.delete(clamp)
+
+
+def _preload_suspension(mjcf: mujoco.MjSpec, sprung_kg: float) -> None:
+    """Stretch the springs so that they carry the robot level at zero deflection."""
+    weight_n = sprung_kg * GRAVITY_M_S2
+    for name, share, spring_n_m in (
+        ("left", 0.5 - CASTER_SHARE, WHEEL_SPRING_N_M),
+        ("right", 0.5 - CASTER_SHARE, WHEEL_SPRING_N_M),
+        ("front", CASTER_SHARE, CASTER_SPRING_N_M),
+        ("rear", CASTER_SHARE, CASTER_SPRING_N_M),
+    ):
+        mjcf.joint(f"suspension-{name}").springref = -share * weight_n / spring_n_m

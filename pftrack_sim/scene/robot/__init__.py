@@ -1,1 +1,0 @@
-"""The robot's bodies, joints, actuators and sensors."""
