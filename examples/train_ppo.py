@@ -28,7 +28,7 @@ from stable_baselines3.common.vec_env import SubprocVecEnv, VecNormalize
 
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, trackers
-from pftrack_sim.policies import FollowPolicy, rig_of
+from pftrack_sim.policies import FollowPolicy, robot_parameters
 from pftrack_sim.wrappers import BoxObservation
 
 SCENARIO = "follow/plaza"
@@ -77,7 +77,7 @@ def score_of_controller(name: str) -> float:
     with gym.make("pftrack_sim/Follow-v0", scenario=SCENARIO, overrides=OVERRIDES) as env:
         for seed in TEST_SEEDS:
             observation, info = env.reset(seed=seed)
-            rig = rig_of(env.unwrapped.simulation.settings)  # type: ignore[attr-defined]
+            rig = robot_parameters(env.unwrapped.simulation.settings)  # type: ignore[attr-defined]
             policy = FollowPolicy(trackers.make("oracle"), controllers.make(name), rig)
             total, over = 0.0, False
             while not over:

@@ -3,8 +3,7 @@
     policy = TrackingPolicy(trackers.make("ko2012"))
     action = policy(observation)
 
-A policy notices the frame in which the target is selected by itself (`observation["first"]`) and starts its tracker
-there.
+A policy starts its tracker in the frame in which the target is selected (`observation["first"]`).
 """
 
 from __future__ import annotations
@@ -15,35 +14,38 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.errors import ParameterError, TrackerError
-from pftrack_sim.core.records import Estimate, Tracker, Truth
+from pftrack_sim.core.records import Estimate, Tracker
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.trackers import NeedsTruth
 
 PAPER_MS: Mapping[str, float] = MappingProxyType(
     {"ko2012": 100.0, "lee2012": 55.0, "lee2012-color": 7.0, "lee2012-color-hog": 13.0}
 )
-"""Time for a frame that the papers print for their trackers, on their machines."""
+"""Time per frame that the papers print for their trackers, on their machines [ms]."""
 
-NOTHING = Estimate(np.zeros(4), confidence=0.0)
-"""What is said before there is a target."""
+NO_ESTIMATE = Estimate(np.zeros(4), confidence=0.0)
+"""Estimate before the target is selected."""
+
+_TOLERANCE_S = 1e-9
+"""Times are quotients of counts: a result due exactly with a frame is ready for it."""
 
 
-def rig_of(settings: ResolvedScenario, latency_ms: float = 0.0) -> RobotParameters:
-    """What a controller may know of the robot and the task of a scenario.
+def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> RobotParameters:
+    """Parameters of the robot, the camera and the task that a controller may use.
 
     Args:
-        settings: The scenario, every range drawn.
-        latency_ms: The tracker's time for a frame: the controller is called as often as it answers.
+        settings: The resolved scenario.
+        latency_ms: Time that the tracker takes per frame: the controller is called as often as the tracker answers.
     """
     robot, camera = settings.robot, settings.camera
     return RobotParameters(
         (camera.width_px, camera.height_px),
         math.radians(camera.fovy_deg),
-        camera.rate_hz / frames_taken(latency_ms, camera.rate_hz),
+        camera.rate_hz / frames_per_result(latency_ms, camera.rate_hz),
         robot.max_speed_m_s,
         math.radians(robot.max_turn_deg_s),
         math.radians(robot.max_pan_deg_s),
@@ -52,11 +54,11 @@ def rig_of(settings: ResolvedScenario, latency_ms: float = 0.0) -> RobotParamete
     )
 
 
-def frames_taken(latency_ms: float, rate_hz: float) -> int:
-    """Every how many frames a tracker that thinks so long takes one.
+def frames_per_result(latency_ms: float, rate_hz: float) -> int:
+    """Number of camera frames from one result of a tracker to the next, without frame loss.
 
-    >>> frames_taken(0.0, 30.0), frames_taken(33.0, 30.0), frames_taken(55.0, 30.0), frames_taken(100.0, 30.0)
-    (1, 1, 2, 3)
+    >>> frames_per_result(0.0, 30.0), frames_per_result(33.0, 30.0), frames_per_result(55.0, 30.0)
+    (1, 1, 2)
     """
     return max(1, math.ceil(1e-3 * latency_ms * rate_hz - 1e-9))
 
@@ -73,36 +75,35 @@ class TrackingPolicy:
         self.reset()
 
     def reset(self) -> None:
-        """An episode begins. Only needed where the target is not there to be selected from the start."""
+        """Begin an episode. Needed only where the target is not visible in the first frame."""
         self.estimate: Estimate | None = None
         self._started = False
 
-    def __call__(self, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> NDArray[np.float64]:
-        """The box of the frame in the observation.
+    def __call__(self, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> FloatArray:
+        """Return the box of the frame in the observation.
 
         Args:
             observation: An observation of one of the environments.
-            info: The information that came with it: read only by trackers that ask for the truth (`oracle`).
+            info: The information that came with it; read only for trackers that need the truth (`oracle`).
 
         Returns:
-            `(4,)` box x, y, w, h [px]; `self.estimate` holds it with its confidence. Zeros before there is a target.
+            `(4,)` box x, y, w, h [px], zeros before the target is selected; `self.estimate` holds the whole estimate.
 
         Raises:
-            TrackerError: The tracker asks for the truth, and no `info` was passed.
+            TrackerError: The tracker needs the truth, and no `info` was passed.
         """
         image = observation["image"]
         if isinstance(self.tracker, NeedsTruth):
             if info is None:
-                raise TrackerError("this tracker asks for the truth: call the policy with (observation, info)")
-            truth: Truth = info["truth"]
-            self.tracker.receive_truth(truth.box)
+                raise TrackerError("this tracker needs the truth: call the policy with (observation, info)")
+            self.tracker.receive_truth(info["truth"].box)
         if observation["first"]:
             box = np.asarray(observation["init_box"], dtype=np.float64)
             self.tracker.init(image, box)
             self.estimate = Estimate(box)
             self._started = True
         else:
-            self.estimate = self.tracker.update(image) if self._started else NOTHING
+            self.estimate = self.tracker.update(image) if self._started else NO_ESTIMATE
         return np.array(self.estimate.box)
 
 
@@ -112,41 +113,33 @@ class FollowPolicy:
     Args:
         tracker: Any `records.Tracker`.
         controller: Any `controllers.Controller`.
-        rig: What the controller may know of the robot, see `rig_of`; None knows nothing but the size of the image.
+        robot: What the controller may know of the robot, see `robot_parameters`; None: the size of the image only.
     """
 
-    def __init__(self, tracker: Tracker, controller: Controller, rig: RobotParameters | None = None) -> None:
+    def __init__(self, tracker: Tracker, controller: Controller, robot: RobotParameters | None = None) -> None:
         self.tracking = TrackingPolicy(tracker)
         self.controller = controller
-        self._rig = rig
-        self._begun = False
+        self._robot = robot
+        self._started = False
 
     def reset(self) -> None:
-        """An episode begins. Only needed where the target is not there to be selected from the start."""
+        """Begin an episode. Needed only where the target is not visible in the first frame."""
         self.tracking.reset()
-        self._begun = False
+        self._started = False
 
     @property
     def estimate(self) -> Estimate | None:
-        """What the tracker said last."""
+        """Latest estimate of the tracker."""
         return self.tracking.estimate
 
-    def __call__(self, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> NDArray[np.float64]:
-        """The command that answers the observation.
-
-        Args:
-            observation: An observation of one of the environments.
-            info: The information that came with it, as in `TrackingPolicy`.
-
-        Returns:
-            `(4,)` forward, turn, pan, tilt in [-1, 1].
-        """
+    def __call__(self, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> FloatArray:
+        """Return the `(4,)` command forward, turn, pan, tilt in [-1, 1]; arguments as in `TrackingPolicy`."""
         self.tracking(observation, info)
         assert self.tracking.estimate is not None
-        if observation["first"] or not self._begun:
+        if observation["first"] or not self._started:
             height_px, width_px = observation["image"].shape[:2]
-            self.controller.reset(self._rig if self._rig is not None else RobotParameters((width_px, height_px)))
-            self._begun = True
+            self.controller.reset(self._robot or RobotParameters((width_px, height_px)))
+            self._started = True
         return self.controller.act(self.tracking.estimate, observation["proprio"])
 
 
@@ -156,25 +149,26 @@ class TrackAndFollowPolicy(FollowPolicy):
     def __call__(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
-        """`{"box": (4,) box [px], "command": (4,) in [-1, 1]}`."""
+        """Return `{"box": (4,) box [px], "command": (4,) in [-1, 1]}`."""
         command = super().__call__(observation, info)
         assert self.estimate is not None
         return {"box": np.array(self.estimate.box), "command": command}
 
 
 class LatencyWrapper:
-    """Charges a policy's thinking to the simulation, as a policy of `TrackAndFollow-v0`.
+    """Charges the processing time of a policy to the simulation, as a policy of `TrackAndFollow-v0`.
 
-    The policy takes a frame when it is idle, thinks for `latency_ms` of simulated time, and skips the frames that
-    arrive meanwhile. Its command reaches the robot when it is ready, within the frame. Its box counts for a frame if it
-    is ready before the next one arrives (as in the real-time experiment of Kristan et al. 2017, "The visual object
-    tracking VOT2017 challenge results"); where it is not, the last one that was ready answers. With 0 ms it is the
-    policy itself, to the bit.
+    An idle policy takes the frame that arrives, is busy for `latency_ms` of simulated time, and skips the frames that
+    arrive meanwhile. Its command reaches the robot when it is ready, also between frames. Its box answers a frame if
+    it is ready within one camera period (the real-time experiment of Kristan et al. 2017, "The visual object tracking
+    VOT2017 challenge results"); otherwise the latest finished box does. Times are those of the frames
+    (`info["time_s"]`), so frames that are lost on the way do not make the policy slower. With 0 ms the actions are
+    those of the policy itself, to the bit.
 
     Args:
-        policy: What thinks.
-        latency_ms: For how long.
-        rate_hz: Frames per second.
+        policy: The policy.
+        latency_ms: Time it takes for a frame.
+        rate_hz: Frames per second of the camera.
 
     Raises:
         ParameterError: A negative latency or a rate that is not positive.
@@ -186,34 +180,41 @@ class LatencyWrapper:
         if not (math.isfinite(rate_hz) and rate_hz > 0.0):
             raise ParameterError(f"rate_hz must be positive, got {rate_hz!r}")
         self.policy = policy
-        self._frames = 1e-3 * latency_ms * rate_hz
-        self._every = frames_taken(latency_ms, rate_hz)
-        self._frame_s = 1.0 / rate_hz
+        self._latency_s = 1e-3 * latency_ms
+        self._period_s = 1.0 / rate_hz
         self.reset()
 
     def reset(self) -> None:
-        """An episode begins."""
+        """Begin an episode."""
         self.policy.reset()
         self.estimate: Estimate | None = None
-        """What was said last, as old as it is."""
-        self._since = 0
-        self._thought: tuple[dict[str, Any], Estimate] | None = None
-        self._said: dict[str, Any] | None = None
+        """Latest finished estimate."""
+        self._action: dict[str, Any] | None = None
+        self._pending: tuple[dict[str, Any], Estimate] | None = None
+        self._ready_s = 0.0
 
-    def __call__(self, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """`{"box": (4,) [px], "command": (4,) in [-1, 1], "late_s": when in the frame the command is given}`."""
-        if self._thought is None:
+    def __call__(self, observation: Mapping[str, Any], info: Mapping[str, Any]) -> dict[str, Any]:
+        """Return `{"box": (4,) [px], "command": (4,) in [-1, 1], "late_s": time until the command is given}`."""
+        time_s = float(info["time_s"])
+        if self._pending is not None and self._ready_s <= time_s + _TOLERANCE_S:
+            self._finish()
+        if self._pending is None or observation["first"]:
             action = self.policy(observation, info)
             assert self.policy.estimate is not None
-            self._thought, self._since = (action, self.policy.estimate), 0
-            if self._said is None:
-                # The user's own selection is there at once; to act on it takes its time.
-                self._said = {"box": action["box"], "command": np.zeros(4)}
-                self.estimate = self.policy.estimate
-        late = 0.0
-        self._since += 1
-        if self._since >= self._every:
-            late = min(max(self._frames - (self._every - 1), 0.0), 1.0) * self._frame_s
-            (self._said, self.estimate), self._thought = self._thought, None
-        assert self._said is not None
-        return {**self._said, "late_s": late} if late > 0.0 else dict(self._said)
+            self._pending, self._ready_s = (action, self.policy.estimate), time_s + self._latency_s
+            if self._action is None or observation["first"]:
+                # The selected box itself is known at once; a command for it takes the latency.
+                held = self._action["command"] if self._action is not None else np.zeros(4)
+                self._action, self.estimate = {"box": action["box"], "command": held}, self.policy.estimate
+        assert self._action is not None
+        assert self._pending is not None
+        late_s = self._ready_s - time_s
+        if late_s <= self._period_s + _TOLERANCE_S:
+            self._finish()
+            late_s = min(late_s, self._period_s)
+            return {**self._action, "late_s": late_s} if late_s > _TOLERANCE_S else dict(self._action)
+        return {**self._action, "command": self._pending[0]["command"], "late_s": late_s}
+
+    def _finish(self) -> None:
+        assert self._pending is not None
+        (self._action, self.estimate), self._pending = self._pending, None

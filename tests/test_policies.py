@@ -17,7 +17,7 @@ RATE_HZ = 30.0
 
 
 class Numbered:
-    """A policy whose answers carry the number of the frame that they were worked out from."""
+    """A policy whose actions carry the number of the frame that they were computed from."""
 
     def __init__(self) -> None:
         self.seen: list[int] = []
@@ -27,38 +27,61 @@ class Numbered:
         self.seen.clear()
 
     def __call__(self, observation, info=None):
-        self.seen.append(observation)
-        self.estimate = Estimate(np.array([observation, 0.0, 1.0, 1.0]))
-        return {"box": self.estimate.box, "command": np.full(4, observation + 1.0)}
+        frame = observation["frame"]
+        self.seen.append(frame)
+        self.estimate = Estimate(np.array([frame, 0.0, 1.0, 1.0]))
+        return {"box": self.estimate.box, "command": np.full(4, frame + 1.0)}
 
 
-@pytest.mark.parametrize("latency_ms", [0.0, 7.0, 13.0, 33.0, 55.0, 100.0, 250.0])
-def test_answers_are_as_old_as_they_would_be(latency_ms: float):
+LOST = [number for number in range(90) if number % 11 not in (3, 4, 5, 6) and number % 7 != 2]
+"""Numbers of the frames that arrive over a lossy stream."""
+
+
+@pytest.mark.parametrize("arrived", [list(range(40)), LOST])
+@pytest.mark.parametrize("latency_ms", [0.0, 7.0, 13.0, 33.0, 55.0, 90.0, 100.0, 250.0])
+def test_results_are_as_old_as_the_latency_says(latency_ms: float, arrived: list[int]):
+    """Over frames that arrive regularly and irregularly: what counts is time, not the number of frames."""
     numbered = Numbered()
-    late = policies.LatencyWrapper(numbered, latency_ms, RATE_HZ)  # pyright: ignore[reportArgumentType]
-    free_s, ready = 0.0, [(0.0, 0, True)]
-    for frame in range(40):
-        action = late(frame)  # pyright: ignore[reportArgumentType]
-        now_s = frame / RATE_HZ
-        if now_s > free_s - 1e-9:
-            free_s = now_s + latency_ms * 1e-3
-            ready.append((free_s, frame, False))
-        done = [one for one in ready if one[0] <= now_s + 1.0 / RATE_HZ + 1e-9]
-        given_s, source, selected = done[-1]
-        assert action["box"][0] == source
-        assert action["command"][0] == (0.0 if selected else source + 1.0)
-        if now_s < given_s - 1e-9:
-            assert math.isclose(action["late_s"], given_s - now_s, abs_tol=1e-9)
-        else:
-            assert "late_s" not in action
-    assert numbered.seen == list(range(0, 40, policies.frames_taken(latency_ms, RATE_HZ)))
+    wrapper = policies.LatencyWrapper(numbered, latency_ms, RATE_HZ)  # pyright: ignore[reportArgumentType]
+    free_s, results, taken = 0.0, [(0.0, 0, 0.0)], []
+    for frame in arrived:
+        time_s = frame / RATE_HZ
+        action = wrapper({"frame": frame, "first": frame == 0}, {"time_s": time_s})
+        if time_s >= free_s - 1e-9:
+            free_s = time_s + latency_ms * 1e-3
+            results.append((free_s, frame, frame + 1.0))
+            taken.append(frame)
+        due = [one for one in results if one[0] <= time_s + 1.0 / RATE_HZ + 1e-9]
+        assert action["box"][0] == due[-1][1]
+        given = [one for one in results if one[0] <= time_s + action.get("late_s", 0.0) + 1e-9]
+        assert action["command"][0] == given[-1][2] == results[-1][2]
+        assert time_s + action.get("late_s", 0.0) == pytest.approx(max(results[-1][0], time_s), abs=1e-9)
+    assert numbered.seen == taken
+
+
+def test_a_lossy_stream_does_not_make_a_tracker_slower():
+    """A tracker that takes 90 ms is idle again after 90 ms, and takes the next frame that arrives."""
+    numbered = Numbered()
+    wrapper = policies.LatencyWrapper(numbered, 90.0, RATE_HZ)  # pyright: ignore[reportArgumentType]
+    for frame in (0, 10, 20, 21, 30, 33):
+        wrapper({"frame": frame, "first": frame == 0}, {"time_s": frame / RATE_HZ})
+    assert numbered.seen == [0, 10, 20, 30, 33]
+
+
+def test_a_target_that_appears_while_the_tracker_is_busy_is_selected_at_once():
+    numbered = Numbered()
+    wrapper = policies.LatencyWrapper(numbered, 100.0, RATE_HZ)  # pyright: ignore[reportArgumentType]
+    for frame in range(4):
+        action = wrapper({"frame": frame, "first": frame == 1}, {"time_s": frame / RATE_HZ})
+        assert action["box"][0] == min(frame, 1)
+    assert numbered.seen == [0, 1]
 
 
 def test_a_slow_tracker_calls_its_controller_less_often():
     settings = scenario.load("plaza-walk").resolve(0)
-    assert policies.rig_of(settings).rate_hz == 30.0
-    assert policies.rig_of(settings, 55.0).rate_hz == 15.0
-    assert policies.rig_of(settings).max_turn_rad_s == math.radians(settings.robot.max_turn_deg_s)
+    assert policies.robot_parameters(settings).rate_hz == 30.0
+    assert policies.robot_parameters(settings, 55.0).rate_hz == 15.0
+    assert policies.robot_parameters(settings).max_turn_rad_s == math.radians(settings.robot.max_turn_deg_s)
 
 
 @pytest.mark.parametrize("wrong", [-1.0, math.nan, math.inf])
@@ -72,7 +95,7 @@ def play(wrap, steps: int = 20) -> str:
     env = gym.make("pftrack_sim/TrackAndFollow-v0", scenario="plaza-walk", overrides=SMALL)
     settings = scenario.load("plaza-walk", SMALL).resolve(2)
     policy = policies.TrackAndFollowPolicy(
-        trackers.make("oracle"), controllers.make("servo-avoid"), policies.rig_of(settings)
+        trackers.make("oracle"), controllers.make("servo-avoid"), policies.robot_parameters(settings)
     )
     policy = wrap(policy)
     digest = hashlib.sha256()

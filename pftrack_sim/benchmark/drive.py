@@ -77,7 +77,7 @@ def drive(
         open_things.callback(env.close)
         observation, info = env.reset(seed=episode.seed)
         settings = env.simulation.settings
-        rig = policies.rig_of(settings, latency_ms)
+        rig = policies.robot_parameters(settings, latency_ms)
         inner = policies.TrackAndFollowPolicy(_Asked(entry), controllers.make(contestant.controller), rig)
         policy = policies.LatencyWrapper(inner, latency_ms, settings.camera.rate_hz)
         writer = None

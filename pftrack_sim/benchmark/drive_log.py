@@ -59,7 +59,7 @@ class Log:
             info: What the step said.
             then: The robot's pose after it.
         """
-        camera = truth.T_world_camera
+        camera, late_s = truth.T_world_camera, float(action.get("late_s", 0.0))
         forward, turn, pan, tilt = info["command"]
         row = {
             "robot_x_m": pose[0],
@@ -72,7 +72,7 @@ class Log:
             "command_turn": turn,
             "command_pan": pan,
             "command_tilt": tilt,
-            "late_s": float(action.get("late_s", 0.0)),
+            "late_s": late_s if late_s <= info["time_s"] - truth.time_s + 1e-9 else 0.0,
             "after_s": info["time_s"],
             "after_x_m": then[0],
             "after_y_m": then[1],

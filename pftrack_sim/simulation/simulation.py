@@ -47,6 +47,8 @@ class Simulation:
         self._frame: Frame | None = None
         self.frame_count = 0
         """Frames shown in the running episode; 0 before the first reset."""
+        self.command: NDArray[np.float64] | None = None
+        """Command in force at the last frame; None before the first one and while the robot follows its script."""
 
     def reset(self, seed: int) -> Frame:
         """Start the episode of a seed.
@@ -86,6 +88,7 @@ class Simulation:
         self._taken = next(self._arrivals)
         self._index = 0
         self.frame_count = frame_count(settings, seed)
+        self.command = None
         self._record_poses()
         return self._take_frame()
 
@@ -97,18 +100,28 @@ class Simulation:
 
         Args:
             command: `(4,)` forward speed, turn rate, pan rate, tilt rate, each in [-1, 1] of the robot's limits;
-                None lets the robot follow its script. It holds until the frame is there.
-            late_s: How long after the last frame the command is given; until then the one before stays in force.
+                None lets the robot follow its script. It stays in force until the next one is given.
+            late_s: Time from the last frame until the command is given; until then the one before stays in force. A
+                command that is due after the next frame is not given.
         """
         taken = next(self._arrivals)
         for index in range(self._taken, taken):
-            self.world.advance(command, late_s if index == self._taken else 0.0)
+            self._advance_period(command, late_s - (index - self._taken) / self.settings.camera.rate_hz)
             self._record_poses()
             if index + 1 < taken and self._sensor.metering:
                 self._expose()
         self._taken = taken
         self._index += 1
         return self._take_frame()
+
+    def _advance_period(self, command: NDArray[np.float64] | None, late_s: float) -> None:
+        """Advance by one camera period with a command that is given after `late_s`, or not within this period."""
+        period_s = 1.0 / self.settings.camera.rate_hz
+        if late_s <= period_s + 1e-9:
+            self.command = command
+            self.world.advance(command, min(max(late_s, 0.0), period_s))
+        else:
+            self.world.advance(np.zeros(4) if self.command is None else self.command)
 
     def _record_poses(self) -> None:
         """Record the poses of a camera frame, delivered or not."""

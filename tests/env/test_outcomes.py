@@ -107,10 +107,20 @@ def test_a_command_that_is_no_number_is_refused_and_nothing_moves(wrong: list[fl
     env.close()
 
 
-@pytest.mark.parametrize("late_s", [-0.1, 0.05, "soon", float("nan")])
-def test_a_command_comes_within_its_frame(late_s: Any):
+@pytest.mark.parametrize("late_s", [-0.1, float("inf"), "soon", float("nan")])
+def test_a_delay_is_a_time(late_s: Any):
     env = make({}, "pftrack_sim/TrackAndFollow-v0")
     env.reset(seed=3)
     with pytest.raises(ParameterError, match="late_s"):
         env.unwrapped.step({"box": np.ones(4), "command": np.zeros(4), "late_s": late_s})
+    env.close()
+
+
+def test_a_command_that_is_due_after_the_next_frame_is_not_given_yet():
+    env = make({}, "pftrack_sim/TrackAndFollow-v0").unwrapped
+    env.reset(seed=3)
+    given = [(0.5, 0.0), (1.0, 0.05), (1.0, 0.02)]
+    in_force = [env.step({"box": np.ones(4), "command": np.full(4, value), "late_s": late_s})[-1]["command"][0]
+                for value, late_s in given]  # fmt: skip
+    assert in_force == [0.5, 0.5, 1.0]
     env.close()
