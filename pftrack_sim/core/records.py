@@ -64,9 +64,10 @@ class Truth:
         K: `(3, 3)` camera matrix [px].
         distortion: `(5,)` OpenCV k1, k2, p1, p2, k3.
         time_s: Simulated time of the frame since the start of the episode.
-        image_motion_px: Displacement of the centre of the amodal box since the previous frame; 0 in the first frame,
-            NaN when either box is NaN.
-        luminance: Mean luma of the visible pixels (ITU-R BT.601 weights on the 8-bit image) in [0, 1]; NaN when none.
+        image_motion_px: Displacement of the centre of the amodal box since the previous frame that was delivered;
+            0 in the first frame, NaN when either box is NaN.
+        luminance: Mean of the visible pixels' 8-bit red, green and blue with ITU-R BT.709 weights, in [0, 1]; NaN when
+            none is visible.
     """
 
     name: str

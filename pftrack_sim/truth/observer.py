@@ -15,6 +15,7 @@ from pftrack_sim.camera.outlines import Outlines
 from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.records import Image, State, Truth
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.exposure import CapturedFrame
@@ -23,9 +24,6 @@ from pftrack_sim.truth.silhouettes import Silhouette, Silhouettes, pixels_around
 from pftrack_sim.truth.tracing import Traced, trace
 
 Array = NDArray[np.float64]
-
-_LUMA = (0.299, 0.587, 0.114)
-"""Weights of red, green and blue in ITU-R BT.601's luma."""
 
 _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
@@ -228,7 +226,7 @@ class _Seen:
         left, top, width, height = cv2.boundingRect(visible)
         self.box = np.array([rect.left + left, rect.top + top, width, height], dtype=np.float64)
         self.fraction = int(np.count_nonzero(visible)) / inside
-        self.luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], _LUMA)) / 255.0
+        self.luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
         self.state = "visible"
 
 

@@ -1,6 +1,8 @@
 """Every axis leaves the base untouched at severity 0, and all of them work together."""
 
 import hashlib
+import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.simulation.simulation import Simulation
 
 SMALL: dict[str, Any] = {"camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "duration_s": 1.2}
+BRIEF: dict[str, Any] = {"camera.rate_hz": 10.0, "duration_s": 0.5}
 AXES = list(axes_by_name())
 
 
@@ -21,6 +24,40 @@ def frames(name: str, overrides: dict[str, Any], seed: int = 5) -> list[Frame]:
         shown = [simulation.reset(seed)]
         shown += [simulation.advance() for _ in range(simulation.frame_count - 1)]
     return shown
+
+
+PIXEL_AXES: dict[str, dict[str, Any]] = {
+    "noise": {},
+    "light": {"auto_exposure": True, "auto_white_balance": True, "at_s": 0.1, "exposure_lag_s": 0.2},
+    "stream": {"dropped_share": 0.0, "rate_hz": 10.0, "jpeg_quality": 30},
+}
+"""Axes that change pixels only; the stream delivers every frame."""
+
+
+def severity_one(*axes: str) -> dict[str, Any]:
+    given = {f"axes.{axis}.{key}": value for axis in axes for key, value in PIXEL_AXES.get(axis, {}).items()}
+    return {**given, **{f"axes.{axis}.severity": 1.0 for axis in axes}}
+
+
+def assert_only_pixels_differ(changed: list[Frame], plain: list[Frame]) -> None:
+    assert digest(changed) != digest(plain)
+    for mine, theirs in zip(changed, plain, strict=True):
+        # The luminance is that of the pixels.
+        assert [replace(one, luminance=0.0) for one in mine.people] == [
+            replace(one, luminance=0.0) for one in theirs.people
+        ]
+
+
+def test_each_pair_of_pixel_axes_changes_no_truth():
+    plain = frames("plaza-walk", BRIEF)
+    for pair in itertools.combinations(PIXEL_AXES, 2):
+        assert_only_pixels_differ(frames("plaza-walk", {**BRIEF, **severity_one(*pair)}), plain)
+
+
+@pytest.mark.parametrize("axis", [axis for axis in AXES if axis not in PIXEL_AXES])
+def test_pixel_axes_change_no_truth_beside_another_axis(axis: str):
+    alone = frames("plaza-walk", {**BRIEF, **severity_one(axis)})
+    assert_only_pixels_differ(frames("plaza-walk", {**BRIEF, **severity_one(axis, *PIXEL_AXES)}), alone)
 
 
 def digest(shown: list[Frame]) -> str:

@@ -12,6 +12,7 @@ from observing import Drawing, observed
 from render_stage import HEIGHT, WIDTH, K, Stage, build, looking, new_spec, random_view
 
 from pftrack_sim.core import boxes
+from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.scene.layout import PEOPLE_GROUP
 from pftrack_sim.truth.observer import TruthObserver
@@ -28,7 +29,7 @@ def brute_force(stage: Stage, renderer: Rasteriser, pose: np.ndarray) -> dict[st
         amodal = renderer.ids(stage.data, pose, K, geoms=own).ids >= 0
         visible = np.append(own, False)[everything]
         covering = Counter(owners[geom] for geom in everything[amodal & ~visible])
-        luma = image[visible] @ (0.299, 0.587, 0.114) / 255.0
+        luma = image[visible] @ LUMINANCE / 255.0
         found[name] = {
             "amodal": int(amodal.sum()),
             "extent": boxes.from_mask(amodal),
