@@ -1,7 +1,7 @@
 """Boxes: `x, y, w, h`, float64, pixels, continuous coordinates.
 
-Pixel (row i, column j) covers [j, j+1) x [i, i+1): a mask on columns 10..19 has x = 10 and w = 10. Nothing here
-edits an argument.
+Pixel (row i, column j) covers [j, j+1) x [i, i+1): a mask on columns 10..19 has x = 10 and w = 10. Functions do not
+modify their arguments.
 """
 
 from __future__ import annotations
@@ -9,11 +9,12 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import BoxError
+from pftrack_sim.core.types import BoolArray, FloatArray
 
-Box: TypeAlias = NDArray[np.float64]
+Box: TypeAlias = FloatArray
 """`(4,)` x, y, w, h [px]."""
 
 NO_BOX: Box = np.full(4, np.nan)
@@ -21,11 +22,11 @@ NO_BOX.setflags(write=False)
 
 
 def checked(box: ArrayLike, *, what: str = "box") -> Box:
-    """A `(4,)` float64 copy of the box, if it is one.
+    """Validated `(4,)` float64 copy of a box.
 
     Args:
         box: Four numbers x, y, w, h [px]; w and h >= 0.
-        what: How the message calls it.
+        what: Name of the argument in the message.
 
     Raises:
         BoxError: Wrong shape, not numbers, NaN, infinite, or a negative size.
@@ -44,14 +45,9 @@ def checked(box: ArrayLike, *, what: str = "box") -> Box:
 
 
 def iou(first: ArrayLike, second: ArrayLike) -> float:
-    """Overlap: area of the intersection over area of the union (Ko et al. 2012, eq. 14).
+    """Overlap of two `(4,)` boxes: area of the intersection over area of the union (Ko et al. 2012, eq. 14).
 
-    Args:
-        first: `(4,)` box [px].
-        second: `(4,)` box [px].
-
-    Returns:
-        A number in [0, 1]; 0 when both are empty or any number is NaN.
+    It is in [0, 1], and 0 when both are empty or any number is NaN.
 
     >>> iou([0, 0, 2, 2], [1, 0, 2, 2])
     0.3333333333333333
@@ -59,8 +55,8 @@ def iou(first: ArrayLike, second: ArrayLike) -> float:
     return float(pairwise_iou(np.asarray(first)[None], np.asarray(second)[None])[0])
 
 
-def pairwise_iou(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
-    """Overlap of row i of one with row i of the other.
+def pairwise_iou(first: ArrayLike, second: ArrayLike) -> FloatArray:
+    """Overlap of each row of the first with the same row of the second.
 
     Args:
         first: `(N, 4)` boxes [px].
@@ -82,13 +78,7 @@ def pairwise_iou(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
 
 
 def clip(box: ArrayLike, width_px: int, height_px: int) -> Box:
-    """The part of the box inside the image; size 0 on the nearest edge when it lies outside.
-
-    Args:
-        box: `(4,)` box [px].
-        width_px: Image width.
-        height_px: Image height.
-    """
+    """Part of a `(4,)` box inside the image; size 0 on the nearest border when it lies outside."""
     x, y, w, h = (float(v) for v in np.asarray(box, dtype=np.float64))
     left, right = (min(max(v, 0.0), float(width_px)) for v in (x, x + w))
     top, bottom = (min(max(v, 0.0), float(height_px)) for v in (y, y + h))
@@ -101,24 +91,24 @@ def area(box: ArrayLike) -> float:
     return w * h if w > 0 and h > 0 and np.isfinite(w * h) else 0.0
 
 
-def centre(box: ArrayLike) -> NDArray[np.float64]:
+def centre(box: ArrayLike) -> FloatArray:
     """`(2,)` centre x, y [px]."""
     array = np.asarray(box, dtype=np.float64)
     return array[:2] + 0.5 * array[2:]
 
 
-def around(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`(N, 4)` boxes [px] whose centre x, y, width and height stand first in `(N, D)` states.
+def from_states(states: FloatArray) -> FloatArray:
+    """`(N, 4)` boxes [px] of `(N, D)` states that begin with centre x, centre y, width, height.
 
-    >>> around(np.array([[30.0, 40.0, 10.0, 20.0]])).tolist()
+    >>> from_states(np.array([[30.0, 40.0, 10.0, 20.0]])).tolist()
     [[25.0, 30.0, 10.0, 20.0]]
     """
-    found = states[:, :4].copy()
-    found[:, :2] -= 0.5 * found[:, 2:]
-    return found
+    boxes = states[:, :4].copy()
+    boxes[:, :2] -= 0.5 * boxes[:, 2:]
+    return boxes
 
 
-def from_mask(mask: NDArray[np.bool_]) -> Box:
+def from_mask(mask: BoolArray) -> Box:
     """Extent of the true pixels of an `(H, W)` mask; NaN when there are none.
 
     >>> mask = np.zeros((4, 6), bool); mask[1:3, 2:5] = True

@@ -1,4 +1,4 @@
-"""Where scenarios and assets lie: inside the wheel, or at the root of a checkout."""
+"""Paths of the shipped scenarios and assets: inside the wheel, or at the root of a checkout."""
 
 from __future__ import annotations
 

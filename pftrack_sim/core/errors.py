@@ -1,7 +1,7 @@
-"""The one tree of errors, and how an error helps.
+"""Errors of the package.
 
-Every message says what was given, what is allowed, and the nearest valid name. The command line prints the
-message in one line and leaves with exit code 2; it never shows a traceback for a wrong input.
+Every message states what was given, what is allowed, and the nearest valid name. The command line prints the message
+and exits with code 2.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class UnknownNameError(PftrackError):
 
 
 class BoxError(PftrackError, ValueError):
-    """A box that is no box: NaN, infinite, negative size, or not four numbers."""
+    """An invalid box: NaN, infinite, negative size, or not four numbers."""
 
 
 class ImageError(PftrackError, ValueError):
@@ -39,7 +39,7 @@ class ImageError(PftrackError, ValueError):
 
 
 class ParameterError(PftrackError, ValueError):
-    """A parameter outside what it may be."""
+    """A parameter outside its allowed values."""
 
 
 class CommandError(PftrackError, ValueError):
@@ -47,10 +47,10 @@ class CommandError(PftrackError, ValueError):
 
 
 class ScenarioError(PftrackError):
-    """Everything that is wrong with one scenario, every problem at once.
+    """All problems of one scenario.
 
     Args:
-        source: The scenario's name or path, as the user knows it.
+        source: The scenario's name or path.
         problems: One line each: path of the key, value given, what is allowed, nearest valid key.
     """
 
@@ -74,19 +74,19 @@ class RunError(PftrackError):
 
 
 class RenderError(PftrackError):
-    """No OpenGL library could draw, with the remedy for each that was tried."""
+    """No renderer works; the message names the remedy for each that was tried."""
 
 
 class TrackerError(PftrackError):
-    """A tracker that cannot be made or used as asked."""
+    """A tracker that cannot be created or used as requested."""
 
 
 class ControllerError(PftrackError):
-    """A controller that cannot be made or used as asked."""
+    """A controller that cannot be created or used as requested."""
 
 
 def did_you_mean(given: str, allowed: Iterable[str]) -> str:
-    """The suggestion to append to a message, or an empty string when no name is near.
+    """Suggestion to append to a message; empty when no name is similar.
 
     >>> did_you_mean("ko2021", ["ko2012", "stay"])
     "; did you mean 'ko2012'?"

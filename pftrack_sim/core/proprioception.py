@@ -1,4 +1,4 @@
-"""What the robot feels of itself: the layout of the proprioception vector, and its bounds."""
+"""Layout and bounds of the proprioception vector."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 RANGE_M = 5.0
-"""Farthest that the range finder sees."""
+"""Maximum range of the range finder."""
 
 RANGE_ANGLES_RAD: NDArray[np.float64] = np.deg2rad(np.linspace(-90.0, 90.0, 37))
 """`(37,)` direction of each beam of the range finder: from the right over straight ahead (0) to the left."""
@@ -33,24 +33,24 @@ _LAYOUT: tuple[tuple[str, float], ...] = (
 )
 
 PROPRIO_NAMES: tuple[str, ...] = tuple(name for name, _ in _LAYOUT)
-"""What each number is, in order.
+"""Names of the entries, in order.
 
-* odometry: where the wheels say the robot is, in the frame of its start (x forward, y left, heading in [-pi, pi]
-  counter-clockwise); it drifts when the wheels slip, and because wheels and track are not quite what it takes them for.
-* wheel: speed of the tyre's surface; the mean of the two is the forward speed.
+* odometry: pose by wheel odometry, in the frame of the start (x forward, y left, heading in [-pi, pi]
+  counter-clockwise); it drifts through wheel slip and calibration errors.
+* wheel: surface speed of the tyre; the mean of the two is the forward speed.
 * gyro, accelerometer: at the chassis, x forward, y left, z up; at rest the accelerometer reads +9.81 along z.
 * pan, tilt: of the camera's optical axis in the frame of the chassis: pan is counter-clockwise from straight ahead,
-  so a camera mounted to the left rests at +pi/2; tilt is positive upwards. The mast may swing: that is not in them.
+  so a camera mounted to the left rests at +pi/2; tilt is positive upwards. The mast may swing: that is not included.
 * range: of each beam of the range finder (`RANGE_ANGLES_RAD`), from the middle of the axle, at the height of the hull;
-  `RANGE_M` when it meets nothing that near.
+  `RANGE_M` when nothing is hit within it.
 """
 
 PROPRIO_INDEX: Mapping[str, int] = MappingProxyType({name: index for index, name in enumerate(PROPRIO_NAMES)})
-"""Where each number stands."""
+"""Index of each entry."""
 
 RANGES = slice(len(PROPRIO_NAMES) - RANGE_ANGLES_RAD.size, len(PROPRIO_NAMES))
-"""Where the range finder's numbers stand."""
+"""Slice of the range finder's entries."""
 
 PROPRIO_HIGH: NDArray[np.float32] = np.array([high for _, high in _LAYOUT], dtype=np.float32)
-"""`(n,)` largest magnitude of each number; -PROPRIO_HIGH is the smallest value. Ranges of usual sensors."""
+"""`(n,)` upper bound of each entry; -PROPRIO_HIGH is the lower bound. Ranges of common sensors."""
 PROPRIO_HIGH.setflags(write=False)

@@ -1,4 +1,4 @@
-"""What flows between the rooms: truth, estimates, frames. Frozen, with arrays that nobody can edit."""
+"""Records exchanged between the rooms: truth, estimates, frames. Frozen, with read-only arrays."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDA
     """A read-only float64 copy.
 
     Args:
-        values: Anything numpy can read as numbers.
+        values: Numbers in any form that numpy reads.
         shape: Required shape; None takes any.
 
     Raises:
@@ -37,27 +37,27 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDA
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Exact truth of one person in one frame.
+    """Ground truth of one person in one frame.
 
     Boxes are `(4,)` x, y, w, h [px]; poses are `(4, 4)` and map the second frame of their name into the first
     (`T_world_camera` maps camera to world; camera axes as OpenCV: x right, y down, z forward).
 
-    Under a lens, an exposure or a rolling shutter every box describes each row's own mid-exposure, through the lens;
-    poses are those of the middle row's. `docs/truth.md` says it box by box and effect by effect.
+    With lens distortion, exposure or rolling shutter, boxes describe each row at its own mid-exposure, through the
+    lens; poses are those at mid-exposure of the middle row. `docs/truth.md` has the definition for each effect.
 
     Attributes:
-        name: Who it is: `"target"`, `"distractor-1"`, `"crosser-1"`.
+        name: `"target"`, `"distractor-1"`, `"crosser-1"`.
         box: Amodal box clipped to the image: the overlap is scored on it. Zero area when out of view.
-        amodal_box: Extent of the whole body as if nothing covered it and the image had no edge. NaN when no part
+        amodal_box: Extent of the whole body as if nothing occluded it and the image had no border. NaN when no part
             of the body is in front of the camera.
         visible_box: Extent of the pixels that show the person. NaN when there are none.
-        swept_box: Extent of the whole body over the whole exposure, as if nothing covered it and the image had no
-            edge; the amodal box itself where the exposure is an instant. NaN as the amodal box.
+        swept_box: Extent of the whole body over the whole exposure, as if nothing occluded it and the image had no
+            border; the amodal box itself where the exposure is an instant. NaN as the amodal box.
         visible_fraction: Visible pixels over the amodal pixels inside the image, in [0, 1]; 0 when there are none.
         truncation: Share of the amodal box's area outside the image, in [0, 1].
-        state: `"visible"`: at least one pixel shows; `"occluded"`: inside the image, but fully covered;
+        state: `"visible"`: at least one pixel shows; `"occluded"`: inside the image, but fully occluded;
             `"out_of_view"`: no amodal pixel inside the image.
-        occluders: Names of what covers the person, the one that covers most pixels first.
+        occluders: Names of the occluders, sorted by occluded pixels, largest first.
         distance_m: From the camera to the centre of the pelvis.
         T_world_camera: `(4, 4)` camera pose.
         T_world_target: `(4, 4)` pose of the person: origin on the ground below the pelvis, x forward, z up.
@@ -103,7 +103,7 @@ class Truth:
             object.__setattr__(self, key, frozen_array(getattr(self, key), shape))
 
     def __eq__(self, other: object) -> bool:
-        """Same numbers everywhere, NaN equal to NaN: what two runs of one seed must give."""
+        """Equality of all fields, NaN equal to NaN."""
         if not isinstance(other, Truth):
             return NotImplemented
         pairs = ((getattr(self, one.name), getattr(other, one.name)) for one in fields(self))
@@ -119,21 +119,18 @@ class Truth:
 
     @property
     def scored(self) -> bool:
-        """Whether this frame counts in a mean overlap: something of the person can be seen.
-
-        Frames where the target cannot be seen are left out of the mean (Ko et al. 2012, section 4).
-        """
+        """Whether this frame is scored: at least one pixel of the person is visible (Ko et al. 2012, section 4)."""
         return self.state == "visible"
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What a tracker says of one frame.
+    """Output of a tracker for one frame.
 
     Attributes:
         box: `(4,)` x, y, w, h [px].
-        confidence: In [0, 1]: how sure the tracker is that `box` shows the target; 1 for certain.
-        occluded: Whether the tracker holds that the target is covered.
+        confidence: Confidence in [0, 1] that `box` contains the target.
+        occluded: Whether the tracker considers the target occluded.
         particles: `(N, 4)` boxes [px] for drawing, or None.
     """
 
@@ -158,15 +155,15 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One image with everything that is true of it.
+    """One image with its ground truth.
 
     Attributes:
         index: 0 for the first frame of the episode.
         time_s: Simulated time since the start of the episode.
         image: `(H, W, 3)` uint8 RGB, read-only.
         truth: The target.
-        people: Everyone in view, the target first (it is always there, in view or not).
-        extras: What a renderer or a reader of sequences wants to add; never read by scores.
+        people: Persons in view, the target first; the target is listed also when out of view.
+        extras: Additional data of a renderer or reader; not used by scores.
     """
 
     index: int
@@ -179,15 +176,15 @@ class Frame:
 
 @runtime_checkable
 class Tracker(Protocol):
-    """Pixels in, estimates out. A tracker never sees the truth.
+    """Interface of a tracker: images in, estimates out.
 
-    `init` forgets everything from before: the same tracker on the same images gives the same estimates.
+    `init` resets the tracker: the same images then give the same estimates.
     """
 
     def init(self, image: Image, box: Box) -> None:
-        """Start on `image` `(H, W, 3)` uint8 RGB, with the target at `box` `(4,)` [px]."""
+        """Initialise on `image` `(H, W, 3)` uint8 RGB, with the target at `box` `(4,)` [px]."""
         ...
 
     def update(self, image: Image) -> Estimate:
-        """Say where the target is in the next image."""
+        """Estimate the target's box in the next image."""
         ...

@@ -150,9 +150,9 @@ class Ko2012(BaseTracker):
         moving.predict(RandomWalk(self._sigma(), self.params.size_correlation))
         most = np.array([width_px, height_px, 2.0 * width_px, 2.0 * height_px])
         np.clip(moving.states, _LEAST, most, out=moving.states)
-        particles = boxes.around(moving.states)
+        particles = boxes.from_states(moving.states)
         # The estimate lies among the particles, unless it is held.
-        look = self._model.look(image, np.concatenate([particles, boxes.around(self._state[None])]))
+        look = self._model.look(image, np.concatenate([particles, boxes.from_states(self._state[None])]))
         alike = look.similarities(particles)
         moving.weigh(log_mixture(alike, self._shares, self.params.likelihood, self._sharpness))
         state = moving.mean(self.params.top_count)
@@ -164,7 +164,7 @@ class Ko2012(BaseTracker):
             moving.restart(self._state)
         else:
             moving.resample()
-        box = boxes.around(self._state[None])
+        box = boxes.from_states(self._state[None])
         confidence = float(self._shares @ look.similarities(box)[:, 0])
         return Estimate(box[0], min(confidence, 1.0), held, particles if self.params.particles else None)
 

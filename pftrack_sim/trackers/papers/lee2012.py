@@ -182,14 +182,14 @@ class Lee2012(BaseTracker):
         moving.states[:, :2] = np.clip(moving.states[:, :2], 0.0, (width_px, height_px))
         moving.states[:, 2:4] = np.maximum(moving.states[:, 2:4], MIN_SIZE_SHARE * self._first_size)
         moving.states[:, 2:4] = np.minimum(moving.states[:, 2:4], (2.0 * width_px, 2.0 * height_px))
-        particles = boxes.around(moving.states)
+        particles = boxes.from_states(moving.states)
         look = _Look(image, particles, self._block(), self._method.shape)
         pairs = list(zip(self._models, look.features(particles), strict=True))
         with np.errstate(divide="ignore"):
             moving.weigh(np.log(sum(model.share * model.likelihood(seen) for model, seen in pairs)))
         self._state = moving.mean()
         moving.resample()
-        box = boxes.around(self._state[None])
+        box = boxes.from_states(self._state[None])
         pairs = list(zip(self._models, look.features(box), strict=True))
         confidence = min(sum(model.share * float(model.similarity(seen)[0]) for model, seen in pairs), 1.0)
         if not self._method.checked or self._believed(confidence):
