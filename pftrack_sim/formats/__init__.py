@@ -1,8 +1,6 @@
-"""Recorded sequences on disk, read into our conventions. Other conventions of boxes live here and nowhere else."""
+"""Recorded sequences on disk. Box conventions other than the package's own exist only here."""
 
-from __future__ import annotations
-
-from pftrack_sim.formats.layouts import LAYOUTS, read_sequence
+from pftrack_sim.formats.otb import read_sequence
 from pftrack_sim.formats.sequence import RecordedSequence
 
-__all__ = ["LAYOUTS", "RecordedSequence", "read_sequence"]
+__all__ = ["RecordedSequence", "read_sequence"]

@@ -1,7 +1,7 @@
-"""The layout of the OTB benchmark (Wu, Lim & Yang 2013): `img/0001.jpg`... and `groundtruth_rect.txt`.
+"""Layout of the OTB benchmark (Wu, Lim & Yang 2013): `img/0001.jpg`... and `groundtruth_rect.txt`.
 
-One line per image: x, y, w, h, separated by commas, tabs or spaces. The first pixel has x = 1, so x = 1, w = 10 covers
-the first ten columns; ours is x = 0, w = 10. NaN or a size that is not positive means that there is no truth.
+One line per image: x, y, w, h, separated by commas, tabs or spaces. Boxes are 1-based: x = 1, w = 10 covers the first
+ten columns, which is x = 0, w = 10 here. NaN or a size that is not positive means that the target is absent.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.sequence import RecordedSequence
 
 IMAGES = "img"
@@ -22,23 +22,21 @@ EXPECTS = f"a folder {IMAGES}/ of numbered images and a file {TRUTH}"
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
 
 
-def recognises(folder: Path) -> bool:
-    """Whether the folder has either of the two things that make the layout."""
-    return (folder / IMAGES).is_dir() or (folder / TRUTH).exists()
-
-
-def read(folder: Path) -> RecordedSequence:
-    """Read a folder of this layout.
+def read_sequence(path: str | Path) -> RecordedSequence:
+    """Read a recorded sequence in OTB layout, from its first frame with a true box on.
 
     Args:
-        folder: The folder above `img/`.
-
-    Returns:
-        The sequence from its first frame with truth on.
+        path: The folder above `img/`.
 
     Raises:
-        SequenceError: Images or truth are missing, damaged, or differ in number.
+        SequenceError: The folder is missing or has another layout; images or boxes are missing, damaged, or differ in
+            number.
     """
+    folder = Path(path)
+    if not folder.is_dir():
+        raise SequenceError(f"{folder}: {'is not a folder' if folder.exists() else 'no such folder'}")
+    if not (folder / IMAGES).is_dir() and not (folder / TRUTH).exists():
+        raise SequenceError(f"{folder}: not a sequence in OTB layout, which is {EXPECTS}")
     paths = _image_paths(folder / IMAGES)
     truth = _truth(folder / TRUTH)
     if len(paths) != len(truth):
@@ -51,19 +49,21 @@ def read(folder: Path) -> RecordedSequence:
 
 
 def _image_paths(folder: Path) -> list[Path]:
-    """Images in the order of their numbers, none missing in between."""
+    """Images in the order of their numbers, without gaps."""
     if not folder.is_dir():
         raise SequenceError(f"{folder}: no such folder; {EXPECTS} are expected")
     try:
-        found = [one for one in folder.iterdir() if one.suffix.lower() in SUFFIXES and not one.name.startswith(".")]
+        found = [
+            entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and not entry.name.startswith(".")
+        ]
     except OSError as error:
         raise SequenceError(f"{folder}: cannot be read: {error.strerror}") from None
     if not found:
         raise SequenceError(f"{folder}: no images ({', '.join(SUFFIXES)})")
-    for one in found:
-        if not (one.stem.isascii() and one.stem.isdigit()):
-            raise SequenceError(f"{one}: an image's name must be its number, like 0001.jpg")
-    numbered = sorted((int(one.stem), one) for one in found)
+    for entry in found:
+        if not (entry.stem.isascii() and entry.stem.isdigit()):
+            raise SequenceError(f"{entry}: an image's name must be its number, like 0001.jpg")
+    numbered = sorted((int(entry.stem), entry) for entry in found)
     for (number, path), (following, other) in pairwise(numbered):
         if following == number:
             raise SequenceError(f"{folder}: {path.name} and {other.name} have the same number")
@@ -72,8 +72,8 @@ def _image_paths(folder: Path) -> list[Path]:
     return [path for _, path in numbered]
 
 
-def _truth(path: Path) -> NDArray[np.float64]:
-    """`(N, 4)` boxes in our convention, NaN rows where there is no truth."""
+def _truth(path: Path) -> FloatArray:
+    """`(N, 4)` 0-based boxes [px], NaN rows where the target is absent."""
     if not path.is_file():
         raise SequenceError(f"{path}: no such file; {EXPECTS} are expected")
     try:
@@ -91,7 +91,7 @@ def _truth(path: Path) -> NDArray[np.float64]:
 def _box(path: Path, number: int, line: str) -> list[float]:
     fields = re.split(r"\s*,\s*|\s+", line.strip())
     try:
-        x, y, w, h = (float(one) for one in fields)
+        x, y, w, h = (float(field) for field in fields)
     except ValueError:
         shown = line.strip()[:60]
         raise SequenceError(f"{path}, line {number}: expected four numbers x, y, w, h, got {shown!r}") from None

@@ -1,4 +1,4 @@
-"""A recorded sequence: images read when asked for, boxes known from the start."""
+"""Recorded sequences: true boxes in memory, images read on demand."""
 
 from __future__ import annotations
 
@@ -7,25 +7,26 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.records import Image, frozen_array
+from pftrack_sim.core.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedSequence:
-    """Images in a folder with a box for each.
+    """Images of a folder with one true box each.
 
     Attributes:
         name: Name of the folder.
         paths: `N` image files in order.
-        truth: `(N, 4)` boxes x, y, w, h [px], read-only; NaN rows where there is no truth. The first row has one.
+        truth: `(N, 4)` boxes x, y, w, h [px], read-only; NaN rows where the target is absent; the first
+            row is finite.
     """
 
     name: str
     paths: tuple[Path, ...]
-    truth: NDArray[np.float64]
+    truth: FloatArray
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "truth", frozen_array(self.truth, (len(self.paths), 4)))

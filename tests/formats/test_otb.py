@@ -130,7 +130,7 @@ def rename(old: str, new: str) -> Callable[[Path], None]:
 BROKEN: dict[str, tuple[Callable[[Path], object], str]] = {
     "no folder": (gone, "walk: no such folder"),
     "a file": (a_file, "walk: is not a folder"),
-    "an empty folder": (empty, "walk: no layout of a sequence that is known here (otb: a folder img/ of numbered"),
+    "an empty folder": (empty, "walk: not a sequence in OTB layout, which is a folder img/ of numbered"),
     "no images": (no_images, "img: no images"),
     "no image folder": (no_image_folder, "img: no such folder"),
     "no truth": (rename("groundtruth_rect.txt", "gt.txt"), "groundtruth_rect.txt: no such file"),
