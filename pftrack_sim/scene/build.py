@@ -1,7 +1,8 @@
-"""From a resolved scenario to a compiled model: place, robot, people and occluders put into one MjSpec."""
+"""Build the MjSpec of a resolved scenario: first the stage (place and robot), then people, occluders and carts."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -11,8 +12,8 @@ from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.model import Occluder
 from pftrack_sim.scene import places
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.occluders.bodies import add_occluders
-from pftrack_sim.scene.occluders.carts import add_carts, asked_of, cart_names
+from pftrack_sim.scene.occluders.carts import CartSize, add_carts, axis_occluders, cart_names
+from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.people.body import Person, add_person
 from pftrack_sim.scene.people.sampling import sample_cast
 from pftrack_sim.scene.robot import add_robot
@@ -25,25 +26,20 @@ SHADOW_PIXELS = 2048
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """A compiled scene and what is known about it.
+class Stage:
+    """The place with the robot in it, not compiled.
 
     Attributes:
-        model: The compiled model.
-        stage: The place and the robot alone, not compiled: all that a rehearsal touches, and less work in every
-            physics step.
-        layout: Where people can walk.
-        cast: Everyone, the target first.
+        spec: All that the dry run needs; `add_agents` completes it.
+        layout: Walkable area of the place.
     """
 
-    model: mujoco.MjModel
-    stage: mujoco.MjSpec
+    spec: mujoco.MjSpec
     layout: WalkableArea
-    cast: tuple[Person, ...]
 
 
-def build(settings: ResolvedScenario, seed: int, step_s: float) -> Scene:
-    """Build and compile the scene of one episode.
+def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> Stage:
+    """Build the place and the robot of one episode.
 
     Args:
         settings: The scenario, every range drawn.
@@ -56,27 +52,48 @@ def build(settings: ResolvedScenario, seed: int, step_s: float) -> Scene:
     _set_graphics(spec, settings)
     layout = places.furnish(spec, settings.place, settings.lights, random_streams.stream(seed, "place"))
     add_robot(spec, settings.robot, settings.camera)
-    stage = spec.copy()
-    cast = sample_cast(
+    return Stage(spec, layout)
+
+
+def add_agents(
+    spec: mujoco.MjSpec,
+    settings: ResolvedScenario,
+    seed: int,
+    static_occluders: Mapping[str, Placement],
+    carts: Mapping[str, CartSize],
+) -> tuple[Person, ...]:
+    """Complete a stage with its people, occluders and carts.
+
+    Args:
+        spec: The stage's.
+        settings: The scenario, every range drawn.
+        seed: Root seed of the episode.
+        static_occluders: Pose and size of each, by body name.
+        carts: Size of each, by body name.
+
+    Returns:
+        The people, the target first.
+    """
+    people = sample_cast(
         seed,
         settings.target.height_m,
         settings.distractors.count,
         settings.distractors.similarity,
-        [one.similarity for one in walkers(settings)],
+        [walker.similarity for walker in walkers(settings)],
         [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
     )
-    for person in cast:
+    for person in people:
         add_person(spec, person)
-    add_occluders(spec, settings.occluders)
-    add_carts(spec, settings.axes.occlusion)
-    return Scene(spec.compile(), stage, layout, cast)
+    add_static_occluders(spec, static_occluders)
+    add_carts(spec, carts)
+    return people
 
 
 def walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:
-    """Who crosses: the scenario's own walkers, then the people of the stress axis."""
+    """The walkers that cross: those of the scenario, then those of the occlusion axis."""
     axis = settings.axes.occlusion
-    own = tuple(one for one in settings.occluders if one.kind == "walker")
-    return own if cart_names(axis) else (*own, *asked_of(axis))
+    listed = tuple(occluder for occluder in settings.occluders if occluder.kind == "walker")
+    return listed if cart_names(axis) else (*listed, *axis_occluders(axis))
 
 
 def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:

@@ -1,15 +1,19 @@
-"""A run of the episode without pictures, to find out where camera and target will be."""
+"""The dry run: an episode of robot and target alone, to know where camera and target will be."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pftrack_sim.agents.clock import Clock
+from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.robot.robot import Robot
 from pftrack_sim.core.errors import ParameterError
-
-Array = NDArray[np.float64]
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.simulation.stepping import scene_state, step_physics
 
 
 @dataclass(frozen=True)
@@ -18,16 +22,16 @@ class DryRun:
 
     Attributes:
         times_s: `(T,)` rising.
-        camera_m: `(T, 3)` unshaken optical centre, world frame.
-        target_m: `(T, 2)` target's centre line on the ground.
-        robot_m: `(T, 2)` robot's centre on the ground.
+        camera_m: `(T, 3)` optical centre without vibration, world frame.
+        target_m: `(T, 2)` centre line of the target on the ground.
+        robot_m: `(T, 2)` centre of the robot on the ground.
         target_height_m: Body height of the target.
     """
 
-    times_s: Array
-    camera_m: Array
-    target_m: Array
-    robot_m: Array
+    times_s: FloatArray
+    camera_m: FloatArray
+    target_m: FloatArray
+    robot_m: FloatArray
     target_height_m: float
 
     @classmethod
@@ -39,10 +43,10 @@ class DryRun:
         robot_m: ArrayLike | None,
         target_height_m: float,
     ) -> DryRun:
-        """A rehearsal from anything array-like; without `robot_m` the robot is below its camera.
+        """A checked, read-only dry run; without `robot_m` the robot is below its camera.
 
         Raises:
-            ParameterError: The arrays do not fit together.
+            ParameterError: The shapes do not match, or the times do not rise.
         """
         times, camera = np.array(times_s, dtype=np.float64), np.array(camera_m, dtype=np.float64)
         target = np.array(target_m, dtype=np.float64)
@@ -51,7 +55,7 @@ class DryRun:
         shapes = (camera.shape, target.shape, robot.shape)
         if count < 2 or shapes != ((count, 3), (count, 2), (count, 2)) or (np.diff(times) <= 0.0).any():
             raise ParameterError(
-                f"a rehearsal needs rising times (T,), T >= 2, camera (T, 3), target (T, 2) and robot (T, 2); "
+                f"a dry run needs rising times (T,), T >= 2, camera (T, 3), target (T, 2) and robot (T, 2); "
                 f"got {times.shape} and {', '.join(map(str, shapes))}"
             )
         for array in (times, camera, target, robot):
@@ -59,19 +63,51 @@ class DryRun:
         return cls(times, camera, target, robot, float(target_height_m))
 
     def until(self, time_s: float) -> DryRun:
-        """The part up to the first instant after a time."""
+        """The part up to the first sample after a time."""
         count = max(2, int(np.searchsorted(self.times_s, time_s, side="right")) + 1)
-        return DryRun.of(
-            self.times_s[:count],
-            self.camera_m[:count],
-            self.target_m[:count],
-            self.robot_m[:count],
-            self.target_height_m,
-        )
+        arrays = (self.times_s, self.camera_m, self.target_m, self.robot_m)
+        return DryRun(*(array[:count] for array in arrays), self.target_height_m)
 
-    def at(self, times_s: ArrayLike) -> tuple[Array, Array]:
-        """Camera `(N, 3)` and target `(N, 2)` at given times, in between by straight lines."""
-        wanted = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
-        camera = np.stack([np.interp(wanted, self.times_s, column) for column in self.camera_m.T], axis=1)
-        target = np.stack([np.interp(wanted, self.times_s, column) for column in self.target_m.T], axis=1)
-        return camera, target
+    def at(self, times_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Camera `(N, 3)` and target `(N, 2)` at given times, linearly interpolated."""
+        return self._interpolated(times_s, self.camera_m), self._interpolated(times_s, self.target_m)
+
+    def robot_at(self, times_s: ArrayLike) -> FloatArray:
+        """Robot `(N, 2)` at given times, linearly interpolated."""
+        return self._interpolated(times_s, self.robot_m)
+
+    def _interpolated(self, times_s: ArrayLike, track: FloatArray) -> FloatArray:
+        times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+        return np.stack([np.interp(times, self.times_s, column) for column in track.T], axis=1)
+
+
+def dry_run(
+    model: mujoco.MjModel, clock: Clock, robot: Robot, crowd: Crowd, until_s: float, target_height_m: float
+) -> DryRun:
+    """Let the robot follow its script up to a time, and record camera, target and robot at every control tick.
+
+    Args:
+        model: The compiled stage.
+        clock: Length of ticks and physics steps.
+        robot: The robot of that stage.
+        crowd: The target alone.
+        until_s: The record ends with the first tick after it.
+        target_height_m: Body height of the target.
+    """
+    data = mujoco.MjData(model)
+    crowd.reset()
+    robot.reset(data)
+    states = [scene_state(data, 0.0, robot, crowd)]
+    while states[-1].time_s <= until_s:
+        robot.update(clock.tick_s, states[-1])
+        step_physics(model, data, robot, clock.steps)
+        state = scene_state(data, clock.time_s(len(states)), robot, crowd)
+        crowd.tick(clock.tick_s, state.time_s, state.robot_pose[:2], state.T_world_camera[:2, 3])
+        states.append(replace(state, target_m=crowd.positions_m[0], target_s_m=crowd.target_s_m))
+    return DryRun.of(
+        [state.time_s for state in states],
+        [state.T_world_camera[:3, 3] for state in states],
+        [state.target_m for state in states],
+        [state.robot_pose[:2] for state in states],
+        target_height_m,
+    )

@@ -1,154 +1,140 @@
-"""The world of one episode: it is built once, and moves from frame to frame."""
+"""The world of one episode: build, dry run, plan, compile, reset; then advance from frame to frame."""
 
 from __future__ import annotations
 
-from functools import partial
-
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.gait.mocap_writer import MocapWriter
+from pftrack_sim.agents.entity import SceneState
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
-from pftrack_sim.agents.robot.script import Script
+from pftrack_sim.agents.robot.robot import Robot
+from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scenario.model import Distractors
-from pftrack_sim.scene.build import build
-from pftrack_sim.scene.layout import WalkableArea
+from pftrack_sim.scene.build import add_agents, build_stage
 from pftrack_sim.scene.lighting import Lighting
-from pftrack_sim.scene.occluders.bodies import place
-from pftrack_sim.scene.occluders.carts import cart_names, move_cart, size_cart
-from pftrack_sim.simulation.dry_run import DryRun
-from pftrack_sim.simulation.motion import Motion
-from pftrack_sim.simulation.planning import Plans, plan
+from pftrack_sim.simulation.dry_run import DryRun, dry_run
+from pftrack_sim.simulation.planning import Plan, make_plan
+from pftrack_sim.simulation.stepping import scene_state, step_physics
 
 
 class World:
-    """Place, robot and people of one episode, at time 0.
+    """Place, robot, people and carts of one episode, at time 0.
 
     Args:
         settings: The scenario, every range drawn.
         seed: Root seed of the episode.
 
     Raises:
-        ScenarioError: An occlusion or a passing that was asked for cannot happen.
+        ScenarioError: A requested occlusion or oncoming pedestrian is impossible.
     """
 
     def __init__(self, settings: ResolvedScenario, seed: int) -> None:
         self.settings = settings
         self.clock = Clock.for_rate(settings.camera.rate_hz)
-        scene = build(settings, seed, self.clock.step_s)
-        self.model = scene.model
-        self.data = mujoco.MjData(scene.model)
-        self.people = tuple(person.name for person in scene.cast)
-        path = Path(settings.target.path_m)
-        self._robot_start_m = Script(settings.robot, path, settings.target.speed_m_s).start_pose()[:2]
-        plans = plan(settings, seed, scene.layout, path, partial(self._rehearse, scene.stage, scene.layout, path, seed))
-        crowd = self._crowd(path, plans, settings.distractors, seed)
-        self._motion = Motion(self.model, self.data, settings, self.clock, path, crowd, seed)
-        self._gait = Gait(
-            [person.anatomy for person in scene.cast],
-            [random_streams.stream(seed, "gait", name) for name in self.people],
-        )
-        self._puppets = MocapWriter(self.model, self.people)
+        self._seed = seed
+        self._path = Path(settings.target.path_m)
+        stage = build_stage(settings, seed, self.clock.step_s)
+
+        def run(until_s: float) -> DryRun:
+            model = stage.spec.copy().compile()
+            alone = self._crowd(Plan(stage.layout), distractors=0)
+            return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m)
+
+        plan = make_plan(settings, seed, stage.layout, self._path, run)
+        people = add_agents(stage.spec, settings, seed, plan.static_occluders, plan.cart_sizes)
+        self.model = stage.spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.people = tuple(person.name for person in people)
+        self.robot = self._robot(self.model)
+        crowd = self._crowd(plan, settings.distractors.count)
+        self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed)
         rng = random_streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
-        self._cart_names = cart_names(settings.axes.occlusion)
-        self._start(plans)
+        self._ticks = 0
+        self._collision: str | None = None
+        self.robot.reset(self.data)
+        self.traffic.reset(self.data)
+        self._update_poses()
 
-    def advance(self, command: NDArray[np.float64] | None = None, late_s: float = 0.0) -> None:
+    def advance(self, command: FloatArray | None = None, delay_s: float = 0.0) -> None:
         """Move on to the next frame.
 
         Args:
             command: `(4,)` forward speed, turn rate, pan rate, tilt rate in [-1, 1] of the robot's limits; None lets
                 the robot follow its script.
-            late_s: How long after this frame the command is given; until then the one before stays in force.
+            delay_s: How long after this frame the command is given; until then the previous one stays in force.
         """
-        crowd = self._motion.crowd
+        self._collision = None
         tick_s = self.clock.tick_s
         for tick in range(self.clock.ticks):
-            self._motion.tick(command, min(max(late_s - tick * tick_s, 0.0), tick_s))
-            self._gait.advance(self.clock.tick_s, crowd.positions_m, crowd.headings_rad, crowd.crouching, crowd.running)
-        self._puppets.write(self.data, *self._gait.poses())
-        self._move_carts()
-        self._settle()
+            delay_in_tick_s = min(max(delay_s - tick * tick_s, 0.0), tick_s)
+            self.robot.update(tick_s, self._state(), command, delay_in_tick_s)
+            step_physics(self.model, self.data, self.robot, self.clock.steps)
+            self._collision = self._collision or self.robot.drive.collision(self.data)
+            self._ticks += 1
+            self.traffic.update(tick_s, self._state())
+            self.traffic.write(self.data)
+        self._update_poses()
 
     @property
     def time_s(self) -> float:
         """Simulated time since the start of the episode."""
-        return self._motion.time_s
+        return self.clock.time_s(self._ticks)
 
-    def camera_pose(self) -> NDArray[np.float64]:
+    def camera_pose(self) -> FloatArray:
         """`(4, 4)` T_world_camera of the camera on its mast, before any vibration of the mount."""
-        return self._motion.drive.camera_pose(self.data)
+        return self.robot.drive.camera_pose(self.data)
 
-    def root_poses(self) -> NDArray[np.float64]:
+    def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
-        return self._gait.root_poses()
+        return self.traffic.root_poses()
 
-    def proprio(self) -> NDArray[np.float32]:
-        """`(n,)` what the robot feels of itself, see `pftrack_sim.core.proprioception`."""
-        return self._motion.drive.proprio(self.data)
+    def proprio(self) -> np.ndarray:
+        """`(n,)` float32 proprioception of the robot, see `pftrack_sim.core.proprioception`."""
+        return self.robot.drive.proprio(self.data)
 
     def collision(self) -> str | None:
-        """Name of a person or thing that the robot touches, or None."""
-        return self._motion.drive.collision(self.data)
+        """Name of the first person or thing that the robot touched since the previous frame, or None."""
+        return self._collision
 
     def robot_pose(self) -> tuple[float, float, float]:
         """x, y [m] and heading [rad] of the robot."""
-        return self._motion.drive.pose(self.data)
+        return self.robot.drive.pose(self.data)
 
     def light(self, exposure_ev: float = 0.0) -> None:
-        """Set the lights to what they are now.
+        """Set the lights to the present time.
 
         Args:
-            exposure_ev: Stops by which the camera exposes longer than it does at first.
+            exposure_ev: Stops by which the camera exposes longer than in the first frame.
         """
-        self._lighting.apply(self.time_s, self._motion.crowd.target_s_m, exposure_ev)
+        self._lighting.apply(self.time_s, self.traffic.crowd.target_s_m, exposure_ev)
 
-    def _start(self, plans: Plans) -> None:
-        for index, placement in plans.placements.items():
-            place(self.model, self.data, index, placement)
-        for name, crossing, height in zip(self._cart_names, plans.carts, plans.cart_heights_m, strict=True):
-            size_cart(self.model, name, crossing.half_width_m, height)
-        self._motion.reset()
-        crowd = self._motion.crowd
-        self._gait.reset(crowd.positions_m, crowd.headings_rad, crowd.speeds_m_s)
-        self._puppets.write(self.data, *self._gait.poses())
-        self._move_carts()
-        self._settle()
+    def _state(self) -> SceneState:
+        return scene_state(self.data, self.time_s, self.robot, self.traffic.crowd)
 
-    def _settle(self) -> None:
-        """Bring poses up to date with the state: what is drawn and what is true come from the same instant."""
+    def _update_poses(self) -> None:
+        """Compute the poses of bodies, geoms and cameras, so that frame and truth belong to the same instant."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    def _crowd(self, path: Path, plans: Plans, distractors: Distractors, seed: int) -> Crowd:
+    def _robot(self, model: mujoco.MjModel) -> Robot:
+        return Robot(model, self.settings, self.clock, self._path, self._seed)
+
+    def _crowd(self, plan: Plan, distractors: int) -> Crowd:
+        settings = self.settings
         return Crowd(
-            plans.layout,
-            self.settings.target,
-            path,
-            distractors,
-            plans.crossings,
-            seed,
-            robot_start_m=self._robot_start_m,
-            oncoming=plans.passings,
-            carts=plans.carts,
-            target_axis=self.settings.axes.target,
+            plan.layout,
+            settings.target,
+            self._path,
+            settings.distractors.model_copy(update={"count": distractors}),
+            plan.crossings,
+            self._seed,
+            robot_start_m=Robot.start_m(settings, self._path),
+            oncoming=plan.oncoming,
+            carts=plan.carts,
+            target_axis=settings.axes.target,
         )
-
-    def _rehearse(self, spec: mujoco.MjSpec, layout: WalkableArea, path: Path, seed: int, until_s: float) -> DryRun:
-        """The target and the robot alone."""
-        nobody = self.settings.distractors.model_copy(update={"count": 0})
-        alone = self._crowd(path, Plans(layout, {}), nobody, seed)
-        stage = spec.compile()
-        motion = Motion(stage, mujoco.MjData(stage), self.settings, self.clock, path, alone, seed)
-        return motion.rehearse(until_s, self.settings.target.height_m)
-
-    def _move_carts(self) -> None:
-        for name, cart in zip(self._cart_names, self._motion.crowd.carts, strict=True):
-            move_cart(self.model, self.data, name, cart.position_m, cart.yaw_rad)

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -15,8 +16,7 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
-from pftrack_sim.scene.occluders.bodies import add_occluders, occluder_names, place
-from pftrack_sim.scene.occluders.placement import Placement
+from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.crossing import plan_walker
 from pftrack_sim.simulation.occlusion.line_of_sight import covered_by_box, covered_by_person, spans
@@ -207,56 +207,45 @@ def test_a_crossing_that_cannot_be_is_an_error(wrong: dict[str, float]) -> None:
         Crossing(**{"at_s": 1.0, "duration_s": 1.0, "depth": 0.6, **wrong}, side=1, waiting_m=(0.0, 3.0), lead_s=1.0)
 
 
-def test_bodies_stand_where_they_were_planned_and_stop_sight_and_robot() -> None:
-    kinds = ("pillar", "walker", "wall", "boxes")
-    occluders = [model.Occluder.model_validate({"kind": kind, "at_s": 1.0}) for kind in kinds]
+@pytest.mark.parametrize("kind", ["pillar", "wall", "boxes"])
+@pytest.mark.parametrize(("half", "height", "yaw"), [((0.2, 0.15), 2.6, 0.3), ((1.4, 0.1), 0.9, -0.2)])
+def test_static_occluders_fill_their_planned_box_and_block_sight_and_robot(
+    kind: Literal["pillar", "wall", "boxes"], half: tuple[float, float], height: float, yaw: float
+) -> None:
+    name, placement = f"occluder-{kind}-1", Placement(kind, (0.3, 0.4), half, yaw, height, 0.5, ())
     spec = mujoco.MjSpec()
     ball = spec.worldbody.add_body(name="robot", pos=[0.0, -3.0, 0.5])
     ball.add_freejoint()
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.2, 0.0, 0.0], contype=2, conaffinity=1)
     spec.option.gravity = [0.0, 0.0, 0.0]
-    names = add_occluders(spec, occluders)
-    assert (
-        names
-        == tuple(name for name in occluder_names(occluders) if name)
-        == tuple(f"occluder-{kind}-{index}" for kind, index in (("pillar", 1), ("wall", 3), ("boxes", 4)))
-    )
+    add_static_occluders(spec, {name: placement})
     compiled = spec.compile()
-    for index, name in ((0, names[0]), (2, names[1]), (3, names[2])):
-        data = mujoco.MjData(compiled)
-        mujoco.mj_forward(compiled, data)
-        # Out of the way until it is placed.
-        assert data.body(name).xpos[2] < -1.0
-        for half, height, yaw in (((0.2, 0.15), 2.6, 0.3), ((1.4, 0.1), 0.9, -0.2)):
-            kind = occluders[index].kind
-            assert kind != "walker"
-            placement = Placement(kind, (0.3, 0.4), half, yaw, height, 0.5, ())
-            mujoco.mj_resetData(compiled, data)
-            place(compiled, data, index, placement)
-            mujoco.mj_forward(compiled, data)
-            thing = ObstacleMap(WalkableArea((-99.0, -99.0, 99.0, 99.0), (placement.footprint(name),), ()))
-            # What is drawn fills the planned box, no more than a brim beyond.
-            for geom in range(compiled.ngeom):
-                if owner_name(compiled.geom(geom).name) != name or data.geom_xpos[geom, 2] < 0.0:
-                    continue
-                signs = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1)
-                corners = (
-                    data.geom_xpos[geom]
-                    + (data.geom_xmat[geom].reshape(3, 3) @ (signs * compiled.geom_size[geom][:, None])).T
-                )
-                assert thing.clearance_m(corners[:, :2]).max() <= 0.045
-                assert corners[:, 2].min() >= -1e-6
-                assert corners[:, 2].max() <= height + 1e-6
-            for aside in np.linspace(-2.0, 2.0, 41):
-                start, way = np.array([0.3 + aside, -3.0, 0.5 * height]), np.array([0.0, 1.0, 0.0])
-                hit, geom = -1.0, np.zeros(1, np.int32)
-                hit = mujoco.mj_ray(compiled, data, start, way, None, 1, ball.id, geom, None)
-                blocked = thing.blocked(start[:2], (start + 7.0 * way)[None, :2], 0.0)[0]
-                near = thing.blocked(start[:2], (start + 7.0 * way)[None, :2], 0.03)[0]
-                # Seen from above and seen by a ray: the same, but for the brim.
-                assert blocked <= (hit > 0.0) <= near
-            data.qpos[:3] = (0.3, -2.0, 0.5)
-            data.qvel[:3] = (0.0, 3.0, 0.0)
-            for _ in range(600):
-                mujoco.mj_step(compiled, data)
-                assert data.qpos[1] < 0.4
+    data = mujoco.MjData(compiled)
+    mujoco.mj_forward(compiled, data)
+    thing = ObstacleMap(WalkableArea((-99.0, -99.0, 99.0, 99.0), (placement.footprint(name),), ()))
+    # The geoms fill the planned box, and no more than a brim beyond.
+    signs = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1)
+    for geom in range(compiled.ngeom):
+        if owner_name(compiled.geom(geom).name) != name:
+            continue
+        rotation = data.geom_xmat[geom].reshape(3, 3)
+        corners = data.geom_xpos[geom] + (rotation @ (signs * compiled.geom_size[geom][:, None])).T
+        assert thing.clearance_m(corners[:, :2]).max() <= 0.045
+        assert corners[:, 2].min() >= -1e-6
+        assert corners[:, 2].max() <= height + 1e-6
+    way, exclude = np.array([[0.0, 1.0, 0.0]]), int(data.body("robot").id)
+    for aside in np.linspace(-2.0, 2.0, 41):
+        start = np.array([0.3 + aside, -3.0, 0.5 * height])
+        many, geom = np.zeros(1), np.zeros(1, np.int32)
+        hit = mujoco.mj_ray(compiled, data, start, way[0], None, 1, exclude, geom, None)
+        mujoco.mj_multiRay(compiled, data, start, way[0], None, True, exclude, geom, many, None, 1, 10.0)
+        blocked = thing.blocked(start[:2], (start + 7.0 * way[0])[None, :2], 0.0)[0]
+        near = thing.blocked(start[:2], (start + 7.0 * way[0])[None, :2], 0.03)[0]
+        assert blocked <= (hit > 0.0) <= near
+        # The range finder prunes by bounding volumes: they must enclose the occluder.
+        assert many[0] == pytest.approx(hit, abs=1e-9)
+    data.qpos[:3] = (0.3, -2.0, 0.5)
+    data.qvel[:3] = (0.0, 3.0, 0.0)
+    for _ in range(600):
+        mujoco.mj_step(compiled, data)
+        assert data.qpos[1] < 0.4

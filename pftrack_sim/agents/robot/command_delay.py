@@ -12,7 +12,7 @@ Speeds = tuple[float, float, float, float]
 _AT_REST: Speeds = (0.0, 0.0, 0.0, 0.0)
 
 
-class Delay:
+class CommandDelay:
     """Holds commands back on the simulated clock, to the physics step.
 
     Args:
@@ -31,7 +31,7 @@ class Delay:
         self._line: deque[tuple[int, Speeds]] = deque()
         self._append(self._held, _AT_REST)
 
-    def pass_on(self, speeds: Speeds, late_s: float = 0.0) -> list[tuple[int, Speeds]]:
+    def segments(self, speeds: Speeds, late_s: float = 0.0) -> list[tuple[int, Speeds]]:
         """Take the command of a tick.
 
         Args:

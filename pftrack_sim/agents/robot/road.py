@@ -58,7 +58,7 @@ def profile(road_class: str, rng: np.random.Generator) -> NDArray[np.float64]:
     return np.fft.irfft(0.5 * count * amplitude * np.exp(1j * phase), count)
 
 
-class Road:
+class RoadExcitation:
     """Pushes the suspension of a compiled robot as a rough road would.
 
     Args:
@@ -82,7 +82,7 @@ class Road:
         self._track = np.array([0, 1, 2, 2])
         self._ahead_m = np.array([0.0, 0.0, CASTER_ARM_M, -CASTER_ARM_M])
 
-    def push(self, data: mujoco.MjData) -> None:
+    def write(self, data: mujoco.MjData) -> None:
         """Set the forces for the coming physics step."""
         height, rate = self.bumps(data)
         data.qfrc_applied[self._mounts] = -(self._spring * height + self._damper * rate)

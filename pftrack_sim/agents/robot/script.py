@@ -98,21 +98,17 @@ class Script:
         pan = math.remainder(math.atan2(target_y - y, target_x - x) - heading, 2.0 * math.pi)
         return Start(x, y, heading, pan)
 
-    def command(
-        self, time_s: float, pose: tuple[float, float, float], target_s_m: float, target_m: ArrayLike
-    ) -> tuple[float, float]:
+    def command(self, time_s: float, pose: tuple[float, float, float], target_s_m: float) -> tuple[float, float]:
         """Where to drive in the coming tick.
 
         Args:
             time_s: Since the start of the episode; never goes back without `reset`.
             pose: x, y [m] and heading [rad] of the robot.
             target_s_m: How far along its path the target is.
-            target_m: `(2,)` x, y of the target; unused by routes that follow its path.
 
         Returns:
             Forward speed [m/s] and turn rate [rad/s].
         """
-        del target_m
         speed = self._target_speed(time_s, target_s_m)
         lane = self._lane
         if lane is None:

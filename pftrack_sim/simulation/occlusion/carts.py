@@ -39,7 +39,7 @@ def half_width_m(duration_s: float) -> float:
     return float(np.clip(0.5 * EDGE_M_S * duration_s, *HALF_WIDTH_M))
 
 
-def plan_mover(
+def plan_axis_crossing(
     axis: OcclusionAxis, asked: Occluder, rehearsal: DryRun, layout: WalkableArea, name: str, depths: tuple[float, ...]
 ) -> Crossing:
     """How a cart or a person crosses for an axis.
@@ -68,7 +68,7 @@ def plan_mover(
     return plan_walker(asked, rehearsal, layout, name, cart if cart_names(axis) else person)
 
 
-def height_m(axis: OcclusionAxis, crossing: Crossing, rehearsal: DryRun) -> float:
+def cart_height_m(axis: OcclusionAxis, crossing: Crossing, rehearsal: DryRun) -> float:
     """How tall a cart must be to cover the share asked for, half way through its time."""
     if axis.kind == "pillar":
         return TALL_M

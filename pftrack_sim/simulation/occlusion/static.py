@@ -15,7 +15,7 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.occluders.placement import Placement
+from pftrack_sim.scene.occluders.static import Placement
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.line_of_sight import covered_by_box, spans
 

@@ -2,17 +2,17 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.robot.command_delay import Delay
+from pftrack_sim.agents.robot.command_delay import CommandDelay
 
 CLOCK = Clock.for_rate(30.0)
 
 
 def schedule(latency_ms: float, ticks: int = 12) -> np.ndarray:
     """Number of the command in force at each physics step; -1 before the first."""
-    delay = Delay(CLOCK, latency_ms)
+    delay = CommandDelay(CLOCK, latency_ms)
     numbers: list[int] = []
     for tick in range(ticks):
-        for steps, speeds in delay.pass_on((tick + 1.0, 0.0, 0.0, 0.0)):
+        for steps, speeds in delay.segments((tick + 1.0, 0.0, 0.0, 0.0)):
             numbers += [int(speeds[0]) - 1] * steps
     return np.array(numbers)
 
@@ -26,16 +26,16 @@ def test_every_command_acts_exactly_that_much_later(latency_ms: float):
 
 
 def test_without_latency_a_tick_is_not_even_split():
-    assert Delay(CLOCK, 0.0).pass_on((1.0, 2.0, 3.0, 4.0)) == [(CLOCK.steps, (1.0, 2.0, 3.0, 4.0))]
+    assert CommandDelay(CLOCK, 0.0).segments((1.0, 2.0, 3.0, 4.0)) == [(CLOCK.steps, (1.0, 2.0, 3.0, 4.0))]
 
 
 @pytest.mark.parametrize("latency_ms", [0.0, 20.0, 55.0])
 @pytest.mark.parametrize("late_s", [0.0, 0.007, 0.03])
 def test_a_late_command_acts_later_by_as_much(latency_ms: float, late_s: float):
-    delay = Delay(CLOCK, latency_ms)
+    delay = CommandDelay(CLOCK, latency_ms)
     numbers: list[float] = []
     for tick in range(12):
-        for steps, speeds in delay.pass_on((tick + 1.0, 0.0, 0.0, 0.0), late_s):
+        for steps, speeds in delay.segments((tick + 1.0, 0.0, 0.0, 0.0), late_s):
             numbers += [speeds[0] - 1.0] * steps
     held = round(latency_ms * 1e-3 / CLOCK.step_s) + round(late_s / CLOCK.step_s)
     at_once = np.arange(12 * CLOCK.steps) // CLOCK.steps

@@ -8,7 +8,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from pftrack_sim.agents.robot.road import LONGEST_M, LOOP_M, REFERENCE_CYCLES_M, ROUGHNESS_M3, SHORTEST_M, Road, profile
+from pftrack_sim.agents.robot.road import (
+    LONGEST_M,
+    LOOP_M,
+    REFERENCE_CYCLES_M,
+    ROUGHNESS_M3,
+    SHORTEST_M,
+    RoadExcitation,
+    profile,
+)
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scene import robot as body
 
@@ -34,14 +42,14 @@ def predicted_acceleration(road_class: str, speed_m_s: float, sprung_kg: float) 
 def vertical_acceleration(lab: Callable[..., Any], road_class: str, speed_m_s: float, severity: float = 1.0) -> float:
     """RMS measured on the simulated robot's body [m/s^2], driving straight on."""
     robot = lab()
-    road = Road(robot.model, JitterAxis(severity=severity, road_class=road_class), seed=5)
+    road = RoadExcitation(robot.model, JitterAxis(severity=severity, road_class=road_class), seed=5)
     step_s = robot.model.opt.timestep
     run_s = RUN_M / speed_m_s if speed_m_s else 10.0
     velocities = []
     for tick in range(round((LEAD_IN_S + run_s) * 60)):
         robot.drive.command(robot.data, speed_m_s, 0.0, 0.0, 0.0, 1 / 60)
         for _ in range(robot.steps):
-            road.push(robot.data)
+            road.write(robot.data)
             mujoco.mj_step(robot.model, robot.data)
             if tick >= LEAD_IN_S * 60:
                 velocities.append(robot.data.qvel[2])
@@ -80,7 +88,7 @@ def test_standing_still_nothing_shakes(lab: Callable[..., Any]):
 
 def test_severity_scales_the_bumps(lab: Callable[..., Any]):
     robot = lab()
-    once, twice = (Road(robot.model, JitterAxis(severity=severity), seed=5) for severity in (1.0, 2.0))
+    once, twice = (RoadExcitation(robot.model, JitterAxis(severity=severity), seed=5) for severity in (1.0, 2.0))
     robot.data.qpos[robot.model.joint("robot/axle-left").qposadr] = 3.3
     robot.data.qvel[robot.model.joint("robot/axle-left").dofadr] = 2.0
     for one, two in zip(once.bumps(robot.data), twice.bumps(robot.data), strict=True):

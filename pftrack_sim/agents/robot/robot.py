@@ -1,0 +1,85 @@
+"""The robot as an entity: script, command delay, drive, odometry and road excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+from numpy.typing import ArrayLike
+
+from pftrack_sim.agents.clock import Clock
+from pftrack_sim.agents.entity import SceneState
+from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.robot.command_delay import CommandDelay
+from pftrack_sim.agents.robot.drive import Drive
+from pftrack_sim.agents.robot.odometry import Calibration
+from pftrack_sim.agents.robot.road import RoadExcitation
+from pftrack_sim.agents.robot.script import Script
+from pftrack_sim.core.random_streams import stream
+from pftrack_sim.scenario import ResolvedScenario
+
+
+class Robot:
+    """Follows its script or external commands. Its pose is part of the physics state: `write` acts every physics step.
+
+    Args:
+        model: Compiled model with the robot.
+        settings: The scenario, every range drawn.
+        clock: Length of ticks and physics steps.
+        target_path: Path of the target, which the script refers to.
+        seed: Root seed of the episode, for the road and the odometry.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, settings: ResolvedScenario, clock: Clock, target_path: Path, seed: int
+    ) -> None:
+        self._clock = clock
+        calibration = Calibration.drawn(settings.robot.odometry_error_percent, stream(seed, "odometry"))
+        self.drive = Drive(model, settings.robot, settings.camera, calibration)
+        self._delay = CommandDelay(clock, settings.robot.latency_ms)
+        self._script = Script(
+            settings.robot, target_path, settings.target.speed_m_s, settings.axes.target, settings.camera
+        )
+        jitter = settings.axes.jitter
+        self._road = RoadExcitation(model, jitter, seed) if jitter.roughness > 0.0 else None
+        self._segments: Iterator[tuple[int, tuple[float, float, float, float]]] = iter(())
+        self._steps_left = 0
+
+    @staticmethod
+    def start_m(settings: ResolvedScenario, target_path: Path) -> tuple[float, float]:
+        """x, y of its place at time 0."""
+        return Script(settings.robot, target_path, settings.target.speed_m_s).start_pose()[:2]
+
+    def reset(self, data: mujoco.MjData) -> None:
+        """Stand at the start of the route."""
+        self._script.reset()
+        self._delay.reset()
+        self._steps_left = 0
+        self.drive.reset(data, *self._script.start_pose())
+
+    def update(self, dt_s: float, state: SceneState, command: ArrayLike | None = None, delay_s: float = 0.0) -> None:
+        """Choose the speeds of the coming tick.
+
+        Args:
+            dt_s: Length of the tick.
+            state: State of the scene at its beginning.
+            command: `(4,)` forward, turn, pan, tilt as shares of the robot's limits in [-1, 1]; None follows the
+                script.
+            delay_s: How far into the tick the command is given; until then the previous one stays in force.
+        """
+        if command is None:
+            forward, turn = self._script.command(state.time_s, state.robot_pose, state.target_s_m)
+            pan, tilt = self._script.gaze(state.T_world_camera, state.target_m, dt_s, state.time_s)
+            speeds = (forward, turn, pan, tilt)
+        else:
+            speeds = self.drive.scaled(command)
+        self._segments = iter(self._delay.segments(speeds, delay_s))
+
+    def write(self, data: mujoco.MjData) -> None:
+        """Set motors and road forces for the coming physics step."""
+        if self._steps_left == 0:
+            self._steps_left, speeds = next(self._segments)
+            self.drive.command(data, *speeds, self._clock.tick_s * (self._steps_left / self._clock.steps))
+        self._steps_left -= 1
+        if self._road is not None:
+            self._road.write(data)

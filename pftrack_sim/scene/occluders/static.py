@@ -1,0 +1,179 @@
+"""Static occluders: pillars, walls and stacks of crates, each a body made of boxes in its planned size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import mujoco
+import numpy as np
+
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario import model as scenario
+from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint
+from pftrack_sim.scene.occluders import textures
+
+MAX_CRATES = 16
+"""Largest number of crates in one stack."""
+
+_CRATE_M = 0.62
+_SKIN_M = 0.002
+_QUARTER = float(np.sqrt(0.5))
+_BOX_QUAT = {
+    "shaft": (_QUARTER, -_QUARTER, 0.0, 0.0),
+    "slab": (_QUARTER, -_QUARTER, 0.0, 0.0),
+    "shaft-sides": (0.5, 0.5, 0.5, 0.5),
+}
+"""MuJoCo maps flat textures onto the faces of local z: these boxes are turned so that it is the body's y or x."""
+
+_BOX_SIZE_ORDER = {"shaft": [0, 2, 1], "slab": [0, 2, 1], "shaft-sides": [1, 2, 0]}
+_MATERIAL = {
+    "shaft": "occluder/concrete",
+    "shaft-sides": "occluder/concrete",
+    "plinth": "occluder/stone",
+    "capital": "occluder/stone",
+    "slab": "occluder/brick",
+    "coping": "occluder/stone",
+}
+
+Boxes: TypeAlias = dict[str, tuple[FloatArray, FloatArray]]
+"""Centre `(3,)` and half sizes `(3,)` [m] of each named box, along the axes of its body."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Pose and size of a static occluder.
+
+    Attributes:
+        kind: Kind of occluder.
+        centre_m: x, y of its centre.
+        half_m: Half its width and half its thickness.
+        yaw_rad: Angle of its width to the world's x.
+        height_m: Its height.
+        depth: Its place on the line from the camera (0) to the target (1).
+        spans_s: Begin and end of each time at which it covers the target's centre line in the dry run.
+    """
+
+    kind: Literal["pillar", "wall", "boxes"]
+    centre_m: tuple[float, float]
+    half_m: tuple[float, float]
+    yaw_rad: float
+    height_m: float
+    depth: float
+    spans_s: tuple[tuple[float, float], ...]
+
+    def footprint(self, name: str) -> Footprint:
+        """Its rectangle on the ground."""
+        return Footprint(name, self.centre_m, self.half_m, self.yaw_rad, self.height_m)
+
+
+def occluder_names(occluders: Sequence[scenario.Occluder]) -> tuple[str | None, ...]:
+    """Body name of each occluder, such as "occluder-pillar-1"; None for walkers, which are pedestrians."""
+    return tuple(
+        None if occluder.kind == "walker" else f"occluder-{occluder.kind}-{index + 1}"
+        for index, occluder in enumerate(occluders)
+    )
+
+
+def add_static_occluders(spec: mujoco.MjSpec, placements: Mapping[str, Placement]) -> None:
+    """Add a body for every static occluder.
+
+    Args:
+        spec: Scene to add to.
+        placements: Pose and size by body name.
+    """
+    _add_materials(spec, {placement.kind for placement in placements.values()})
+    for name, placement in placements.items():
+        yaw = placement.yaw_rad
+        body = spec.worldbody.add_body(
+            name=name,
+            mocap=True,
+            pos=[*placement.centre_m, 0.0],
+            quat=[np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)],
+        )
+        for order, (part, (centre, half)) in enumerate(_boxes(placement).items()):
+            collides = int(order == 0)
+            geom = body.add_geom(
+                name=f"{name}/{part}",
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=half[_BOX_SIZE_ORDER.get(part, [0, 1, 2])],
+                pos=centre,
+                quat=_BOX_QUAT.get(part, (1.0, 0.0, 0.0, 0.0)),
+                group=HIDDEN_GROUP if part == "stack" else SCENERY_GROUP,
+                density=0.0,
+                contype=collides,
+                conaffinity=2 * collides,
+            )
+            if part in _MATERIAL:
+                geom.material = _MATERIAL[part]
+            elif part.startswith("crate"):
+                geom.material = "occluder/crate"
+                shade = 0.82 + 0.18 * ((order * 7) % 5) / 4.0
+                geom.rgba = [shade, shade, shade * 0.97, 1.0]
+
+
+def _boxes(placement: Placement) -> Boxes:
+    """The boxes of an occluder; the first one collides."""
+    (width, thickness), height = placement.half_m, placement.height_m
+    whole = (np.array([0.0, 0.0, 0.5 * height]), np.array([width, thickness, 0.5 * height]))
+    if placement.kind == "pillar":
+        brim = np.array([width + 0.02, thickness + 0.02])
+        return {
+            "shaft": whole,
+            # Each face is drawn by the one of two boxes whose texture lies flat on it.
+            "shaft-sides": (whole[0], whole[1] + np.array([_SKIN_M, -_SKIN_M, 0.0])),
+            "plinth": (np.array([0.0, 0.0, 0.07]), np.array([*brim, 0.07])),
+            "capital": (np.array([0.0, 0.0, height - 0.06]), np.array([*brim, 0.06])),
+        }
+    if placement.kind == "wall":
+        # The coping lies within the wall's height and width: the silhouette is the planned one.
+        cap = min(0.05, 0.25 * height)
+        half_z = (height - cap) / 2
+        return {
+            "slab": (np.array([0.0, 0.0, 0.5 * (height - cap)]), np.array([width, thickness, half_z])),
+            "coping": (np.array([0.0, 0.0, height - 0.5 * cap]), np.array([width, thickness + 0.03, 0.5 * cap])),
+        }
+    return {"stack": whole, **_crates(width, thickness, height)}
+
+
+def _crates(width: float, thickness: float, height: float) -> Boxes:
+    """Crates that fill a box from edge to edge, in whole columns and rows."""
+    columns = int(np.clip(round(2.0 * width / _CRATE_M), 1, 8))
+    rows = int(np.clip(round(height / _CRATE_M), 1, MAX_CRATES // columns))
+    half_x, half_z = width / columns, 0.5 * height / rows
+    crates: Boxes = {}
+    for number in range(rows * columns):
+        row, column = divmod(number, columns)
+        # Neighbouring crates differ a little in depth, so that the edge between them is visible.
+        half_y = thickness * (1.0 - 0.06 * ((row * 5 + column * 3) % 4) / 3.0)
+        centre = np.array([(2 * column + 1) * half_x - width, 0.0, (2 * row + 1) * half_z])
+        crates[f"crate-{number + 1}"] = (centre, np.array([half_x, half_y, half_z]))
+    return crates
+
+
+def _add_materials(spec: mujoco.MjSpec, kinds: set[str]) -> None:
+    flat, cube = mujoco.mjtTexture.mjTEXTURE_2D, mujoco.mjtTexture.mjTEXTURE_CUBE
+    for occluder, name, kind, draw, repeat in (
+        ("pillar", "occluder/concrete", flat, textures.concrete, 2.0),
+        ("wall", "occluder/brick", flat, textures.brick, 2.0),
+        ("boxes", "occluder/crate", cube, textures.crate, 1.0),
+    ):
+        if occluder not in kinds:
+            continue
+        image, faces = draw(), 6 if kind == cube else 1
+        texture = spec.add_texture(
+            name=name,
+            type=kind,
+            colorspace=mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR,
+            width=image.shape[1],
+            height=image.shape[0] * faces,
+            nchannel=3,
+        )
+        texture.data = np.concatenate([image] * faces).tobytes()
+        roles = [""] * int(mujoco.mjtTextureRole.mjNTEXROLE)
+        roles[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+        material = {"texuniform": True, "texrepeat": [repeat] * 2, "specular": 0.1, "shininess": 0.1}
+        spec.add_material(name=name, textures=roles, **material)
+    if kinds & {"pillar", "wall"}:
+        spec.add_material(name="occluder/stone", rgba=[0.62, 0.61, 0.58, 1.0], specular=0.1, shininess=0.1)
