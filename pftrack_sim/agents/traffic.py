@@ -13,7 +13,7 @@ from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.occluders.carts import CartWriter
-from pftrack_sim.scene.people.body import Person
+from pftrack_sim.scene.people.person import Person
 
 
 class Traffic:

@@ -19,7 +19,7 @@ from pftrack_sim.agents.gait.leg_kinematics import STRAIGHT, bent_legs
 from pftrack_sim.agents.gait.limb_rotations import moved, quaternions, turned
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scene.people.anatomy import Anatomy
-from pftrack_sim.scene.people.body import PARTS
+from pftrack_sim.scene.people.person import PARTS
 
 Array = NDArray[np.float64]
 

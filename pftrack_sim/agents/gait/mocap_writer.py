@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import UnknownNameError
 from pftrack_sim.scene.layout import owner_name
-from pftrack_sim.scene.people.body import PARTS
+from pftrack_sim.scene.people.person import PARTS
 
 
 class MocapWriter:

@@ -1,1 +1,1 @@
-"""People: bodies of natural proportions, clothes and faces."""
+"""People: body proportions, clothes, triangle meshes and textures."""

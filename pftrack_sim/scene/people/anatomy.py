@@ -1,9 +1,9 @@
-"""Natural proportions of adults.
+"""Body proportions of adults.
 
-Lengths of segments are shares of stature from Drillis and Contini (1966), as drawn in Winter, "Biomechanics and Motor
-Control of Human Movement" (2009), figure 4.1; joints lie a little inside the body's landmarks, and shoes add to foot
-and ankle. Stature, and how much proportions differ between people, are about those of adults in Gordon et al., "2012
-Anthropometric Survey of U.S. Army Personnel" (2014); girths spread as widely as looks natural.
+Segment lengths are fractions of stature from Drillis and Contini (1966), as drawn in Winter, "Biomechanics and Motor
+Control of Human Movement" (2009), figure 4.1; joints lie slightly inside the body's landmarks, and shoes add to foot
+and ankle. Stature and the spread of proportions approximate those of adults in Gordon et al., "2012 Anthropometric
+Survey of U.S. Army Personnel" (2014); the spread of girths was chosen by eye.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
 
@@ -20,52 +21,39 @@ Colour: TypeAlias = tuple[int, int, int]
 
 HairStyle: TypeAlias = Literal["short", "medium", "long", "bun", "cap", "bald"]
 
-_SKINS: tuple[Colour, ...] = (
-    (241, 208, 184),
-    (232, 190, 160),
-    (221, 172, 138),
-    (198, 147, 112),
-    (168, 118, 84),
-    (132, 88, 60),
-    (98, 64, 45),
+# fmt: off
+_SKIN_TONES: tuple[Colour, ...] = (
+    (241, 208, 184), (232, 190, 160), (221, 172, 138), (198, 147, 112), (168, 118, 84), (132, 88, 60), (98, 64, 45),
 )
-_HAIRS: tuple[Colour, ...] = (
-    (30, 26, 24),
-    (46, 34, 27),
-    (74, 50, 34),
-    (104, 74, 48),
-    (150, 112, 68),
-    (186, 152, 98),
-    (140, 68, 38),
+_HAIR_COLOURS: tuple[Colour, ...] = (
+    (30, 26, 24), (46, 34, 27), (74, 50, 34), (104, 74, 48), (150, 112, 68), (186, 152, 98), (140, 68, 38),
     (150, 148, 146),
 )
+# fmt: on
+
+
+def rgb(values: ArrayLike) -> Colour:
+    """Colour from three channel values, rounded and clipped to 0..255."""
+    red, green, blue = np.clip(np.rint(values), 0, 255).astype(int).tolist()
+    return (red, green, blue)
 
 
 @dataclass(frozen=True)
 class Anatomy:
-    """One person's body, standing in shoes; everything in metres unless the name says otherwise.
+    """Body of one person, standing in shoes. Lengths in metres.
+
+    Segments run between joint centres: thigh from hip to knee, shank from knee to ankle, upper arm from shoulder to
+    elbow, forearm from elbow to wrist, hand from wrist to fingertips. `ankle_m` is the height of the ankle above the
+    sole, `foot_m` the length of the shoe. The pelvis reaches from the hip joints to the waist, the torso from the waist
+    to the base of the neck, the head from there to the crown; `shoulder_drop_m` is the height of the base of the neck
+    above the shoulder joints. `hip_half_m` and `shoulder_half_m` are distances of the joints from the mid-plane.
 
     Attributes:
-        height_m: Stature: sole to top of the head.
-        thigh_m: Hip joint to knee joint.
-        shank_m: Knee joint to ankle joint.
-        ankle_m: Ankle joint above the sole.
-        foot_m: Length of the shoe.
-        hip_half_m: Hip joint to the mid-plane.
-        pelvis_m: Hip joints up to the waist.
-        torso_m: Waist to the base of the neck.
-        head_m: Base of the neck to the top of the head.
-        shoulder_half_m: Shoulder joint to the mid-plane.
-        shoulder_drop_m: Base of the neck above the shoulder joints.
-        upper_arm_m: Shoulder joint to elbow joint.
-        forearm_m: Elbow joint to wrist.
-        hand_m: Wrist to fingertips.
+        height_m: Stature: sole to crown.
         girth: Thickness of the trunk relative to the average; limbs vary half as much.
-        figure: 0 for a broad-shouldered, narrow-hipped figure, 1 for the opposite.
-        skin: Skin tone.
-        hair: Hair colour.
-        hair_style: How the hair is worn; a `"cap"` has the hair colour painted below it.
-        beard: Strength of stubble or beard, 0 for none, 1 for a full one.
+        figure: 0 for broad shoulders and narrow hips, 1 for the opposite.
+        hair_style: Style of the hair; below a `"cap"` the scalp is painted in the hair colour.
+        beard: Strength of the beard, from 0 (none) to 1 (full).
     """
 
     height_m: float
@@ -91,23 +79,23 @@ class Anatomy:
 
     @property
     def hip_height_m(self) -> float:
-        """Hip joints above the ground with straight legs."""
+        """Height of the hip joints above the ground with straight legs [m]."""
         return self.thigh_m + self.shank_m + self.ankle_m
 
     @property
     def sole_m(self) -> tuple[float, float, float, float]:
-        """What the shoe rolls on: x of the heel arc's centre, its radius, x of the toe arc's centre, its radius.
+        """Arcs on which the shoe rolls: x of the heel arc's centre, its radius, x of the toe arc's centre, its radius.
 
-        x is measured forward from the ankle; between the two centres the sole is flat.
+        x is measured forward from the ankle; the sole is flat between the two centres.
         """
         return (-0.18 * self.foot_m, 0.10 * self.foot_m, 0.56 * self.foot_m, 0.22 * self.foot_m)
 
 
 def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> Anatomy:
-    """A person with natural proportions.
+    """Sample a body with natural proportions.
 
     Args:
-        rng: Drawn from the same number of times whatever the arguments, so that height does not change the rest.
+        rng: The number of draws does not depend on `height_m`, so the height changes no other attribute drawn.
         height_m: Stature [m]; None draws one.
 
     Raises:
@@ -120,15 +108,15 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
     drawn_height = float(np.clip(rng.normal(1.65 if feminine else 1.77, 0.065), 1.48, 2.02))
     spread = np.clip(rng.normal(0.0, 1.0, 12), -2.2, 2.2)
     girth = float(np.clip(rng.normal(1.0, 0.085), 0.88, 1.22))
-    tone, shade = rng.random(2)
-    skin = _between(_SKINS, tone)
-    # Dark skin rarely comes with light hair; the last colour is the grey of age.
-    common = (0.22, 0.22, 0.19, 0.13, 0.09, 0.06, 0.03, 0.06) if tone < 0.55 else (0.60, 0.28, 0.04, 0, 0, 0, 0, 0.08)
-    hair = _varied(_HAIRS[int(np.searchsorted(np.cumsum(common), 0.999 * shade, side="right"))], rng, 8)
+    tone, shade = rng.random(2).tolist()
+    # Light hair is rare with dark skin; the last colour is grey.
+    shares = (0.22, 0.22, 0.19, 0.13, 0.09, 0.06, 0.03, 0.06) if tone < 0.55 else (0.60, 0.28, 0.04, 0, 0, 0, 0, 0.08)
+    index = int((np.cumsum(np.array(shares)) <= 0.999 * shade).sum())
+    hair = rgb(np.array(_HAIR_COLOURS[index]) + rng.integers(-8, 9))
     style_drawn, beard_drawn = rng.random(), rng.random()
 
     height = drawn_height if height_m is None else float(height_m)
-    # The shares add up to 1, so longer legs mean a shorter trunk, as they do in people of one stature.
+    # The fractions add up to 1: at one stature, longer legs mean a shorter trunk.
     legs = 0.535 * (1.0 + 0.013 * spread[0])
     ankle = 0.045
     thigh = (legs - ankle) * 0.5 * (1.0 + 0.012 * spread[1])
@@ -153,7 +141,7 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
         hand_m=height * 0.105 * (1.0 + 0.02 * spread[10]),
         girth=girth,
         figure=figure,
-        skin=skin,
+        skin=_interpolated_tone(tone),
         hair=hair,
         hair_style=_hair_style(feminine, float(style_drawn)),
         beard=0.0 if feminine else float(np.clip(2.2 * beard_drawn - 1.0, 0.0, 1.0)),
@@ -173,19 +161,9 @@ def _hair_style(feminine: bool, drawn: float) -> HairStyle:
     return styles[0][0]
 
 
-def _between(colours: tuple[Colour, ...], drawn: float) -> Colour:
-    """A colour on the polyline through the given ones."""
-    place = float(drawn) * (len(colours) - 1)
-    low = min(int(place), len(colours) - 2)
-    share = place - low
-    first, second = colours[low], colours[low + 1]
-    return (
-        round(first[0] + share * (second[0] - first[0])),
-        round(first[1] + share * (second[1] - first[1])),
-        round(first[2] + share * (second[2] - first[2])),
-    )
-
-
-def _varied(colour: Colour, rng: np.random.Generator, spread: int) -> Colour:
-    red, green, blue = np.clip(np.array(colour) + rng.integers(-spread, spread + 1), 0, 255).tolist()
-    return (red, green, blue)
+def _interpolated_tone(drawn: float) -> Colour:
+    """Skin tone at a fraction in [0, 1) of the way through `_SKIN_TONES`."""
+    position = drawn * (len(_SKIN_TONES) - 1)
+    index = min(int(position), len(_SKIN_TONES) - 2)
+    first, second = np.array(_SKIN_TONES[index : index + 2])
+    return rgb(first + (position - index) * (second - first))

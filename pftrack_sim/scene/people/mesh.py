@@ -1,4 +1,8 @@
-"""Smooth closed surfaces from rings of points: the one kind of mesh that people are made of."""
+"""Triangle meshes lofted through rings of points: the surfaces of all body parts.
+
+A ring's points run from the back over the right side to the front and on. A ring whose points coincide closes the
+surface with a pole.
+"""
 
 from __future__ import annotations
 
@@ -6,96 +10,113 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A triangle mesh.
+    """A triangle mesh with texture coordinates.
 
     Attributes:
         vertices: `(V, 3)` [m].
         normals: `(V, 3)` unit, outward.
         pixels: `(V, 2)` column and row in the texture.
-        faces: `(F, 3)` vertex numbers, counter-clockwise from outside.
+        faces: `(F, 3)` vertex indices, counter-clockwise seen from outside.
     """
 
-    vertices: Array
-    normals: Array
-    pixels: Array
+    vertices: FloatArray
+    normals: FloatArray
+    pixels: FloatArray
     faces: NDArray[np.int32]
 
 
-def angles(count: int) -> Array:
-    """`(count,)` directions of a ring's points [rad]: from the back over the right side to the front (0) and on."""
+def profile(
+    *, z: ArrayLike, x: ArrayLike, front: ArrayLike, back: ArrayLike, side: ArrayLike, y: ArrayLike = 0.0
+) -> FloatArray:
+    """`(R, 6)` table of `R` cross-sections for `superellipse_rings`; a scalar holds for all of them.
+
+    Args:
+        z: Height.
+        x: Position of the centre ahead of the z axis.
+        front: Half-axis to the front.
+        back: Half-axis to the back.
+        side: Half-axis to either side.
+        y: Position of the centre to the left of the z axis.
+    """
+    return np.stack(np.broadcast_arrays(*(np.asarray(column, float) for column in (z, x, y, front, back, side))), 1)
+
+
+def ring_angles(count: int) -> FloatArray:
+    """`(count,)` directions of a ring's points [rad], from the back (-pi) to the front (0) and on."""
     return -np.pi + 2.0 * np.pi * np.arange(count) / count
 
 
-def ovals(rows: Array | Sequence[tuple[float, ...]], count: int, *, power: float = 2.0) -> Array:
-    """Rings about the z axis.
+def superellipse_rings(table: FloatArray, count: int, *, power: float = 2.0) -> FloatArray:
+    """`(R, count, 3)` points of superelliptic rings about the z axis.
 
     Args:
-        rows: `(R, 6)`: z, x of the centre, y of the centre, reach to the front, to the back, and to either side [m].
-        count: Points on a ring.
-        power: Exponent of the superellipse: 2 is an ellipse, more is squarer.
-
-    Returns:
-        `(R, count, 3)` points.
+        table: `(R, 6)` cross-sections, see `profile`.
+        count: Points per ring.
+        power: Exponent of the superellipse: 2 gives ellipses, more gives squarer rings.
     """
-    table = np.asarray(rows, dtype=float)
-    turn = angles(count)
-    cos, sin = np.cos(turn), np.sin(turn)
+    angle = ring_angles(count)
+    cos, sin = np.cos(angle), np.sin(angle)
     forward = np.sign(cos) * np.abs(cos) ** (2.0 / power)
     sideward = np.sign(sin) * np.abs(sin) ** (2.0 / power)
-    reach = np.where(forward > 0.0, table[:, 3, None], table[:, 4, None])
-    out = np.empty((len(table), count, 3))
-    out[..., 0] = table[:, 1, None] + reach * forward
-    out[..., 1] = table[:, 2, None] + table[:, 5, None] * sideward
-    out[..., 2] = table[:, 0, None]
-    return out
+    z, x, y, front, back, side = (column[:, None] for column in table.T)
+    rings = np.empty((len(table), count, 3))
+    rings[..., 0] = x + np.where(forward > 0.0, front, back) * forward
+    rings[..., 1] = y + side * sideward
+    rings[..., 2] = z
+    return rings
 
 
-def tube(rings: Array, pixels: Array) -> TriangleMesh:
-    """The surface through rings; a ring whose points coincide closes it with a pole.
+def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
+    """The surface through consecutive rings.
 
     Args:
         rings: `(R, N, 3)` points [m].
-        pixels: `(R, N + 1, 2)` texture pixels; the last column repeats the first point at the other end of the cloth.
+        pixels: `(R, N + 1, 2)` texture pixels; the last column belongs to the first point, at the texture's other edge.
     """
-    row_count, count = rings.shape[:2]
-    vertices = np.concatenate([rings, rings[:, :1]], axis=1)
-    grid = np.arange(row_count * (count + 1)).reshape(row_count, count + 1)
+    ring_count, count = rings.shape[:2]
+    vertices = np.concatenate([rings, rings[:, :1]], axis=1).reshape(-1, 3)
+    grid = np.arange(ring_count * (count + 1), dtype=np.intp).reshape(ring_count, count + 1)
     a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    flat = vertices.reshape(-1, 3)
 
-    # Points that coincide (the seam, a pole) share one normal.
-    pole = np.ptp(rings, axis=1).max(axis=1) < 1e-9
+    # Coinciding points (at the seam, at a pole) share one normal; triangles without area are removed.
+    pole: BoolArray = np.ptp(rings, axis=1).max(axis=1) < 1e-9
     shared = grid.copy()
     shared[:, -1] = shared[:, 0]
     shared[pole] = shared[pole, :1]
-    welded = shared.reshape(-1)
+    welded: IntArray = shared.reshape(-1)
     corners = welded[faces]
     keep = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
     faces, corners = faces[keep], corners[keep]
-    cross = np.cross(flat[corners[:, 1]] - flat[corners[:, 0]], flat[corners[:, 2]] - flat[corners[:, 0]])
-    if float((flat[corners[:, 0]] * cross).sum()) < 0.0:
-        faces, cross = faces[:, ::-1], -cross
-    normals = np.zeros_like(flat)
+    first, second, third = (vertices[corners[:, corner]] for corner in range(3))
+    area_normals = np.cross(second - first, third - first)
+    if float((first * area_normals).sum()) < 0.0:
+        faces, area_normals = faces[:, ::-1], -area_normals
+    normals = np.zeros_like(vertices)
     for corner in range(3):
-        np.add.at(normals, corners[:, corner], cross)
+        np.add.at(normals, corners[:, corner], area_normals)
     normals = normals[welded]
     length = np.sqrt((normals * normals).sum(axis=1, keepdims=True))
     normals = np.where(length > 1e-12, normals / np.maximum(length, 1e-12), (0.0, 0.0, 1.0))
-    return TriangleMesh(flat, normals, pixels.reshape(-1, 2).astype(float), faces.astype(np.int32))
+    return TriangleMesh(vertices, normals, pixels.reshape(-1, 2).astype(float), faces.astype(np.int32))
 
 
-def around(rings: Array, pitch_m: float, centre_column: float) -> Array:
-    """`(R, N + 1)` texture columns that follow the arc from the front.
+def arc_length_columns(rings: FloatArray, pixel_m: float, front_column: float) -> FloatArray:
+    """`(R, N + 1)` texture columns proportional to the arc length from the front.
 
-    All rings share one girth, so that lines woven down the cloth run straight from ring to ring; poles are left out.
+    All rings share one girth, so that vertical lines of a pattern run straight from ring to ring.
+
+    Args:
+        rings: `(R, N, 3)` points [m].
+        pixel_m: Width of a texture pixel on the body [m].
+        front_column: Column at the front.
     """
     closed = np.concatenate([rings, rings[:, :1]], axis=1)
     step = np.sqrt((np.diff(closed, axis=1) ** 2).sum(axis=2))
@@ -104,21 +125,21 @@ def around(rings: Array, pitch_m: float, centre_column: float) -> Array:
     share = np.where(girth > 1e-9, arc / np.maximum(girth, 1e-9), np.linspace(0.0, 1.0, arc.shape[1]))
     shared_girth = float(np.quantile(girth, 0.7))
     front = rings.shape[1] // 2
-    return centre_column + (share - share[:, front : front + 1]) * shared_girth / pitch_m
+    return front_column + (share - share[:, front : front + 1]) * shared_girth / pixel_m
 
 
-def joined(shells: Sequence[TriangleMesh]) -> TriangleMesh:
-    """Several shells as one mesh."""
-    starts = np.cumsum([0, *(len(one.vertices) for one in shells[:-1])])
+def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+    """Several meshes as one."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     return TriangleMesh(
-        np.concatenate([one.vertices for one in shells]),
-        np.concatenate([one.normals for one in shells]),
-        np.concatenate([one.pixels for one in shells]),
-        np.concatenate([one.faces + start for one, start in zip(shells, starts, strict=True)]).astype(np.int32),
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.normals for mesh in meshes]),
+        np.concatenate([mesh.pixels for mesh in meshes]),
+        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]).astype(np.int32),
     )
 
 
-def mirrored(shell: TriangleMesh) -> TriangleMesh:
-    """The same on the other side of the body: y changes its sign."""
+def mirrored(mesh: TriangleMesh) -> TriangleMesh:
+    """The mesh of the same part on the other side of the body (y negated)."""
     flip = np.array([1.0, -1.0, 1.0])
-    return TriangleMesh(shell.vertices * flip, shell.normals * flip, shell.pixels, shell.faces[:, ::-1].copy())
+    return TriangleMesh(mesh.vertices * flip, mesh.normals * flip, mesh.pixels, mesh.faces[:, ::-1].copy())

@@ -13,8 +13,8 @@ from pftrack_sim.agents.gait.joint_trajectories import leg_angles, stride_length
 from pftrack_sim.agents.gait.limb_rotations import quaternions, turned
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
-from pftrack_sim.scene.people.body import PARTS, Person, part_shells
-from pftrack_sim.scene.people.clothes import sample_outfit
+from pftrack_sim.scene.people.outfit import sample_outfit
+from pftrack_sim.scene.people.person import PARTS, Person, part_meshes
 
 DT = 1.0 / 60.0
 FEET = [PARTS.index("left-foot"), PARTS.index("right-foot")]
@@ -73,7 +73,7 @@ def soles_of(anatomies: list[Anatomy], walked: Walk) -> tuple[float, float, floa
     """
     longest, lowest, highest = 0.0, 0.0, 0.0
     for person, anatomy in enumerate(anatomies):
-        left = part_shells(Person("x", anatomy, sample_outfit(np.random.default_rng(0))))["left-foot"].vertices
+        left = part_meshes(Person("x", anatomy, sample_outfit(np.random.default_rng(0))))["left-foot"].vertices
         for side, vertices in enumerate((left, left * [1.0, -1.0, 1.0])):
             part = FEET[side]
             rotation, place = walked.rotations[:, person, part], walked.positions[:, person, part]

@@ -7,8 +7,8 @@ import pytest
 
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
-from pftrack_sim.scene.people.body import PARTS, Person, part_shells
-from pftrack_sim.scene.people.clothes import sample_outfit
+from pftrack_sim.scene.people.outfit import sample_outfit
+from pftrack_sim.scene.people.person import PARTS, Person, part_meshes
 
 DT = 1.0 / 60.0
 COUNT = 3
@@ -65,7 +65,7 @@ class Moves:
         """The farthest that the lowest point of a sole has moved over the ground in one stance."""
         longest = 0.0
         for person, body in enumerate(self.bodies):
-            shells = part_shells(Person("x", body, sample_outfit(np.random.default_rng(0))))
+            shells = part_meshes(Person("x", body, sample_outfit(np.random.default_rng(0))))
             for side, name in enumerate(("left-foot", "right-foot")):
                 part = PARTS.index(name)
                 points = self.places[:, person, part, None] + turned(self.turns[:, person, part], shells[name].vertices)

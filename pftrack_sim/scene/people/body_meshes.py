@@ -1,0 +1,229 @@
+"""Meshes of trunk, arms, legs and feet.
+
+Profiles are in statures of a person of average build, drawn by eye from anatomical charts; a person's segment lengths
+and girth scale them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scene.people.anatomy import Anatomy
+from pftrack_sim.scene.people.mesh import TriangleMesh, lofted_mesh, merged, profile, ring_angles, superellipse_rings
+from pftrack_sim.scene.people.outfit import Outfit
+from pftrack_sim.scene.people.texture_atlas import BOTTOM, SHOES, TOP, cloth_mesh, skin_mesh
+
+_FRONT_COLUMN = 256.0
+_SLEEVE_COLUMN = 96.0
+"""Sleeves show cloth from beside the chest, outside the print."""
+
+_CUFF = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])
+"""Factors on the last cross-section of a garment that give the ring inside its hem."""
+
+
+def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
+    """Waist (the origin) to the base of the neck, in a top that hangs over the trousers."""
+    h, g, f, ease = anatomy.height_m, anatomy.girth, anatomy.figure, 0.0015 + 0.007 * outfit.looseness
+    table = profile(
+        z=(-0.046, -0.050, -0.026, 0.010, 0.060, 0.105, 0.140, 0.165, 0.186, 0.200, 0.210, 0.219, 0.227, 0.234, 0.229),
+        x=(0.0, -0.001, 0.0, 0.004, 0.002, 0.0, -0.003, -0.006, -0.008, -0.009, -0.010, -0.010, -0.009, -0.008, -0.008),
+        front=(0.030, 0.071, 0.067, 0.061, 0.063, 0.067, 0.064, 0.060, 0.052, 0.044, 0.037, 0.034, 0.033, 0.0325, 0.0),
+        back=(0.030, 0.074, 0.067, 0.058, 0.062, 0.066, 0.066, 0.063, 0.057, 0.050, 0.042, 0.038, 0.036, 0.035, 0.0),
+        side=(0.05, 0.096, 0.092, 0.085, 0.089, 0.097, 0.098, -0.006, 0.005, 0.004, -0.008, 0.07, 0.047, 0.0365, 0.0),
+    )
+    table[1:7, 3:5] += ease
+    table[7, 3:5] += (0.5 * ease, ease)
+    table[2:4, 3] += 0.05 * (g - 1.0)  # belly
+    table[5:7, 3] += (0.010 * f, 0.7 * (0.010 * f))  # bust
+    waist, hips = 1.0 - 0.10 * f, 1.0 + 0.03 * f
+    table[1:5, 5] = (table[1:5, 5] + ease) * (hips, hips, waist, waist)
+    table[5:7, 5] += (0.6 * ease, 0.4 * ease)
+    table[7:11, 5] += anatomy.shoulder_half_m / h
+    table[:, 3:] *= (1.0 + 0.85 * (g - 1.0)) * h
+    table[:, 0] *= anatomy.torso_m / 0.230
+    table[:, 1] *= h
+    # The skeleton sets the width of the shoulders; only the sections below them grow with girth.
+    table[7:, 5] /= 1.0 + 0.85 * (g - 1.0)
+    rings = superellipse_rings(table, 14, power=2.35)
+    return cloth_mesh(rings, TOP, _FRONT_COLUMN, 0.245 * anatomy.torso_m / 0.230)
+
+
+def pelvis_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
+    """Hips in trousers; the origin is midway between the hip joints."""
+    h, g, hips = anatomy.height_m, anatomy.girth, 1.0 + 0.04 * anatomy.figure
+    table = profile(
+        z=(0.088, 0.086, 0.052, 0.018, -0.015, -0.038, -0.056, -0.066, -0.070),
+        x=(0.000, 0.000, 0.000, -0.003, -0.006, -0.008, -0.008, -0.006, -0.004),
+        front=(0.026, 0.048, 0.054, 0.060, 0.058, 0.052, 0.042, 0.026, 0.0),
+        back=(0.026, 0.046, 0.054, 0.069, 0.076, 0.070, 0.052, 0.030, 0.0),
+        side=(0.040, 0.070, 0.078 * hips, 0.091 * hips, 0.096 * hips, 0.090 * hips, 0.070, 0.040, 0.0),
+    )
+    table[:, 3:] *= 1.0 + 0.9 * (g - 1.0)
+    return cloth_mesh(superellipse_rings(table * h, 12, power=2.25), BOTTOM, _FRONT_COLUMN, 0.10 * h)
+
+
+_THIGH = profile(
+    z=(0.042, 0.022, -0.010, -0.045, -0.095, -0.145, -0.195, -0.228, -0.252, -0.266, -0.269),
+    x=(0.000, -0.002, -0.003, -0.002, 0.000, 0.002, 0.002, 0.002, 0.001, 0.000, 0.000),
+    y=(0.004, 0.003, 0.001, 0.000, -0.001, -0.002, -0.003, -0.003, -0.003, -0.003, -0.003),
+    front=(0.020, 0.046, 0.053, 0.0535, 0.051, 0.046, 0.040, 0.036, 0.029, 0.015, 0.0),
+    back=(0.024, 0.056, 0.062, 0.060, 0.050, 0.043, 0.037, 0.034, 0.029, 0.015, 0.0),
+    side=(0.022, 0.042, 0.0475, 0.0475, 0.0450, 0.0410, 0.0370, 0.0345, 0.0300, 0.0160, 0.0),
+)
+
+
+def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
+    """The left thigh below its hip joint (the origin)."""
+    h, ease = anatomy.height_m, 0.001 + 0.005 * outfit.looseness
+    skin = _scaled(_THIGH, anatomy, anatomy.thigh_m / 0.245)
+    garment = skin.copy()
+    garment[2:, 3:] += ease * h
+    if outfit.long_legs:
+        return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, 0.02, length_m=0.32 * h)
+    garment = garment[:7]
+    garment[5:, 3:] += 0.004 * h
+    shorts = superellipse_rings(np.concatenate([garment, garment[-1:] * _CUFF]), 10)
+    leg = skin_mesh(superellipse_rings(skin[5:], 10))
+    return merged([cloth_mesh(shorts, BOTTOM, _FRONT_COLUMN, 0.02, length_m=0.28 * h), leg])
+
+
+_SHANK = profile(
+    z=(0.031, 0.027, 0.014, -0.012, -0.050, -0.085, -0.130, -0.180, -0.225, -0.250),
+    x=(0.000, 0.000, 0.001, 0.002, 0.000, -0.001, -0.002, -0.003, -0.003, -0.002),
+    front=(0.0, 0.017, 0.031, 0.034, 0.030, 0.027, 0.023, 0.019, 0.018, 0.012),
+    back=(0.0, 0.016, 0.029, 0.034, 0.039, 0.040, 0.031, 0.022, 0.020, 0.012),
+    side=(0.0, 0.016, 0.029, 0.033, 0.033, 0.032, 0.026, 0.020, 0.018, 0.012),
+)
+
+
+def shank_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
+    """A lower leg below its knee joint (the origin)."""
+    h, stretch = anatomy.height_m, anatomy.shank_m / 0.245
+    skin = _scaled(_SHANK, anatomy, stretch)
+    if not outfit.long_legs:
+        return skin_mesh(superellipse_rings(skin, 10))
+    garment = skin.copy()
+    garment[2:, 3:] += 0.0035 * h
+    # Trouser legs hang from the calf: below it they hardly taper, and they end over the shoe.
+    hang = np.array([0.0, 0.0, 0.0, 0.0, 0.2, 0.45, 0.75, 0.9, 1.0, 1.0])[:, None] * (0.35 + 0.65 * outfit.looseness)
+    hanging = np.maximum(garment[:, 3:], np.array([0.030, 0.038, 0.031]) * h)
+    garment[:, 3:] = (1.0 - hang) * garment[:, 3:] + hang * hanging
+    garment[9] = garment[8]
+    garment[9, 0] = -0.236 * stretch
+    garment[9, 1] -= 0.001 * h
+    hem = garment[-1:] * (0.985, 1, 1, 0.4, 0.4, 0.4)
+    rings = superellipse_rings(np.concatenate([garment, hem]), 10)
+    return cloth_mesh(rings, BOTTOM, _FRONT_COLUMN, 0.04, length_m=0.30 * h)
+
+
+_UPPER_ARM = profile(
+    z=(0.015, 0.0125, 0.005, -0.012, -0.040, -0.085, -0.130, -0.164, -0.182, -0.190),
+    x=(0.000, 0.000, -0.001, -0.001, 0.000, 0.001, 0.001, 0.000, 0.000, 0.000),
+    y=(-0.002, -0.002, -0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    front=(0.0, 0.014, 0.0240, 0.0290, 0.029, 0.027, 0.0245, 0.0225, 0.017, 0.0),
+    back=(0.0, 0.015, 0.0250, 0.0295, 0.029, 0.026, 0.0235, 0.0225, 0.017, 0.0),
+    side=(0.0, 0.013, 0.0215, 0.0255, 0.0265, 0.0245, 0.0225, 0.0215, 0.0170, 0.0),
+)
+
+
+def upper_arm_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
+    """An upper arm below its shoulder joint (the origin)."""
+    h = anatomy.height_m
+    ease = (0.001 + 0.005 * outfit.looseness) * h
+    skin = _scaled(_UPPER_ARM, anatomy, anatomy.upper_arm_m / 0.170)
+    garment = skin.copy()
+    garment[2:-1, 3:] += ease * np.array([0.3, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0])[:, None]
+    if outfit.long_sleeves:
+        return cloth_mesh(superellipse_rings(garment, 8), TOP, _SLEEVE_COLUMN, 0.03 * h)
+    garment = garment[:6]
+    garment[4:, 3:] += 0.0035 * h
+    garment[5, 0] = -0.092 * h
+    sleeve = superellipse_rings(np.concatenate([garment, garment[-1:] * (0.97, 1, 1, 0.5, 0.5, 0.5)]), 8)
+    arm = skin_mesh(superellipse_rings(skin[4:], 8))
+    return merged([cloth_mesh(sleeve, TOP, _SLEEVE_COLUMN, 0.03 * h), arm])
+
+
+_FOREARM = profile(
+    z=(0.022, 0.016, 0.000, -0.030, -0.070, -0.110, -0.140),
+    x=(0.000, 0.000, 0.000, 0.001, 0.001, 0.001, 0.001),
+    front=(0.0, 0.0145, 0.0225, 0.0245, 0.0215, 0.0175, 0.0155),
+    back=(0.0, 0.0145, 0.0225, 0.0240, 0.0210, 0.0170, 0.0155),
+    side=(0.0, 0.0145, 0.0215, 0.0215, 0.0185, 0.0145, 0.0115),
+)
+
+
+def forearm_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
+    """The left forearm with its hand below the elbow joint (the origin), thumb to the front."""
+    skin = _scaled(_FOREARM, anatomy, anatomy.forearm_m / 0.146)
+    h, hand = anatomy.height_m, anatomy.hand_m / anatomy.height_m / 0.105
+    wrist = -anatomy.forearm_m / h
+    palm = profile(
+        z=wrist - np.array([0.010, 0.028, 0.048, 0.068, 0.086, 0.096, 0.099]) * hand,
+        x=(0.002, 0.004, 0.005, 0.006, 0.008, 0.009, 0.009),
+        y=(0.000, -0.001, -0.002, -0.005, -0.010, -0.014, -0.015),
+        front=(0.0175, 0.0215, 0.0220, 0.0200, 0.0165, 0.0100, 0.0),
+        back=(0.0165, 0.0200, 0.0210, 0.0200, 0.0165, 0.0100, 0.0),
+        side=(0.0120, 0.0135, 0.0130, 0.0115, 0.0100, 0.0070, 0.0),
+    )
+    thumb = profile(
+        z=wrist - np.array([0.014, 0.032, 0.050, 0.060]) * hand,
+        x=(0.012, 0.025, 0.030, 0.031),
+        y=(-0.002, -0.006, -0.009, -0.011),
+        front=(0.006, 0.0075, 0.0065, 0.0),
+        back=(0.006, 0.0075, 0.0065, 0.0),
+        side=(0.006, 0.007, 0.006, 0.0),
+    )
+    thumb_mesh = skin_mesh(superellipse_rings(thumb * h, 5))
+    if not outfit.long_sleeves:
+        arm = superellipse_rings(np.concatenate([skin, palm * h]), 8, power=2.2)
+        return merged([skin_mesh(arm), thumb_mesh])
+    garment = skin.copy()
+    garment[2:, 3:] += (0.0022 + 0.004 * outfit.looseness) * h
+    sleeve = superellipse_rings(np.concatenate([garment, garment[-1:] * (0.985, 1, 1, 0.5, 0.5, 0.5)]), 8)
+    sleeve_mesh = cloth_mesh(sleeve, TOP, _SLEEVE_COLUMN, 0.0, first_row=112.0)
+    skin[-1, 0] += 0.012 * h
+    hand_rings = superellipse_rings(np.concatenate([skin[-1:], palm * h]), 8, power=2.2)
+    return merged([sleeve_mesh, skin_mesh(hand_rings), thumb_mesh])
+
+
+def foot_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
+    """The left shoe about its ankle joint (the origin); its sole has the arcs on which the gait rolls."""
+    length = anatomy.foot_m
+    heel_x, heel_r, toe_x, toe_r = anatomy.sole_m
+    # In lengths of the shoe; the bottom follows from the arcs of the sole.
+    share = np.array([-0.262, -0.250, -0.200, -0.060, 0.050, 0.150, 0.260, 0.400, 0.520, 0.620, 0.690, 0.730, 0.745])
+    half = np.array([0.050, 0.085, 0.118, 0.130, 0.129, 0.134, 0.150, 0.170, 0.176, 0.166, 0.140, 0.105, 0.060])
+    top = np.array([-0.02, 0.04, 0.085, 0.098, 0.075, 0.015, -0.05, -0.11, -0.14, -0.157, -0.176, -0.196, -0.215])
+    x, half, top = share * length, half * length, top * length
+    behind, ahead = np.maximum(heel_x - x, 0.0), np.maximum(x - toe_x, 0.0)
+    bottom = -anatomy.ankle_m + heel_r - np.sqrt(np.maximum(heel_r**2 - behind**2, 0.0))
+    bottom = bottom + toe_r - np.sqrt(np.maximum(toe_r**2 - ahead**2, 0.0))
+    top = np.maximum(top, bottom + 0.05 * length)
+    # Rings start at the bottom: a flat bottom and steep walls, a vault above.
+    angle = ring_angles(8)
+    up, side = np.cos(angle), np.sin(angle)
+    upward = np.where(up > 0.0, np.abs(up) ** 0.85, -(np.abs(up) ** 0.30))
+    sideward = np.sign(side) * np.abs(side) ** np.where(up > 0.0, 0.85, 0.42)
+    low = bottom + 0.32 * (top - bottom)
+    outward = 0.020 * length * np.clip(share / 0.5, 0.0, 1.0) * np.sin(np.clip(share / 0.745, 0.0, 1.0) * np.pi)
+    rings = np.empty((len(share), 8, 3))
+    rings[..., 0] = x[:, None]
+    rings[..., 1] = half[:, None] * sideward + outward[:, None]
+    rings[..., 2] = low[:, None] + np.where(upward > 0.0, (top - low)[:, None], (low - bottom)[:, None]) * upward
+    ends = rings[[0, -1]].mean(axis=1, keepdims=True).repeat(8, axis=1)
+    rings = np.concatenate([ends[:1], rings, ends[1:]])
+    # The bottom fifth of the shoe's texture shows the sole.
+    lift = (rings[..., 2] + anatomy.ankle_m) / (0.30 * length)
+    lift = np.concatenate([lift, lift[:, :1]], axis=1)
+    rows = SHOES.row + 2.0 + (SHOES.height - 4.0) * (1.0 - np.clip(lift, 0.0, 1.0))
+    columns = SHOES.column + SHOES.width * np.broadcast_to(np.linspace(0.02, 0.98, 9), rows.shape)
+    return lofted_mesh(rings, np.stack([columns, rows], axis=-1))
+
+
+def _scaled(table: FloatArray, anatomy: Anatomy, stretch: float) -> FloatArray:
+    """A profile in metres: lengths scaled by the person's segment, thickness by half of the person's girth."""
+    scaled = table * anatomy.height_m
+    scaled[:, 0] *= stretch / anatomy.height_m
+    scaled[:, 2:] *= 1.0 + 0.55 * (anatomy.girth - 1.0)
+    return scaled

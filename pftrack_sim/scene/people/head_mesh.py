@@ -1,0 +1,154 @@
+"""Meshes of head, neck, hair and cap, in statures of a person whose head and neck are 0.160 statures high."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
+from pftrack_sim.scene.people.head_texture import HEAD_SIZE, hairline, texture_row
+from pftrack_sim.scene.people.mesh import TriangleMesh, lofted_mesh, merged, profile, ring_angles, superellipse_rings
+from pftrack_sim.scene.people.texture_atlas import CAP, HAIR, HEAD, SKIN, Region, region_mesh
+
+_CROWN_Z = 0.160
+_RING_POINTS = 16
+
+# fmt: off
+_SKULL = profile(
+    z=(-0.025, 0.012, 0.027, 0.033, 0.042, 0.0625, 0.073, 0.092, 0.106, 0.122, 0.138, 0.150, 0.157, 0.160),
+    x=(-0.006, -0.002, 0.003, 0.006, 0.007, 0.005, 0.004, 0.003, 0.002, 0.001, -0.001, -0.003, -0.004, -0.005),
+    front=(
+        0.030, 0.029, 0.037, 0.047, 0.0505, 0.0515, 0.0515, 0.0505, 0.0535, 0.0515, 0.0450, 0.0330, 0.0180, 0.0,
+    ),
+    back=(0.032, 0.032, 0.038, 0.041, 0.045, 0.054, 0.057, 0.060, 0.062, 0.061, 0.053, 0.039, 0.022, 0.0),
+    side=(
+        0.034, 0.030, 0.033, 0.036, 0.0390, 0.0440, 0.0450, 0.0465, 0.0470, 0.0460, 0.0410, 0.0290, 0.0160, 0.0,
+    ),
+)
+# fmt: on
+_NOSE = {5: 0.0135, 6: 0.0085}
+"""Offset of the front vertex, by ring."""
+_EYE_RING = 7
+
+
+def head_mesh(anatomy: Anatomy) -> TriangleMesh:
+    """The head above the base of the neck (the origin), facing along x."""
+    scale = anatomy.head_m / _CROWN_Z
+    mesh = merged([_skull(), _ear(-1.0), _ear(1.0), *_hair(anatomy.hair_style)])
+    return TriangleMesh(mesh.vertices * scale, mesh.normals, mesh.pixels, mesh.faces)
+
+
+def _skull() -> TriangleMesh:
+    rings = superellipse_rings(_SKULL, _RING_POINTS, power=2.15)
+    front = _RING_POINTS // 2
+    for ring, length in _NOSE.items():
+        rings[ring, front, 0] += length
+    rings[_EYE_RING, [front - 1, front + 1], 0] -= 0.0030
+    columns = np.arange(_RING_POINTS + 1) / _RING_POINTS * (HEAD_SIZE[1] - 1)
+    rows = np.clip(texture_row(_SKULL[:, 0]), 1, HEAD_SIZE[0] - 1.0)
+    pixels = np.broadcast_arrays(HEAD.column + 0.5 + columns[None], HEAD.row + rows[:, None])
+    return lofted_mesh(rings, np.stack(pixels, axis=-1))
+
+
+def _ear(side: float) -> TriangleMesh:
+    table = profile(
+        z=(0.062, 0.068, 0.083, 0.094, 0.096),
+        x=(0.000, -0.001, -0.003, -0.004, -0.004),
+        front=(0.003, 0.006, 0.008, 0.005, 0.0),
+        back=(0.003, 0.005, 0.009, 0.008, 0.0),
+        side=(0.0015, 0.004, 0.005, 0.004, 0.0),
+    )
+    rings = superellipse_rings(table, 5)
+    rings[..., 1] += side * 0.0465
+    return region_mesh(rings, SKIN)
+
+
+def _hair(style: HairStyle) -> list[TriangleMesh]:
+    """Hair, or a cap with its brim."""
+    match style:
+        case "bald":
+            return []
+        case "short":
+            return [_scalp_cover(style, 0.0065, 0.0)]
+        case "medium":
+            return [_scalp_cover(style, 0.0125, 0.004), _back_hair(0.020, 0.076)]
+        case "long":
+            return [_scalp_cover(style, 0.0095, 0.003), _back_hair(-0.055, 0.076)]
+        case "bun":
+            return [_scalp_cover(style, 0.006, 0.0), _bun()]
+        case "cap":
+            return [_scalp_cover(style, 0.006, 0.0, CAP), _brim()]
+
+
+def _scalp_cover(style: HairStyle, thickness: float, flare: float, region: Region = HAIR) -> TriangleMesh:
+    """Hair or a cap offset from the skull, thickest at the crown and thin at its edge.
+
+    Args:
+        style: Hair style; sets the edge.
+        thickness: Offset above the crown [statures].
+        flare: Additional offset, growing towards the back and the edge [statures].
+        region: Region of the atlas.
+    """
+    angle = ring_angles(_RING_POINTS)
+    edge = np.full(_RING_POINTS, 0.108) if style == "cap" else hairline(style, angle)
+    share = np.array([0.0, 0.12, 0.30, 0.54, 0.79, 1.0, 1.02])
+    # Rings are denser towards the crown, where the curvature of the skull is highest.
+    z = _CROWN_Z - (_CROWN_Z - edge[None]) * share[:, None] ** 1.35
+    points = _skull_points(np.broadcast_to(angle, z.shape), z)
+    outward = points - np.array([-0.002, 0.0, 0.098])
+    outward /= np.sqrt((outward**2).sum(axis=2, keepdims=True))
+    falloff = (1.3, 1.3, 1.3, 1.2, 1.05, 0.9, -0.5) if style == "cap" else (1.15, 1.15, 1.1, 1.0, 0.8, 0.25, -0.5)
+    flared = flare * np.clip(np.abs(angle) / np.pi, 0.3, 1.0)[None] * np.clip(share, 0, 0.8)[:, None]
+    offset = (thickness * np.array(falloff))[:, None] + flared
+    offset[-1] = -0.003
+    points = points + outward * offset[..., None]
+    points[0] = points[0].mean(axis=0)
+    return region_mesh(points, region)
+
+
+def _skull_points(angle: FloatArray, z: FloatArray) -> FloatArray:
+    """`(..., 3)` points of the skull without the nose, by direction [rad] and height [statures]."""
+    centre, front, back, side = (np.interp(z, _SKULL[:, 0], _SKULL[:, column]) for column in (1, 3, 4, 5))
+    cos, sin = np.cos(angle), np.sin(angle)
+    x = np.sign(cos) * np.abs(cos) ** (2 / 2.15)
+    y = np.sign(sin) * np.abs(sin) ** (2 / 2.15)
+    return np.stack([centre + np.where(x > 0, front, back) * x, side * y, z], axis=-1)
+
+
+def _back_hair(low: float, high: float) -> TriangleMesh:
+    """Hair hanging behind the ears and down the back, between two heights [statures]."""
+    share = np.linspace(0.0, 1.0, 6)
+    table = profile(
+        z=np.linspace(high, low, 6),
+        x=-0.022 - 0.016 * share,
+        front=0.031,
+        back=0.043 - 0.010 * share,
+        side=0.0530 + 0.003 * np.sin(np.pi * share) - 0.012 * share**2,
+    )
+    table = np.vstack([(high + 0.012, -0.025, 0, 0, 0, 0), table, (low - 0.006, -0.038, 0, 0, 0, 0)])
+    return region_mesh(superellipse_rings(table, 12, power=2.4), HAIR)
+
+
+def _bun() -> TriangleMesh:
+    radius = np.array([0.0, 0.014, 0.019, 0.014, 0.0])
+    table = profile(
+        z=(0.098, 0.104, 0.116, 0.128, 0.134),
+        x=(-0.072, -0.072, -0.074, -0.073, -0.072),
+        front=radius,
+        back=radius,
+        side=(0.0, 0.015, 0.020, 0.015, 0.0),
+    )
+    return region_mesh(superellipse_rings(table, 8), HAIR)
+
+
+def _brim() -> TriangleMesh:
+    table = profile(
+        z=(0.112, 0.1115, 0.1085, 0.108),
+        x=(0.066, 0.050, 0.050, 0.066),
+        front=(0.0, 0.046, 0.047, 0.0),
+        back=(0.0, 0.02, 0.02, 0.0),
+        side=(0.0, 0.036, 0.037, 0.0),
+    )
+    rings = superellipse_rings(table, 12)
+    rings[..., 2] -= 0.10 * np.clip(rings[..., 0] - 0.05, 0.0, None) + 2.0 * rings[..., 1] ** 2
+    return region_mesh(rings, CAP)

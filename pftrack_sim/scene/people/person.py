@@ -1,0 +1,129 @@
+"""A person in the model: 13 mocap bodies with a textured mesh each, and hidden capsules that collide with robots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+
+from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
+from pftrack_sim.scene.people import body_meshes
+from pftrack_sim.scene.people.anatomy import Anatomy
+from pftrack_sim.scene.people.head_mesh import head_mesh
+from pftrack_sim.scene.people.mesh import TriangleMesh, mirrored
+from pftrack_sim.scene.people.outfit import Outfit
+from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
+
+_PAIRED_PARTS = {
+    "upper-arm": body_meshes.upper_arm_mesh,
+    "forearm": body_meshes.forearm_mesh,
+    "thigh": body_meshes.thigh_mesh,
+    "shank": body_meshes.shank_mesh,
+    "foot": body_meshes.foot_mesh,
+}
+
+PARTS: tuple[str, ...] = (
+    *("pelvis", "torso", "head"),
+    *(f"{side}-{part}" for part in _PAIRED_PARTS for side in ("left", "right")),
+)
+"""Names of the 13 parts, in the order of `Gait.poses`.
+
+The frame of a part is at its upper joint (pelvis: midway between the hip joints; head: base of the neck; foot: ankle),
+x forward, y left, z up when standing.
+"""
+
+PEOPLE_CONTYPE = 4
+PEOPLE_CONAFFINITY = 2
+"""Collision bits: people collide with robots only."""
+
+UNPOSED_Z_M = -5.0
+"""Height of parts before the first pose is written: below the ground, out of the robot's way."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """A person in the scene. The bodies are named `"name/part"`, as in `"target/pelvis"`."""
+
+    name: str
+    anatomy: Anatomy
+    outfit: Outfit
+
+
+def part_meshes(person: Person) -> dict[str, TriangleMesh]:
+    """The mesh of every part in its own frame, in the order of `PARTS`."""
+    anatomy, outfit = person.anatomy, person.outfit
+    meshes = {
+        "pelvis": body_meshes.pelvis_mesh(anatomy, outfit),
+        "torso": body_meshes.torso_mesh(anatomy, outfit),
+        "head": head_mesh(anatomy),
+    }
+    for part, build in _PAIRED_PARTS.items():
+        left = build(anatomy, outfit)
+        meshes |= {f"left-{part}": left, f"right-{part}": mirrored(left)}
+    return meshes
+
+
+def add_person(spec: mujoco.MjSpec, person: Person) -> None:
+    """Add the 13 mocap bodies of a person to the world body.
+
+    Visual geoms are in `PEOPLE_GROUP` and never collide; capsules in `HIDDEN_GROUP` collide with robots.
+    """
+    name = person.name
+    texture = spec.add_texture(
+        name=f"{name}/skin-and-cloth",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        nchannel=3,
+        width=ATLAS_SIZE,
+        height=ATLAS_SIZE,
+    )
+    texture.data = paint_atlas(person.anatomy, person.outfit).tobytes()
+    material = spec.add_material(name=f"{name}/surface", specular=0.06, shininess=0.1, reflectance=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture.name
+    capsules = _collision_capsules(person.anatomy)
+    for part, triangles in part_meshes(person).items():
+        full_name = f"{name}/{part}"
+        mesh = spec.add_mesh(name=full_name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        mesh.uservert = triangles.vertices.ravel()
+        mesh.usernormal = triangles.normals.ravel()
+        mesh.usertexcoord = (triangles.pixels / ATLAS_SIZE).ravel()
+        mesh.userface = triangles.faces.ravel()
+        body = spec.worldbody.add_body(name=full_name, mocap=True, pos=[0.0, 0.0, UNPOSED_Z_M])
+        body.add_geom(
+            name=full_name,
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=full_name,
+            material=material.name,
+            group=PEOPLE_GROUP,
+            contype=0,
+            conaffinity=0,
+            mass=0.0,
+            castshadow=not part.endswith(("foot", "forearm")),
+        )
+        if part in capsules:
+            radius, ends = capsules[part]
+            body.add_geom(
+                name=f"{full_name}/bumper",
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=ends,
+                size=[radius, 0.0, 0.0],
+                group=HIDDEN_GROUP,
+                contype=PEOPLE_CONTYPE,
+                conaffinity=PEOPLE_CONAFFINITY,
+                mass=0.0,
+                castshadow=False,
+            )
+
+
+def _collision_capsules(anatomy: Anatomy) -> dict[str, tuple[float, list[float]]]:
+    """Radius and both end points [m] of the capsule inside each part that has one."""
+    h = anatomy.height_m
+    hip, chest, limb = 0.068 * h * anatomy.girth, 0.072 * h * anatomy.girth, 0.040 * h
+    hip_half, chest_half, chest_z = anatomy.hip_half_m * 0.6, anatomy.shoulder_half_m * 0.6, 0.62 * anatomy.torso_m
+    capsules = {
+        "pelvis": (hip, [0.0, -hip_half, 0.0, 0.0, hip_half, 0.0]),
+        "torso": (chest, [0.0, -chest_half, chest_z, 0.0, chest_half, chest_z]),
+    }
+    for side in ("left", "right"):
+        capsules[f"{side}-thigh"] = (limb, [0.0, 0.0, -0.03 * h, 0.0, 0.0, -anatomy.thigh_m])
+        capsules[f"{side}-shank"] = (0.8 * limb, [0.0, 0.0, 0.0, 0.0, 0.0, -anatomy.shank_m])
+    return capsules

@@ -1,0 +1,106 @@
+"""Texture atlas of a person, and meshes that show its regions.
+
+Cloth, face, hair, skin and shoes of a person share one texture and one material: a renderer switches once per person.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scene.people.anatomy import Anatomy, Colour
+from pftrack_sim.scene.people.cloth_texture import PIXEL_M, cloth_texture
+from pftrack_sim.scene.people.head_texture import HEAD_SIZE, paint_head
+from pftrack_sim.scene.people.mesh import TriangleMesh, arc_length_columns, lofted_mesh
+from pftrack_sim.scene.people.outfit import Outfit
+
+ATLAS_SIZE = 512
+"""Height and width of the atlas [px]."""
+
+
+class Region(NamedTuple):
+    """A rectangle of the atlas [px]."""
+
+    column: int
+    row: int
+    width: int
+    height: int
+
+
+TOP = Region(0, 0, 512, 232)
+BOTTOM = Region(0, 240, 512, 150)
+HEAD = Region(0, 398, HEAD_SIZE[1], HEAD_SIZE[0])
+SHOES = Region(262, 398, 96, 48)
+SKIN = Region(364, 398, 64, 48)
+HAIR = Region(262, 452, 64, 58)
+CAP = Region(332, 452, 64, 58)
+
+
+def paint_atlas(anatomy: Anatomy, outfit: Outfit) -> NDArray[np.uint8]:
+    """`(ATLAS_SIZE, ATLAS_SIZE, 3)` RGB texture of a person."""
+    # The gaps are skin-coloured, so that coarse mipmap levels of small regions blend into a plausible colour.
+    atlas = np.full((ATLAS_SIZE, ATLAS_SIZE, 3), anatomy.skin, np.uint8)
+    cap = outfit.shoes.colour if outfit.shoes.colour != outfit.top.colour else (40, 44, 60)
+    for region, image in (
+        (TOP, cloth_texture(outfit, "top")),
+        (BOTTOM, cloth_texture(outfit, "bottom")),
+        (HEAD, paint_head(anatomy)),
+        (SHOES, cloth_texture(outfit, "shoes")),
+        (HAIR, _hair_texture(anatomy.hair, 0.16)),
+        (CAP, _hair_texture(cap, 0.03)),
+    ):
+        atlas[region.row : region.row + region.height, region.column : region.column + region.width] = image
+    atlas[232:240] = atlas[231]
+    atlas[390:397] = atlas[389]
+    return atlas
+
+
+def _hair_texture(colour: Colour, contrast: float) -> NDArray[np.uint8]:
+    """Vertical streaks of varying brightness."""
+    noise = np.random.default_rng(5).normal(size=(HAIR.height, HAIR.width))
+    streaks = cv2.GaussianBlur(noise, (0, 0), sigmaX=0.8, sigmaY=7.0)
+    brightness = 1.0 + contrast * streaks / streaks.std()
+    return np.clip(np.array(colour, float) * brightness[..., None], 0, 255).astype(np.uint8)
+
+
+def cloth_mesh(
+    rings: FloatArray,
+    region: Region,
+    front_column: float,
+    top_m: float,
+    *,
+    length_m: float | None = None,
+    first_row: float = 0.0,
+) -> TriangleMesh:
+    """A mesh that shows cloth without stretching it around the body.
+
+    Args:
+        rings: `(R, N, 3)` points [m].
+        region: Region of the cloth in the atlas.
+        front_column: Column of the region at the front of the body.
+        top_m: Height [m] that shows row `first_row`.
+        length_m: Length [m] over which the region's rows are stretched; None keeps the scale of the cloth.
+        first_row: Row of the region at `top_m`.
+    """
+    pixel_m = PIXEL_M if length_m is None else length_m / region.height
+    columns = np.clip(arc_length_columns(rings, PIXEL_M, front_column), 1.0, region.width - 1.0)
+    rows = np.clip(first_row + (top_m - rings[..., 2]) / pixel_m, 1.0, region.height - 1.0)
+    rows = np.concatenate([rows, rows[:, :1]], axis=1)
+    return lofted_mesh(rings, np.stack([region.column + columns, region.row + rows], axis=-1))
+
+
+def region_mesh(rings: FloatArray, region: Region, margin_px: float = 3.0) -> TriangleMesh:
+    """A mesh of `(R, N, 3)` rings over which a region is stretched, less a margin."""
+    start, stop = region.column + margin_px, region.column + region.width - margin_px
+    columns = np.linspace(start, stop, rings.shape[1] + 1)
+    rows = np.linspace(region.row + margin_px, region.row + region.height - margin_px, len(rings))
+    return lofted_mesh(rings, np.stack(np.broadcast_arrays(columns[None], rows[:, None]), axis=-1))
+
+
+def skin_mesh(rings: FloatArray) -> TriangleMesh:
+    """A mesh of bare skin through `(R, N, 3)` rings."""
+    return region_mesh(rings, SKIN, 4.0)

@@ -1,0 +1,180 @@
+"""People: body proportions, appearance similarity, meshes, and the compiled model."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from pftrack_sim.agents.gait.gait import Gait
+from pftrack_sim.agents.gait.mocap_writer import MocapWriter
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
+from pftrack_sim.scene.people.anatomy import sample_anatomy
+from pftrack_sim.scene.people.cloth_texture import GarmentName, cloth_texture
+from pftrack_sim.scene.people.outfit import Outfit, sample_outfit, similar_outfit
+from pftrack_sim.scene.people.person import PARTS, PEOPLE_CONAFFINITY, PEOPLE_CONTYPE, Person, add_person, part_meshes
+from pftrack_sim.scene.people.sampling import sample_people
+from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
+
+
+def rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def person(seed: int) -> Person:
+    return Person("target", sample_anatomy(rng(seed)), sample_outfit(rng(seed + 1000)))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_body_proportions_are_within_published_ranges(seed: int):
+    body = sample_anatomy(rng(seed))
+    h = body.height_m
+    assert 1.45 <= h <= 2.05
+    assert abs(body.hip_height_m + body.pelvis_m + body.torso_m + body.head_m - h) < 1e-9
+    # Drillis and Contini: hip 0.530, knee 0.285, foot 0.152, arm 0.186 + 0.146 + 0.108, in statures.
+    assert abs(body.hip_height_m / h - 0.530) < 0.025
+    assert abs((body.shank_m + body.ankle_m) / h - 0.285) < 0.02
+    assert abs(body.foot_m / h - 0.152) < 0.015
+    assert abs((body.upper_arm_m + body.forearm_m + body.hand_m) / h - 0.430) < 0.035
+    assert 0.085 < body.shoulder_half_m / h < 0.125
+    assert 0.042 < body.hip_half_m / h < 0.060
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_standing_meshes_reach_from_the_ground_to_the_stature(seed: int):
+    sampled = person(seed)
+    body = sampled.anatomy
+    positions, _ = Gait([body], [rng(seed)]).poses()
+    meshes = part_meshes(sampled)
+    top = positions[0, PARTS.index("head"), 2] + meshes["head"].vertices[:, 2].max()
+    bottom = positions[0, PARTS.index("left-foot"), 2] + meshes["left-foot"].vertices[:, 2].min()
+    assert abs(bottom) < 1e-6
+    assert abs(top - body.height_m) < 0.03
+    chin_to_top = 0.132 / 0.160 * body.head_m
+    assert 6.5 < body.height_m / chin_to_top < 8.2
+
+
+def test_a_given_height_changes_no_other_attribute():
+    free, given = sample_anatomy(rng(3)), sample_anatomy(rng(3), 1.9)
+    assert given.height_m == 1.9
+    for name in ("girth", "figure", "skin", "hair", "hair_style", "beard"):
+        assert getattr(given, name) == getattr(free, name)
+
+
+def test_a_height_outside_the_range_is_an_error():
+    with pytest.raises(ParameterError, match=r"between 1\.2 and 2\.3"):
+        sample_anatomy(rng(0), 3.0)
+
+
+def colour_similarity(first: Outfit, second: Outfit) -> float:
+    """Mean Bhattacharyya coefficient of the garments' colour histograms."""
+
+    def histogram(outfit: Outfit, garment: GarmentName) -> np.ndarray:
+        pixels = cloth_texture(outfit, garment).reshape(-1, 3).astype(float)
+        counts, _ = np.histogramdd(pixels, bins=(8, 8, 8), range=[(0, 256)] * 3)
+        return counts / counts.sum()
+
+    return float(np.mean([np.sqrt(histogram(first, w) * histogram(second, w)).sum() for w in ("top", "bottom")]))
+
+
+def test_measured_colour_similarity_grows_with_the_similarity_parameter():
+    levels = (0.0, 0.25, 0.5, 0.75, 1.0)
+    references = [sample_outfit(rng(seed)) for seed in range(14)]
+    measured = np.array(
+        [
+            [colour_similarity(similar_outfit(rng(500 + seed), reference, level), reference) for level in levels]
+            for seed, reference in enumerate(references)
+        ]
+    )
+    mean = measured.mean(axis=0)
+    assert (np.diff(mean) > 0.08).all(), mean
+    assert mean[0] < 0.15
+    assert np.abs(measured[:, -1] - 1.0).max() < 1e-9
+
+
+def test_similarity_limits():
+    reference = sample_outfit(rng(1))
+    assert similar_outfit(rng(2), reference, 1.0) == reference
+    dissimilar = similar_outfit(rng(2), reference, 0.0)
+    assert np.linalg.norm(np.subtract(dissimilar.top.colour, reference.top.colour)) > 80
+    with pytest.raises(ParameterError, match=r"\[0, 1\]"):
+        similar_outfit(rng(2), reference, 1.2)
+
+
+def test_atlas_is_an_image_and_repeatable():
+    sampled = person(4)
+    atlas = paint_atlas(sampled.anatomy, sampled.outfit)
+    assert atlas.shape == (ATLAS_SIZE, ATLAS_SIZE, 3)
+    assert atlas.dtype == np.uint8
+    assert np.array_equal(atlas, paint_atlas(sampled.anatomy, sampled.outfit))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_meshes_have_few_faces_and_outward_unit_normals(seed: int):
+    meshes = part_meshes(person(seed))
+    assert tuple(meshes) == PARTS
+    assert sum(len(mesh.faces) for mesh in meshes.values()) < 3400
+    for name, mesh in meshes.items():
+        assert np.abs(np.linalg.norm(mesh.normals, axis=1) - 1.0).max() < 1e-6, name
+        assert mesh.pixels.min() >= 0.0, name
+        assert mesh.pixels.max() <= ATLAS_SIZE, name
+        corners = mesh.vertices[mesh.faces]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (corners[:, 0] * cross).sum() > 0.0, name
+        agreement = (cross * mesh.normals[mesh.faces].sum(axis=1)).sum(axis=1)
+        assert (agreement > -1e-9).mean() > 0.97, name
+
+
+def test_model_of_six_people():
+    people = sample_people(7, 1.74, 3, 0.4, (0.0, 0.9))
+    spec = mujoco.MjSpec()
+    for sampled in people:
+        add_person(spec, sampled)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    assert model.nq == 0
+    assert model.nmocap == model.nmesh == 6 * 13
+    visual, hidden = model.geom_group == PEOPLE_GROUP, model.geom_group == HIDDEN_GROUP
+    assert visual.sum() == 6 * 13
+    assert (visual | hidden).all()
+    assert not model.geom_contype[visual].any()
+    assert not model.geom_conaffinity[visual].any()
+    assert (model.geom_contype[hidden] == PEOPLE_CONTYPE).all()
+    assert (model.geom_conaffinity[hidden] == PEOPLE_CONAFFINITY).all()
+    # No convex hulls: visual meshes never collide.
+    assert (model.mesh_graphadr == -1).all()
+
+    gait = Gait([sampled.anatomy for sampled in people], [rng(index) for index in range(6)])
+    start = np.array([[1.5 * index, 0.3] for index in range(6)])
+    gait.reset(start, np.zeros(6), np.full(6, 1.2))
+    positions, quaternions = gait.poses()
+    MocapWriter(model, [sampled.name for sampled in people]).write(data, positions, quaternions)
+    mujoco.mj_forward(model, data)
+    for index, sampled in enumerate(people):
+        for part, name in enumerate(PARTS):
+            assert np.abs(data.body(f"{sampled.name}/{name}").xpos - positions[index, part]).max() < 1e-12
+
+
+def test_mocap_writer_rejects_a_name_that_is_not_in_the_model():
+    spec = mujoco.MjSpec()
+    add_person(spec, person(0))
+    with pytest.raises(UnknownNameError, match="did you mean 'target'"):
+        MocapWriter(spec.compile(), ["targett"])
+
+
+def test_adding_people_changes_no_other_person():
+    few, many = sample_people(3, 1.7, 1, 0.3, (0.5,)), sample_people(3, 1.7, 4, 0.3, (0.5, 0.1), (0.2,))
+    named = {sampled.name: sampled for sampled in many}
+    distractors = [f"distractor-{number}" for number in range(1, 5)]
+    assert list(named) == ["target", *distractors, "crosser-1", "crosser-2", "passer-1"]
+    for sampled in few:
+        assert named[sampled.name] == sampled
+
+
+def test_similarity_applies_to_height_and_clothes():
+    different, same = sample_people(5, 1.9, 6, 0.0, ()), sample_people(5, 1.9, 6, 1.0, ())
+    assert np.mean([abs(other.anatomy.height_m - 1.9) for other in different[1:]]) > 0.05
+    for other in same[1:]:
+        assert abs(other.anatomy.height_m - 1.9) < 1e-9
+        assert other.outfit == same[0].outfit
