@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from pftrack_sim.benchmark.episode import Job, play
+from pftrack_sim.benchmark.episode import EpisodeJob, run_episode
 from pftrack_sim.benchmark.executor import Done
 from pftrack_sim.core.errors import RunError, ScenarioError
 
@@ -36,11 +36,11 @@ class DaskWorkers:
         except (OSError, ValueError) as error:
             raise RunError(f"no Dask scheduler at {address!r}: {error}") from None
 
-    def play_all(self, jobs: Iterator[Job]) -> Iterator[Done | None]:
+    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done | None]:
         """See `Pool`. The scheduler plays an episode again whose worker dies."""
         from distributed import KilledWorker, as_completed
 
-        running: dict[str, Job] = {}
+        running: dict[str, EpisodeJob] = {}
         finished: Any = as_completed()
         self._fill(jobs, running, finished)
         while running:
@@ -55,13 +55,13 @@ class DaskWorkers:
             future.release()
             self._fill(jobs, running, finished)
 
-    def _fill(self, jobs: Iterator[Job], running: dict[str, Job], finished: Any) -> None:
+    def _fill(self, jobs: Iterator[EpisodeJob], running: dict[str, EpisodeJob], finished: Any) -> None:
         threads = sum(one["nthreads"] for one in self._client.scheduler_info(n_workers=-1)["workers"].values())
         while len(running) < _AHEAD * max(threads, 1):
             job = next(jobs, None)
             if job is None:
                 return
-            future = self._client.submit(play, job, pure=False)
+            future = self._client.submit(run_episode, job, pure=False)
             running[future.key] = job
             finished.add(future)
 

@@ -15,7 +15,7 @@ from typing import Any
 import duckdb
 import numpy as np
 
-from pftrack_sim.benchmark.tracker_runner import TrackerRun
+from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.records import Truth
 
@@ -41,20 +41,20 @@ def truth_columns(truths: Sequence[Truth]) -> dict[str, np.ndarray]:
     return columns
 
 
-def estimate_columns(entry: TrackerRun, overlap: np.ndarray, centre_error_px: np.ndarray) -> dict[str, np.ndarray]:
+def estimate_columns(runner: TrackerRunner, overlap: np.ndarray, centre_error_px: np.ndarray) -> dict[str, np.ndarray]:
     """What one tracker said, a row for each frame."""
-    said = entry.estimates
+    said = runner.estimates
     return {
-        "tracker": np.array([entry.name] * len(said), dtype=object),
+        "tracker": np.array([runner.spec.label] * len(said), dtype=object),
         "frame": np.arange(len(said)),
-        "status": np.array(entry.statuses, dtype=object),
-        "estimate": _lists(entry.boxes.tolist()),
+        "status": np.array(runner.statuses, dtype=object),
+        "estimate": _lists(runner.boxes.tolist()),
         "confidence": np.array([np.nan if one is None else one.confidence for one in said], dtype=np.float64),
         "estimate_occluded": np.array([one is not None and one.occluded for one in said]),
         "answered": np.array([one is not None for one in said]),
         "overlap": overlap,
         "centre_error_px": centre_error_px,
-        "ms": np.array(entry.ms, dtype=np.float64),
+        "ms": np.array(runner.ms, dtype=np.float64),
     }
 
 

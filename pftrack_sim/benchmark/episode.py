@@ -1,14 +1,13 @@
-"""One unit of work: an episode is drawn once and shown to its trackers. It runs in any process, on any machine.
+"""One episode as a unit of work: run it, score its trackers, and return its files as bytes.
 
-What it finds comes back as bytes, so that workers need no disk in common with whoever asked.
+It runs in any process on any machine; workers and the parent need no common disk.
 """
 
 from __future__ import annotations
 
-import hashlib
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,35 +16,33 @@ from typing import Any
 import numpy as np
 
 import pftrack_sim
-from pftrack_sim import score
+from pftrack_sim import controllers, policies, score
 from pftrack_sim.benchmark.columns import estimate_columns, truth_columns, write_episode
-from pftrack_sim.benchmark.drive import drive
-from pftrack_sim.benchmark.drive_log import Shown
 from pftrack_sim.benchmark.plan import Episode, TrackerSpec
-from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRun, enter
-from pftrack_sim.benchmark.video import VideoWriter
+from pftrack_sim.benchmark.rollout import Driver, EnvironmentSource, SimulatedSource, Sink, Source, rollout
+from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, VideoWriter, picture
+from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.core.records import Estimate, Truth
-from pftrack_sim.render.overlay import draw_frame
+from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits
 
-# A process draws one episode at a time, however many threads a cluster gives it: OpenGL contexts belong to threads.
-_drawing = threading.Lock()
+# OpenGL contexts belong to threads: a process renders one episode at a time, however many threads a cluster gives it.
+_render_lock = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Job:
+class EpisodeJob:
     """An episode and how to run it.
 
     Attributes:
         episode: Which.
-        trackers: Who is shown it.
-        video: Whether to film it.
-        backend: OpenGL backend.
-        isolation: Which trackers get a process of their own.
-        limits: What those may take.
-        version: Of this package where the job was made.
+        trackers: Trackers that are shown its frames.
+        video: Whether to write a video.
+        backend: Renderer, by name.
+        isolation: Which trackers run in a process of their own.
+        limits: Limits of those.
+        version: Version of this package where the job was made.
     """
 
     episode: Episode
@@ -58,8 +55,8 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came of an episode.
+class EpisodeFiles:
+    """What an episode leaves.
 
     Attributes:
         table: Its Parquet file.
@@ -74,7 +71,7 @@ class Outcome:
     rows: tuple[dict[str, Any], ...]
 
 
-def play(job: Job, on_frame: Callable[[], None] = lambda: None) -> Outcome:
+def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) -> EpisodeFiles:
     """Run an episode.
 
     Args:
@@ -82,95 +79,100 @@ def play(job: Job, on_frame: Callable[[], None] = lambda: None) -> Outcome:
         on_frame: Called after every frame.
 
     Raises:
-        RenderError: Nothing can draw.
+        RenderError: No renderer works.
         ScenarioError: The scenario contradicts itself at this seed.
-        RunError: No room for its files, or another version of this package.
+        RunError: No space for its files, or another version of this package.
     """
     if job.version != pftrack_sim.__version__:
-        raise RunError(f"a worker has pftrack-sim {pftrack_sim.__version__}, but {job.version} was asked for")
-    with _drawing, ExitStack() as stack:
+        raise RunError(f"this worker has pftrack-sim {pftrack_sim.__version__}, the run has {job.version}")
+    episode = job.episode
+    with _render_lock, ExitStack() as stack:
         try:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pftrack-sim-")))
         except OSError as error:
             raise RunError(f"cannot make a temporary folder: {error.strerror}") from None
-        entries = enter(job.trackers, seed=job.episode.seed, isolation=job.isolation, limits=job.limits)
-        for entry in entries:
-            stack.callback(entry.close)
-        video = folder / "episode.mp4" if job.video else None
-        if job.episode.kind == "follow":
-            shown = drive(job.episode, entries[0], video, job.backend, on_frame)
+        runners = make_runners(job.trackers, seed=episode.seed, isolation=job.isolation, limits=job.limits)
+        for runner in runners:
+            stack.callback(runner.close)
+        settings = episode.scenario.resolve(episode.seed)
+        log, course, driver = TruthLog(), FollowLog(), None
+        sinks: list[Sink] = [log]
+        if episode.kind == "follow":
+            env = TrackAndFollowEnv(episode.scenario, backend=job.backend)
+            stack.callback(env.close)
+            simulation, source = env.simulation, EnvironmentSource(env, episode.seed)
+            driver = _driver(episode, runners[0])
+            sinks.append(course)
         else:
-            simulation = stack.enter_context(Simulation(job.episode.scenario, backend=job.backend))
-            shown = _show(simulation, job.episode.seed, entries, video, on_frame)
-        rows = _write(folder / "episode.parquet", job.episode, shown)
-        return Outcome(
-            table=(folder / "episode.parquet").read_bytes(),
-            video=video.read_bytes() if video is not None else None,
-            frames=len(shown.truths),
+            simulation = stack.enter_context(Simulation(episode.scenario, backend=job.backend))
+            source: Source = SimulatedSource(simulation, episode.seed)
+        with ExitStack() as open_video:
+            if job.video:
+                writer = open_video.enter_context(VideoWriter(folder / "episode.mp4", settings.camera.rate_hz))
+                sinks.append(lambda step: writer.add(picture(step.sample, runners), step.sample.time_s))
+            rollout(source, runners, driver=driver, sinks=[*sinks, lambda step: on_frame()])
+        following: dict[str, Any] = {}
+        if episode.kind == "follow":
+            charged = {"controller": job.trackers[0].controller, "latency_ms": episode.latency_ms}
+            following = {**charged, **course.scores(settings, simulation.frame_count)}
+        table = folder / "episode.parquet"
+        rows = _write(table, episode, log, runners, course.columns(), following, simulation.graphics)
+        return EpisodeFiles(
+            table=table.read_bytes(),
+            video=(folder / "episode.mp4").read_bytes() if job.video else None,
+            frames=len(log.truths),
             rows=tuple(rows),
         )
 
 
-def _show(
-    simulation: Simulation, seed: int, entries: list[TrackerRun], video: Path | None, on_frame: Callable[[], None]
-) -> Shown:
-    """Show every frame to every tracker."""
-    truths: list[Truth] = []
-    pixels = hashlib.blake2b(digest_size=16)
-    frame = simulation.reset(seed)
-    with ExitStack() as open_files:
-        writer = None
-        if video is not None:
-            writer = open_files.enter_context(VideoWriter(video, simulation.settings.camera.rate_hz))
-        while True:
-            pixels.update(np.ascontiguousarray(frame.image).data)
-            said: dict[str, Estimate] = {}
-            for entry in entries:
-                estimate = entry.see(frame.image, frame.truth.box, frame.truth.scored)
-                if estimate is not None:
-                    said[entry.name] = estimate
-            truths.append(frame.truth)
-            if writer is not None:
-                writer.add(draw_frame(frame, said))
-            on_frame()
-            if len(truths) == simulation.frame_count:
-                return Shown(truths, entries, pixels.hexdigest(), simulation.graphics)
-            frame = simulation.advance()
+def _driver(episode: Episode, runner: TrackerRunner) -> Driver:
+    settings = episode.scenario.resolve(episode.seed)
+    assert runner.spec.controller is not None
+    controller = controllers.make(runner.spec.controller)
+    robot = policies.robot_parameters(settings, episode.latency_ms)
+    return Driver(runner, controller, robot, episode.latency_ms, settings.camera.rate_hz)
 
 
-def _write(path: Path, episode: Episode, shown: Shown) -> list[dict[str, Any]]:
-    """Score every tracker and write the episode's file."""
-    truths = shown.truths
+def _write(
+    path: Path,
+    episode: Episode,
+    log: TruthLog,
+    runners: list[TrackerRunner],
+    course: Mapping[str, np.ndarray],
+    following: Mapping[str, Any],
+    graphics: str,
+) -> list[dict[str, Any]]:
+    """Score every tracker and write the episode's file; returns a row of the summary for each tracker."""
+    truths = log.truths
     key: dict[str, str | int] = {
         "kind": episode.kind,
         "scenario": episode.scenario.name,
         "condition": episode.condition.name,
         "seed": episode.seed,
     }
-    truth_boxes = np.array([getattr(one, episode.truth) for one in truths])
-    scored = np.array([one.scored for one in truths])
-    visible = np.array([one.visible_fraction for one in truths])
-    times = np.array([one.time_s for one in truths])
-    rate_hz = episode.scenario.resolve(episode.seed).camera.rate_hz
+    true_boxes = np.array([getattr(truth, episode.truth) for truth in truths])
+    scored = np.array([truth.scored for truth in truths])
+    visible = np.array([truth.visible_fraction for truth in truths])
+    times = np.array([truth.time_s for truth in truths])
     rows: list[dict[str, Any]] = []
     tables: list[dict[str, np.ndarray]] = []
-    for entry in shown.entries:
-        frames = score.frame_scores(entry.boxes, truth_boxes)
-        summary = score.measure(frames, scored, visible, np.array(entry.ms), times)
-        tables.append(estimate_columns(entry, frames.overlap, frames.centre_error_px))
-        said = {"failure": entry.failure, "printed": entry.printed}
-        rows.append({**key, "tracker": entry.name, **summary.as_dict(), **shown.scores, **said})
-    sums = {
+    for runner in runners:
+        frames = score.frame_scores(runner.boxes, true_boxes)
+        measures = score.measure(frames, scored, visible, np.array(runner.ms), times)
+        tables.append(estimate_columns(runner, frames.overlap, frames.centre_error_px))
+        errors = {"failure": runner.failure, "printed": runner.printed}
+        rows.append({**key, "tracker": runner.spec.label, **measures.as_dict(), **following, **errors})
+    metadata = {
         **key,
         "path": episode.path,
         "truth": episode.truth,
         "levels": dict(episode.condition.levels),
         "frames": len(truths),
-        "rate_hz": rate_hz,
-        "frames_digest": shown.pixels,
-        "graphics": shown.graphics,
+        "rate_hz": episode.scenario.resolve(episode.seed).camera.rate_hz,
+        "frames_digest": log.frames_digest,
+        "graphics": graphics,
         "version": pftrack_sim.__version__,
         "trackers": rows,
     }
-    write_episode(path, key, {**truth_columns(truths), **shown.columns}, tables, sums)
+    write_episode(path, key, {**truth_columns(truths), **course}, tables, metadata)
     return rows

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol
 
-from pftrack_sim.benchmark.episode import Job, Outcome, play
+from pftrack_sim.benchmark.episode import EpisodeFiles, EpisodeJob, run_episode
 from pftrack_sim.core.errors import ScenarioError
 
 MAX_DEATHS = 3
@@ -34,15 +34,15 @@ class Done:
         problem: Why it could not be run.
     """
 
-    job: Job
-    outcome: Outcome | None
+    job: EpisodeJob
+    outcome: EpisodeFiles | None
     problem: str | None = None
 
 
 class Pool(Protocol):
     """Plays episodes, in any order."""
 
-    def play_all(self, jobs: Iterator[Job]) -> Iterator[Done | None]:
+    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done | None]:
         """Play every job, taking only as many from the iterator as can be worked on.
 
         Yields:
@@ -66,11 +66,11 @@ class ThisProcess:
     def __init__(self) -> None:
         self._frames = 0
 
-    def play_all(self, jobs: Iterator[Job]) -> Iterator[Done | None]:
+    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done | None]:
         """See `Pool`."""
         for job in jobs:
             try:
-                yield Done(job, play(job, self._count))
+                yield Done(job, run_episode(job, self._count))
             except ScenarioError as error:
                 yield Done(job, None, str(error))
 
@@ -102,11 +102,11 @@ class LocalWorkers:
     def _start(self, place: int) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(1, self._context, initializer=_begin, initargs=(self._seen, place))
 
-    def play_all(self, jobs: Iterator[Job]) -> Iterator[Done | None]:
+    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done | None]:
         """See `Pool`. An episode whose worker dies is played again by a new one."""
-        again: deque[Job] = deque()
+        again: deque[EpisodeJob] = deque()
         deaths: Counter[str] = Counter()
-        running: dict[Future[Outcome], tuple[int, Job]] = {}
+        running: dict[Future[EpisodeFiles], tuple[int, EpisodeJob]] = {}
         idle = list(range(len(self._executors)))
         while True:
             while idle:
@@ -135,7 +135,7 @@ class LocalWorkers:
                         yield Done(job, None, f"{job.episode.name}: its worker died {MAX_DEATHS} times")
             yield None
 
-    def _submit(self, place: int, job: Job) -> Future[Outcome]:
+    def _submit(self, place: int, job: EpisodeJob) -> Future[EpisodeFiles]:
         try:
             return self._executors[place].submit(_play, job)
         except BrokenExecutor:
@@ -165,8 +165,8 @@ class LocalWorkers:
 _on_frame: Callable[[], None] = lambda: None  # noqa: E731 - set once in each worker
 
 
-def _play(job: Job) -> Outcome:
-    return play(job, _on_frame)
+def _play(job: EpisodeJob) -> EpisodeFiles:
+    return run_episode(job, _on_frame)
 
 
 def _begin(seen: Any, place: int) -> None:

@@ -1,4 +1,4 @@
-"""What a tracker's thinking costs here, measured once and then part of the plan: results repeat on any host."""
+"""Latencies of trackers: given, printed in papers, or measured once and stored in the plan."""
 
 from __future__ import annotations
 
@@ -10,55 +10,70 @@ import numpy as np
 
 from pftrack_sim.benchmark.folder import is_run, read_run_plan
 from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.tracker_runner import enter
-from pftrack_sim.core.errors import RunError, UnknownNameError
+from pftrack_sim.benchmark.planning import match_trackers
+from pftrack_sim.benchmark.rollout import SimulatedSource, rollout
+from pftrack_sim.benchmark.tracker_runner import Isolation, make_runners
+from pftrack_sim.core.errors import RunError
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.trackers.isolation import Limits
 
 FRAMES = 25
-"""Frames behind a measured latency."""
+"""Frames of a measurement."""
 
 
-def settled(
-    asked: Mapping[str, float | None], trackers: Sequence[TrackerSpec], scenario: Scenario, begun: Path | None = None
+def resolve_latencies(
+    given: Mapping[str, float | None],
+    trackers: Sequence[TrackerSpec],
+    scenario: Scenario,
+    run_folder: Path | None = None,
+    *,
+    isolation: Isolation = "auto",
+    limits: Limits | None = None,
 ) -> dict[str, float]:
-    """Latencies as numbers.
+    """Latency of each tracker as a number [ms], by its `base_label`.
 
     Args:
-        asked: By the tracker's name; None is to be measured.
-        trackers: Who takes part.
+        given: By a tracker's name (all its parameterisations) or `base_label` (one); None is measured.
+        trackers: Trackers of the run.
         scenario: Measured on the first frames of its seed 0.
-        begun: Run folder that may have been begun: then its plan says what was measured, and nothing is measured again.
+        run_folder: A run folder that may exist already: what its plan holds is not measured again.
+        isolation: Which trackers run in a process of their own, as in the run.
+        limits: Limits of those.
 
     Raises:
-        UnknownNameError: A name that does not take part.
-        RunError: The tracker cannot be measured, for it fails.
+        UnknownNameError: A name or label that no tracker of the run has.
+        RunError: The latency cannot be measured because the tracker fails.
     """
-    by_name = {one.name: one for one in trackers}
-    frozen: dict[str, float] = {}
-    if begun is not None and is_run(begun):
-        frozen = {one.name: one.latency_ms for one in read_run_plan(begun).trackers}
-    found: dict[str, float] = {}
-    for name, said in asked.items():
-        if name not in by_name:
-            raise UnknownNameError("tracker that latency is given for", name, by_name)
-        found[name] = said if said is not None else frozen.get(name) or measure_ms(by_name[name], scenario)
-    return found
+    stored: dict[str, float] = {}
+    if run_folder is not None and is_run(run_folder):
+        stored = {spec.base_label: spec.latency_ms for spec in read_run_plan(run_folder).trackers}
+    latencies: dict[str, float] = {}
+    for key, spec in match_trackers(given, trackers):
+        value = given[key]
+        if value is None:
+            value = stored.get(spec.base_label) or measure_ms(spec, scenario, isolation=isolation, limits=limits)
+        latencies[spec.base_label] = value
+    return latencies
 
 
-def measure_ms(tracker: TrackerSpec, scenario: Scenario) -> float:
-    """Median time that a tracker takes for a frame on this machine, rounded up to a tenth of a millisecond.
+def measure_ms(
+    tracker: TrackerSpec, scenario: Scenario, *, isolation: Isolation = "auto", limits: Limits | None = None
+) -> float:
+    """Median time per frame of a tracker on this machine [ms], rounded up to a tenth; at most `FRAMES` frames are used.
 
     Raises:
-        RunError: It fails before it has seen `FRAMES` frames.
+        RunError: The tracker fails, or the target does not appear.
     """
-    (entry,) = enter([tracker], seed=0)
-    with Simulation(scenario) as simulation:
-        frame = simulation.reset(0)
-        for _ in range(min(FRAMES, simulation.frame_count) - 1):
-            entry.see(frame.image, frame.truth.box, frame.truth.scored)
-            frame = simulation.advance()
-    if entry.failure is not None or "ok" not in entry.statuses:
-        raise RunError(f"cannot measure the latency of {tracker.label}: {entry.failure or 'the target never appeared'}")
-    taken = [ms for ms, status in zip(entry.ms, entry.statuses, strict=True) if status == "ok"]
-    return max(math.ceil(10.0 * float(np.median(taken))), 1) / 10.0
+    (runner,) = make_runners([tracker], seed=0, isolation=isolation, limits=limits)
+    try:
+        with Simulation(scenario) as simulation:
+            until_s = (FRAMES - 1) / scenario.resolve(0).camera.rate_hz
+            rollout(SimulatedSource(simulation, 0, until_s=until_s), [runner])
+    finally:
+        runner.close()
+    times = [ms for ms, status in zip(runner.ms, runner.statuses, strict=True) if status == "ok"]
+    if runner.failure is not None or not times:
+        reason = runner.failure or "the target did not appear"
+        raise RunError(f"cannot measure the latency of {tracker.label}: {reason}")
+    return max(math.ceil(10.0 * float(np.median(times))), 1) / 10.0

@@ -54,15 +54,20 @@ class TrackerSpec(Section):
     latency_ms: NotNegative = 0.0
 
     @property
-    def label(self) -> str:
-        """How tables call it: `"ko2012"`, `"ko2012[particle_count=300]"`, `"ko2012@13ms+servo-avoid"`."""
-        said = {**({"preset": self.preset} if self.preset != "default" else {}), **self.params}
+    def base_label(self) -> str:
+        """Name with preset and parameters, for people: `"ko2012"`, `"ko2012[particle_count=300]"`."""
+        options = {**({"preset": self.preset} if self.preset != "default" else {}), **self.params}
         inner = ",".join(
-            f"{key}={json.dumps(value) if isinstance(value, bool) else value}" for key, value in said.items()
+            f"{key}={json.dumps(value) if isinstance(value, bool) else value}" for key, value in options.items()
         )
-        late = f"@{self.latency_ms:g}ms" if self.latency_ms else ""
-        driving = f"+{self.controller}" if self.controller is not None else ""
-        return self.name + (f"[{inner}]" if inner else "") + late + driving
+        return self.name + (f"[{inner}]" if inner else "")
+
+    @property
+    def label(self) -> str:
+        """`base_label` with latency and controller: `"ko2012@13ms+servo-avoid"`. It is printed and never parsed."""
+        latency = f"@{self.latency_ms:g}ms" if self.latency_ms else ""
+        controller = f"+{self.controller}" if self.controller is not None else ""
+        return self.base_label + latency + controller
 
 
 class Condition(Section):
@@ -153,6 +158,12 @@ class Episode:
     def labels(self) -> tuple[str, ...]:
         """Names of its trackers in tables."""
         return tuple(one.label for one in self.trackers)
+
+    @property
+    def latency_ms(self) -> float:
+        """Latency of its tracker in closed loop."""
+        by_condition = self.condition.latency_ms
+        return self.trackers[0].latency_ms if by_condition is None else by_condition
 
     @property
     def name(self) -> str:

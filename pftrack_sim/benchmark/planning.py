@@ -39,8 +39,8 @@ def make_plan(
         overrides: Dotted keys set in every scenario.
         preset: Preset of every tracker given by its name alone.
         controllers: What drives the robot, by name, each with every tracker; without one the robot follows its script.
-        latency_ms: Simulated time charged for a frame, by the tracker's name; the others are not charged. An axis
-            `latency` charges all of them instead.
+        latency_ms: Simulated time charged for a frame, by the tracker's name or `base_label`; other trackers are not
+            charged. An axis `latency` charges all of them instead.
         word: Said before the conditions' names.
 
     Raises:
@@ -75,16 +75,27 @@ def _drivers(
 ) -> tuple[TrackerSpec, ...]:
     """Every tracker with every controller."""
     check_latency(latency_ms.values())
-    names = [one.name for one in trackers]
-    for name in latency_ms:
-        if name not in names:
-            raise UnknownNameError("tracker that latency is given for", name, names)
+    latencies = {spec.base_label: latency_ms[key] for key, spec in match_trackers(latency_ms, trackers)}
     for name in controllers:
         make_controller(name)  # a mistake in its name is told before anything is drawn
-    charged = [one.model_copy(update={"latency_ms": latency_ms.get(one.name, one.latency_ms)}) for one in trackers]
+    charged = [one.model_copy(update={"latency_ms": latencies.get(one.base_label, one.latency_ms)}) for one in trackers]
     if not controllers:
         return tuple(charged)
     return tuple(one.model_copy(update={"controller": name}) for name in controllers for one in charged)
+
+
+def match_trackers(keys: Mapping[str, object], trackers: Sequence[TrackerSpec]) -> list[tuple[str, TrackerSpec]]:
+    """Pairs of a key and a tracker that it is given for: keys are names or base labels, and a base label goes first.
+
+    Raises:
+        UnknownNameError: A key of no tracker.
+    """
+    for key in keys:
+        if not any(key in (spec.name, spec.base_label) for spec in trackers):
+            known = {name for spec in trackers for name in (spec.name, spec.base_label)}
+            raise UnknownNameError("tracker that latency is given for", key, known)
+    found = [(spec.base_label if spec.base_label in keys else spec.name, spec) for spec in trackers]
+    return [(key, spec) for key, spec in found if key in keys]
 
 
 def check_latency(values: Iterable[float]) -> None:

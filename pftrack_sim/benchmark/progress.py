@@ -12,7 +12,7 @@ from pathlib import Path
 import duckdb
 
 from pftrack_sim.benchmark.columns import read_metadata
-from pftrack_sim.benchmark.episode import Outcome
+from pftrack_sim.benchmark.episode import EpisodeFiles
 from pftrack_sim.benchmark.folder import episode_files
 from pftrack_sim.benchmark.plan import Episode, Plan
 
@@ -89,7 +89,7 @@ class Standing:
         if failure:
             self._failures[tracker] += 1
 
-    def add(self, episode: Episode, outcome: Outcome) -> None:
+    def add(self, episode: Episode, outcome: EpisodeFiles) -> None:
         """Count a finished episode."""
         self.done += 1
         self._frames += outcome.frames

@@ -1,4 +1,4 @@
-"""Trackers on recorded sequences: the same contest, with images from a folder and boxes drawn by hand."""
+"""Evaluate trackers on recorded sequences with annotated boxes."""
 
 from __future__ import annotations
 
@@ -11,24 +11,23 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.tracker_runner import TrackerRun, enter
-from pftrack_sim.benchmark.video import VideoWriter
+from pftrack_sim.benchmark.rollout import RecordedSource, Sink, rollout
+from pftrack_sim.benchmark.sinks import VideoWriter, picture
+from pftrack_sim.benchmark.tracker_runner import TrackerRunner, make_runners
 from pftrack_sim.core.errors import ParameterError, RunError
-from pftrack_sim.core.records import Estimate
 from pftrack_sim.formats import RecordedSequence
-from pftrack_sim.render.overlay import draw_recorded
 from pftrack_sim.score import Summary
 
-VIDEO_RATE_HZ = 25.0
-"""Of the videos: folders of images do not say how fast they were taken."""
+RATE_HZ = 25.0
+"""Frames per second of videos: folders of images do not tell how fast they were recorded."""
 
 
 @dataclass(frozen=True)
 class RecordedResult:
-    """What one tracker scored on one sequence with one seed."""
+    """Scores of one tracker on one sequence with one seed."""
 
     sequence: str
-    tracker: str
+    tracker: TrackerSpec
     seed: int
     summary: Summary
     failure: str | None
@@ -44,45 +43,60 @@ def evaluate(
 ) -> list[RecordedResult]:
     """Run every tracker on every sequence with every seed.
 
-    A tracker starts at the first frame with truth; frames without truth are shown and not scored.
+    A tracker starts at the first annotated frame; frames without a box are shown and not scored.
 
     Args:
         sequences: As `formats.read_sequence` gives them.
-        trackers: Trackers with their presets and parameters; a name alone is one without any.
+        trackers: Trackers; a name alone has no preset and parameters.
         seeds: Seeds of the trackers.
-        video: Where to show every tracker's boxes and, of one that gives them, particles at the first seed, with the
-            truth: as `video_paths` takes it.
-        on_frame: Called for every frame, tracker and seed.
+        video: Where to write the annotated and estimated boxes and particles at the first seed; see `video_paths`.
+        on_frame: Called after every frame of a sequence.
 
     Raises:
         UnknownNameError: An unknown tracker.
-        TrackerError: A tracker that needs what is not there.
+        TrackerError: A tracker whose requirements are missing.
         SequenceError: An image cannot be read.
-        ParameterError: No such preset or parameter, or a video's name that cannot be.
+        ParameterError: No such preset or parameter, or an impossible name of a video.
         RunError: A video cannot be written.
     """
-    # Mistakes in names or presets are told before anything is written.
-    enter(trackers, seed=0)
+    # Wrong names and presets are reported before anything is written.
+    make_runners(trackers, seed=0)
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
     results: list[RecordedResult] = []
     for sequence, path in zip(sequences, videos, strict=True):
-        entries = [(seed, entry) for seed in seeds for entry in enter(trackers, seed=seed)]
-        known = np.isfinite(sequence.truth[:, 0])
-        _play(sequence, known, entries, path, on_frame)
-        for seed, entry in entries:
-            overlap = score.overlaps(entry.boxes, sequence.truth)
-            error = score.centre_errors(entry.boxes, sequence.truth)
-            summary = score.summarise(overlap, error, known, np.array(entry.ms))
-            results.append(RecordedResult(sequence.name, entry.name, seed, summary, entry.failure))
+        by_seed = {seed: make_runners(trackers, seed=seed) for seed in seeds}
+        _run(sequence, list(by_seed.values()), path, on_frame)
+        scored = np.isfinite(sequence.truth[:, 0])
+        for seed, runners in by_seed.items():
+            for runner in runners:
+                overlap = score.overlaps(runner.boxes, sequence.truth)
+                error = score.centre_errors(runner.boxes, sequence.truth)
+                summary = score.summarise(overlap, error, scored, np.array(runner.ms))
+                results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.failure))
     return results
+
+
+def _run(
+    sequence: RecordedSequence,
+    by_seed: Sequence[Sequence[TrackerRunner]],
+    video: Path | None,
+    on_frame: Callable[[], None],
+) -> None:
+    """Show every frame to every tracker, and film those of the first seed."""
+    sinks: list[Sink] = [lambda step: on_frame()]
+    with ExitStack() as open_video:
+        if video is not None:
+            writer = open_video.enter_context(VideoWriter(video, RATE_HZ))
+            sinks.append(lambda step: writer.add(picture(step.sample, by_seed[0]), step.sample.time_s))
+        rollout(RecordedSource(sequence, RATE_HZ), [one for runners in by_seed for one in runners], sinks=sinks)
 
 
 def video_paths(sequences: Sequence[RecordedSequence], video: Path) -> list[Path]:
     """The file of each sequence's video.
 
     Args:
-        sequences: What is shown.
-        video: For one sequence a file ending in `.mp4`; otherwise a folder, in which each is named as its sequence.
+        sequences: The sequences.
+        video: For one sequence a file ending in `.mp4`; otherwise a folder, in which each is named after its sequence.
 
     Raises:
         ParameterError: One file for several sequences, or two sequences of one name.
@@ -96,33 +110,8 @@ def video_paths(sequences: Sequence[RecordedSequence], video: Path) -> list[Path
         return [video]
     if video.exists() and not video.is_dir():
         raise RunError(f"{video} is neither a folder nor a name that ends in .mp4")
-    names = [one.name for one in sequences]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ParameterError(
-            f"several sequences are called {', '.join(twice)}: their videos would take each other's name"
-        )
+    names = [sequence.name for sequence in sequences]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise ParameterError(f"several sequences are called {', '.join(repeated)}: each needs its own video's name")
     return [video / f"{name}.mp4" for name in names]
-
-
-def _play(
-    sequence: RecordedSequence,
-    known: np.ndarray,
-    entries: Sequence[tuple[int, TrackerRun]],
-    video: Path | None,
-    on_frame: Callable[[], None],
-) -> None:
-    """Show every frame to every tracker, and those of the first seed to whoever watches."""
-    with ExitStack() as open_files:
-        writer = None if video is None else open_files.enter_context(VideoWriter(video, VIDEO_RATE_HZ))
-        for index in range(len(sequence)):
-            image = sequence.image(index)
-            said: dict[str, Estimate] = {}
-            for seed, entry in entries:
-                estimate = entry.see(image, sequence.truth[index], bool(known[index]))
-                if estimate is not None and seed == entries[0][0]:
-                    said[entry.name] = estimate
-                on_frame()
-            if writer is not None:
-                caption = f"{sequence.name}   frame {index + 1} of {len(sequence)}"
-                writer.add(draw_recorded(image, sequence.truth[index], said, caption=caption))

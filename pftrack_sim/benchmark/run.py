@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
-from typing import cast
 
 from pftrack_sim.benchmark.cluster import DaskWorkers
-from pftrack_sim.benchmark.episode import Job
+from pftrack_sim.benchmark.episode import EpisodeJob
 from pftrack_sim.benchmark.executor import Done, LocalWorkers, Pool, ThisProcess
 from pftrack_sim.benchmark.folder import RunFolder
 from pftrack_sim.benchmark.naming import slug
@@ -18,13 +17,12 @@ from pftrack_sim.benchmark.plan import Episode, Plan
 from pftrack_sim.benchmark.progress import Standing, Status
 from pftrack_sim.benchmark.reading import Run
 from pftrack_sim.benchmark.tables import write_results
-from pftrack_sim.benchmark.tracker_runner import Isolation, try_out
+from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits
 
 VIDEOS = ("first", "all", "none")
-ISOLATIONS = ("auto", "always", "never")
 
 
 class Interrupted(RunError):
@@ -79,11 +77,11 @@ def run(
         Interrupted: Ctrl-C.
         RenderError: Nothing can draw.
     """
-    _check(videos, isolation, workers, part)
-    apart = cast("Isolation", isolation)
+    _check(videos, workers, part)
+    isolated = checked_isolation(isolation)
     limits = limits or Limits()
     # Mistakes in names or presets are told before anything is written.
-    try_out(plan.trackers, apart, limits)
+    check_trackers(plan.trackers, isolated, limits)
     Simulation(next(plan.episodes()).scenario, backend=backend)
     pool = _pool(plan, workers, scheduler)
     problems: list[str] = []
@@ -91,9 +89,9 @@ def run(
         standing = Standing(plan, path, part)
         on_status(standing.status(0))
 
-        def job(episode: Episode) -> Job:
+        def job(episode: Episode) -> EpisodeJob:
             film = videos == "all" or (videos == "first" and episode.leads)
-            return Job(episode, episode.trackers, film, backend, apart, limits)
+            return EpisodeJob(episode, episode.trackers, film, backend, isolated, limits)
 
         missing = (one for one in _share(plan, part, shuffle) if not held.folder.has(one))
         try:
@@ -145,11 +143,9 @@ def _pool(plan: Plan, workers: int, scheduler: str | None) -> Pool:
     return LocalWorkers(min(workers, plan.episode_count)) if workers else ThisProcess()
 
 
-def _check(videos: str, isolation: str, workers: int, part: tuple[int, int]) -> None:
+def _check(videos: str, workers: int, part: tuple[int, int]) -> None:
     if videos not in VIDEOS:
         raise ParameterError(f"videos must be one of {', '.join(VIDEOS)}, got {videos!r}")
-    if isolation not in ISOLATIONS:
-        raise ParameterError(f"isolation must be one of {', '.join(ISOLATIONS)}, got {isolation!r}")
     if workers < 0:
         raise ParameterError(f"workers must be >= 0, got {workers}")
     if not 1 <= part[0] <= part[1]:

@@ -1,4 +1,4 @@
-"""One frame shown to many trackers; none waits for another's mistake."""
+"""Run a tracker frame by frame; exceptions, crashes and timeouts end that tracker only."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, cast, get_args
 
 import numpy as np
 
@@ -14,98 +14,127 @@ from pftrack_sim import trackers
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate, Image, Tracker
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, try_make
 from pftrack_sim.trackers.registry import GROUP
 
 Isolation: TypeAlias = Literal["auto", "always", "never"]
-"""Which trackers get a process of their own; `"auto"`: those of strangers."""
+"""Which trackers run in a process of their own; `"auto"`: third-party trackers."""
 
-Status: TypeAlias = Literal["waiting", "init", "ok", "busy", "failed"]
+TrackerStatus: TypeAlias = Literal["waiting", "init", "ok", "busy", "failed"]
+"""Of a tracker in a frame: waiting for the target to appear, initialised, updated, still busy with an earlier frame,
+or failed in this frame or an earlier one."""
 
 
 @dataclass
-class TrackerRun:
-    """A tracker in a contest, and everything it said so far.
+class TrackerRunner:
+    """A tracker with a record of every frame of an episode.
 
     Attributes:
-        name: As tables call it.
-        tracker: The tracker.
-        estimates: One for each frame; None where it gave no valid answer.
-        ms: Time it took for each frame.
-        statuses: For each frame: `"waiting"` for the target to appear, `"init"`, `"ok"`, `"busy"` (still thinking about
-            an earlier one), or `"failed"`.
-        failure: What went wrong, and at which frame; None while all is well. It counts as a miss from there on.
+        spec: Which tracker.
+        tracker: The tracker itself.
+        estimates: One for each frame; None without a valid one.
+        ms: Time taken for each frame; 0 where the tracker was not called.
+        statuses: One for each frame.
+        failure: The first error with its frame; None without one. Every frame from there on is a miss.
+        started: Whether the tracker was initialised.
+        took_ms: Time taken by the last call.
     """
 
-    name: str
+    spec: TrackerSpec
     tracker: Tracker | IsolatedTracker
     estimates: list[Estimate | None] = field(default_factory=list[Estimate | None])
     ms: list[float] = field(default_factory=list[float])
-    statuses: list[Status] = field(default_factory=list[Status])
+    statuses: list[TrackerStatus] = field(default_factory=list[TrackerStatus])
     failure: str | None = None
     started: bool = False
+    took_ms: float = 0.0
 
-    def see(self, image: Image, truth_box: Box, visible: bool) -> Estimate | None:
-        """Show the next frame.
+    def step(self, image: Image, true_box: Box, visible: bool) -> None:
+        """Call the tracker on the next frame and record the result.
 
         Args:
-            image: `(H, W, 3)` uint8 RGB. The tracker gets a copy of its own.
-            truth_box: `(4,)` box [px]: where to start, and for trackers that ask for the truth.
-            visible: Whether the target can be seen: a tracker starts at the first frame where it can.
-
-        Returns:
-            The estimate, or None when there is none.
+            image: `(H, W, 3)` uint8 RGB; the tracker gets its own copy.
+            true_box: `(4,)` box [px]: for initialisation, and for trackers that need the truth.
+            visible: Whether the target can be seen: a tracker is initialised in the first such frame.
         """
-        estimate, took_ms, status = None, 0.0, "waiting"
-        if self.failure is None and (self.started or visible):
-            status = "ok" if self.started else "init"
+        if self.failure is not None:
+            self.record(None, "failed")
+        elif not self.started and not visible:
+            self.record(None, "waiting")
+        else:
+            status: TrackerStatus = "ok" if self.started else "init"
             try:
-                estimate, took_ms = self._answer(image, truth_box)
+                estimate = self.call(image, true_box)
             except TrackerFault as error:
-                self.failure = f"frame {len(self.ms)}: {error}"
-            except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's tracker may raise anything
-                self.failure = f"frame {len(self.ms)}: {type(error).__name__}: {error}"
-            if self.failure is not None:
-                self.close()
-        self.ms.append(took_ms)
-        self.estimates.append(estimate)
-        self.statuses.append("failed" if self.failure is not None else status)
+                self.fail(str(error))
+            else:
+                self.record(estimate, status, self.took_ms)
+
+    def call(self, image: Image, true_box: Box) -> Estimate:
+        """Initialise the tracker with `true_box` when called first, update it afterwards; nothing is recorded.
+
+        Raises:
+            TrackerFault: The tracker raised, crashed, timed out, or returned no valid estimate. It is closed then.
+        """
+        first, self.started = not self.started, True
+        try:
+            if isinstance(self.tracker, IsolatedTracker):
+                return self._call_isolated(self.tracker, image, true_box, first)
+            return self._call(self.tracker, image, true_box, first)
+        except TrackerFault:
+            self.close()
+            raise
+        except (Exception, SystemExit) as error:  # a third-party tracker may raise anything
+            self.close()
+            raise TrackerFault(f"{type(error).__name__}: {error}") from error
+
+    def _call_isolated(self, tracker: IsolatedTracker, image: Image, true_box: Box, first: bool) -> Estimate:
+        if tracker.needs_truth:
+            tracker.receive_truth(true_box)
+        if first:
+            tracker.init(image, true_box)
+        estimate = Estimate(true_box) if first else tracker.update(image)
+        self.took_ms = tracker.took_ms
         return estimate
 
-    def _answer(self, image: Image, truth_box: Box) -> tuple[Estimate, float]:
-        if isinstance(self.tracker, IsolatedTracker):
-            if self.tracker.needs_truth:
-                self.tracker.receive_truth(truth_box)
-            if not self.started:
-                self.started = True
-                self.tracker.init(image, truth_box)
-                return Estimate(truth_box), self.tracker.took_ms
-            return self.tracker.update(image), self.tracker.took_ms
-        own = image.copy()
-        if isinstance(self.tracker, trackers.NeedsTruth):
-            self.tracker.receive_truth(truth_box)
-        began = time.perf_counter()
-        if not self.started:
-            self.started = True
-            self.tracker.init(own, np.array(truth_box))
-            took_ms = (time.perf_counter() - began) * 1e3
-            check_unmodified(own, image)
-            return Estimate(truth_box), took_ms
-        said = self.tracker.update(own)
-        took_ms = (time.perf_counter() - began) * 1e3
-        return checked_estimate(said, own, image), took_ms
+    def _call(self, tracker: Tracker, image: Image, true_box: Box, first: bool) -> Estimate:
+        copied = image.copy()
+        if isinstance(tracker, trackers.NeedsTruth):
+            tracker.receive_truth(true_box)
+        start_s = time.perf_counter()
+        if first:
+            tracker.init(copied, np.array(true_box))
+            self.took_ms = (time.perf_counter() - start_s) * 1e3
+            check_unmodified(copied, image)
+            return Estimate(true_box)
+        estimate = tracker.update(copied)
+        self.took_ms = (time.perf_counter() - start_s) * 1e3
+        return checked_estimate(estimate, copied, image)
+
+    def fail(self, problem: str) -> None:
+        """Record an error in the current frame."""
+        self.failure = f"frame {len(self.ms)}: {problem}"
+        self.record(None, "failed")
+
+    def record(self, estimate: Estimate | None, status: TrackerStatus, ms: float = 0.0) -> None:
+        """Append the result of a frame."""
+        self.estimates.append(estimate)
+        self.statuses.append(status)
+        self.ms.append(ms)
 
     @property
-    def boxes(self) -> np.ndarray:
+    def boxes(self) -> FloatArray:
         """`(N, 4)` boxes [px], NaN where there is no estimate."""
         rows = [boxes.NO_BOX if estimate is None else estimate.box for estimate in self.estimates]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     @property
     def printed(self) -> str | None:
-        """The beginning of what it printed, where that was caught: in a process of its own. It costs nothing."""
+        """Beginning of what the tracker printed, if it runs in a process of its own."""
         return self.tracker.printed if isinstance(self.tracker, IsolatedTracker) else None
 
     def close(self) -> None:
@@ -114,55 +143,58 @@ class TrackerRun:
             self.tracker.close()
 
 
-def enter(
-    contestants: Sequence[str | TrackerSpec],
-    *,
-    seed: int,
-    isolation: Isolation = "never",
-    limits: Limits | None = None,
-) -> list[TrackerRun]:
-    """Fresh trackers.
+def make_runners(
+    specs: Sequence[str | TrackerSpec], *, seed: int, isolation: Isolation = "never", limits: Limits | None = None
+) -> list[TrackerRunner]:
+    """Make fresh trackers.
 
     Args:
-        contestants: Trackers with their presets and parameters; a name alone is one without any.
+        specs: Trackers; a name alone has no preset and parameters.
         seed: Root seed of the episode: every tracker draws from its own `tracker` stream of it.
-        isolation: Which trackers get a process of their own.
-        limits: What those may take.
+        isolation: Which trackers run in a process of their own.
+        limits: Limits of those.
 
     Raises:
         UnknownNameError: No such tracker.
         ParameterError: No such preset or parameter.
         TrackerError: A tracker that shares this process cannot be made.
     """
-    entries: list[TrackerRun] = []
-    for one in contestants:
-        who = one if isinstance(one, TrackerSpec) else TrackerSpec(name=one)
-        if not is_isolated(who.name, isolation):
-            entries.append(TrackerRun(who.label, trackers.make(who.name, seed=seed, preset=who.preset, **who.params)))
-            continue
-        made = IsolatedTracker(who.name, seed=seed, preset=who.preset, params=who.params, limits=limits or Limits())
-        entries.append(TrackerRun(who.label, made))
-    return entries
+    runners: list[TrackerRunner] = []
+    for given in specs:
+        spec = given if isinstance(given, TrackerSpec) else TrackerSpec(name=given)
+        options = {"seed": seed, "preset": spec.preset}
+        if is_isolated(spec.name, isolation):
+            made = IsolatedTracker(spec.name, **options, params=spec.params, limits=limits or Limits())
+        else:
+            made = trackers.make(spec.name, **options, **spec.params)
+        runners.append(TrackerRunner(spec, made))
+    return runners
 
 
-def try_out(contestants: Sequence[TrackerSpec], isolation: Isolation, limits: Limits) -> None:
-    """Make every tracker once: mistakes in names, presets or parameters are told before anything is written.
+def check_trackers(specs: Sequence[TrackerSpec], isolation: Isolation, limits: Limits) -> None:
+    """Make every tracker once, so that wrong names, presets and parameters are reported before anything is written.
 
     Raises:
-        PftrackError: As `enter`; TrackerError for those in a process of their own.
+        PftrackError: As `make_runners`; TrackerError also for trackers in a process of their own.
     """
-    for who in contestants:
-        if who.name not in trackers.names() and ":" not in who.name:
-            trackers.describe(who.name)
-        if is_isolated(who.name, isolation):
-            try_make(who.name, preset=who.preset, params=who.params, limits=limits)
+    for spec in specs:
+        if spec.name not in trackers.names() and ":" not in spec.name:
+            trackers.describe(spec.name)
+        if is_isolated(spec.name, isolation):
+            try_make(spec.name, preset=spec.preset, params=spec.params, limits=limits)
         else:
-            trackers.make(who.name, preset=who.preset, **who.params)
+            trackers.make(spec.name, preset=spec.preset, **spec.params)
+
+
+def checked_isolation(name: str) -> Isolation:
+    """Return `name`; raises ParameterError unless it is one of `Isolation`."""
+    if name not in get_args(Isolation):
+        raise ParameterError(f"isolation must be one of {', '.join(get_args(Isolation))}, got {name!r}")
+    return cast("Isolation", name)
 
 
 def is_isolated(name: str, isolation: Isolation) -> bool:
-    """Whether a tracker gets a process of its own."""
+    """Whether a tracker runs in a process of its own."""
     if isolation != "auto":
         return isolation == "always"
-    strangers = {point.name for point in entry_points(group=GROUP)}
-    return name not in trackers.names() or name in strangers
+    return name not in trackers.names() or name in {point.name for point in entry_points(group=GROUP)}

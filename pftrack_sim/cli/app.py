@@ -222,7 +222,8 @@ def follow(
     """Let trackers drive the robot: overlap and following are scored on the same episode."""
     from pftrack_sim import scenario as all_scenarios
     from pftrack_sim.benchmark import parse_seeds, plan_all
-    from pftrack_sim.benchmark.latency import settled
+    from pftrack_sim.benchmark.latency import resolve_latencies
+    from pftrack_sim.benchmark.tracker_runner import checked_isolation
     from pftrack_sim.trackers.isolation import Limits
 
     chosen = parse_trackers(trackers, preset or "default") if trackers is not None else None
@@ -241,13 +242,16 @@ def follow(
             drive=True,
         )
 
+    limits = Limits(frame_limit_s, memory_limit_mb)
     plan = plan_with({})
     names = list(dict.fromkeys(one.name for one in plan.trackers))
     if latency:
         stage = plan.batches[0].scenarios[0]
         first = all_scenarios.Scenario(stage.name, stage.tree)
-        plan = plan_with(settled(parse_latency(latency, names), plan.trackers, first, out))
-    limits = Limits(frame_limit_s, memory_limit_mb)
+        given = parse_latency(latency, names)
+        plan = plan_with(
+            resolve_latencies(given, plan.trackers, first, out, isolation=checked_isolation(isolation), limits=limits)
+        )
     _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, progress)
 
 
@@ -271,8 +275,7 @@ def evaluate(
     contestants = parse_trackers(tracker, preset, params or [])
     chosen = parse_seeds(seeds)
     read = [read_sequence(path) for path in sequences]
-    total = sum(len(sequence) for sequence in read) * len(contestants) * len(chosen)
-    with bars.bar("tracking", total) as tick:
+    with bars.bar("tracking", sum(len(sequence) for sequence in read)) as tick:
         results = evaluate_recorded(read, contestants, chosen, video=video, on_frame=tick)
     tables.print_recorded(results)
     if video is not None:
@@ -299,19 +302,19 @@ def render(
     """Look at a scenario: write its episode as a video, or one of its frames."""
     from pftrack_sim import scenario as scenarios
     from pftrack_sim.benchmark.rendering import save_image, save_video
-    from pftrack_sim.benchmark.tracker_runner import enter
+    from pftrack_sim.benchmark.tracker_runner import make_runners
 
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
     if params and tracker is None:
         raise ParameterError("--param needs --trackers: it is theirs")
-    entries = enter(parse_trackers(tracker, preset, params or []) if tracker is not None else [], seed=seed)
+    runners = make_runners(parse_trackers(tracker, preset, params or []) if tracker is not None else [], seed=seed)
     if video is not None:
         with bars.bar("drawing", loaded.frame_count(seed)) as tick:
-            save_video(loaded, seed, video, truth=truth, entries=entries, backend=backend, on_frame=tick)
+            save_video(loaded, seed, video, truth=truth, runners=runners, backend=backend, on_frame=tick)
     if image is not None:
-        save_image(loaded, seed, image, at_s=at_s, truth=truth, entries=entries, backend=backend)
+        save_image(loaded, seed, image, at_s=at_s, truth=truth, runners=runners, backend=backend)
     tables.print_folder(video or image)
 
 

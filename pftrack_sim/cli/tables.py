@@ -191,11 +191,11 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     """Scores of each tracker on each sequence, over all seeds."""
     groups: dict[tuple[str, ...], list[Summary]] = {}
     for one in results:
-        groups.setdefault((one.sequence, one.tracker), []).append(one.summary)
+        groups.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
     _print_groups("Over all seeds (frames with a known box)", ("sequence", "tracker"), groups)
     for one in results:
         if one.failure:
-            _console.print(f"{one.tracker} failed on {one.sequence} seed {one.seed}, {one.failure}")
+            _console.print(f"{one.tracker.label} failed on {one.sequence} seed {one.seed}, {one.failure}")
 
 
 def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ...], list[Summary]]) -> None:

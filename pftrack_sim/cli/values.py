@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from pftrack_sim.benchmark import TrackerSpec
 
 
+_COMMA_OUTSIDE_BRACKETS = r",(?![^\[\]]*\])"
+
+
 def parse_names(text: str) -> list[str]:
     """Names between commas.
 
@@ -105,8 +108,8 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Tr
     from pftrack_sim.benchmark import TrackerSpec
 
     found: list[TrackerSpec] = []
-    for spelled in parse_names(re.sub(r",(?![^\[\]]*\])", "\0", text).replace(",", "\1").replace("\0", ",")):
-        match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", spelled.replace("\1", ","))
+    for part in (one.strip() for one in re.split(_COMMA_OUTSIDE_BRACKETS, text) if one.strip()):
+        match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", part)
         inside = [pair for pair in (match[2] or "").split(",") if pair] if match else []
         if not match or any("=" not in pair for pair in inside):
             raise ParameterError(
@@ -115,6 +118,8 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Tr
         params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in inside)}
         chosen = str(params.pop("preset", preset))
         found.append(TrackerSpec(name=match[1].strip(), preset=chosen, params=params))
+    if not found:
+        parse_names(text)  # raises
     elsewhere = parse_params(pairs, [one.name for one in found])
     return [one.model_copy(update={"params": {**elsewhere.get(one.name, {}), **one.params}}) for one in found]
 
@@ -137,11 +142,15 @@ def parse_part(text: str) -> tuple[int, int]:
 def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]:
     """`TRACKER=MS` pairs between commas (`measured` for MS is None), or `paper` for the figures that the papers print.
 
+    TRACKER is a name, or a name with its parameters: `ko2012[particle_count=50]=12`.
+
     Raises:
         ParameterError: Not of that form.
 
     >>> parse_latency("lee2012=55, stay=7", ["lee2012", "stay"])
     {'lee2012': 55.0, 'stay': 7.0}
+    >>> parse_latency("ko2012[preset=paper,particle_count=50]=12", [])
+    {'ko2012[preset=paper,particle_count=50]': 12.0}
     >>> parse_latency("stay=measured", ["stay"])
     {'stay': None}
     >>> parse_latency("paper", ["ko2012", "stay"])
@@ -152,8 +161,8 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]
 
         return {name: PAPER_MS[name] for name in trackers if name in PAPER_MS}
     found: dict[str, float | None] = {}
-    for pair in (one for one in text.split(",") if one.strip()):
-        name, _, number = pair.partition("=")
+    for pair in (one for one in re.split(_COMMA_OUTSIDE_BRACKETS, text) if one.strip()):
+        name, _, number = pair.rpartition("=")
         try:
             found[name.strip()] = None if number.strip() == "measured" else float(number)
         except ValueError:

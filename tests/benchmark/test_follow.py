@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pftrack_sim.benchmark import Interrupted, Plan, Run, make_plan, plan_all, run
+from pftrack_sim.benchmark import Interrupted, Plan, Run, TrackerSpec, make_plan, plan_all, run
 from pftrack_sim.benchmark.check import check
 from pftrack_sim.benchmark.folder import episode_files
-from pftrack_sim.benchmark.latency import settled
+from pftrack_sim.benchmark.latency import measure_ms, resolve_latencies
 from pftrack_sim.benchmark.progress import Status
 from pftrack_sim.benchmark.query import ask
-from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.scenario import load
 from tests.benchmark.small import SMALL, contents
 
@@ -198,9 +198,25 @@ def test_a_measured_latency_is_measured_once(tmp_path: Path):
     scenario = load("corridor", {**SMALL, "duration_s": 1.0})
     plan = driving(range(1), ("ko2012[particle_count=10]",))
     trackers = driving(range(1), ("stay", "ko2012")).trackers
-    found = settled({"stay": None, "ko2012": 13.0}, trackers, scenario)
+    found = resolve_latencies({"stay": None, "ko2012": 13.0}, trackers, scenario)
     assert found["ko2012"] == 13.0
     assert 0.0 < found["stay"] < 1000.0
     assert plan.kind == "follow"
     begun = run(driving(range(1), ("stay",), latency_ms={"stay": 41.5}), tmp_path / "run", videos="none")
-    assert settled({"stay": None}, trackers, scenario, begun.path) == {"stay": 41.5}
+    assert resolve_latencies({"stay": None}, trackers, scenario, begun.path) == {"stay": 41.5}
+
+
+def test_two_parameterisations_of_a_tracker_have_latencies_of_their_own():
+    few, many = (TrackerSpec(name="ko2012", params={"particle_count": count}) for count in (10, 50))
+    plan = driving(range(1), (few, many), latency_ms={"ko2012": 40.0, "ko2012[particle_count=10]": 7.0})
+    assert [spec.latency_ms for spec in plan.trackers] == [7.0, 40.0]
+    scenario = load("corridor", {**SMALL, "duration_s": 0.3})
+    given = {"ko2012": 40.0, "ko2012[particle_count=10]": 7.0}
+    assert resolve_latencies(given, (few, many), scenario) == {few.base_label: 7.0, many.base_label: 40.0}
+
+
+def test_a_third_party_tracker_is_measured_in_a_process_of_its_own():
+    """It leaves the process with `os._exit`: in this process nothing would be left to report."""
+    scenario = load("corridor", {**SMALL, "duration_s": 0.5})
+    with pytest.raises(RunError, match=r"cannot measure the latency .* exit code 3"):
+        measure_ms(TrackerSpec(name="tests.benchmark.strangers:os_exit"), scenario)

@@ -195,9 +195,9 @@ def test_workers_leave_with_their_parent(plan: Plan):
     """Nothing is left running when a pool is closed."""
     pool = LocalWorkers(1)
     started = threading.Event()
-    from pftrack_sim.benchmark.episode import Job
+    from pftrack_sim.benchmark.episode import EpisodeJob
 
-    jobs = (Job(episode, plan.trackers) for episode in plan.episodes())
+    jobs = (EpisodeJob(episode, plan.trackers) for episode in plan.episodes())
     for done in pool.play_all(jobs):
         if done is not None:
             started.set()

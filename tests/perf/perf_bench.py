@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT))
 
 from pftrack_sim import trackers
 from pftrack_sim.benchmark import TrackerSpec, make_plan, run
-from pftrack_sim.benchmark.episode import Job, play
+from pftrack_sim.benchmark.episode import EpisodeJob, run_episode
 from pftrack_sim.benchmark.executor import Done
 from pftrack_sim.benchmark.folder import episode_files
 from pftrack_sim.benchmark.progress import Status
@@ -71,7 +71,7 @@ def eight() -> tuple[float, float]:
         for isolation, found in ratios.items():
             with _clocked_drawing() as drawn_s:
                 began = time.perf_counter()
-                outcome = play(Job(episode, plan.trackers, isolation=isolation))
+                outcome = run_episode(EpisodeJob(episode, plan.trackers, isolation=isolation))
                 whole = time.perf_counter() - began
             found.append(whole / (sum(drawn_s) + _own_times(outcome.table)))
     return median(ratios["never"]), median(ratios["always"])
@@ -137,11 +137,11 @@ class Canned:
 
     frames_drawn: None = None
 
-    def play_all(self, jobs: Iterator[Job]) -> Iterator[Done]:
+    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done]:
         """See `pools.Pool`."""
         outcome = None
         for job in jobs:
-            outcome = outcome or play(job)
+            outcome = outcome or run_episode(job)
             yield Done(job, outcome)
 
     def close(self) -> None:

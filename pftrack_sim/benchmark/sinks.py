@@ -1,0 +1,177 @@
+"""Sinks of a rollout: videos, digests of frames, the truth, the course of the robot."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import av
+import numpy as np
+
+from pftrack_sim.benchmark.columns import column
+from pftrack_sim.benchmark.rollout import Sample, Step
+from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.records import Image, Truth
+from pftrack_sim.render.overlay import draw_frame, draw_recorded
+from pftrack_sim.scenario.model import ResolvedScenario
+from pftrack_sim.score import following
+
+_TIME_BASE = Fraction(1, 90_000)
+"""Unit of time stamps in videos [s]: the one of MPEG."""
+
+
+def picture(sample: Sample, runners: Sequence[TrackerRunner]) -> Image:
+    """A frame with its truth and the trackers' latest estimates, `(H, W, 3)` uint8 RGB."""
+    latest = {runner.spec.label: runner.estimates[-1] for runner in runners}
+    estimates = {label: estimate for label, estimate in latest.items() if estimate is not None}
+    if sample.frame is not None:
+        return draw_frame(sample.frame, estimates)
+    return draw_recorded(sample.image, sample.true_box, estimates, caption=sample.caption)
+
+
+class TruthLog:
+    """Truth of the target and a digest of the images of a simulated episode."""
+
+    def __init__(self) -> None:
+        self.truths: list[Truth] = []
+        self._images = hashlib.blake2b(digest_size=16)
+
+    def __call__(self, step: Step) -> None:
+        """Add a frame."""
+        assert step.sample.frame is not None
+        self.truths.append(step.sample.frame.truth)
+        self._images.update(np.ascontiguousarray(step.sample.image).data)
+
+    @property
+    def frames_digest(self) -> str:
+        """BLAKE2b of all pixels."""
+        return self._images.hexdigest()
+
+
+class VideoWriter:
+    """An H.264 video that browsers play; the file appears under its name when it is complete.
+
+    Args:
+        path: File to write, ending in `.mp4`.
+        rate_hz: Nominal frames per second; each frame is shown at its own time.
+        quality: Constant rate factor of H.264: 18 is visually lossless, 28 is small.
+
+    Raises:
+        ParameterError: The name does not end in `.mp4`.
+        RunError: The folder cannot be written to.
+    """
+
+    def __init__(self, path: Path, rate_hz: float, quality: int = 21) -> None:
+        if path.suffix.lower() != ".mp4":
+            raise ParameterError(f"a video's name must end in .mp4, got {str(path)!r}")
+        self.path = path
+        self._part = path.with_name(f".{path.stem}.part.mp4")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._container = av.open(str(self._part), "w", options={"movflags": "faststart"})
+        except OSError as error:
+            raise RunError(f"cannot write the video {path}: {error.strerror or error}") from None
+        rate = Fraction(rate_hz).limit_denominator(1001)
+        self._stream = self._container.add_stream(
+            "libx264", rate=rate, options={"crf": str(quality), "preset": "veryfast", "threads": "1"}
+        )
+        self._stream.codec_context.time_base = _TIME_BASE
+        # The only pixel format that every browser decodes; it needs even sizes.
+        self._stream.pix_fmt = "yuv420p"
+        self._sized = False
+
+    def add(self, image: Image, time_s: float) -> None:
+        """Append a frame `(H, W, 3)` uint8 RGB; all of one size. An odd last row or column is dropped."""
+        height, width = (size - size % 2 for size in image.shape[:2])
+        if not self._sized:
+            self._stream.width, self._stream.height = width, height
+            self._sized = True
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image[:height, :width]), format="rgb24")
+        frame.pts, frame.time_base = round(time_s / _TIME_BASE), _TIME_BASE
+        self._container.mux(self._stream.encode(frame))
+
+    def __enter__(self) -> VideoWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        complete = self._sized and kind is None
+        if complete:
+            self._container.mux(self._stream.encode())
+        self._container.close()
+        if complete:
+            os.replace(self._part, self.path)
+        else:
+            self._part.unlink(missing_ok=True)
+
+
+class FollowLog:
+    """Course of the robot in closed loop. Positions are those at the frame; `after_*` is where its command led."""
+
+    def __init__(self) -> None:
+        self._columns: dict[str, list[Any]] = {}
+        self._last: dict[str, Any] = {}
+
+    def __call__(self, step: Step) -> None:
+        """Add a frame."""
+        sample, after = step.sample, step.info
+        assert sample.frame is not None
+        assert step.action is not None
+        assert after is not None
+        self._last = dict(after)
+        truth, (x_m, y_m, heading_rad) = sample.frame.truth, sample.info["robot_pose"]
+        camera, late_s = truth.T_world_camera, float(step.action.get("late_s", 0.0))
+        row = {
+            "robot_x_m": x_m,
+            "robot_y_m": y_m,
+            "robot_heading_rad": heading_rad,
+            "gaze_rad": math.atan2(camera[1, 2], camera[0, 2]),
+            "target_x_m": truth.T_world_target[0, 3],
+            "target_y_m": truth.T_world_target[1, 3],
+            **dict(
+                zip(("command_forward", "command_turn", "command_pan", "command_tilt"), after["command"], strict=True)
+            ),
+            "late_s": late_s if late_s <= after["time_s"] - truth.time_s + 1e-9 else 0.0,
+            "after_s": after["time_s"],
+            "after_x_m": after["robot_pose"][0],
+            "after_y_m": after["robot_pose"][1],
+            "after_distance_m": after["distance_m"],
+            "after_bearing_rad": after["bearing_rad"],
+            "after_seen": after["truth"].scored,
+            "following": after["following"],
+        }
+        for name, value in row.items():
+            self._columns.setdefault(name, []).append(value)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """`(N,)` columns of the episode's table."""
+        return {name: column(values) for name, values in self._columns.items()}
+
+    def scores(self, settings: ResolvedScenario, frame_count: int) -> dict[str, Any]:
+        """Scores of following, as columns of the summary.
+
+        Args:
+            settings: The resolved scenario.
+            frame_count: Frames of a full episode.
+        """
+        after, task, info = self.columns(), settings.follow, self._last
+        path = following.DrivenPath(
+            after["after_s"],
+            after["after_distance_m"],
+            after["after_bearing_rad"],
+            after["after_seen"],
+            np.stack([after["after_x_m"], after["after_y_m"]], axis=1),
+            info["outcome"],
+        )
+        limit_rad = float(np.deg2rad(task.bearing_limit_deg))
+        goal = following.FollowTask(task.distance_m, task.distance_limit_m, limit_rad, frame_count)
+        scores = {f"follow_{name}": value for name, value in following.summarise(path, goal).as_dict().items()}
+        return {**scores, "outcome": info["outcome"], "collided_with": info["collision"], "clipped": info["clipped"]}
