@@ -1,13 +1,12 @@
-"""How people keep out of each other's way.
+"""Collision avoidance between pedestrians: a social force, and barriers on the velocity.
 
-Two layers. The first makes people move as people do: a social force with explicit collision prediction (Zanlungo,
-Ikeda and Kanda, "Social force model with explicit collision prediction", EPL 93, 2011), which is the exponential
-repulsion of Helbing and Molnar (1995) acting between the places where two people will be nearest to each other.
-The second makes sure: a barrier on the velocity that lets a distance shrink only as fast as there is room left, so
-that it never falls below its minimum.
+The social force predicts collisions (Zanlungo, Ikeda and Kanda, "Social force model with explicit collision
+prediction", EPL 93, 2011): the exponential repulsion of Helbing and Molnar (1995) acts between the predicted positions
+of closest approach. The barriers limit the rate at which a distance may shrink to a share of the room that is left, so
+that the distance never falls below its minimum.
 
-Everything is vectorised over `M` people who can yield and `N` who are there: the same `M` and those who walk on
-regardless (the target, a walker while crossing, the robot).
+All functions are vectorised over `M` reactive pedestrians and their `N` neighbours: the same `M`, then everything that
+does not react (the target, scripted pedestrians, the robot, carts). Vectors have their x and y on the first axis.
 """
 
 from __future__ import annotations
@@ -15,147 +14,132 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pftrack_sim.core.types import FloatArray
 
 PERSON_DISTANCE_M = 0.52
-"""Distance between two people's centres that the barrier keeps; 0.45 is never passed."""
+"""Distance between the centres of two people that the barrier keeps."""
 
 WALL_DISTANCE_M = 0.30
-"""Distance of a person's centre from walls and things that the barrier keeps."""
+"""Distance of a person's centre from walls and obstacles that the barrier keeps."""
 
-ROBOT_EXTRA_M = 0.28
-"""How much farther people stay from the robot's centre than from a person's."""
+VEHICLE_EXTRA_M = 0.28
+"""Distance from the centre of the robot or a cart, in addition to the distance from a person."""
 
 FORCE_M_S2 = 2.6
 FORCE_RADIUS_M = 0.62
 FORCE_RANGE_M = 0.24
-FORESIGHT_S = 1.3
-"""Strength, contact distance, range and fading with the time ahead of the repulsion between people."""
+FORCE_DECAY_S = 1.3
+"""Strength, contact distance, range and decay with the time to closest approach of the repulsion between people."""
 
 LOOKAHEAD_S = 4.0
 PASS_RIGHT_M = 0.18
-"""Two people head on both step to their right, as if already this much off each other's line."""
+"""Lateral offset assumed between two people on a collision course, so that both step to their right."""
 
-BEHIND = 0.25
-"""Weight of those behind one's back (Helbing and Molnar's anisotropy)."""
+WEIGHT_BEHIND = 0.25
+"""Weight of neighbours directly behind (anisotropy of Helbing and Molnar)."""
 
-YIELD = 1.7
-"""Weight of those who do not yield: all the avoiding is left to the others."""
+NON_REACTIVE_WEIGHT = 1.7
+"""Weight of neighbours that do not react: the reactive pedestrian does all the avoiding."""
 
 WALL_FORCE_M_S2 = 1.4
-WALL_RANGE_M = 0.14
+WALL_FORCE_RANGE_M = 0.14
 
 BARRIER_RATE_S = 2.6
-"""A distance may shrink by at most this share of the room left per second."""
+"""Share of the room left by which a distance may shrink per second [1/s]."""
 
 
-class Others(NamedTuple):
-    """Those around, seen by each person who can yield.
+class Neighbours(NamedTuple):
+    """Neighbours of the reactive pedestrians.
 
     Attributes:
-        state: `(4, N)` x, y [m], vx, vy [m/s], world frame. The first `M` are the people who can yield themselves.
-        extra_m: `(N,)` how much farther to stay away than from a person.
-        weight: `(N,)` `YIELD` for those who do not yield, 1 for the others.
-        share: `(N,)` share of the avoiding that is left to the person who can yield: 1 or 0.5.
-        self_m: `(M, N)` a large number where a person meets itself, else 0.
+        state: `(4, N)` x, y [m], vx, vy [m/s], world frame; the first `M` columns are the reactive pedestrians.
+        extra_m: `(N,)` distance to keep in addition to that from a person.
+        weight: `(N,)` factor of the social force: `NON_REACTIVE_WEIGHT` or 1.
+        share: `(N,)` share of a correction that the reactive pedestrian makes: 1, or 0.5 if the neighbour reacts too.
+        self_offset_m: `(M, N)` sentinel distance where a pedestrian meets itself, else 0.
     """
 
-    state: Array
-    extra_m: Array
-    weight: Array
-    share: Array
-    self_m: Array
+    state: FloatArray
+    extra_m: FloatArray
+    weight: FloatArray
+    share: FloatArray
+    self_offset_m: FloatArray
+
+    def offsets(self) -> tuple[FloatArray, FloatArray]:
+        """`(2, M, N)` vectors from each neighbour to each reactive pedestrian, and their `(M, N)` lengths [m]."""
+        position = self.state[:2]
+        offset = position[:, : len(self.self_offset_m), None] - position[:, None]
+        offset[0] += self.self_offset_m
+        return offset, np.sqrt((offset * offset).sum(axis=0))
 
 
-def social_force(others: Others, facing_x: Array, facing_y: Array) -> tuple[Array, Array]:
-    """Acceleration by which people avoid each other.
-
-    Args:
-        others: Everyone.
-        facing_x: `(M,)` unit vectors where people look.
-        facing_y: `(M,)`.
-
-    Returns:
-        `(M,)` x and `(M,)` y [m/s^2].
-    """
-    count = len(facing_x)
-    x, y, all_vx, all_vy = others.state
-    dx, dy = x[:count, None] - x + others.self_m, y[:count, None] - y
-    vx, vy = all_vx[:count, None] - all_vx, all_vy[:count, None] - all_vy
-    speed2 = vx * vx + vy * vy + 1e-4
-    ahead_s = np.minimum(np.maximum(-(dx * vx + dy * vy) / speed2, 0.0), LOOKAHEAD_S)
-    # Each is pushed to the right of its motion relative to the other: the same rule for both sends them apart.
+def social_force(neighbours: Neighbours, facing: FloatArray) -> FloatArray:
+    """Acceleration `(2, M)` [m/s^2] away from predicted collisions of pedestrians that face along `(2, M)` vectors."""
+    offset, distance = neighbours.offsets()
+    all_velocities = neighbours.state[2:]
+    velocity = all_velocities[:, : facing.shape[1], None] - all_velocities[:, None]
+    speed2 = (velocity * velocity).sum(axis=0) + 1e-4
+    ahead_s = np.minimum(np.maximum(-(offset * velocity).sum(axis=0) / speed2, 0.0), LOOKAHEAD_S)
+    nearest = offset + velocity * ahead_s
+    # Both are pushed to the right of their relative motion, which sends them apart.
     bias = np.where(ahead_s > 0.0, PASS_RIGHT_M, 0.0) / np.sqrt(speed2)
-    near_x = dx + vx * ahead_s + vy * bias
-    near_y = dy + vy * ahead_s - vx * bias
-    miss = np.sqrt(near_x * near_x + near_y * near_y) + 1e-6
+    nearest[0] += velocity[1] * bias
+    nearest[1] -= velocity[0] * bias
+    miss = np.sqrt((nearest * nearest).sum(axis=0)) + 1e-6
     strength = FORCE_M_S2 * np.exp(
-        np.minimum((FORCE_RADIUS_M + others.extra_m - miss) / FORCE_RANGE_M, 1.5) - ahead_s / FORESIGHT_S
+        np.minimum((FORCE_RADIUS_M + neighbours.extra_m - miss) / FORCE_RANGE_M, 1.5) - ahead_s / FORCE_DECAY_S
     )
-    distance = np.sqrt(dx * dx + dy * dy)
-    in_front = -(dx * facing_x[:, None] + dy * facing_y[:, None]) / distance
-    seen = BEHIND + (1.0 - BEHIND) * 0.5 * (1.0 + in_front)
-    strength *= np.maximum(seen, others.weight - 1.0) * others.weight / miss
-    return (strength * near_x).sum(axis=1), (strength * near_y).sum(axis=1)
+    in_front = -(offset * facing[..., None]).sum(axis=0) / distance
+    seen = WEIGHT_BEHIND + (1.0 - WEIGHT_BEHIND) * 0.5 * (1.0 + in_front)
+    strength *= np.maximum(seen, neighbours.weight - 1.0) * neighbours.weight / miss
+    return (strength * nearest).sum(axis=2)
 
 
-def wall_force(distance: Array, away_x: Array, away_y: Array) -> tuple[Array, Array]:
-    """Acceleration away from walls, from their `(M, F)` distances and directions: `(M,)` x and y [m/s^2]."""
-    strength = WALL_FORCE_M_S2 * np.exp(np.minimum((WALL_DISTANCE_M - distance) / WALL_RANGE_M, 0.5))
-    return (strength * away_x).sum(axis=1), (strength * away_y).sum(axis=1)
+def wall_force(distance: FloatArray, away: FloatArray) -> FloatArray:
+    """Acceleration `(2, M)` [m/s^2] away from walls at `(M, F)` distances, along `(2, M, F)` unit vectors."""
+    strength = WALL_FORCE_M_S2 * np.exp(np.minimum((WALL_DISTANCE_M - distance) / WALL_FORCE_RANGE_M, 0.5))
+    return (strength * away).sum(axis=2)
 
 
-def barrier_people(others: Others, vx: Array, vy: Array) -> tuple[Array, Array]:
-    """The velocities nearest to those wanted that keep people apart.
-
-    Args:
-        others: Everyone, with the velocities of those who do not yield.
-        vx: `(M,)` wanted velocity [m/s].
-        vy: `(M,)`.
-
-    Returns:
-        `(M,)` x and `(M,)` y of the velocity [m/s].
-    """
-    count = len(vx)
-    x, y = others.state[:2]
-    dx, dy = x[:count, None] - x + others.self_m, y[:count, None] - y
-    distance = np.sqrt(dx * dx + dy * dy)
-    room = distance - (PERSON_DISTANCE_M + others.extra_m)
+def person_barrier(neighbours: Neighbours, velocity: FloatArray) -> FloatArray:
+    """Velocities `(2, M)` [m/s] nearest to the given ones that keep people apart."""
+    offset, distance = neighbours.offsets()
+    room = distance - (PERSON_DISTANCE_M + neighbours.extra_m)
     if room.min() > 1.2:
-        return vx, vy
-    nx, ny = dx / distance, dy / distance
-    floor = -BARRIER_RATE_S * room
-    all_vx, all_vy = others.state[2:].copy()
+        return velocity
+    away = offset / distance
+    slowest = -BARRIER_RATE_S * room
+    all_velocities = neighbours.state[2:].copy()
     for _ in range(3):
-        all_vx[:count], all_vy[:count] = vx, vy
-        opening = nx * (vx[:, None] - all_vx) + ny * (vy[:, None] - all_vy)
-        lack = floor - opening
+        all_velocities[:, : velocity.shape[1]] = velocity
+        opening = (away * (velocity[..., None] - all_velocities[:, None])).sum(axis=0)
+        lack = slowest - opening
         if lack.max() <= 1e-9:
             break
-        push = np.maximum(lack, 0.0) * others.share
-        vx, vy = vx + (push * nx).sum(axis=1), vy + (push * ny).sum(axis=1)
-    return vx, vy
+        push = np.maximum(lack, 0.0) * neighbours.share
+        velocity = velocity + (push * away).sum(axis=2)
+    return velocity
 
 
-def barrier_walls(distance: Array, away_x: Array, away_y: Array, vx: Array, vy: Array) -> tuple[Array, Array]:
-    """The velocities nearest to those wanted `(M,)` that keep people off walls at `(M, F)` distances."""
+def wall_barrier(distance: FloatArray, away: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Velocities `(2, M)` [m/s] nearest to the given ones that stay off walls at `(M, F)` distances."""
     room = distance - WALL_DISTANCE_M
     if room.min() > 0.8:
-        return vx, vy
-    floor = -BARRIER_RATE_S * room
-    rows = np.arange(len(vx))
+        return velocity
+    slowest = -BARRIER_RATE_S * room
+    rows = np.arange(len(room))
     for _ in range(3):
-        lack = floor - (away_x * vx[:, None] + away_y * vy[:, None])
+        lack = slowest - (away * velocity[..., None]).sum(axis=0)
         worst = lack.argmax(axis=1)
         push = np.maximum(lack[rows, worst], 0.0)
         if not push.any():
             break
-        vx, vy = vx + push * away_x[rows, worst], vy + push * away_y[rows, worst]
-    return vx, vy
+        velocity = velocity + push * away[:, rows, worst]
+    return velocity
 
 
-def must_brake(distance: Array, away_x: Array, away_y: Array, vx: float, vy: float) -> bool:
-    """Whether the walls' barrier would slow down someone at `(1, F)` distances who walks at this velocity."""
-    return bool((away_x * vx + away_y * vy < -BARRIER_RATE_S * (distance - WALL_DISTANCE_M)).any())
+def wall_barrier_active(distance: FloatArray, away: FloatArray, velocity: FloatArray) -> bool:
+    """Whether the wall barrier would change `(2, M)` velocities."""
+    opening = (away * velocity[..., None]).sum(axis=0)
+    return bool((opening < -BARRIER_RATE_S * (distance - WALL_DISTANCE_M)).any())

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from enum import Enum, auto
 
-from pftrack_sim.agents.pedestrians.crossing import Crossing, OcclusionTrajectory, Xy, outside, within
-from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy, limited_step, outside_circle
+from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, OcclusionTrajectory
 
 MAX_SPEED_M_S = 3.2
 BRAKE_M_S2 = 1.2
@@ -67,10 +67,10 @@ class Cart:
             return
         there = self._braked(dt_s) if self._phase is _Phase.STOPPING else trajectory.position(time_s)
         if not crossing.at_s <= time_s <= crossing.until_s:
-            there = outside(there, target_m, _TARGET_DISTANCE_M)
-            there = outside(there, robot_m, _ROBOT_DISTANCE_M)
-            there = self._obstacles.outside(there, WALL_DISTANCE_M)
-        there = within(here, there, MAX_SPEED_M_S * dt_s)
+            there = outside_circle(there, target_m, _TARGET_DISTANCE_M)
+            there = outside_circle(there, robot_m, _ROBOT_DISTANCE_M)
+            there = self._obstacles.pushed_out(there, WALL_DISTANCE_M)
+        there = limited_step(here, there, MAX_SPEED_M_S * dt_s)
         if self._phase is _Phase.CROSSING:
             error = math.remainder(sight_rad - self.yaw_rad, 2.0 * math.pi)
             self.yaw_rad += min(dt_s / _YAW_TIME_CONSTANT_S, 1.0) * error

@@ -1,163 +1,187 @@
-"""What people are about: where each one goes next, and what happens on arrival or when there is no getting on."""
+"""Goals of the reactive pedestrians: routes, arrival, and new goals for pedestrians that make no progress."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum, auto
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.agents.pedestrians.goal_sampler import GoalSampler
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.routes import ROUTE_CLEARANCE_M, Routes
+from pftrack_sim.agents.pedestrians.visibility_graph import ROUTE_CLEARANCE_M, VisibilityGraph
+from pftrack_sim.core.types import FloatArray, IntArray
 
-Array = NDArray[np.float64]
+ARRIVAL_RADIUS_M = 0.7
 
-ARRIVE_M = 0.7
-"""A point of a route is reached from this near."""
-
-_LOOK_S = 0.1
-"""Time from looking after one person to looking after the next."""
+_CHECK_PERIOD_S = 0.1
+"""Time between two progress checks; each looks at one pedestrian."""
 
 _STUCK_S = 4.0
 _STUCK_M = 0.6
-"""Who gets no farther than this in this time goes somewhere else."""
+"""A pedestrian that moves less than `_STUCK_M` in `_STUCK_S` gets a new goal."""
+
+
+class _Mode(Enum):
+    WANDER = auto()
+    """Walks from goal to goal."""
+    WAIT = auto()
+    """Stays at its waiting place, and returns to it when pushed away."""
+    WALK_AND_STOP = auto()
+    """Walks one route and stays at its end."""
+
+
+@dataclass
+class _Task:
+    """What one pedestrian does; `checked_m` is its position when it last made progress, at `progress_s`."""
+
+    mode: _Mode = _Mode.WANDER
+    waiting_m: FloatArray = field(default_factory=lambda: np.zeros(2))
+    remaining: list[FloatArray] = field(default_factory=list)
+    checked_m: FloatArray = field(default_factory=lambda: np.zeros(2))
+    progress_s: float = 0.0
+    give_up_s: float = math.inf
 
 
 class GoalManager:
-    """Routes of everyone who yields.
+    """Tasks and next waypoints of all pedestrians; the target's are never used.
 
     Args:
-        ground: What stands where.
-        routes: Walks over it.
-        places: Where one may want to go.
-        rngs: One generator per person after the target.
-        near_target: Which persons have errands near the target, `(P,)`.
+        obstacles: Obstacle map of the place.
+        graph: Shortest routes over it.
+        sampler: Sampler of new goals.
+        rngs: One generator per pedestrian after the target.
+        near_target: `(P,)` whether half of a pedestrian's goals are near the target.
 
     Attributes:
-        way_m: `(2, P)` next point of each one's route.
-        pace_m_s: `(P,)` speed each one wants now.
-        speed_m_s: `(P,)` speed each one walks at.
+        waypoint_m: `(2, P)` next waypoints.
+        desired_speed_m_s: `(P,)` speeds desired now: the walking speed, or 0.
+        walking_speed_m_s: `(P,)` walking speeds.
     """
 
     def __init__(
         self,
-        ground: ObstacleMap,
-        routes: Routes,
-        places: GoalSampler,
+        obstacles: ObstacleMap,
+        graph: VisibilityGraph,
+        sampler: GoalSampler,
         rngs: Sequence[np.random.Generator],
         near_target: Sequence[bool],
     ) -> None:
         people = len(near_target)
-        self._ground, self._routes, self._places = ground, routes, places
+        self._obstacles, self._graph, self._sampler = obstacles, graph, sampler
         self._rngs, self._near_target = rngs, near_target
-        self.way_m = np.zeros((2, people))
-        self.pace_m_s = np.zeros(people)
-        self.speed_m_s = np.zeros(people)
-        self._left: list[list[tuple[float, float]]] = [[] for _ in range(people)]
-        self._arrive_m = np.full(people, ARRIVE_M)
-        self._give_up_s = np.full(people, np.inf)
-        self._mark = np.zeros((3, people))
-        self._stages: dict[int, Array] = {}
-        self._leaving: set[int] = set()
-        self._since_look_s = 0.0
-        self._looked_at = 0
+        self.waypoint_m = np.zeros((2, people))
+        self.desired_speed_m_s = np.zeros(people)
+        self.walking_speed_m_s = np.zeros(people)
+        self._arrival_radius_m = np.full(people, ARRIVAL_RADIUS_M)
+        self._tasks = [_Task() for _ in range(people)]
+        self._since_check_s = 0.0
+        self._checked = 0
 
-    def wait_at(self, person: int, stage_m: Array) -> None:
-        """Stay at a place, and come back to it."""
-        self._stages[person] = stage_m
-        self.way_m[:, person] = stage_m
-        self.pace_m_s[person], self._arrive_m[person] = self.speed_m_s[person], -1.0
+    def wait_at(self, person: int, waiting_m: FloatArray) -> None:
+        """Stay at a `(2,)` waiting place."""
+        self._tasks[person] = _Task(_Mode.WAIT, waiting_m)
+        self.waypoint_m[:, person] = waiting_m
+        self.desired_speed_m_s[person] = self.walking_speed_m_s[person]
+        self._arrival_radius_m[person] = -1.0
 
-    def set_out(
-        self, person: int, time_s: float, here_m: Array, target_s_m: float, heading_rad: float | None = None
+    def walk_to_sampled_goal(
+        self, person: int, time_s: float, position_m: FloatArray, target_s_m: float, heading_rad: float | None = None
     ) -> None:
-        """A new place to go, drawn from the person's own stream; ahead rather than behind if there is a heading."""
+        """Walk to a goal drawn from the pedestrian's own stream; rather ahead if a heading is given."""
         near_s_m = target_s_m if self._near_target[person] else None
-        route = self._places.errand(self._rngs[person - 1], here_m.copy(), heading_rad, near_s_m)
-        self.send(person, time_s, here_m, route)
+        route = self._sampler.route_to_goal(self._rngs[person - 1], position_m.copy(), heading_rad, near_s_m)
+        self._assign(person, time_s, position_m, route)
 
-    def leave(self, person: int, time_s: float, here_m: Array, route_m: Array | None) -> None:
-        """Walk a route and stay where it ends."""
-        self.send(person, time_s, here_m, route_m)
-        self._leaving.add(person)
+    def walk_and_stop(self, person: int, time_s: float, position_m: FloatArray, route_m: FloatArray | None) -> None:
+        """Walk a `(K, 2)` route and stay at its end; with None, stay."""
+        self._tasks[person].mode = _Mode.WALK_AND_STOP
+        self._assign(person, time_s, position_m, route_m)
 
-    def send(self, person: int, time_s: float, here_m: Array, route_m: Array | None) -> None:
-        """Walk a route; with none, stay and think again in a while."""
-        self._stages.pop(person, None)
-        self._mark[:, person] = (*here_m, time_s)
-        if route_m is None:
-            self.way_m[:, person] = here_m
-            self.pace_m_s[person], self._arrive_m[person] = 0.0, -1.0
-            self._give_up_s[person] = time_s + 1.0
-            return
-        self._take(person, here_m, route_m)
-        length = float(np.hypot(*np.diff(np.vstack([here_m, route_m]), axis=0).T).sum())
-        self._arrive_m[person] = ARRIVE_M
-        self._give_up_s[person] = time_s + 8.0 + 2.0 * length / self.speed_m_s[person]
-
-    def tend(
-        self, dt_s: float, time_s: float, who: NDArray[np.intp], state: Array, heading_rad: Array, target_s_m: float
+    def update(
+        self,
+        dt_s: float,
+        time_s: float,
+        columns: IntArray,
+        state: FloatArray,
+        heading_rad: FloatArray,
+        target_s_m: float,
     ) -> None:
-        """Next points for those who have arrived; now and then see whether one person could do better.
+        """Advance waypoints and goals by one tick.
 
         Args:
             dt_s: Length of the tick.
             time_s: Time at its end.
-            who: Persons who yield.
-            state: `(4, P + 1)` everyone's x, y, vx, vy.
-            heading_rad: `(P,)` where they face.
-            target_s_m: How far the target is along its path.
+            columns: Columns of the reactive pedestrians.
+            state: `(4, C)` x, y [m], vx, vy [m/s] of everything that moves.
+            heading_rad: `(P,)` headings of the pedestrians.
+            target_s_m: Arc length of the target on its path.
         """
-        gap = np.hypot(self.way_m[0, who] - state[0, who], self.way_m[1, who] - state[1, who])
-        arrived = gap < self._arrive_m[who]
-        if arrived.any():
-            for person in who[arrived].tolist():
-                if self._left[person]:
-                    self.way_m[:, person] = self._left[person].pop(0)
-                elif person in self._leaving:
-                    self.pace_m_s[person], self._arrive_m[person] = 0.0, -1.0
-                else:
-                    self.set_out(person, time_s, state[:2, person], target_s_m, float(heading_rad[person]))
-        self._since_look_s += dt_s
-        if self._since_look_s + 1e-9 < _LOOK_S:
-            return
-        self._since_look_s = 0.0
-        self._looked_at = (self._looked_at + 1) % len(who)
-        self._look_after(int(who[self._looked_at]), time_s, state, target_s_m)
+        offset = self.waypoint_m[:, columns] - state[:2, columns]
+        arrived = np.hypot(offset[0], offset[1]) < self._arrival_radius_m[columns]
+        for person in columns[arrived].tolist():
+            task = self._tasks[person]
+            if task.remaining:
+                self.waypoint_m[:, person] = task.remaining.pop(0)
+            elif task.mode is _Mode.WALK_AND_STOP:
+                self._stop(person)
+            else:
+                self.walk_to_sampled_goal(person, time_s, state[:2, person], target_s_m, float(heading_rad[person]))
+        self._since_check_s += dt_s
+        if self._since_check_s + 1e-9 >= _CHECK_PERIOD_S:
+            self._since_check_s = 0.0
+            self._checked = (self._checked + 1) % len(columns)
+            person = int(columns[self._checked])
+            self._check_progress(person, time_s, state[:2, person].copy(), target_s_m)
 
-    def _look_after(self, person: int, time_s: float, state: Array, target_s_m: float) -> None:
-        here, left = state[:2, person], self._left[person]
-        if left and not self._ground.blocked(here, left[:1], ROUTE_CLEARANCE_M)[0]:
-            # The next point but one is in sight: no need to touch every corner.
-            self.way_m[:, person] = left.pop(0)
-        if person in self._stages:
-            self._find_back(person, here)
+    def _check_progress(self, person: int, time_s: float, position: FloatArray, target_s_m: float) -> None:
+        task = self._tasks[person]
+        if task.remaining and not self._obstacles.blocked(position, task.remaining[0], ROUTE_CLEARANCE_M)[0]:
+            # The waypoint after the next is in sight: skip the next.
+            self.waypoint_m[:, person] = task.remaining.pop(0)
+        if task.mode is _Mode.WAIT:
+            self._return_to_waiting_place(person, position)
             return
-        if person in self._leaving and self.pace_m_s[person] == 0.0:
+        if task.mode is _Mode.WALK_AND_STOP and self.desired_speed_m_s[person] == 0.0:
             return
-        x, y, since_s = self._mark[:, person]
-        if math.hypot(here[0] - x, here[1] - y) > _STUCK_M:
-            self._mark[:, person] = (*here, time_s)
-            since_s = time_s
-        if time_s - since_s > _STUCK_S or time_s > self._give_up_s[person]:
-            self.set_out(person, time_s, here, target_s_m)
+        if math.hypot(*(position - task.checked_m)) > _STUCK_M:
+            task.checked_m, task.progress_s = position, time_s
+        if time_s - task.progress_s > _STUCK_S or time_s > task.give_up_s:
+            self.walk_to_sampled_goal(person, time_s, position, target_s_m)
 
-    def _find_back(self, person: int, here: Array) -> None:
-        """The way back to where one waits, around things if need be."""
-        stage = self._stages[person]
-        if self._left[person]:
+    def _return_to_waiting_place(self, person: int, position: FloatArray) -> None:
+        task = self._tasks[person]
+        if task.remaining:
             return
-        if not self._ground.blocked(here, stage[None], 0.0)[0]:
-            self.way_m[:, person] = stage
+        if not self._obstacles.blocked(position, task.waiting_m, 0.0)[0]:
+            self.waypoint_m[:, person] = task.waiting_m
             return
-        route = self._routes.route(here, stage)
+        route = self._graph.shortest_route(position, task.waiting_m)
         if route is not None:
-            self._take(person, here, route)
+            self._start(person, route)
 
-    def _take(self, person: int, here_m: Array, route_m: Array) -> None:
-        points = [(float(x), float(y)) for x, y in route_m]
-        self.way_m[:, person] = points[0]
-        self._left[person] = points[1:]
-        self.pace_m_s[person] = self.speed_m_s[person]
+    def _assign(self, person: int, time_s: float, position: FloatArray, route: FloatArray | None) -> None:
+        """Walk a route; with None, stay for a second and then sample a new goal."""
+        task = self._tasks[person]
+        if task.mode is _Mode.WAIT:
+            task.mode = _Mode.WANDER
+        task.checked_m, task.progress_s = position.copy(), time_s
+        if route is None:
+            self.waypoint_m[:, person] = position
+            self._stop(person)
+            task.give_up_s = time_s + 1.0
+            return
+        self._start(person, route)
+        length = float(np.hypot(*np.diff(np.vstack([position, route]), axis=0).T).sum())
+        self._arrival_radius_m[person] = ARRIVAL_RADIUS_M
+        task.give_up_s = time_s + 8.0 + 2.0 * length / self.walking_speed_m_s[person]
+
+    def _start(self, person: int, route: FloatArray) -> None:
+        self.waypoint_m[:, person] = route[0]
+        self._tasks[person].remaining = list(route[1:])
+        self.desired_speed_m_s[person] = self.walking_speed_m_s[person]
+
+    def _stop(self, person: int) -> None:
+        self.desired_speed_m_s[person], self._arrival_radius_m[person] = 0.0, -1.0

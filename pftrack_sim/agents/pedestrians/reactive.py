@@ -1,4 +1,4 @@
-"""One tick of those who yield: towards their next point, and out of everyone's way."""
+"""Motion of the reactive pedestrians: towards their next waypoints, with collision avoidance."""
 
 from __future__ import annotations
 
@@ -6,149 +6,142 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.agents.pedestrians import avoidance
 from pftrack_sim.agents.pedestrians.goal_manager import GoalManager
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.core.types import FloatArray
 
-Array = NDArray[np.float64]
+SENTINEL_M = 1e6
+"""Position of an absent robot and distance of a pedestrian from itself: too far to matter to the avoidance."""
 
-NOWHERE_M = 1e6
-"""Where a robot is that is not there, and how far people are from themselves."""
-
-RELAX_S = 0.5
-"""Time in which people take up the velocity they want (Helbing and Molnar 1995)."""
+RELAXATION_S = 0.5
+"""Time constant with which pedestrians take up their desired velocity (Helbing and Molnar 1995)."""
 
 MAX_ACCELERATION_M_S2 = 2.6
-MAX_TURN_RAD_S = math.radians(120.0)
+MAX_TURN_RATE_RAD_S = math.radians(120.0)
 MAX_SPEED_M_S = 2.0
 
-_LEAN_RAD = 1.1
-"""How far off the way one faces one sets out: the rest is turned on the way."""
+_MAX_HEADING_OFFSET_RAD = 1.1
+"""Largest angle between the body's heading and the desired velocity; the rest is turned while walking."""
 
-_FACE_S = 0.2
-"""Time in which a body turns towards where it goes."""
+_TURN_TIME_CONSTANT_S = 0.2
+_MAX_BACKWARD_M_S = 0.15
+_WAITING_FORCE_SHARE = 0.2
+"""Waiting pedestrians are out of the way at their waiting place, and give way only at close range."""
 
-_BACK_M_S = 0.15
-"""Speed at which people step back of their own accord."""
-
-_WAITING_SHYNESS = 0.2
-
-_HARD_PERSON_M = 0.47
-_HARD_WALL_M = 0.27
-"""What the last resort restores, should the barrier ever have been asked for the impossible."""
+_MIN_PERSON_DISTANCE_M = 0.47
+_MIN_WALL_DISTANCE_M = 0.27
+"""Distances restored by shifting positions where the barriers could not keep them."""
 
 
 class ReactivePedestrians:
-    """Those who yield, among those who do not.
+    """The pedestrians that react to others, as columns of a common state.
 
     Args:
-        ground: What stands where.
-        who: Persons who yield, rising.
-        waiting: Which of them wait at their place.
-        firm: Persons who do not.
-        machines: Columns of the state that are the robot's and other machines', the rising rest.
+        obstacles: Obstacle map of the place.
+        reactive: Columns of the reactive pedestrians, rising.
+        waiting: Whether each of these stays at its waiting place.
+        scripted: Columns of the pedestrians that do not react.
+        vehicles: Columns of the robot and the carts, after all pedestrians.
     """
 
     def __init__(
         self,
-        ground: ObstacleMap,
-        who: Sequence[int],
+        obstacles: ObstacleMap,
+        reactive: Sequence[int],
         waiting: Sequence[bool],
-        firm: Sequence[int],
-        machines: Sequence[int],
+        scripted: Sequence[int],
+        vehicles: Sequence[int],
     ) -> None:
-        self._ground = ground
-        self.who = np.array(who, dtype=np.intp)
-        self._count = len(who)
-        self._order = np.array([*who, *firm, *machines], dtype=np.intp)
-        self._extra_m = np.where(self._order >= machines[0], avoidance.ROBOT_EXTRA_M, 0.0)
-        is_firm = np.arange(len(self._order)) >= self._count
-        self._weight = np.where(is_firm, avoidance.YIELD, 1.0)
-        self._share = np.where(is_firm, 1.0, 0.5)
-        self._self_m = np.eye(self._count, len(self._order)) * NOWHERE_M
-        # Those who wait were given a place out of the way: they stay unless someone really comes close.
+        self._obstacles = obstacles
+        self.columns = np.array(reactive, dtype=np.intp)
+        self._order = np.array([*reactive, *scripted, *vehicles], dtype=np.intp)
+        count, total = len(reactive), len(self._order)
+        reacts = np.arange(total) < count
+        self._neighbours = avoidance.Neighbours(
+            state=np.zeros((4, total)),
+            extra_m=np.where(self._order >= vehicles[0], avoidance.VEHICLE_EXTRA_M, 0.0),
+            weight=np.where(reacts, 1.0, avoidance.NON_REACTIVE_WEIGHT),
+            share=np.where(reacts, 0.5, 1.0),
+            self_offset_m=np.eye(count, total) * SENTINEL_M,
+        )
         self._waiting = np.array(waiting, dtype=bool)
-        self._shyness = np.where(self._waiting, _WAITING_SHYNESS, 1.0)
+        self._force_share = np.where(self._waiting, _WAITING_FORCE_SHARE, 1.0)
 
-    def move(self, dt_s: float, state: Array, heading_rad: Array, errands: GoalManager) -> None:
-        """Write the next places and velocities of those who yield.
+    def update(self, dt_s: float, state: FloatArray, heading_rad: FloatArray, goals: GoalManager) -> None:
+        """Move the reactive pedestrians by one tick.
 
         Args:
             dt_s: Length of the tick.
-            state: `(4, P + 1)` x, y [m], vx, vy [m/s] of everyone, the robot last; those of who yield are changed.
-            heading_rad: `(P,)` where people face.
-            errands: Where they want to go.
+            state: `(4, C)` x, y [m], vx, vy [m/s] of everything that moves; the reactive columns are overwritten.
+            heading_rad: `(P,)` headings of the pedestrians.
+            goals: Their next waypoints and desired speeds.
         """
-        who, count = self.who, self._count
-        others = avoidance.Others(state[:, self._order], self._extra_m, self._weight, self._share, self._self_m)
-        x, y, vx, vy = others.state[:, :count]
-        heading = heading_rad[who]
-        facing_x, facing_y = np.cos(heading), np.sin(heading)
-        wish_x, wish_y = self._wish(x, y, heading, errands)
-        distance, away_x, away_y = self._ground.distances(x, y)
-        force_x, force_y = avoidance.social_force(others, facing_x, facing_y)
-        wall_x, wall_y = avoidance.wall_force(distance, away_x, away_y)
-        ax = (wish_x - vx) / RELAX_S + (force_x + wall_x) * self._shyness
-        ay = (wish_y - vy) / RELAX_S + (force_y + wall_y) * self._shyness
-        scale = np.minimum(1.0, MAX_ACCELERATION_M_S2 / np.sqrt(ax * ax + ay * ay + 1e-9)) * dt_s
-        wx, wy = vx + ax * scale, vy + ay * scale
-        slower = np.minimum(1.0, MAX_SPEED_M_S / np.sqrt(wx * wx + wy * wy + 1e-9))
-        back = np.maximum(-_BACK_M_S - (wx * facing_x + wy * facing_y), 0.0)
-        wx, wy = wx * slower + back * facing_x, wy * slower + back * facing_y
-        wx, wy = avoidance.barrier_people(others, wx, wy)
-        wx, wy = avoidance.barrier_walls(distance, away_x, away_y, wx, wy)
-        state[0, who], state[1, who], state[2, who], state[3, who] = x + wx * dt_s, y + wy * dt_s, wx, wy
-        self._separate(dt_s, state, x, y, near_wall=bool(distance.min() < _HARD_WALL_M + MAX_SPEED_M_S * dt_s))
+        neighbours = self._neighbours._replace(state=state.take(self._order, axis=1))
+        position, velocity = np.split(neighbours.state[:, : len(self.columns)], 2)
+        heading = heading_rad[self.columns]
+        facing = np.stack([np.cos(heading), np.sin(heading)])
+        desired = self._desired_velocity(position, heading, goals)
+        distance, away = self._obstacles.distances(position)
+        force = avoidance.social_force(neighbours, facing) + avoidance.wall_force(distance, away)
+        acceleration = (desired - velocity) / RELAXATION_S + force * self._force_share
+        velocity = velocity + acceleration * (_limit_factor(acceleration, MAX_ACCELERATION_M_S2) * dt_s)
+        backward = np.maximum(-_MAX_BACKWARD_M_S - (velocity * facing).sum(axis=0), 0.0)
+        velocity = velocity * _limit_factor(velocity, MAX_SPEED_M_S) + backward * facing
+        velocity = avoidance.person_barrier(neighbours, velocity)
+        velocity = avoidance.wall_barrier(distance, away, velocity)
+        state[:, self.columns] = np.vstack([position + velocity * dt_s, velocity])
+        near_wall = bool(distance.min() < _MIN_WALL_DISTANCE_M + MAX_SPEED_M_S * dt_s)
+        self._separate(dt_s, state, position, near_wall=near_wall)
 
-    def _wish(self, x: Array, y: Array, heading: Array, errands: GoalManager) -> tuple[Array, Array]:
-        """Velocity towards the next point of each one's route, along an arc that a walking body can turn."""
-        to_x, to_y = errands.way_m[0, self.who] - x, errands.way_m[1, self.who] - y
-        error = wrap(np.arctan2(to_y, to_x) - heading)
-        pace = errands.pace_m_s[self.who] * np.maximum(np.cos(error), 0.4)
-        if self._waiting.any():
-            # Those who wait come to rest at their place, and return to it when someone has made them step aside.
-            gap = np.sqrt(to_x * to_x + to_y * to_y)
-            nearing = np.minimum(np.maximum((gap - 0.15) / 0.8, 0.0), 1.0)
-            pace = np.where(self._waiting, pace * nearing, pace)
-        towards = heading + np.minimum(np.maximum(error, -_LEAN_RAD), _LEAN_RAD)
-        return pace * np.cos(towards), pace * np.sin(towards)
+    def _desired_velocity(self, position: FloatArray, heading: FloatArray, goals: GoalManager) -> FloatArray:
+        """`(2, M)` velocities towards the next waypoints, along arcs that a walking body can turn."""
+        offset = goals.waypoint_m[:, self.columns] - position
+        error = wrapped(np.arctan2(offset[1], offset[0]) - heading)
+        speed = goals.desired_speed_m_s[self.columns] * np.maximum(np.cos(error), 0.4)
+        # Waiting pedestrians come to rest at their waiting place, and return to it after stepping aside.
+        approach = np.clip((np.sqrt((offset * offset).sum(axis=0)) - 0.15) / 0.8, 0.0, 1.0)
+        speed = np.where(self._waiting, speed * approach, speed)
+        direction = heading + np.clip(error, -_MAX_HEADING_OFFSET_RAD, _MAX_HEADING_OFFSET_RAD)
+        return speed * np.stack([np.cos(direction), np.sin(direction)])
 
-    def _separate(self, dt_s: float, state: Array, old_x: Array, old_y: Array, *, near_wall: bool) -> None:
-        """The last resort: move people out of walls and of each other where the barrier could not."""
-        who, count = self.who, self._count
+    def _separate(self, dt_s: float, state: FloatArray, start: FloatArray, *, near_wall: bool) -> None:
+        """Shift people out of walls and out of each other where the barriers could not keep the least distances."""
         moved = False
         for _ in range(6):
-            x, y = state[:2, self._order]
-            dx, dy = x[:count, None] - x + self._self_m, y[:count, None] - y
-            distance = np.sqrt(dx * dx + dy * dy)
-            lack = _HARD_PERSON_M + self._extra_m - distance
+            neighbours = self._neighbours._replace(state=state.take(self._order, axis=1))
+            offset, distance = neighbours.offsets()
+            lack = _MIN_PERSON_DISTANCE_M + neighbours.extra_m - distance
             crowded = lack.max() > 1e-6
             if not crowded and not near_wall:
                 break
-            new_x, new_y = x[:count], y[:count]
+            position = neighbours.state[:2, : len(self.columns)]
             if crowded:
-                push = np.maximum(lack, 0.0) * self._share / np.maximum(distance, 1e-6)
-                new_x, new_y = new_x + (push * dx).sum(axis=1), new_y + (push * dy).sum(axis=1)
-            away, nx, ny = self._ground.distances(new_x, new_y)
-            deep = np.maximum(_HARD_WALL_M - away, 0.0)
-            if not crowded and deep.max() <= 1e-6:
+                push = np.maximum(lack, 0.0) * neighbours.share / np.maximum(distance, 1e-6)
+                position = position + (push * offset).sum(axis=2)
+            wall_distance, away = self._obstacles.distances(position)
+            wall_lack = np.maximum(_MIN_WALL_DISTANCE_M - wall_distance, 0.0)
+            if not crowded and wall_lack.max() <= 1e-6:
                 break
-            state[0, who] = new_x + (deep * nx).sum(axis=1)
-            state[1, who] = new_y + (deep * ny).sum(axis=1)
+            state[:2, self.columns] = position + (wall_lack * away).sum(axis=2)
             moved = near_wall = True
         if moved and dt_s > 0.0:
-            state[2, who], state[3, who] = (state[0, who] - old_x) / dt_s, (state[1, who] - old_y) / dt_s
+            state[2:, self.columns] = (state[:2, self.columns] - start) / dt_s
 
 
-def turn(dt_s: float, vx: Array, vy: Array, heading_rad: Array) -> None:
-    """Turn bodies `(N,)` towards where they go, in place, no faster than bodies turn."""
-    error = wrap(np.arctan2(vy, vx) - heading_rad)
-    sure = np.minimum(np.sqrt(vx * vx + vy * vy) / 0.4, 1.0)
-    heading_rad += np.minimum(np.maximum(sure * error / _FACE_S, -MAX_TURN_RAD_S), MAX_TURN_RAD_S) * dt_s
+def turn(dt_s: float, velocity: FloatArray, heading_rad: FloatArray) -> None:
+    """Turn `(N,)` headings in place towards `(2, N)` velocities, at no more than `MAX_TURN_RATE_RAD_S`."""
+    error = wrapped(np.arctan2(velocity[1], velocity[0]) - heading_rad)
+    share = np.minimum(np.sqrt((velocity * velocity).sum(axis=0)) / 0.4, 1.0)
+    heading_rad += np.clip(share * error / _TURN_TIME_CONSTANT_S, -MAX_TURN_RATE_RAD_S, MAX_TURN_RATE_RAD_S) * dt_s
 
 
-def wrap(angle_rad: Array) -> Array:
+def wrapped(angle_rad: FloatArray) -> FloatArray:
     """Angles in [-pi, pi)."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def _limit_factor(vector: FloatArray, limit: float) -> FloatArray:
+    """`(M,)` factors that shorten `(2, M)` vectors to a length."""
+    return np.minimum(1.0, limit / np.sqrt((vector * vector).sum(axis=0) + 1e-9))

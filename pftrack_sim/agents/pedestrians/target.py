@@ -1,115 +1,148 @@
-"""The target's walk along its script."""
+"""Walk of the target along its path, and its manoeuvres."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pftrack_sim.agents.pedestrians.manoeuvres import ACCELERATION_M_S2, Manoeuvres
+from pftrack_sim.agents.path import Path
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import TargetAxis
 
-if TYPE_CHECKING:
-    from pftrack_sim.agents.path import Path
-
-STOP_M_S2 = 0.8
+DECELERATION_M_S2 = 0.8
 """Deceleration to a stop at the end of the path, and acceleration afterwards."""
 
-HURRY_M_S2 = 2.5
-"""Hardest braking, when a robot drives into its way."""
+MAX_BRAKING_M_S2 = 2.5
+"""Hardest braking, for a robot in the way."""
 
-ROBOT_GAP_M = 0.75
+ROBOT_DISTANCE_M = 0.75
 ROBOT_LANE_M = 0.6
+"""A robot ahead counts as in the way within this distance from the target's line."""
+
+MANOEUVRE_ACCELERATION_M_S2 = 2.0
+BACKWARD_SPEED_M_S = 0.9
+MANOEUVRE_DURATIONS_S = {"stop": 2.2, "turn": 5.2, "crouch": 3.8, "run": 3.0}
+"""Durations, slowing down included."""
+
+_PAUSE_S = 0.6
+"""Least time of walking between two manoeuvres, so that they can be told apart."""
+
+_MAX_WALKING_SPEED_M_S = 2.2
+
+
+@dataclass(frozen=True)
+class _Command:
+    """Desired speed along the path (negative: backwards), heading relative to it, and posture."""
+
+    speed_m_s: float
+    facing_rad: float = 0.0
+    crouch: float = 0.0
+    running: bool = False
 
 
 class TargetWalk:
-    """One walk along one path: at its speed, slowing to a stop at the end, waiting for a robot in its way.
+    """The target walks along its path, slows down to a stop at its end, and waits for a robot in its way.
 
     Args:
-        path: Where it walks.
-        speed_m_s: Its speed. It is already walking at the start.
-        axis: What it does besides.
+        path: Its path.
+        speed_m_s: Its walking speed, also at the start.
+        axis: Its manoeuvres.
 
     Attributes:
-        s_m: How far along the path it is.
-        heading_rad: Where it faces: the path's direction, unless it faces about.
+        s_m: Arc length on the path.
+        state: x, y [m] and vx, vy [m/s].
+        heading_rad: Heading of the body: the path's direction, except in the manoeuvre "turn".
         crouch: 0 upright, 1 squatting.
         running: Whether it runs.
     """
 
     def __init__(self, path: Path, speed_m_s: float, axis: TargetAxis) -> None:
         self._path = path
-        self._script = Manoeuvres(axis, speed_m_s) if axis.on else None
-        self._speed_m_s = speed_m_s if self._script is None else self._script.walk_m_s
+        self._axis = axis
+        self._walking_speed_m_s = speed_m_s
+        if axis.on:
+            faster_m_s = min(speed_m_s + axis.severity * axis.faster_m_s, _MAX_WALKING_SPEED_M_S)
+            self._walking_speed_m_s = max(faster_m_s, speed_m_s)
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start of the path."""
-        self.s_m = 0.0
-        self.crouch, self.running, self._facing_rad, self._time_s = 0.0, False, 0.0, 0.0
-        self._now_m_s = min(self._speed_m_s, math.sqrt(2.0 * STOP_M_S2 * self._path.length_m))
-        self._look()
+        """Return to the start of the path."""
+        self.s_m, self.crouch, self.running = 0.0, 0.0, False
+        self._facing_rad, self._time_s = 0.0, 0.0
+        self._speed_m_s = min(self._walking_speed_m_s, math.sqrt(2.0 * DECELERATION_M_S2 * self._path.length_m))
+        self._update_state()
 
-    @property
-    def state(self) -> tuple[float, float, float, float]:
-        """x, y [m] and velocity [m/s]."""
-        return self._state
-
-    def advance(self, dt_s: float, robot: NDArray[np.float64] | None) -> None:
-        """Walk one tick; `robot` is its x, y, vx, vy, or None."""
-        left = max(self._path.length_m - self.s_m, 0.0)
-        # The fastest from which, after this tick, an even deceleration still ends at the end of the path.
-        brake = STOP_M_S2 * dt_s
-        stopping = math.sqrt(brake * brake + 2.0 * STOP_M_S2 * left) - brake
-        wish_m_s, harder = self._speed_m_s, brake
-        if self._script is not None:
-            wish_m_s, harder = self._manoeuvre(dt_s)
-        wanted = min(wish_m_s, stopping, self._now_m_s + harder)
-        if wanted < self._now_m_s - harder and harder > brake:
-            wanted = min(self._now_m_s - harder, stopping)
+    def update(self, dt_s: float, robot: FloatArray | None) -> None:
+        """Walk for one tick; `robot` is its `(4,)` x, y [m], vx, vy [m/s], or None."""
+        left_m = max(self._path.length_m - self.s_m, 0.0)
+        # The highest speed from which a constant deceleration after this tick still ends at the end of the path.
+        step = DECELERATION_M_S2 * dt_s
+        stopping = math.sqrt(step * step + 2.0 * DECELERATION_M_S2 * left_m) - step
+        desired, max_step = self._walking_speed_m_s, step
+        if self._axis.on:
+            self._time_s += dt_s
+            command = self._command()
+            desired, max_step = command.speed_m_s, MANOEUVRE_ACCELERATION_M_S2 * dt_s
+            self._facing_rad, self.crouch = command.facing_rad, command.crouch
+            # The running posture ends when the target has slowed down to a walk.
+            self.running = command.running or (self.running and self._speed_m_s > 1.15 * self._walking_speed_m_s)
+        speed = min(desired, stopping, self._speed_m_s + max_step)
+        if self._axis.on and speed < self._speed_m_s - max_step:
+            speed = min(self._speed_m_s - max_step, stopping)
         if robot is not None:
-            # Never harder than it can brake: a robot that jumps in front is met while still slowing down.
-            wanted = max(min(wanted, self._behind_robot(robot)), min(self._now_m_s - HURRY_M_S2 * dt_s, wanted))
-        least = 0.0 if wish_m_s >= 0.0 and self._now_m_s >= 0.0 else max(wish_m_s, -self.s_m / dt_s)
-        self._now_m_s = min(max(wanted, least), left / dt_s if dt_s > 0.0 else 0.0)
-        self.s_m += self._now_m_s * dt_s
-        self._look()
+            # Braking is limited: the target may come close to a robot that cuts in.
+            speed = max(min(speed, self._speed_behind(robot)), min(self._speed_m_s - MAX_BRAKING_M_S2 * dt_s, speed))
+        slowest = 0.0 if desired >= 0.0 and self._speed_m_s >= 0.0 else max(desired, -self.s_m / dt_s)
+        self._speed_m_s = min(max(speed, slowest), left_m / dt_s if dt_s > 0.0 else 0.0)
+        self.s_m += self._speed_m_s * dt_s
+        self._update_state()
 
-    def _manoeuvre(self, dt_s: float) -> tuple[float, float]:
-        """Take up what the script says now: speed wanted [m/s], and how much it may change in this tick [m/s]."""
-        assert self._script is not None
-        self._time_s += dt_s
-        wish = self._script.wish(self._time_s)
-        self._facing_rad, self.crouch = wish.facing_rad, wish.crouch
-        # Running ends when the target has slowed down to a walk.
-        self.running = wish.running or (self.running and self._now_m_s > 1.15 * self._speed_m_s)
-        return wish.speed_m_s, ACCELERATION_M_S2 * dt_s
+    def predicted(self, ahead_s: float) -> tuple[float, float]:
+        """x, y [m] after a time at walking speed."""
+        x, y, _ = self._path.at(min(self.s_m + self._walking_speed_m_s * ahead_s, self._path.length_m))
+        return float(x), float(y)
 
-    def foresee_s(self, ahead_s: float) -> float:
-        """How far along the path it will be, undisturbed."""
-        return min(self.s_m + self._speed_m_s * ahead_s, self._path.length_m)
+    def _command(self) -> _Command:
+        axis = self._axis
+        walk = _Command(self._walking_speed_m_s)
+        if not math.isfinite(axis.every_s):
+            return walk
+        begin_s, number = axis.at_s, 0
+        while self._time_s >= begin_s:
+            name = axis.manoeuvres[number % len(axis.manoeuvres)]
+            if self._time_s < begin_s + MANOEUVRE_DURATIONS_S[name]:
+                return self._manoeuvre(name, self._time_s - begin_s)
+            begin_s += max(axis.every_s, MANOEUVRE_DURATIONS_S[name] + _PAUSE_S)
+            number += 1
+        return walk
 
-    def foresee(self, ahead_s: float) -> tuple[float, float, float]:
-        """Where it will be, undisturbed: x, y [m] and heading [rad]."""
-        x, y, heading = self._path.at(self.foresee_s(ahead_s))
-        return float(x), float(y), float(heading)
+    def _manoeuvre(self, name: str, since_s: float) -> _Command:
+        if name == "run":
+            return _Command(self._axis.run_m_s, running=True)
+        if name == "crouch":
+            return _Command(0.0, crouch=_smoothstep((since_s - 1.0) / 0.7) - _smoothstep((since_s - 2.7) / 0.7))
+        if name == "stop":
+            return _Command(0.0)
+        facing = math.pi * (_smoothstep((since_s - 0.8) / 1.1) - _smoothstep((since_s - 3.9) / 1.1))
+        return _Command(-BACKWARD_SPEED_M_S if 1.9 <= since_s < 3.2 else 0.0, facing)
 
-    def _behind_robot(self, robot: NDArray[np.float64]) -> float:
-        """The fastest that leaves room to stop behind a robot ahead."""
+    def _speed_behind(self, robot: FloatArray) -> float:
+        """Highest speed that leaves room to stop behind a robot ahead; infinite if none is in the way."""
         x, y, vx, vy = robot.tolist()
         cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
-        dx, dy = x - self._state[0], y - self._state[1]
+        dx, dy = x - self.state[0], y - self.state[1]
         ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
         if ahead <= 0.0 or abs(aside) > ROBOT_LANE_M:
             return math.inf
-        along = max(cos * vx + sin * vy, 0.0)
-        return along + math.sqrt(2.0 * STOP_M_S2 * max(ahead - ROBOT_GAP_M, 0.0))
+        robot_speed = max(cos * vx + sin * vy, 0.0)
+        return robot_speed + math.sqrt(2.0 * DECELERATION_M_S2 * max(ahead - ROBOT_DISTANCE_M, 0.0))
 
-    def _look(self) -> None:
-        x, y, heading = self._path.at(self.s_m)
-        along = float(heading)
-        self.heading_rad = along + self._facing_rad
-        speed = self._now_m_s
-        self._state = (float(x), float(y), speed * math.cos(along), speed * math.sin(along))
+    def _update_state(self) -> None:
+        x, y, heading = (float(v) for v in self._path.at(self.s_m))
+        self.heading_rad = heading + self._facing_rad
+        self.state = (x, y, self._speed_m_s * math.cos(heading), self._speed_m_s * math.sin(heading))
+
+
+def _smoothstep(share: float) -> float:
+    share = min(max(share, 0.0), 1.0)
+    return share * share * (3.0 - 2.0 * share)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pftrack_sim.agents.pedestrians.crossing import Crossing
+from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing
 from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scenario.model import Occluder
 from pftrack_sim.scene.layout import WalkableArea

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.agents.pedestrians.crossing import WALKER_HALF_WIDTH_M, Crossing, crossing_track
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.pedestrians.occlusion_trajectory import WALKER_HALF_WIDTH_M, Crossing, crossing_track
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import WalkableArea

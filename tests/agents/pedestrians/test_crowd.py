@@ -143,7 +143,7 @@ def test_target_waits_for_a_robot_in_its_way_and_goes_on() -> None:
 def test_arrays_are_frozen_and_names_are_in_order() -> None:
     crowd = crowd_of(HALL, 2, 0)
     assert crowd.names == ("target", "distractor-1", "distractor-2")
-    for array in (crowd.positions_m, crowd.headings_rad, crowd.speeds_m_s, crowd.velocities_m_s):
+    for array in (crowd.positions_m, crowd.headings_rad, crowd.speeds_m_s):
         assert len(array) == 3
         assert not array.flags.writeable
     before = crowd.positions_m

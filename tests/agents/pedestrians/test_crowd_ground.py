@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.routes import Routes
+from pftrack_sim.agents.pedestrians.visibility_graph import VisibilityGraph
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 
 
@@ -41,12 +41,12 @@ def test_distance_and_direction_lead_to_the_surface(seed: int) -> None:
     ground = ObstacleMap(layout)
     points = rng.uniform(-10, 10, (300, 2))
     assert np.array_equal(ground.clearance_m(points) < 0.0, inside(layout, points))
-    distance, away_x, away_y = ground.distances(points[:, 0], points[:, 1])
-    assert np.abs(np.hypot(away_x, away_y) - 1.0).max() <= 1e-9
+    distance, away = ground.distances(points.T)
+    assert np.abs(np.hypot(*away) - 1.0).max() <= 1e-9
     for thing in range(ground.count):
         step = distance[:, thing, None]
-        foot = points - step * np.stack([away_x[:, thing], away_y[:, thing]], axis=1)
-        assert np.abs(ground.distances(foot[:, 0], foot[:, 1])[0][:, thing]).max() <= 1e-6
+        foot = points - step * away[:, :, thing].T
+        assert np.abs(ground.distances(foot.T)[0][:, thing]).max() <= 1e-6
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -70,13 +70,13 @@ def test_routes_are_free_and_as_long_both_ways(seed: int) -> None:
     rng = np.random.default_rng(seed)
     layout = layout_of(rng, 10)
     ground, found = ObstacleMap(layout), 0
-    routes = Routes(ground)
+    routes = VisibilityGraph(ground)
     shares = np.linspace(0.0, 1.0, 400)[:, None]
     for _ in range(20):
         ends = rng.uniform(-9.5, 9.5, (2, 2))
         if ground.clearance_m(ends).min() < 0.45:
             continue
-        there, back = routes.route(ends[0], ends[1]), routes.route(ends[1], ends[0])
+        there, back = routes.shortest_route(ends[0], ends[1]), routes.shortest_route(ends[1], ends[0])
         assert (there is None) == (back is None)
         if there is None or back is None:
             continue
@@ -102,8 +102,8 @@ def test_no_way_into_a_closed_room() -> None:
         Footprint("east", (2.0, 0.0), (0.1, 2.1)),
         Footprint("west", (-2.0, 0.0), (0.1, 2.1)),
     )
-    routes = Routes(ObstacleMap(WalkableArea((-6.0, -6.0, 6.0, 6.0), walls, ())))
-    assert routes.route((-4.0, 0.0), (0.0, 0.0)) is None
-    way = routes.route((-4.0, 0.0), (4.0, 0.0))
+    routes = VisibilityGraph(ObstacleMap(WalkableArea((-6.0, -6.0, 6.0, 6.0), walls, ())))
+    assert routes.shortest_route((-4.0, 0.0), (0.0, 0.0)) is None
+    way = routes.shortest_route((-4.0, 0.0), (4.0, 0.0))
     assert way is not None
     assert len(way) >= 3

@@ -1,0 +1,240 @@
+"""Trajectory of a pedestrian or a cart that covers the line of sight from the camera to the target at a given time.
+
+The trajectory is defined in the moving frame of the line of sight, which is only known while the episode runs: during
+the cover, the mover stays at a share of the distance and moves across the line of sight, from one half width on one
+side to one half width on the other. The approach and the exit join this part with continuous position, velocity and
+acceleration.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from pftrack_sim.agents.pedestrians.obstacle_map import Xy
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.types import FloatArray
+
+WALKER_HALF_WIDTH_M = 0.22
+"""Effective half width of a person: shoulders and arms, averaged over viewing directions."""
+
+CAMERA_DISTANCE_M = 0.75
+TARGET_DISTANCE_M = 0.65
+"""Least distances along the line of sight from the camera and from the target."""
+
+_EXIT_RAMP_S = 1.0
+_EXIT_MARGIN_M = 0.9
+_EXIT_LIMIT_S = 3.0
+_WALKING_SPEED_M_S = 1.25
+
+_LINEAR_SHARE = 0.15
+"""Share of the way across at constant speed when the edges pass faster than the middle."""
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Time and place of one cover of the line of sight.
+
+    Attributes:
+        at_s: Time at which the target's centre line becomes covered.
+        duration_s: Time for which it stays covered.
+        depth: Position on the line of sight as a share of the distance from the camera (0) to the target (1).
+        side: Side from which the mover enters, seen from the camera: 1 left, -1 right.
+        waiting_m: x, y of its waiting place [m], world frame.
+        lead_s: Time before `at_s` at which it starts to move.
+        half_width_m: Half of the width that covers the line of sight.
+        edge_m_s: Speed across the line of sight while an edge passes it, slower in between; None for one constant
+            speed, which covers and uncovers the target gradually.
+
+    Raises:
+        ParameterError: A value is out of range.
+    """
+
+    at_s: float
+    duration_s: float
+    depth: float
+    side: Literal[-1, 1]
+    waiting_m: Xy
+    lead_s: float
+    half_width_m: float = WALKER_HALF_WIDTH_M
+    edge_m_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.at_s < 0.0 or self.duration_s <= 0.0:
+            raise ParameterError(
+                f"a crossing needs at_s >= 0 and duration_s > 0, got at_s={self.at_s:g}, duration_s={self.duration_s:g}"
+            )
+        if not 0.0 < self.depth < 1.0:
+            raise ParameterError(f"a crossing needs 0 < depth < 1, got {self.depth:g}")
+
+    @property
+    def until_s(self) -> float:
+        """Time at which the target's centre line is uncovered."""
+        return self.at_s + self.duration_s
+
+    @property
+    def rate_m_s(self) -> float:
+        """Speed across the line of sight at the beginning and the end of the cover."""
+        return max(2.0 * self.half_width_m / self.duration_s, self.edge_m_s or 0.0)
+
+    def lateral_m(self, before_s: float) -> float:
+        """Offset from the line of sight during the cover, at `before_s` before its middle; an odd function.
+
+        It goes from one half width to the other with `rate_m_s` at both ends: a power of the time left, the smoothest
+        monotonic curve with these ends, and a linear part, so that the mover never stands still.
+        """
+        half_s = 0.5 * self.duration_s
+        steepness = self.rate_m_s * half_s / self.half_width_m
+        if steepness <= 1.0 + 1e-9:
+            return self.half_width_m * before_s / half_s
+        power = (steepness - _LINEAR_SHARE) / (1.0 - _LINEAR_SHARE)
+        share = before_s / half_s
+        return self.half_width_m * share * (_LINEAR_SHARE + (1.0 - _LINEAR_SHARE) * abs(share) ** (power - 1.0))
+
+
+class OcclusionTrajectory:
+    """The trajectory of one crossing, evaluated while the episode runs."""
+
+    def __init__(self, crossing: Crossing) -> None:
+        self.crossing = crossing
+        self._reference: Xy | None = None
+        self._previous: Xy | None = None
+        self._reference_velocity: Xy = (0.0, 0.0)
+        self._begin_s = math.nan
+        self._offset: Xy = (0.0, 0.0)
+        self._offset_rate: Xy = (0.0, 0.0)
+        self._exit_rate_m_s = math.nan
+
+    @property
+    def begun(self) -> bool:
+        """Whether the mover has started."""
+        return not math.isnan(self._begin_s)
+
+    def update(self, dt_s: float, time_s: float, camera_m: Xy, target_m: Xy) -> None:
+        """Update the reference position from camera and target on the ground at `time_s`."""
+        ux, uy, along = _point_on_sight(self.crossing.depth, camera_m, target_m)
+        lateral = self._lateral_m(time_s)
+        reference = (camera_m[0] + along * ux - lateral * uy, camera_m[1] + along * uy + lateral * ux)
+        self._previous = self._reference
+        if self._previous is not None and dt_s > 0.0:
+            x, y = self._previous
+            self._reference_velocity = ((reference[0] - x) / dt_s, (reference[1] - y) / dt_s)
+        self._reference = reference
+
+    def begin(self, dt_s: float, time_s: float, position_m: Xy, velocity_m_s: Xy | None) -> None:
+        """Start to move, after `update` at the same time.
+
+        Args:
+            dt_s: Length of the tick.
+            time_s: Time at its end.
+            position_m: Position of the mover at its beginning.
+            velocity_m_s: Its velocity then; None for that of the reference.
+        """
+        start = self._previous or self._reference
+        if start is None:
+            raise RuntimeError("call update() before begin()")
+        self._begin_s = time_s - (dt_s if self._previous is not None else 0.0)
+        self._offset = (position_m[0] - start[0], position_m[1] - start[1])
+        vx, vy = self._reference_velocity
+        if velocity_m_s is not None:
+            self._offset_rate = (velocity_m_s[0] - vx, velocity_m_s[1] - vy)
+
+    def position(self, time_s: float) -> Xy:
+        """Position of the mover [m], after `begin` and after `update` at the same time."""
+        if self._reference is None or not self.begun:
+            raise RuntimeError("call begin() before position()")
+        span = self.crossing.at_s - self._begin_s
+        if time_s >= self.crossing.at_s or span <= 0.0:
+            return self._reference
+        # The offset from the reference decays by a quintic, from its initial value and rate to zero.
+        x = (time_s - self._begin_s) / span
+        offset = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        rate = span * (x - x**3 * (6.0 - 8.0 * x + 3.0 * x * x))
+        return (
+            self._reference[0] + offset * self._offset[0] + rate * self._offset_rate[0],
+            self._reference[1] + offset * self._offset[1] + rate * self._offset_rate[1],
+        )
+
+    def finished(self, time_s: float) -> bool:
+        """Whether the mover is clear of the line of sight after the cover."""
+        over_s = time_s - self.crossing.until_s
+        if over_s <= 0.0:
+            return False
+        clear = abs(self._lateral_m(time_s)) > self.crossing.half_width_m + _EXIT_MARGIN_M
+        return clear or over_s > _EXIT_LIMIT_S
+
+    def _lateral_m(self, time_s: float) -> float:
+        """Offset to the left of the line of sight."""
+        crossing = self.crossing
+        half, rate = crossing.half_width_m, crossing.rate_m_s
+        over_s = time_s - crossing.until_s
+        if over_s <= 0.0:
+            if crossing.edge_m_s is None or time_s <= crossing.at_s:
+                return crossing.side * (half - rate * (time_s - crossing.at_s))
+            return crossing.side * crossing.lateral_m(-over_s - 0.5 * crossing.duration_s)
+        if math.isnan(self._exit_rate_m_s):
+            # At the end of the cover the velocity is that of the line of sight plus `rate` across it; the exit rate
+            # makes the speed in the world that of walking.
+            speed = math.hypot(*self._reference_velocity)
+            self._exit_rate_m_s = min(max(rate + _WALKING_SPEED_M_S - speed, 0.55), 1.4)
+        x = min(over_s / _EXIT_RAMP_S, 1.0)
+        ramped = _EXIT_RAMP_S * (x**3 - 0.5 * x**4) + max(over_s - _EXIT_RAMP_S, 0.0)
+        return -crossing.side * (half + rate * over_s + (self._exit_rate_m_s - rate) * ramped)
+
+
+def _point_on_sight(depth: float, camera_m: Xy, target_m: Xy) -> tuple[float, float, float]:
+    """Unit vector x, y of the line of sight, and the distance along it at which to cross [m]."""
+    dx, dy = target_m[0] - camera_m[0], target_m[1] - camera_m[1]
+    distance = math.hypot(dx, dy)
+    if distance < 1e-6:
+        return 1.0, 0.0, 0.0
+    farthest = distance - TARGET_DISTANCE_M
+    if farthest < CAMERA_DISTANCE_M:
+        return dx / distance, dy / distance, 0.5 * distance
+    return dx / distance, dy / distance, min(max(depth * distance, CAMERA_DISTANCE_M), farthest)
+
+
+def crossing_track(
+    crossing: Crossing, start_s: float, dt_s: float, camera_m: FloatArray, target_m: FloatArray
+) -> FloatArray:
+    """Positions of a mover over recorded camera and target positions.
+
+    Args:
+        crossing: Time and place of the crossing.
+        start_s: Time of the first sample.
+        dt_s: Time between samples.
+        camera_m: `(K, 2)` camera on the ground.
+        target_m: `(K, 2)` target on the ground.
+
+    Returns:
+        `(K, 2)` positions until the crossing is finished, NaN afterwards [m].
+    """
+    trajectory = OcclusionTrajectory(crossing)
+    track = np.full((len(camera_m), 2), np.nan)
+    for index, (camera, target) in enumerate(zip(camera_m.tolist(), target_m.tolist(), strict=True)):
+        time_s = start_s + index * dt_s
+        trajectory.update(dt_s, time_s, camera, target)
+        if not trajectory.begun and index > 0 and time_s >= crossing.at_s - crossing.lead_s:
+            # A mover that starts with the recording is already moving.
+            trajectory.begin(dt_s, time_s, crossing.waiting_m, (0.0, 0.0) if index > 2 else None)
+        track[index] = trajectory.position(time_s) if trajectory.begun else crossing.waiting_m
+        if trajectory.finished(time_s):
+            break
+    return track
+
+
+def at_different_depths(crossings: Sequence[Crossing]) -> tuple[Crossing, ...]:
+    """The crossings, with depths changed where two at the same time would collide."""
+    kept: list[Crossing] = []
+    for crossing in crossings:
+        depth = crossing.depth
+        near = [k.depth for k in kept if k.at_s - 2.0 < crossing.until_s and crossing.at_s - 2.0 < k.until_s]
+        if any(abs(depth - other) < 0.2 for other in near):
+            options = [d for d in np.linspace(0.2, 0.9, 15) if all(abs(d - other) >= 0.2 for other in near)]
+            depth = float(min(options, key=lambda d: abs(d - crossing.depth))) if options else depth
+        kept.append(replace(crossing, depth=depth))
+    return tuple(kept)
