@@ -219,7 +219,7 @@ def _wrapped(rng: np.random.Generator) -> Canvas:
     return 0.72 * image + 70.0 * (sheen**3)[..., None]
 
 
-# The order is the order of cells in pftrack_sim/scene/places/surfaces.py.
+# The order is the order of cells in pftrack_sim/scene/places/materials.py.
 PARTS: tuple[tuple[str, Cell], ...] = (
     ("wood-light", _wood((190, 150, 100), 4)),
     ("wood-dark", _wood((104, 70, 44), 3)),

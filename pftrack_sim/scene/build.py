@@ -50,7 +50,7 @@ def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> Stage:
     spec.option.timestep = step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     _set_graphics(spec, settings)
-    layout = places.furnish(spec, settings.place, settings.lights, random_streams.stream(seed, "place"))
+    layout = places.add_place(spec, settings.place, settings.lights, random_streams.stream(seed, "place"))
     add_robot(spec, settings.robot, settings.camera)
     return Stage(spec, layout)
 

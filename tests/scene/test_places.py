@@ -23,7 +23,7 @@ def furnished(
     kind: str, seed: int = 0, clutter: float = 1.0, shadows: bool = True
 ) -> tuple[mujoco.MjModel, WalkableArea]:
     spec = mujoco.MjSpec()
-    layout = places.furnish(spec, Place(kind=kind, clutter=clutter), Lights(shadows=shadows), stream(seed, "place"))
+    layout = places.add_place(spec, Place(kind=kind, clutter=clutter), Lights(shadows=shadows), stream(seed, "place"))
     return spec.compile(), layout
 
 
@@ -86,7 +86,7 @@ def test_place_compiles_within_its_budget(kind: str, seed: int) -> None:
 def test_same_seed_gives_the_same_model(kind: str) -> None:
     first, _ = furnished(kind, 3)
     spec = mujoco.MjSpec()
-    places.furnish(spec, Place(kind=kind), Lights(), stream(3, "place"))
+    places.add_place(spec, Place(kind=kind), Lights(), stream(3, "place"))
     second = spec.compile()
     for field in ("geom_pos", "geom_quat", "body_pos", "body_quat", "mesh_vert", "mesh_texcoord", "mesh_face"):
         np.testing.assert_array_equal(getattr(first, field), getattr(second, field))
@@ -236,7 +236,7 @@ def test_lights_fit_the_renderer(kind: str) -> None:
 def test_sun_stands_where_the_scenario_says() -> None:
     spec = mujoco.MjSpec()
     lights = Lights(sun_azimuth_deg=90.0, sun_elevation_deg=30.0)
-    places.furnish(spec, Place(kind="plaza"), lights, stream(0, "place"))
+    places.add_place(spec, Place(kind="plaza"), lights, stream(0, "place"))
     model = spec.compile()
     towards_sun = -model.light("light/sun").dir
     np.testing.assert_allclose(towards_sun, [0.0, np.cos(np.pi / 6), 0.5], rtol=0, atol=1e-9)

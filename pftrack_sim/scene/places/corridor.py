@@ -8,188 +8,175 @@ import numpy as np
 
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.places import indoors
-from pftrack_sim.scene.places.outdoors import bin_
-from pftrack_sim.scene.places.shapes import Piece, Shape, box, quad
-from pftrack_sim.scene.places.stage import Stage, standing
-from pftrack_sim.scene.places.surfaces import part, tiles
-
-WEST, EAST, HALF, CEILING = -6.0, 38.0, 1.75, 2.8
-LOBBY_WEST, LOBBY_EAST, LOBBY_HALF = 14.0, 21.0, 4.25
-BOUNDS = (WEST, -LOBBY_HALF, EAST, LOBBY_HALF)
-GOALS = (
-    (-4.5, 0.6),
-    (-4.5, -0.6),
-    (5.0, -0.7),
-    (9.0, 0.7),
-    (15.5, 2.2),
-    (15.5, -2.2),
-    (19.5, 2.2),
-    (19.5, -2.2),
-    (26.0, 0.7),
-    (30.0, -0.7),
-    (36.5, 0.6),
-    (36.5, -0.6),
+from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
+from pftrack_sim.scene.places.indoor_props import (
+    bookcase,
+    ceiling_panel,
+    couch,
+    door,
+    exit_sign,
+    extinguisher,
+    framed_poster,
+    lockers,
+    low_table,
+    narrow_bench,
+    potted_plant,
+    radiator,
+    vending_machine,
 )
-_LAMPS = (-3.0, 4.0, 11.0, 17.5, 25.0, 33.0)
+from pftrack_sim.scene.places.materials import texture, tiling
+from pftrack_sim.scene.places.meshes import Prop, box, quad, translated
+from pftrack_sim.scene.places.outdoor_props import litter_bin
+
+_WEST, _EAST, _HALF_WIDTH, _CEILING = -6.0, 38.0, 1.75, 2.8
+_LOBBY_WEST, _LOBBY_EAST, _LOBBY_HALF_WIDTH = 14.0, 21.0, 4.25
+_LOBBY_X = 0.5 * (_LOBBY_WEST + _LOBBY_EAST)
+BOUNDS = (_WEST, -_LOBBY_HALF_WIDTH, _EAST, _LOBBY_HALF_WIDTH)
+GOALS = ((-4.5, 0.6), (-4.5, -0.6), (5.0, -0.7), (9.0, 0.7), (15.5, 2.2), (15.5, -2.2), (19.5, 2.2), (19.5, -2.2),
+         (26.0, 0.7), (30.0, -0.7), (36.5, 0.6), (36.5, -0.6))  # fmt: skip
+_LAMPS_X = (-3.0, 4.0, 11.0, 17.5, 25.0, 33.0)
+_DOORS_X = (-3.6, 1.6, 6.8, 12.0, 23.4, 28.6, 33.8)
 _LOCKERS = ((4.3, -1.0, "steel-blue"), (26.0, 1.0, "paint-green"), (-1.0, 1.0, "fabric-red"))
-_DOORS = (-3.6, 1.6, 6.8, 12.0, 23.4, 28.6, 33.8)
+
+_SIDES = (("north", 1.0, 0.0, 0.0), ("south", -1.0, np.pi, 1.1))
+"""Name, sign of y, yaw of props on the wall, and their shift along x: doors do not face each other."""
 
 
-def build_corridor(stage: Stage, lights: Lights) -> WalkableArea:
+def build_corridor(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     """Build the corridor; the sun does not reach it."""
-    _shell(stage)
-    _doors(stage)
-    _walls(stage)
-    _lobby(stage)
-    _loose(stage)
-    stage.enclose(BOUNDS)
-    # All the panels together, as seen from far: soft shadows right under people.
-    stage.beam("lamp-above", (0.06, 0.10, -1.0), (0.20, 0.20, 0.19), (16.0, 0.0, 0.0, 23.0))
-    for index, x in enumerate(_LAMPS):
-        stage.lamp(
-            f"lamp-{index + 1}", (x, 0.0, CEILING - 0.15), (0.66, 0.64, 0.58), 80.0, (1.0, 0.06, 0.06), exponent=0.7
-        )
-    stage.sky_light((0.43, 0.43, 0.42))
-    return stage.finish(BOUNDS, GOALS)
+    _add_floor_and_ceiling(builder)
+    _add_walls(builder)
+    _add_doors(builder)
+    _add_wall_props(builder)
+    _add_fixed_props(builder)
+    builder.add_loose(_loose_props(builder.rng), (0.12, 0.03))
+    # The sum of all panels, as a distant light: soft shadows right under people.
+    builder.add_main_light("lamp-above", (0.06, 0.10, -1.0), (0.20, 0.20, 0.19), (16.0, 0.0, 23.0))
+    for index, x in enumerate(_LAMPS_X):
+        position, colour = (x, 0.0, _CEILING - 0.15), (0.66, 0.64, 0.58)
+        builder.add_lamp(f"lamp-{index + 1}", position, colour, 80.0, (1.0, 0.06, 0.06), exponent=0.7)
+    builder.set_ambient_light((0.43, 0.43, 0.42))
+    return builder.finish(BOUNDS, GOALS)
 
 
-def _shell(stage: Stage) -> None:
-    """Floor, ceiling and walls, cut small enough to show the lamps."""
-    length = EAST - WEST
-    floor = quad(tiles("linoleum"), (WEST, -LOBBY_HALF, 0), (length, 0, 0), (0, 2 * LOBBY_HALF, 0), (58, 12))
-    stage.put("floor", (floor,), casts_shadow=False)
-    above = quad(tiles("ceiling"), (WEST, LOBBY_HALF, CEILING), (length, 0, 0), (0, -2 * LOBBY_HALF, 0), (29, 6))
-    panels: list[Shape] = [above]
-    for x in np.arange(WEST + 1.5, EAST, 2.333):
-        panels += [_at(shape, float(x), 0.0) for shape in indoors.ceiling_panel()]
-    for x in (LOBBY_WEST + 1.2, LOBBY_EAST - 1.2):
-        for y in (-2.9, 2.9):
-            panels += [_at(shape, x, y) for shape in indoors.ceiling_panel()]
-    stage.put("ceiling", tuple(panels), casts_shadow=False)
-    half_gap = 0.5 * (LOBBY_HALF - HALF)
-    middle_y = HALF + half_gap
-    for side, row in ((1.0, "north"), (-1.0, "south")):
-        for start, end, column in ((WEST, LOBBY_WEST, "west"), (LOBBY_EAST, EAST, "east")):
+def _add_floor_and_ceiling(builder: PlaceBuilder) -> None:
+    """Add floor and ceiling, subdivided for the light of the lamps."""
+    length, width = _EAST - _WEST, 2 * _LOBBY_HALF_WIDTH
+    floor = quad(tiling("linoleum"), (_WEST, -_LOBBY_HALF_WIDTH, 0), (length, 0, 0), (0, width, 0), (58, 12))
+    builder.add("floor", (floor,), casts_shadow=False)
+    ceiling_corner = (_WEST, _LOBBY_HALF_WIDTH, _CEILING)
+    meshes = [quad(tiling("ceiling"), ceiling_corner, (length, 0, 0), (0, -width, 0), (29, 6))]
+    panels = [(float(x), 0.0) for x in np.arange(_WEST + 1.5, _EAST, 2.333)]
+    panels += [(x, y) for x in (_LOBBY_WEST + 1.2, _LOBBY_EAST - 1.2) for y in (-2.9, 2.9)]
+    for x, y in panels:
+        meshes += translated(ceiling_panel(), x, y, _CEILING)
+    builder.add("ceiling", meshes, casts_shadow=False)
+
+
+def _add_walls(builder: PlaceBuilder) -> None:
+    half_depth = 0.5 * (_LOBBY_HALF_WIDTH - _HALF_WIDTH)
+    for row, side, _, _ in _SIDES:
+        for column, start, end, lobby in (("west", _WEST, _LOBBY_WEST, 1.0), ("east", _LOBBY_EAST, _EAST, -1.0)):
             half = 0.5 * (end - start)
-            piece = _wall_block(half, half_gap, side, 1.0 if column == "west" else -1.0)
-            stage.put(f"wall-{row}-{column}", piece, (start + half, side * middle_y), solid=(half, half_gap, CEILING))
-        stage.put(
-            f"wall-lobby-{row}",
-            _facing_wall(LOBBY_EAST - LOBBY_WEST, side),
-            (0.5 * (LOBBY_WEST + LOBBY_EAST), side * LOBBY_HALF),
-        )
-    skin = tiles("corridor-wall")
-    for name, x, along in (("wall-east", EAST, -1.0), ("wall-west", WEST, 1.0)):
-        wall = quad(skin, (0, -along * HALF, 0), (0, along * 2 * HALF, 0), (0, 0, CEILING), (6, 4))
-        stage.put(name, (wall,), (x, 0.0))
+            position, collider = (start + half, side * (_HALF_WIDTH + half_depth)), (half, half_depth, _CEILING)
+            builder.add(f"wall-{row}-{column}", _wall_block(half, half_depth, side, lobby), position, 0.0, collider)
+        lobby_wall = _lobby_wall(_LOBBY_EAST - _LOBBY_WEST, side)
+        builder.add(f"wall-lobby-{row}", lobby_wall, (_LOBBY_X, side * _LOBBY_HALF_WIDTH))
+    for name, x, side in (("wall-east", _EAST, -1.0), ("wall-west", _WEST, 1.0)):
+        corner, edge = (0, -side * _HALF_WIDTH, 0), (0, side * 2 * _HALF_WIDTH, 0)
+        builder.add(name, (quad(tiling("corridor-wall"), corner, edge, (0, 0, _CEILING), (6, 4)),), (x, 0.0))
 
 
-def _at(shape: Shape, x: float, y: float) -> Shape:
-    return Shape(shape.material, shape.points + np.array([x, y, CEILING]), shape.normals, shape.uv, shape.faces)
+def _wall_block(half: float, depth: float, side: float, lobby: float) -> Prop:
+    """The two visible walls of a block beside the corridor: one along it, one towards the lobby."""
+    wall, up, cells = tiling("corridor-wall"), (0, 0, _CEILING), (max(2, round(2 * half / 0.75)), 4)
+    return (
+        quad(wall, (-side * half, -side * depth, 0), (side * 2 * half, 0, 0), up, cells),
+        quad(wall, (lobby * half, -lobby * depth, 0), (0, lobby * 2 * depth, 0), up, (4, 4)),
+        box(texture("wood-dark"), (0, -side * (depth + 0.01), 0.05), (2 * half, 0.03, 0.1)),
+    )
 
 
-def _wall_block(half: float, depth: float, side: float, end: float) -> Piece:
-    """The two visible walls of a block beside the corridor: along it, and into the lobby."""
-    skin = tiles("corridor-wall")
-    cells = (max(2, round(2 * half / 0.75)), 4)
-    long = quad(skin, (-side * half, -side * depth, 0), (side * 2 * half, 0, 0), (0, 0, CEILING), cells)
-    short = quad(skin, (end * half, -end * depth, 0), (0, end * 2 * depth, 0), (0, 0, CEILING), (4, 4))
-    skirting = box(part("wood-dark"), (0, -side * (depth + 0.01), 0.05), (2 * half, 0.03, 0.1))
-    return (long, short, skirting)
+def _lobby_wall(length: float, side: float) -> Prop:
+    """A wall at y = 0 that faces the middle of the lobby."""
+    wall = quad(tiling("corridor-wall"), (-side * 0.5 * length, 0, 0), (side * length, 0, 0), (0, 0, _CEILING), (10, 4))
+    return (wall, box(texture("wood-dark"), (0, -side * 0.01, 0.05), (length, 0.03, 0.1)))
 
 
-def _facing_wall(length: float, side: float) -> Piece:
-    """A wall that faces the middle, at y = 0."""
-    skin = tiles("corridor-wall")
-    wall = quad(skin, (-side * 0.5 * length, 0, 0), (side * length, 0, 0), (0, 0, CEILING), (10, 4))
-    return (wall, box(part("wood-dark"), (0, -side * 0.01, 0.05), (length, 0.03, 0.1)))
-
-
-def _doors(stage: Stage) -> None:
+def _add_doors(builder: PlaceBuilder) -> None:
     leaves = ("door-wood", "door-window", "door-wood", "door-red")
-    for index, x in enumerate(_DOORS):
-        for side, row in ((1.0, "north"), (-1.0, "south")):
-            shift = 0.0 if side > 0 else 1.1
-            piece = indoors.door(leaves[(index + int(side < 0)) % 4], index)
-            stage.put(
-                f"door-{row}-{index + 1}",
-                piece,
-                (x + shift, side * HALF),
-                0.0 if side > 0 else np.pi,
-                casts_shadow=False,
-            )
-    for name, x, yaw in (("east", EAST, -0.5 * np.pi), ("west", WEST, 0.5 * np.pi)):
+    for index, x in enumerate(_DOORS_X):
+        for row, side, yaw, shift in _SIDES:
+            prop = door(leaves[(index + int(side < 0)) % 4], index)
+            position = (x + shift, side * _HALF_WIDTH)
+            builder.add(f"door-{row}-{index + 1}", prop, position, yaw, casts_shadow=False)
+    for name, x, yaw in (("east", _EAST, -0.5 * np.pi), ("west", _WEST, 0.5 * np.pi)):
         for half, y in (("left", 0.5), ("right", -0.5)):
-            stage.put(f"door-{name}-{half}", indoors.door("door-window"), (x, y), yaw, casts_shadow=False)
-    for index, x in enumerate((LOBBY_WEST - 1.0, LOBBY_EAST + 1.0, 35.0)):
-        stage.put(f"exit-sign-{index + 1}", indoors.hanging_sign(), (x, 0.0, CEILING - 0.55), casts_shadow=False)
+            builder.add(f"door-{name}-{half}", door("door-window"), (x, y), yaw, casts_shadow=False)
+    for index, x in enumerate((_LOBBY_WEST - 1.0, _LOBBY_EAST + 1.0, 35.0)):
+        builder.add(f"exit-sign-{index + 1}", exit_sign(), (x, 0.0, _CEILING - 0.55), casts_shadow=False)
 
 
-def _walls(stage: Stage) -> None:
-    """Posters, boards, radiators and extinguishers between the doors; which posters is drawn per seed."""
-    rng = stage.rng
-    between = [0.5 * (a + b) for a, b in pairwise(_DOORS) if b - a < 6.0] + [36.2]
-    for index, x in enumerate(between):
-        for side, row in ((1.0, "north"), (-1.0, "south")):
-            yaw = 0.0 if side > 0 else np.pi
-            shift = 0.0 if side > 0 else 1.1
-            if x + shift > EAST - 1.4:
+def _add_wall_props(builder: PlaceBuilder) -> None:
+    """Add random posters and notice boards between the doors, with radiators and extinguishers in turn."""
+    rng = builder.rng
+    between = [0.5 * (a + b) for a, b in pairwise(_DOORS_X) if b - a < 6.0] + [36.2]
+    for index, middle in enumerate(between):
+        for row, side, yaw, shift in _SIDES:
+            x, y, number = middle + shift, side * _HALF_WIDTH, f"{row}-{index + 1}"
+            if x > _EAST - 1.4:
                 continue
             picture = int(rng.choice([7, 15])) if rng.random() < 0.3 else int(rng.integers(16))
-            wide = 1.5 if picture % 8 == 7 else float(rng.choice([0.7, 0.8, 0.95]))
-            piece = indoors.framed(picture, wide, 1.0 if wide > 1.0 else 1.3 * wide, 1.2)
+            width = 1.5 if picture % 8 == 7 else float(rng.choice([0.7, 0.8, 0.95]))
+            prop = framed_poster(picture, width, 1.0 if width > 1.0 else 1.3 * width, 1.2)
             offset = float(rng.uniform(-0.35, 0.35))
-            stage.put(f"poster-{row}-{index + 1}", piece, (x + shift + offset, side * HALF), yaw, casts_shadow=False)
+            builder.add(f"poster-{number}", prop, (x + offset, y), yaw, casts_shadow=False)
             if (index + (side > 0)) % 2:
-                stage.put(f"radiator-{row}-{index + 1}", indoors.radiator(), (x + shift, side * HALF), yaw)
+                builder.add(f"radiator-{number}", radiator(), (x, y), yaw)
             else:
-                at = (x + shift + 1.15, side * HALF)
-                stage.put(f"extinguisher-{row}-{index + 1}", indoors.extinguisher(), at, yaw, casts_shadow=False)
+                builder.add(f"extinguisher-{number}", extinguisher(), (x + 1.15, y), yaw, casts_shadow=False)
 
 
-def _lobby(stage: Stage) -> None:
-    """What stands there for good."""
+def _add_fixed_props(builder: PlaceBuilder) -> None:
+    """Add lockers and the fixed furniture of the lobby; its posters are drawn."""
     for index, (x, side, paint) in enumerate(_LOCKERS):
-        piece = indoors.lockers(6, paint)
-        yaw = 0.0 if side > 0 else np.pi
-        stage.put(f"lockers-{index + 1}", piece, (x, side * (HALF - 0.19)), yaw, solid=standing(piece))
-    middle = 0.5 * (LOBBY_WEST + LOBBY_EAST)
-    north, south = LOBBY_HALF, -LOBBY_HALF
-    machine = indoors.vending_machine()
-    stage.put("vending-machine", machine, (LOBBY_EAST - 0.8, north - 0.42), solid=standing(machine))
-    case = indoors.bookcase(1.5)
-    stage.put("bookcase", case, (LOBBY_WEST + 1.0, south + 0.2), np.pi, solid=standing(case))
-    for index, (x, y, yaw) in enumerate(((middle, north, 0.0), (middle + 0.9, south, np.pi))):
-        picture = int(stage.rng.choice([7, 15]))
-        stage.put(f"notice-board-{index + 1}", indoors.framed(picture, 2.4, 1.2, 1.15), (x, y), yaw, casts_shadow=False)
-    for index, (x, y, yaw) in enumerate(((middle + 2.6, south, np.pi), (middle - 2.4, north, 0.0))):
-        picture = int(stage.rng.integers(16))
-        stage.put(f"lobby-poster-{index + 1}", indoors.framed(picture, 0.9, 1.25, 1.1), (x, y), yaw, casts_shadow=False)
+        prop, yaw = lockers(paint), 0.0 if side > 0 else np.pi
+        builder.add(f"lockers-{index + 1}", prop, (x, side * (_HALF_WIDTH - 0.19)), yaw, bounding_box(prop))
+    north, south = _LOBBY_HALF_WIDTH, -_LOBBY_HALF_WIDTH
+    machine, case = vending_machine(), bookcase()
+    builder.add("vending-machine", machine, (_LOBBY_EAST - 0.8, north - 0.42), collider=bounding_box(machine))
+    builder.add("bookcase", case, (_LOBBY_WEST + 1.0, south + 0.2), np.pi, collider=bounding_box(case))
+    for index, (x, y, yaw) in enumerate(((_LOBBY_X, north, 0.0), (_LOBBY_X + 0.9, south, np.pi))):
+        prop = framed_poster(int(builder.rng.choice([7, 15])), 2.4, 1.2, 1.15)
+        builder.add(f"notice-board-{index + 1}", prop, (x, y), yaw, casts_shadow=False)
+    for index, (x, y, yaw) in enumerate(((_LOBBY_X + 2.6, south, np.pi), (_LOBBY_X - 2.4, north, 0.0))):
+        prop = framed_poster(int(builder.rng.integers(16)), 0.9, 1.25, 1.1)
+        builder.add(f"lobby-poster-{index + 1}", prop, (x, y), yaw, casts_shadow=False)
 
 
-def _loose(stage: Stage) -> None:
-    rng = stage.rng
-    cloths = ("fabric-blue", "fabric-red", "fabric-green")
-    middle = 0.5 * (LOBBY_WEST + LOBBY_EAST)
-    things = [
-        ("couch", (middle - 0.3, LOBBY_HALF - 0.45, 0.0), indoors.couch(str(rng.choice(cloths)))),
-        ("couch", (middle + 0.9, -LOBBY_HALF + 0.45, np.pi), indoors.couch(str(rng.choice(cloths)))),
-        ("table", (middle - 0.3, LOBBY_HALF - 1.25, 0.0), indoors.low_table()),
-        ("plant", (LOBBY_WEST + 0.45, LOBBY_HALF - 0.5, 0.0), indoors.potted_plant(rng, 1.6)),
-        ("plant", (LOBBY_EAST - 0.5, -LOBBY_HALF + 0.5, 0.0), indoors.potted_plant(rng, 1.4)),
-        ("plant", (LOBBY_WEST + 0.4, -2.55, 0.0), indoors.potted_plant(rng, 1.2)),
-        ("plant", (-5.5, 1.3, 0.0), indoors.potted_plant(rng, 1.5)),
-        ("plant", (37.5, -1.3, 0.0), indoors.potted_plant(rng, 1.6)),
-        ("bin", (LOBBY_EAST - 1.8, LOBBY_HALF - 0.4, 0.0), bin_()),
-        ("bin", (13.2, -1.45, 0.0), bin_()),
-        ("bench", (9.4, 1.5, 0.0), indoors.narrow_bench()),
-        ("bench", (31.2, 1.5, 0.0), indoors.narrow_bench()),
+def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
+    north, south = _LOBBY_HALF_WIDTH, -_LOBBY_HALF_WIDTH
+
+    def random_couch() -> Prop:
+        return couch(str(rng.choice(("fabric-blue", "fabric-red", "fabric-green"))))
+
+    def plant(x: float, y: float, height: float) -> LooseProp:
+        prop = potted_plant(rng, height)
+        half_x, half_y, top = bounding_box(prop)
+        # People brush past leaves that reach farther.
+        return LooseProp("plant", (x, y, 0.0), prop, (min(half_x, 0.3), min(half_y, 0.3), top))
+
+    return [
+        LooseProp("couch", (_LOBBY_X - 0.3, north - 0.45, 0.0), random_couch()),
+        LooseProp("couch", (_LOBBY_X + 0.9, south + 0.45, np.pi), random_couch()),
+        LooseProp("table", (_LOBBY_X - 0.3, north - 1.25, 0.0), low_table()),
+        plant(_LOBBY_WEST + 0.45, north - 0.5, 1.6),
+        plant(_LOBBY_EAST - 0.5, south + 0.5, 1.4),
+        plant(_LOBBY_WEST + 0.4, -2.55, 1.2),
+        plant(-5.5, 1.3, 1.5),
+        plant(37.5, -1.3, 1.6),
+        LooseProp("bin", (_LOBBY_EAST - 1.8, north - 0.4, 0.0), litter_bin()),
+        LooseProp("bin", (13.2, -1.45, 0.0), litter_bin()),
+        LooseProp("bench", (9.4, 1.5, 0.0), narrow_bench()),
+        LooseProp("bench", (31.2, 1.5, 0.0), narrow_bench()),
     ]
-    shifts = rng.uniform(-1.0, 1.0, (len(things), 2)) * (0.12, 0.03)
-    for index in stage.kept(len(things)):
-        kind, (x, y, yaw), piece = things[index]
-        dx, dy = shifts[index]
-        half_x, half_y, height = standing(piece)
-        solid = (min(half_x, 0.3), min(half_y, 0.3), height) if kind == "plant" else (half_x, half_y, height)
-        stage.put(f"{kind}-{index + 1}", piece, (x + dx, y + dy), yaw, solid=solid)

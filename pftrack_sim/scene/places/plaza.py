@@ -4,152 +4,140 @@ from __future__ import annotations
 
 import numpy as np
 
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.places import outdoors, surfaces
+from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box, sun_direction
 from pftrack_sim.scene.places.buildings import house
-from pftrack_sim.scene.places.shapes import Array, moved, quad
-from pftrack_sim.scene.places.stage import Stage, standing, sun_direction
-from pftrack_sim.scene.places.surfaces import tiles
-from pftrack_sim.scene.places.vehicles import car, van
+from pftrack_sim.scene.places.materials import add_skybox, tiling
+from pftrack_sim.scene.places.meshes import quad
+from pftrack_sim.scene.places.outdoor_props import (
+    advertising_column,
+    bench,
+    bollard,
+    fountain,
+    hedge,
+    kiosk,
+    lamp_post,
+    litter_bin,
+    parasol_table,
+    parking_sign,
+    planter,
+    signboard,
+    tree,
+)
+from pftrack_sim.scene.places.vehicles import bicycle_stand, car, van
 
 BOUNDS = (-6.0, -15.0, 30.0, 15.0)
-GOALS = (
-    (-4.5, 5.0),
-    (-4.0, -12.5),
-    (-4.0, 13.0),
-    (9.0, 13.4),
-    (28.5, 12.5),
-    (28.5, 1.0),
-    (28.5, -12.5),
-    (15.5, -8.2),
-    (12.0, 6.6),
-    (4.0, -6.0),
-    (24.5, 4.5),
-    (20.5, -13.5),
-)
+GOALS = ((-4.5, 5.0), (-4.0, -12.5), (-4.0, 13.0), (9.0, 13.4), (28.5, 12.5), (28.5, 1.0), (28.5, -12.5),
+         (15.5, -8.2), (12.0, 6.6), (4.0, -6.0), (24.5, 4.5), (20.5, -13.5))  # fmt: skip
+
+# Kind, shop front, awning, balconies, storeys.
+_NORTH = (("cream", 0, "awning-red", True, 3), ("brick", 1, None, False, 2), ("rose", 2, "awning-green", False, 3),
+          ("office", 3, None, False, 3))  # fmt: skip
+_SOUTH = (("office", 2, "awning-blue", False, 2), ("rose", 3, "awning-sand", True, 3), ("brick", 0, None, False, 3),
+          ("cream", 1, "awning-green", False, 2))  # fmt: skip
+_EAST = (("brick", 3, "awning-blue", True, 2), ("cream", 2, "awning-red", False, 1))
+_WEST = (("rose", 1, None, True, 3), ("office", 0, "awning-sand", False, 2), ("cream", 3, "awning-red", False, 3))
+_FAR = (("rose", 0, "awning-blue", False, 2), ("brick", 1, "awning-red", False, 3),
+        ("cream", 2, "awning-green", False, 2))  # fmt: skip
+
+# x, y and, where there is a third number, yaw.
 _TREES = ((0.0, 9.5), (7.5, 9.5), (15.0, 9.5), (27.0, 8.0), (0.0, -9.5), (9.0, -9.5), (26.0, -9.0))
+_FAR_TREES = ((41.0, 3.7), (44.0, -3.8), (49.0, 3.8), (56.0, -3.8), (63.0, 3.7))
+_LAMP_POSTS = ((-1.0, 13.0, np.pi), (11.5, 11.8, np.pi), (16.0, -6.9, 0.0), (24.8, 1.8, 0.0))
 _BENCHES = ((3.7, 9.3, 0.0), (11.2, 9.3, 0.0), (4.5, -9.6, np.pi), (23.6, -9.0, np.pi), (-5.2, 0.4, -0.5 * np.pi))
 _PLANTERS = ((-2.6, 4.2, 0.5 * np.pi), (5.6, 4.9, 0.0), (17.6, 7.2, 0.0), (7.2, -4.4, 0.0), (13.0, -6.4, 0.0),
              (26.8, -5.6, 0.5 * np.pi), (-2.8, -4.6, 0.5 * np.pi), (23.3, 12.6, 0.0))  # fmt: skip
 _TABLES = ((11.5, -12.6), (14.9, -11.6), (18.0, -10.4), (7.6, -13.0))
-_BINS = ((13.4, 9.6), (2.0, -8.6), (24.8, 9.6), (20.6, -8.6), (-5.0, 8.4))
+_LITTER_BINS = ((13.4, 9.6), (2.0, -8.6), (24.8, 9.6), (20.6, -8.6), (-5.0, 8.4))
 
 
-def build_plaza(stage: Stage, lights: Lights) -> WalkableArea:
+def build_plaza(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     """Build the plaza."""
-    surfaces.add_sky(stage.spec, "sky-day")
-    paving = quad(tiles("paving"), (-40, -45, 0), (125, 0, 0), (0, 90, 0))
-    stage.put("paving", (paving,), casts_shadow=False)
+    add_skybox(builder.spec, "sky-day")
+    builder.add("paving", (quad(tiling("paving"), (-40, -45, 0), (125, 0, 0), (0, 90, 0)),), casts_shadow=False)
     sun = sun_direction(lights.sun_azimuth_deg, lights.sun_elevation_deg)
-    _houses(stage, sun)
-    _beyond(stage)
-    _fixtures(stage)
-    _loose(stage)
-    stage.enclose(BOUNDS)
-    stage.beam("sun", sun, (0.60, 0.57, 0.50), (13.0, 0.0, 0.0, 26.0))
-    # Sky light has a direction too: without it every shaded front would be flat.
-    stage.fill("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), (0.10, 0.11, 0.13))
-    stage.sky_light((0.37, 0.39, 0.43))
-    return stage.finish(BOUNDS, GOALS)
+    _add_houses(builder, sun)
+    _add_side_street(builder)
+    _add_fixed_props(builder)
+    builder.add_loose(_loose_props(builder.rng), (0.25, 0.25, 0.12))
+    builder.add_main_light("sun", sun, (0.60, 0.57, 0.50), (13.0, 0.0, 26.0))
+    # Light from the sky has a direction: without it all shaded fronts would look flat.
+    builder.add_fill_light("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), (0.10, 0.11, 0.13))
+    builder.set_ambient_light((0.37, 0.39, 0.43))
+    return builder.finish(BOUNDS, GOALS)
 
 
-def _houses(stage: Stage, sun: Array) -> None:
-    # A row throws its shadow on the square only when the sun is behind it; the shadow pass pays for every triangle.
-    from_north, from_south, from_east, from_west = sun[1] < 0.0, sun[1] > 0.0, sun[0] < 0.0, sun[0] > 0.0
-    north = [("cream", 0, "awning-red", True, 3), ("brick", 1, None, False, 2), ("rose", 2, "awning-green", False, 3),
-             ("office", 3, None, False, 3)]  # fmt: skip
-    south = [("office", 2, "awning-blue", False, 2), ("rose", 3, "awning-sand", True, 3), ("brick", 0, None, False, 3),
-             ("cream", 1, "awning-green", False, 2)]  # fmt: skip
-    for index, (kind, shop, cloth, balconies, storeys) in enumerate(north):
-        piece = house(kind, shop, cloth, balconies, storeys)
-        stage.put(f"house-north-{index + 1}", piece, (-12.0 + 12.0 * index, 17.5), casts_shadow=from_north)
-    for index, (kind, shop, cloth, balconies, storeys) in enumerate(south):
-        piece = house(kind, shop, cloth, balconies, storeys)
-        stage.put(f"house-south-{index + 1}", piece, (36.0 - 12.0 * index, -17.5), np.pi, casts_shadow=from_south)
-    stage.put(
-        "house-east-1", house("brick", 3, "awning-blue", True, 2), (36.0, 17.5), -0.5 * np.pi, casts_shadow=from_east
-    )
-    stage.put(
-        "house-east-2", house("cream", 2, "awning-red", False, 1), (36.0, -5.5), -0.5 * np.pi, casts_shadow=from_east
-    )
-    stage.put("house-west-1", house("rose", 1, None, True, 3), (-12.0, -17.5), 0.5 * np.pi, casts_shadow=from_west)
-    stage.put(
-        "house-west-2", house("office", 0, "awning-sand", False, 2), (-12.0, -5.5), 0.5 * np.pi, casts_shadow=from_west
-    )
-    stage.put(
-        "house-west-3", house("cream", 3, "awning-red", False, 3), (-12.0, 6.5), 0.5 * np.pi, casts_shadow=from_west
-    )
-
-
-def _beyond(stage: Stage) -> None:
-    """The street that leads away to the east, and what closes its view."""
-    rng = np.random.default_rng(11)
-    stage.put("far-road", (quad(tiles("asphalt"), (37.0, -2.6, 0.004), (40, 0, 0), (0, 4.6, 0)),), casts_shadow=False)
-    stage.put("far-house-1", house("rose", 0, "awning-blue", False, 2), (80.0, 14.0), -0.5 * np.pi, casts_shadow=False)
-    stage.put("far-house-2", house("brick", 1, "awning-red", False, 3), (80.0, 2.0), -0.5 * np.pi, casts_shadow=False)
-    stage.put(
-        "far-house-3", house("cream", 2, "awning-green", False, 2), (80.0, -10.0), -0.5 * np.pi, casts_shadow=False
-    )
-    for index, x in enumerate((48.0, 60.0)):
-        stage.put(f"far-house-{index + 4}", house("office", 3, None, False, 2), (x - 2.0, 6.5), casts_shadow=False)
-        stage.put(
-            f"far-house-{index + 6}", house("rose", 1, None, True, 2), (x + 10.0, -6.5), np.pi, casts_shadow=False
-        )
-    stage.put("car-1", car("paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
-    stage.put("car-2", car("paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
-    stage.put("car-3", car("paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
-    stage.put("van-1", van(), (34.1, -9.5), -0.5 * np.pi)
-    for index, (x, y) in enumerate(((41.0, 3.7), (44.0, -3.8), (49.0, 3.8), (56.0, -3.8), (63.0, 3.7))):
-        piece = outdoors.tree(rng, 6.5, "leaves-light" if index % 2 else "leaves-dark", tufts=1)
-        stage.put(f"far-tree-{index + 1}", piece, (x, y), casts_shadow=False)
-
-
-def _fixtures(stage: Stage) -> None:
-    """What never moves: trees, fountain, kiosk, column, street lamps."""
-    rng = np.random.default_rng(5)
-    for index, (x, y) in enumerate(_TREES):
-        piece = outdoors.tree(rng, 5.6 + 0.5 * (index % 3), "leaves-light" if index % 3 == 1 else "leaves-dark")
-        stage.put(f"tree-{index + 1}", piece, (x, y), solid=(0.68, 0.68, 2.2))
-    stage.put("fountain", outdoors.fountain(), (20.0, -4.6), solid=(1.65, 1.65, 1.2))
-    stage.put("kiosk", outdoors.kiosk("awning-red"), (20.6, 9.3), solid=(1.75, 1.6, 2.8))
-    column = outdoors.advertising_column(int(stage.rng.integers(16)))
-    stage.put("advertising-column", column, (11.0, -3.6), solid=(0.7, 0.7, 3.2))
-    for index, (x, y, yaw) in enumerate(
-        ((-1.0, 13.0, np.pi), (11.5, 11.8, np.pi), (16.0, -6.9, 0.0), (24.8, 1.8, 0.0))
+def _add_houses(builder: PlaceBuilder, sun: FloatArray) -> None:
+    # A row casts a shadow on the square only if the sun is behind it; every triangle costs time in the shadow pass.
+    from_east, from_north = sun[:2].tolist()
+    for row, houses, (x, y), (dx, dy), yaw, casts_shadow in (
+        ("north", _NORTH, (-12.0, 17.5), (12.0, 0.0), 0.0, from_north < 0.0),
+        ("south", _SOUTH, (36.0, -17.5), (-12.0, 0.0), np.pi, from_north > 0.0),
+        ("east", _EAST, (36.0, 17.5), (0.0, -23.0), -0.5 * np.pi, from_east < 0.0),
+        ("west", _WEST, (-12.0, -17.5), (0.0, 12.0), 0.5 * np.pi, from_east > 0.0),
     ):
-        stage.put(f"lamp-post-{index + 1}", outdoors.lamp_post(), (x, y), yaw, solid=(0.14, 0.14, 4.6))
-    for index in range(8):
-        if index != 4:
-            stage.put(f"bollard-{index + 1}", outdoors.bollard(), (30.8, -7.0 + 2.0 * index), casts_shadow=False)
-    hedges = ((18.0, 14.6, 5.0), (25.0, -14.6, 4.0), (1.5, -14.6, 5.0))
-    for index, (x, y, length) in enumerate(hedges):
-        stage.put(f"hedge-{index + 1}", outdoors.hedge(length), (x, y), solid=(0.5 * length, 0.35, 1.1))
+        for index, style in enumerate(houses):
+            position = (x + dx * index, y + dy * index)
+            builder.add(f"house-{row}-{index + 1}", house(*style), position, yaw, casts_shadow=casts_shadow)
 
 
-def _loose(stage: Stage) -> None:
-    """Benches, planters, tables, bicycles, bins: moved a little and thinned out per seed."""
-    rng = stage.rng
-    woods, flowers = ("wood-light", "wood-green", "wood-dark"), ("flowers-red", "flowers-yellow", "leaves-light")
-    cloths = ("awning-sand", "awning-red", "awning-green", "awning-blue")
-    things = [
-        *(("bench", at, outdoors.bench(str(rng.choice(woods)))) for at in _BENCHES),
-        *(("planter", at, outdoors.planter(rng, str(rng.choice(flowers)))) for at in _PLANTERS),
-        *(("table", (*at, 0.0), outdoors.parasol_table(rng, str(rng.choice(cloths)))) for at in _TABLES),
-        *(("bin", (*at, 0.0), outdoors.bin_()) for at in _BINS),
-        ("bicycles", (4.6, 12.9, 0.5 * np.pi), outdoors.bicycle_stand(rng, 5)),
-        ("bicycles", (24.0, -12.6, 0.0), outdoors.bicycle_stand(rng, 4)),
-        ("sign", (27.9, 10.4, 0.0), moved(outdoors.sign_post(), 0, 0)),
-        ("board", (8.6, 4.6, 0.3), outdoors.signboard(int(rng.integers(16)))),
-        ("board", (15.6, -2.9, -0.4), outdoors.signboard(int(rng.integers(16)))),
+def _add_side_street(builder: PlaceBuilder) -> None:
+    """Add the street that leads away to the east, and the houses at its end."""
+    rng = np.random.default_rng(11)
+    road = quad(tiling("asphalt"), (37.0, -2.6, 0.004), (40, 0, 0), (0, 4.6, 0))
+    builder.add("far-road", (road,), casts_shadow=False)
+    for index, style in enumerate(_FAR):
+        position = (80.0, 14.0 - 12.0 * index)
+        builder.add(f"far-house-{index + 1}", house(*style), position, -0.5 * np.pi, casts_shadow=False)
+    for index, x in enumerate((48.0, 60.0)):
+        left, right = house("office", 3, storeys=2), house("rose", 1, balconies=True, storeys=2)
+        builder.add(f"far-house-{index + 4}", left, (x - 2.0, 6.5), casts_shadow=False)
+        builder.add(f"far-house-{index + 6}", right, (x + 10.0, -6.5), np.pi, casts_shadow=False)
+    builder.add("car-1", car("paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
+    builder.add("car-2", car("paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
+    builder.add("car-3", car("paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
+    builder.add("van-1", van(), (34.1, -9.5), -0.5 * np.pi)
+    for index, position in enumerate(_FAR_TREES):
+        prop = tree(rng, 6.5, "leaves-light" if index % 2 else "leaves-dark", lobes=1)
+        builder.add(f"far-tree-{index + 1}", prop, position, casts_shadow=False)
+
+
+def _add_fixed_props(builder: PlaceBuilder) -> None:
+    rng = np.random.default_rng(5)
+    for index, position in enumerate(_TREES):
+        prop = tree(rng, 5.6 + 0.5 * (index % 3), "leaves-light" if index % 3 == 1 else "leaves-dark")
+        builder.add(f"tree-{index + 1}", prop, position, collider=(0.68, 0.68, 2.2))
+    builder.add("fountain", fountain(), (20.0, -4.6), collider=(1.65, 1.65, 1.2))
+    builder.add("kiosk", kiosk(), (20.6, 9.3), collider=(1.75, 1.6, 2.8))
+    column = advertising_column(int(builder.rng.integers(16)))
+    builder.add("advertising-column", column, (11.0, -3.6), collider=(0.7, 0.7, 3.2))
+    for index, (x, y, yaw) in enumerate(_LAMP_POSTS):
+        builder.add(f"lamp-post-{index + 1}", lamp_post(0.9), (x, y), yaw, collider=(0.14, 0.14, 4.6))
+    for index in (0, 1, 2, 3, 5, 6, 7):
+        builder.add(f"bollard-{index + 1}", bollard(), (30.8, -7.0 + 2.0 * index), casts_shadow=False)
+    for index, (x, y, length) in enumerate(((18.0, 14.6, 5.0), (25.0, -14.6, 4.0), (1.5, -14.6, 5.0))):
+        builder.add(f"hedge-{index + 1}", hedge(length), (x, y), collider=(0.5 * length, 0.35, 1.1))
+
+
+def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
+    def any_of(*names: str) -> str:
+        return str(rng.choice(names))
+
+    items = [LooseProp("bench", pose, bench(any_of("wood-light", "wood-green", "wood-dark"))) for pose in _BENCHES]
+    for pose in _PLANTERS:
+        flowers = any_of("flowers-red", "flowers-yellow", "leaves-light")
+        items.append(LooseProp("planter", pose, planter(rng, flowers)))
+    for x, y in _TABLES:
+        table = parasol_table(rng, any_of("awning-sand", "awning-red", "awning-green", "awning-blue"))
+        items.append(LooseProp("table", (x, y, 0.0), table, (1.15, 1.15, bounding_box(table)[2])))
+    items += [LooseProp("bin", (x, y, 0.0), litter_bin()) for x, y in _LITTER_BINS]
+    return [
+        *items,
+        LooseProp("bicycles", (4.6, 12.9, 0.5 * np.pi), bicycle_stand(rng, 5)),
+        LooseProp("bicycles", (24.0, -12.6, 0.0), bicycle_stand(rng, 4)),
+        LooseProp("sign", (27.9, 10.4, 0.0), parking_sign()),
+        LooseProp("board", (8.6, 4.6, 0.3), signboard(int(rng.integers(16)))),
+        LooseProp("board", (15.6, -2.9, -0.4), signboard(int(rng.integers(16)))),
     ]
-    shifts = rng.uniform(-1.0, 1.0, (len(things), 3)) * (0.25, 0.25, 0.12)
-    kept = stage.kept(len(things))
-    for index in kept:
-        kind, (x, y, yaw), piece = things[index]
-        half_x, half_y, height = standing(piece)
-        if kind == "table":
-            half_x = half_y = 1.15
-        solid = (half_x, half_y, height)
-        dx, dy, turn = shifts[index]
-        stage.put(f"{kind}-{index + 1}", piece, (x + dx, y + dy), yaw + turn, solid=solid)

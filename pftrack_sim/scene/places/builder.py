@@ -1,0 +1,229 @@
+"""Adds props, colliders and lights to a spec, and records the footprints of what stands on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
+from pftrack_sim.scene.places.materials import add_material
+from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
+
+Bounds: TypeAlias = tuple[float, float, float, float]
+Collider: TypeAlias = tuple[float, float, float]
+"""Half width along x, half width along y, height [m] of a box that stands on the ground."""
+
+
+class LooseProp(NamedTuple):
+    """A prop that is displaced at random and left out at random.
+
+    Attributes:
+        kind: Name of the body without its number.
+        pose: x, y [m], yaw [rad] before the displacement.
+        prop: Meshes in the frame of the body.
+        collider: None is the bounding box of the prop.
+    """
+
+    kind: str
+    pose: tuple[float, float, float]
+    prop: Prop
+    collider: Collider | None = None
+
+
+@dataclass(eq=False)
+class PlaceBuilder:
+    """A place under construction.
+
+    Attributes:
+        spec: The model that everything is added to.
+        rng: Draws what varies from seed to seed.
+        clutter: Share of the loose props that is put out.
+        shadows: Whether the main light casts shadows.
+    """
+
+    spec: mujoco.MjSpec
+    rng: np.random.Generator
+    clutter: float = 1.0
+    shadows: bool = True
+    _footprints: list[Footprint] = field(default_factory=list[Footprint])
+
+    def add(
+        self,
+        name: str,
+        prop: Sequence[TexturedMesh],
+        position: Sequence[float] = (0.0, 0.0),
+        yaw_rad: float = 0.0,
+        collider: Collider | None = None,
+        casts_shadow: bool = True,
+    ) -> None:
+        """Add a prop as a body with one drawn geom per material.
+
+        Args:
+            name: Unique name of the body.
+            prop: Meshes in the frame of the body, whose origin lies on the ground.
+            position: x, y and optionally z [m].
+            yaw_rad: Rotation about z.
+            collider: Box that the robot collides with and people avoid; None for what hangs or lies flat.
+            casts_shadow: Whether the shadow pass draws it.
+        """
+        x, y, z = (*position, 0.0)[:3]
+        quaternion = [np.cos(0.5 * yaw_rad), 0.0, 0.0, np.sin(0.5 * yaw_rad)]
+        body = self.spec.worldbody.add_body(name=name, pos=[x, y, z], quat=quaternion)
+        for mesh in merged_by_material(prop):
+            self._add_mesh(body, f"{name}/{mesh.material}", mesh, casts_shadow)
+        if collider is not None:
+            half_x, half_y, height = collider
+            _add_collider(body, name, collider, 0.5 * height - z)
+            self._footprints.append(Footprint(name, (float(x), float(y)), (half_x, half_y), float(yaw_rad), height))
+
+    def add_loose(self, items: Sequence[LooseProp], displacement: Sequence[float]) -> None:
+        """Add a random share `clutter` of the items, displaced at random; item k is named `<kind>-<k + 1>`.
+
+        Args:
+            items: All loose props of the place.
+            displacement: Largest displacement in x, y [m] and optionally yaw [rad].
+        """
+        offsets = self.rng.uniform(-1.0, 1.0, (len(items), len(displacement))) * displacement
+        order = self.rng.permutation(len(items))
+        for index in sorted(int(k) for k in order[: round(self.clutter * len(items))]):
+            kind, (x, y, yaw), prop, collider = items[index]
+            dx, dy, turn = (*offsets[index], 0.0)[:3]
+            self.add(f"{kind}-{index + 1}", prop, (x + dx, y + dy), yaw + turn, collider or bounding_box(prop))
+
+    def add_ground_plane(self) -> None:
+        """Add the flat plane that wheels roll on. It is not drawn."""
+        body = self.spec.worldbody.add_body(name="ground")
+        plane = body.add_geom(name="ground/plane", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
+        plane.friction = [1.0, 0.005, 0.0001]
+        plane.group, plane.contype, plane.conaffinity = HIDDEN_GROUP, 1, 2
+
+    def set_ambient_light(self, rgb: ArrayLike) -> None:
+        """Set light that reaches everything equally: the ambient part of the headlight, whose other parts are off."""
+        headlight = self.spec.visual.headlight
+        headlight.ambient = np.asarray(rgb, dtype=np.float64)
+        headlight.diffuse = headlight.specular = [0.0, 0.0, 0.0]
+        headlight.active = 1
+
+    def add_main_light(
+        self, name: str, direction: ArrayLike, diffuse: ArrayLike, shadow_area: tuple[float, float, float]
+    ) -> None:
+        """Add the directional light that casts the shadows of the place.
+
+        Args:
+            name: `"sun"` or `"lamp-..."`.
+            direction: `(3,)` in which the light travels.
+            diffuse: `(3,)` colour.
+            shadow_area: x, y of the centre of the area with shadows, and half its width [m].
+        """
+        unit = np.asarray(direction, dtype=np.float64)
+        unit = unit / np.linalg.norm(unit)
+        x, y, half_width = shadow_area
+        # MuJoCo multiplies the clip distance by stat.extent, which `finish` sets to 1.
+        self.spec.visual.map.shadowclip = half_width
+        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, unit, diffuse, self.shadows)
+        light.pos = np.array([x, y, 0.0]) - 40.0 * unit
+
+    def add_fill_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike) -> None:
+        """Add a weak directional light without shadows: light from the sky or reflected by walls."""
+        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, direction, diffuse, False)
+        light.pos = [0.0, 0.0, 8.0]
+
+    def add_lamp(
+        self,
+        name: str,
+        position: Sequence[float],
+        diffuse: ArrayLike,
+        cutoff_deg: float,
+        attenuation: Sequence[float],
+        exponent: float,
+        casts_shadow: bool = False,
+    ) -> None:
+        """Add a spotlight that shines straight down.
+
+        Args:
+            name: `"lamp-1"`, ...
+            position: `(3,)` [m].
+            diffuse: `(3,)` colour on the axis at distance 0.
+            cutoff_deg: Half angle of its cone.
+            attenuation: `(3,)` constant, linear and quadratic.
+            exponent: Exponent of the cosine fall-off towards the edge of the cone.
+            casts_shadow: Whether it is the lamp of the place that casts shadows.
+        """
+        shadow = casts_shadow and self.shadows
+        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_SPOT, (0.0, 0.0, -1.0), diffuse, shadow)
+        light.pos = list(position)
+        light.cutoff = cutoff_deg
+        light.exponent = exponent
+        light.attenuation = list(attenuation)
+        if casts_shadow:
+            self.spec.visual.map.shadowscale = 1.0
+
+    def finish(self, bounds: Bounds, goals: Sequence[tuple[float, float]]) -> WalkableArea:
+        """Add colliders along the edges of the walkable area, set the model's statistics and return the area."""
+        left, low, right, high = bounds
+        x, y = 0.5 * (left + right), 0.5 * (low + high)
+        half_x, half_y = 0.5 * (right - left) + 0.4, 0.5 * (high - low) + 0.4
+        for name, centre, collider in (
+            ("edge-north", (x, high + 0.2), (half_x, 0.2, 3.0)),
+            ("edge-south", (x, low - 0.2), (half_x, 0.2, 3.0)),
+            ("edge-east", (right + 0.2, y), (0.2, half_y, 3.0)),
+            ("edge-west", (left - 0.2, y), (0.2, half_y, 3.0)),
+        ):
+            _add_collider(self.spec.worldbody.add_body(name=name, pos=[*centre, 1.5]), name, collider, 0.0)
+        self.spec.stat.extent = 1.0
+        self.spec.stat.center = [x, y, 1.0]
+        return WalkableArea(bounds, tuple(self._footprints), tuple(goals))
+
+    def _add_mesh(self, body: mujoco.MjsBody, name: str, mesh: TexturedMesh, casts_shadow: bool) -> None:
+        add_material(self.spec, mesh.material)
+        added = self.spec.add_mesh(name=name)
+        # The surfaces are open: they enclose no volume to compute an inertia from.
+        added.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        added.uservert = mesh.vertices.astype(np.float32).ravel()
+        added.usernormal = mesh.normals.astype(np.float32).ravel()
+        # Images are stored from the top; v counts from the bottom.
+        added.usertexcoord = (mesh.uv * (1.0, -1.0)).astype(np.float32).ravel()
+        added.userface = mesh.faces.ravel()
+        geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=mesh.material)
+        geom.group, geom.contype, geom.conaffinity, geom.mass = SCENERY_GROUP, 0, 0, 0.0
+        geom.castshadow = casts_shadow
+
+    def _add_light(
+        self, name: str, kind: mujoco.mjtLightType, direction: ArrayLike, diffuse: ArrayLike, casts_shadow: bool
+    ) -> mujoco.MjsLight:
+        light = self.spec.worldbody.add_light(name=f"light/{name}", type=kind)
+        light.dir = np.asarray(direction, dtype=np.float64)
+        light.diffuse = np.asarray(diffuse, dtype=np.float64)
+        light.ambient = [0.0, 0.0, 0.0]
+        light.specular = 0.1 * light.diffuse
+        light.castshadow = casts_shadow
+        light.active = True
+        return light
+
+
+def _add_collider(body: mujoco.MjsBody, name: str, collider: Collider, z_m: float) -> None:
+    """Add a hidden box whose centre is at height `z_m` in the frame of the body."""
+    half_x, half_y, height = collider
+    geom = body.add_geom(name=f"{name}/solid", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_x, half_y, 0.5 * height])
+    geom.pos = [0.0, 0.0, z_m]
+    geom.group, geom.contype, geom.conaffinity = HIDDEN_GROUP, 1, 2
+
+
+def sun_direction(azimuth_deg: float, elevation_deg: float) -> FloatArray:
+    """`(3,)` unit vector in which sunlight travels, for a sun at this azimuth and elevation."""
+    azimuth, elevation = np.deg2rad([azimuth_deg, elevation_deg])
+    level = np.cos(elevation)
+    return -np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+
+
+def bounding_box(prop: Prop) -> Collider:
+    """Smallest collider around a prop that is centred on its origin."""
+    vertices = np.concatenate([mesh.vertices for mesh in prop])
+    half = np.abs(vertices[:, :2]).max(axis=0)
+    return (float(half[0]), float(half[1]), float(vertices[:, 2].max()))
