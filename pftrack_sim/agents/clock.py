@@ -1,4 +1,4 @@
-"""Three clocks that fit into each other: camera frames, control ticks, physics steps."""
+"""Nested clocks: camera frames, control ticks, physics steps."""
 
 from __future__ import annotations
 
@@ -6,21 +6,15 @@ import math
 from dataclasses import dataclass
 
 TICK_HZ = 25.0
-"""People and controllers move at least this often."""
+"""Lowest rate of control ticks, at which people and controllers move."""
 
 PHYSICS_HZ = 500.0
-"""The robot's physics is stepped at least this often."""
+"""Lowest rate of physics steps."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """How often things happen between two frames.
-
-    Attributes:
-        rate_hz: Camera frames per second.
-        ticks: Control ticks in one frame.
-        steps: Physics steps in one tick.
-    """
+    """Camera frames per second, control ticks in one frame, and physics steps in one tick."""
 
     rate_hz: float
     ticks: int
@@ -28,7 +22,7 @@ class Clock:
 
     @classmethod
     def for_rate(cls, rate_hz: float) -> Clock:
-        """The fewest ticks and steps that are frequent enough; every frame then falls on a tick, every tick on a step.
+        """The fewest ticks and steps that meet `TICK_HZ` and `PHYSICS_HZ`.
 
         >>> Clock.for_rate(15.0)
         Clock(rate_hz=15.0, ticks=2, steps=17)
@@ -47,5 +41,5 @@ class Clock:
         return self.tick_s / self.steps
 
     def time_s(self, tick: int) -> float:
-        """Time at the end of a tick counted from the start: a quotient, not a sum, so that no error builds up."""
+        """Time at the end of a tick counted from the start; a quotient, so that no rounding errors accumulate."""
         return tick / (self.rate_hz * self.ticks)

@@ -1,61 +1,62 @@
-"""The time between a command and what the motors do about it."""
+"""Delay between a command and its effect on the motors."""
 
 from __future__ import annotations
 
 from collections import deque
+from typing import TypeAlias
 
 from pftrack_sim.agents.clock import Clock
 
-Speeds = tuple[float, float, float, float]
+Speeds: TypeAlias = tuple[float, float, float, float]
 """Forward speed [m/s], turn, pan and tilt rate [rad/s]."""
 
 _AT_REST: Speeds = (0.0, 0.0, 0.0, 0.0)
 
 
 class CommandDelay:
-    """Holds commands back on the simulated clock, to the physics step.
+    """Delays commands by a constant latency, rounded to physics steps.
 
     Args:
-        clock: How often commands come, and what a physics step is.
-        latency_ms: How long each is held back. 0 passes everything on at once.
+        clock: Length of ticks and physics steps.
+        latency_ms: Delay of each command.
     """
 
     def __init__(self, clock: Clock, latency_ms: float) -> None:
         self._clock = clock
-        self._held = round(1e-3 * latency_ms / clock.step_s)
+        self._latency_steps = round(1e-3 * latency_ms / clock.step_s)
         self.reset()
 
     def reset(self) -> None:
-        """Before the first command arrives, the motors are told to rest."""
+        """Command zero speeds until the first command arrives."""
         self._last = _AT_REST
-        self._line: deque[tuple[int, Speeds]] = deque()
-        self._append(self._held, _AT_REST)
+        self._queue: deque[tuple[int, Speeds]] = deque()
+        self._append(self._latency_steps, _AT_REST)
 
-    def segments(self, speeds: Speeds, late_s: float = 0.0) -> list[tuple[int, Speeds]]:
-        """Take the command of a tick.
+    def segments(self, speeds: Speeds, delay_s: float = 0.0) -> list[tuple[int, Speeds]]:
+        """Take the command of a tick, and return what reaches the motors during the tick.
 
         Args:
             speeds: The command.
-            late_s: How far into the tick it is given; until then the one before stays in force.
+            delay_s: How far into the tick it is given; until then the previous one stays in force.
 
         Returns:
-            What reaches the motors during the tick: for how many physics steps, and which command.
+            Numbers of physics steps, which sum to those of a tick, each with the command in force.
         """
-        late = min(round(late_s / self._clock.step_s), self._clock.steps)
-        self._append(late, self._last)
-        self._append(self._clock.steps - late, speeds)
-        if late < self._clock.steps:
+        delay = min(round(delay_s / self._clock.step_s), self._clock.steps)
+        self._append(delay, self._last)
+        self._append(self._clock.steps - delay, speeds)
+        if delay < self._clock.steps:
             self._last = speeds
-        out: list[tuple[int, Speeds]] = []
-        wanted = self._clock.steps
-        while wanted > 0:
-            steps, first = self._line.popleft()
-            if steps > wanted:
-                self._line.appendleft((steps - wanted, first))
-            out.append((min(steps, wanted), first))
-            wanted -= out[-1][0]
-        return out
+        segments: list[tuple[int, Speeds]] = []
+        missing = self._clock.steps
+        while missing > 0:
+            steps, first = self._queue.popleft()
+            if steps > missing:
+                self._queue.appendleft((steps - missing, first))
+            segments.append((min(steps, missing), first))
+            missing -= segments[-1][0]
+        return segments
 
     def _append(self, steps: int, speeds: Speeds) -> None:
         if steps > 0:
-            self._line.append((steps, speeds))
+            self._queue.append((steps, speeds))

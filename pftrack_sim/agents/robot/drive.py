@@ -1,4 +1,4 @@
-"""Drives the compiled robot: commands in, poses and senses out."""
+"""Motors and sensors of the compiled robot."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.agents.robot.odometry import Calibration, Odometry
-from pftrack_sim.agents.robot.range_finder import RangeFinder
+from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration, RangeFinder
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGES
+from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scene.layout import owner_name, pose_matrix
 from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD, TRACK_M, WHEEL_RADIUS_M
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
-"""Steepest change of forward speed [m/s^2], turn rate, pan rate and tilt rate [rad/s^2]."""
+"""Limits of the change of forward speed [m/s^2], turn, pan and tilt rate [rad/s^2]."""
 ACCELERATION.setflags(write=False)
 
-SIDEWAYS_SHARE = 0.35
+WHEEL_UNLOADING_SHARE = 0.35
 """Turns are slowed down where they would take more than this share of the load off the inner wheel."""
 
 WINDUP_RAD = 0.3
-"""A head held back by something falls behind its servo's reference by no more than this."""
+"""Limit of the distance between the head and its servo's reference."""
 
 _SETTLE_S = 1.5
 _FAR_M = 1000.0
@@ -38,7 +38,7 @@ class Drive:
         model: Compiled from a spec that went through `add_robot` with the same `robot` and `camera`.
         robot: Limits of the drive and the head.
         camera: Rest pan (by its mount) and rest tilt.
-        calibration: What the odometry takes the wheels and the track for; None is the truth.
+        calibration: Wheel radii and track that the odometry assumes; None for the true ones.
     """
 
     def __init__(
@@ -46,69 +46,63 @@ class Drive:
         model: mujoco.MjModel,
         robot: scenario.Robot,
         camera: scenario.Camera,
-        calibration: Calibration | None = None,
+        calibration: OdometryCalibration | None = None,
     ) -> None:
         self._model = model
-        self._calibration = calibration if calibration is not None else Calibration()
+        self._calibration = calibration if calibration is not None else OdometryCalibration()
         self._range_finder = RangeFinder(model)
         degrees = (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s)
         self.limits = np.array([robot.max_speed_m_s, *np.deg2rad(degrees)])
-        """`(4,)` fastest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
+        """`(4,)` highest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
         self.limits.setflags(write=False)
-        self.rest_rad = (REST_YAW_RAD[camera.mount], math.radians(camera.tilt_deg))
-        """Pan and tilt at rest."""
+        self._rest_rad = (REST_YAW_RAD[camera.mount], math.radians(camera.tilt_deg))
         self._base = model.body(BASE).id
         self._camera = model.camera(CAMERA).id
-        names = ("robot/axle-left", "robot/axle-right", "robot/pan", "robot/tilt")
-        self._joints = np.array([model.joint(name).qposadr[0] for name in names])
-        motors = ("robot/drive-left", "robot/drive-right", "robot/pan", "robot/tilt")
-        self._motors = np.array([model.actuator(name).id for name in motors])
-        sensors = ("wheel-speed-left", "wheel-speed-right", "gyro", "accelerometer", "pan", "tilt")
-        self._sensors = np.concatenate(
-            [
-                np.arange(model.sensor_adr[found.id], model.sensor_adr[found.id] + model.sensor_dim[found.id])
-                for found in (model.sensor(f"robot/{name}") for name in sensors)
-            ]
-        )
+        joints = [model.joint(f"robot/{name}") for name in ("axle-left", "axle-right", "pan", "tilt")]
+        self._joints = np.array([joint.qposadr[0] for joint in joints])
+        self._head_low, self._head_high = np.array([joint.range for joint in joints[2:]]).T
+        motors = ("drive-left", "drive-right", "pan", "tilt")
+        self._motors = np.array([model.actuator(f"robot/{name}").id for name in motors])
+        names = ("wheel-speed-left", "wheel-speed-right", "gyro", "accelerometer", "pan", "tilt")
+        sensors = [int(model.sensor(f"robot/{name}").id) for name in names]
+        slices = [np.arange(model.sensor_dim[sensor]) + int(model.sensor_adr[sensor]) for sensor in sensors]
+        self._sensors: IntArray = np.concatenate(slices)
         self._sensor_scale = np.ones(len(self._sensors))
         self._sensor_scale[:2] = self._calibration.left_radius_m, self._calibration.right_radius_m
-        head_range = [model.joint(name).range for name in names[2:]]
-        self._head_low, self._head_high = np.array(head_range).T
-        free = model.joint("robot/free")
-        self._free = int(free.qposadr[0])
+        self._free = int(model.joint("robot/free").qposadr[0])
         owned = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == self._base)
         self._qpos = slice(self._free, int(model.jnt_qposadr[owned[-1]]) + 1)
         self._dofs = np.flatnonzero(model.body_rootid[model.dof_bodyid] == self._base)
-        self._owners = [owner_name(model.body(body).name) for body in model.geom_bodyid]
-        self._mine = model.body_rootid[model.geom_bodyid] == self._base
-        self._harmless = self._mine | np.array([owner == _GROUND for owner in self._owners])
+        self._owners: list[str] = [owner_name(model.body(body).name) for body in model.geom_bodyid]
+        self._own_geoms = model.body_rootid[model.geom_bodyid] == self._base
+        self._ignored_geoms = self._own_geoms | np.array([owner == _GROUND for owner in self._owners])
         # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.
-        wheel_share = 0.5 - CASTER_SHARE
-        self._sideways_m_s2 = SIDEWAYS_SHARE * GRAVITY_M_S2 * wheel_share * TRACK_M / self._centre_of_mass_m()
-        self._at_rest: dict[float, NDArray[np.float64]] = {}
-        self._forget()
+        share = WHEEL_UNLOADING_SHARE * GRAVITY_M_S2 * (0.5 - CASTER_SHARE)
+        self._max_lateral_m_s2 = share * TRACK_M / self._centre_of_mass_m()
+        self._rest: tuple[float, FloatArray] | None = None
+        self._reset_references()
 
-    def _forget(self) -> None:
+    def _reset_references(self) -> None:
         self._rates = np.zeros(4)
-        self._head = np.array(self.rest_rad)
+        self._head = np.array(self._rest_rad)
         self._odometry = Odometry()
 
     def reset(
         self, data: mujoco.MjData, x_m: float, y_m: float, heading_rad: float, pan_rad: float | None = None
     ) -> None:
-        """Stand still, sunk into the springs as the weight demands.
+        """Stand still in static equilibrium on the suspension.
 
         Args:
-            data: Its derived quantities are brought up to date too.
+            data: Its derived quantities are updated too.
             x_m: Middle of the axle.
             y_m: Middle of the axle.
             heading_rad: Counter-clockwise from +x.
-            pan_rad: Where the head looks, counter-clockwise from straight ahead; None is the rest of the mount.
+            pan_rad: Pan of the head, counter-clockwise from straight ahead; None for the rest of the mount.
         """
-        self._forget()
+        self._reset_references()
         if pan_rad is not None:
             self._head[0] = np.clip(math.remainder(pan_rad, 2.0 * math.pi), self._head_low[0], self._head_high[0])
-        rest = self._settled()
+        rest = self._equilibrium()
         data.qpos[self._qpos] = rest
         base = data.qpos[self._free : self._free + 7]
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
@@ -122,14 +116,7 @@ class Drive:
         mujoco.mj_forward(self._model, data)
 
     def scaled(self, command: ArrayLike) -> tuple[float, float, float, float]:
-        """Speeds from shares of the limits.
-
-        Args:
-            command: `(4,)` forward, turn, pan, tilt in [-1, 1]; clipped.
-
-        Returns:
-            Forward speed [m/s], turn rate, pan rate, tilt rate [rad/s].
-        """
+        """Forward speed [m/s], turn, pan, tilt rate [rad/s] of a `(4,)` command in [-1, 1] of the limits, clipped."""
         forward, turn, pan, tilt = np.clip(np.asarray(command, dtype=np.float64), -1.0, 1.0) * self.limits
         return float(forward), float(turn), float(pan), float(tilt)
 
@@ -140,9 +127,9 @@ class Drive:
         turn_rad_s: float,
         pan_rad_s: float,
         tilt_rad_s: float,
-        tick_s: float,
+        duration_s: float,
     ) -> None:
-        """Set the motors for the coming tick; call it once a tick, before the physics steps.
+        """Set the motors for the coming physics steps.
 
         Speeds are clipped to the robot's limits and approached no faster than `ACCELERATION`.
 
@@ -152,21 +139,21 @@ class Drive:
             turn_rad_s: Counter-clockwise.
             pan_rad_s: Counter-clockwise.
             tilt_rad_s: Upwards.
-            tick_s: Length of the tick.
+            duration_s: Time until the next command.
         """
-        self._odometry = self._odometry_now(data)
+        self._odometry = self._current_odometry(data)
         wanted = np.clip([forward_m_s, turn_rad_s, pan_rad_s, tilt_rad_s], -self.limits, self.limits)
-        step = ACCELERATION * tick_s
+        step = ACCELERATION * duration_s
         self._rates = self._rates + np.clip(wanted - self._rates, -step, step)
         forward, turn = self._rates[:2]
-        outward = abs(forward * turn)
-        if outward > self._sideways_m_s2:
-            turn *= self._sideways_m_s2 / outward
+        lateral = abs(forward * turn)
+        if lateral > self._max_lateral_m_s2:
+            turn *= self._max_lateral_m_s2 / lateral
             self._rates[1] = turn
         half = 0.5 * TRACK_M * turn
-        now = data.qpos[self._joints[2:]]
-        ahead = np.clip(self._head + self._rates[2:] * tick_s, now - WINDUP_RAD, now + WINDUP_RAD)
-        self._head = np.clip(ahead, self._head_low, self._head_high)
+        head = data.qpos[self._joints[2:]]
+        reference = np.clip(self._head + self._rates[2:] * duration_s, head - WINDUP_RAD, head + WINDUP_RAD)
+        self._head = np.clip(reference, self._head_low, self._head_high)
         wheels = (forward - half) / WHEEL_RADIUS_M, (forward + half) / WHEEL_RADIUS_M
         data.ctrl[self._motors] = [*wheels, *self._head]
 
@@ -175,11 +162,10 @@ class Drive:
         x, y, _, qw, qx, qy, qz = data.qpos[self._free : self._free + 7].tolist()
         return x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 
-    def camera_pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
+    def camera_pose(self, data: mujoco.MjData) -> FloatArray:
         """`(4, 4)` T_world_camera, axes as OpenCV: x right, y down, z forward.
 
-        Brings the poses of bodies, geoms and cameras in `data` up to date with its state: after `mj_step` they are
-        one step old.
+        Updates the poses of bodies, geoms and cameras in `data`: after `mj_step` they are one step old.
         """
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_camlight(self._model, data)
@@ -187,35 +173,35 @@ class Drive:
         return pose_matrix(data.cam_xpos[self._camera], rotation)
 
     def proprio(self, data: mujoco.MjData) -> NDArray[np.float32]:
-        """`(n,)` what the robot feels of itself, as `pftrack_sim.core.proprioception.PROPRIO_NAMES` says.
+        """`(n,)` proprioception in the order of `pftrack_sim.core.proprioception.PROPRIO_NAMES`.
 
-        Poses of bodies and geoms in `data` must be up to date with its state.
+        Poses of bodies and geoms in `data` must be up to date.
         """
-        odometry = self._odometry_now(data)
+        odometry = self._current_odometry(data)
         values = np.empty(len(PROPRIO_NAMES), dtype=np.float32)
         values[:3] = odometry.x_m, odometry.y_m, odometry.heading_rad
         values[PROPRIO_INDEX["wheel_left_m_s"] : RANGES.start] = data.sensordata[self._sensors] * self._sensor_scale
-        values[RANGES] = self._range_finder.look(data)
+        values[RANGES] = self._range_finder.measure(data)
         return values
 
     def collision(self, data: mujoco.MjData) -> str | None:
-        """Owner of what the robot touched in the last physics step ("target", "pillar-3"), or None.
+        """Owner of the geom in contact with the robot in the last physics step ("target", "pillar-3"), or None.
 
-        The ground does not count. Where it touches several, the one pressed into deepest.
+        The ground does not count. Of several contacts, the deepest counts.
         """
         pairs = data.contact.geom
         if len(pairs) == 0:
             return None
-        touching = self._mine[pairs].any(axis=1) & ~self._harmless[pairs].all(axis=1) & (data.contact.dist <= 0.0)
-        hits = np.flatnonzero(touching)
-        if hits.size == 0:
+        relevant = self._own_geoms[pairs].any(axis=1) & ~self._ignored_geoms[pairs].all(axis=1)
+        contacts = np.flatnonzero(relevant & (data.contact.dist <= 0.0))
+        if contacts.size == 0:
             return None
-        first, second = pairs[hits[np.argmin(data.contact.dist[hits])]]
-        return self._owners[second if self._mine[first] else first]
+        first, second = pairs[contacts[np.argmin(data.contact.dist[contacts])]]
+        return self._owners[second if self._own_geoms[first] else first]
 
-    def _odometry_now(self, data: mujoco.MjData) -> Odometry:
+    def _current_odometry(self, data: mujoco.MjData) -> Odometry:
         left, right = data.qpos[self._joints[:2]].tolist()
-        return self._odometry.at(left, right, self._calibration)
+        return self._odometry.updated(left, right, self._calibration)
 
     def _centre_of_mass_m(self) -> float:
         """Height of the centre of mass above the ground, at rest."""
@@ -224,13 +210,10 @@ class Drive:
         mujoco.mj_comPos(self._model, scratch)
         return float(scratch.subtree_com[self._base, 2])
 
-    def _settled(self) -> NDArray[np.float64]:
-        """Positions of the robot's joints at rest at the origin with the head as it is now, worked out once.
-
-        It is put down far away from everything, and swings until it stands.
-        """
-        key = float(self._head[0])
-        if key not in self._at_rest:
+    def _equilibrium(self) -> FloatArray:
+        """Joint positions of the robot at rest at the origin with the head as it is, simulated far from everything."""
+        pan = float(self._head[0])
+        if self._rest is None or self._rest[0] != pan:
             scratch = mujoco.MjData(self._model)
             scratch.qpos[self._free : self._free + 2] = _FAR_M
             scratch.qpos[self._joints[2:]] = self._head
@@ -239,5 +222,5 @@ class Drive:
             rest = scratch.qpos[self._qpos].copy()
             rest[:2] -= _FAR_M
             rest[self._joints[:2] - self._free] = 0.0
-            self._at_rest = {key: rest}
-        return self._at_rest[key]
+            self._rest = (pan, rest)
+        return self._rest[1]

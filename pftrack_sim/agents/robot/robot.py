@@ -12,9 +12,9 @@ from pftrack_sim.agents.entity import SceneState
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.robot.command_delay import CommandDelay
 from pftrack_sim.agents.robot.drive import Drive
-from pftrack_sim.agents.robot.odometry import Calibration
 from pftrack_sim.agents.robot.road import RoadExcitation
 from pftrack_sim.agents.robot.script import Script
+from pftrack_sim.agents.robot.sensors import OdometryCalibration
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario import ResolvedScenario
 
@@ -34,7 +34,7 @@ class Robot:
         self, model: mujoco.MjModel, settings: ResolvedScenario, clock: Clock, target_path: Path, seed: int
     ) -> None:
         self._clock = clock
-        calibration = Calibration.drawn(settings.robot.odometry_error_percent, stream(seed, "odometry"))
+        calibration = OdometryCalibration.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
         self.drive = Drive(model, settings.robot, settings.camera, calibration)
         self._delay = CommandDelay(clock, settings.robot.latency_ms)
         self._script = Script(
@@ -68,7 +68,7 @@ class Robot:
             delay_s: How far into the tick the command is given; until then the previous one stays in force.
         """
         if command is None:
-            forward, turn = self._script.command(state.time_s, state.robot_pose, state.target_s_m)
+            forward, turn = self._script.drive(state.time_s, state.robot_pose, state.target_s_m)
             pan, tilt = self._script.gaze(state.T_world_camera, state.target_m, dt_s, state.time_s)
             speeds = (forward, turn, pan, tilt)
         else:

@@ -3,7 +3,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pftrack_sim.agents.robot.odometry import Calibration, Odometry
+from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration
 from pftrack_sim.core.proprioception import PROPRIO_INDEX
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.model import Robot, StillRoute
@@ -11,11 +11,11 @@ from pftrack_sim.scene.robot import TRACK_M, WHEEL_RADIUS_M
 
 
 def test_no_error_is_the_truth():
-    assert Calibration.drawn(0.0, stream(3, "odometry")) == Calibration()
+    assert OdometryCalibration.sampled(0.0, stream(3, "odometry")) == OdometryCalibration()
 
 
 def test_errors_have_the_spread_asked_for_and_their_own_draw():
-    drawn = [Calibration.drawn(0.5, stream(seed, "odometry")) for seed in range(300)]
+    drawn = [OdometryCalibration.sampled(0.5, stream(seed, "odometry")) for seed in range(300)]
     numbers = np.array([(one.left_radius_m, one.right_radius_m, one.track_m) for one in drawn])
     relative = numbers / (WHEEL_RADIUS_M, WHEEL_RADIUS_M, TRACK_M) - 1.0
     assert (np.abs(relative.std(axis=0) - 0.005) < 0.001).all()
@@ -23,10 +23,10 @@ def test_errors_have_the_spread_asked_for_and_their_own_draw():
 
 
 def test_unequal_wheels_bend_a_straight_way_by_what_the_kinematics_say():
-    wrong = Calibration(right_radius_m=1.01 * WHEEL_RADIUS_M)
+    wrong = OdometryCalibration(right_radius_m=1.01 * WHEEL_RADIUS_M)
     odometry = Odometry()
     for angle in np.linspace(0.0, 60.0, 200):
-        odometry = odometry.at(angle, angle, wrong)
+        odometry = odometry.updated(angle, angle, wrong)
     assert math.isclose(odometry.heading_rad, 0.01 * 60.0 * WHEEL_RADIUS_M / TRACK_M, rel_tol=1e-9)
     assert odometry.y_m > 0.0
 

@@ -15,7 +15,7 @@ from pftrack_sim.agents.robot.road import (
     ROUGHNESS_M3,
     SHORTEST_M,
     RoadExcitation,
-    profile,
+    road_profile,
 )
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scene import robot as body
@@ -59,7 +59,7 @@ def vertical_acceleration(lab: Callable[..., Any], road_class: str, speed_m_s: f
 
 @pytest.mark.parametrize("road_class", list(ROUGHNESS_M3))
 def test_profile_has_the_spectrum_of_its_class(road_class: str):
-    heights = profile(road_class, np.random.default_rng(0))
+    heights = road_profile(road_class, np.random.default_rng(0))
     cycles = np.fft.rfftfreq(heights.size, LOOP_M / heights.size)
     density = 2.0 * np.abs(np.fft.rfft(heights) / heights.size) ** 2 * LOOP_M
     wanted = ROUGHNESS_M3[road_class] * (np.maximum(cycles, 1e-9) / REFERENCE_CYCLES_M) ** -2.0

@@ -29,7 +29,7 @@ def follow(lab: Callable, robot: Robot, points, seconds: float, speed: float = 1
         rows["bearing"].append(math.atan2(seen[0], seen[2]))
         rows["gap"].append(math.dist(pose[:2], target))
         rows["target"].append(target)
-        world.tick(*script.command(tick * TICK_S, pose, s), *script.gaze(T, target, TICK_S))
+        world.tick(*script.drive(tick * TICK_S, pose, s), *script.gaze(T, target, TICK_S))
     return {key: np.array(values) for key, values in rows.items()}
 
 
@@ -114,6 +114,6 @@ def test_script_starts_afresh_after_reset():
     def episode() -> list[tuple[float, float]]:
         script.reset()
         x, y, heading, _ = script.start_pose()
-        return [script.command(t / 60, (x + t / 60, y, heading), t / 50) for t in range(120)]
+        return [script.drive(t / 60, (x + t / 60, y, heading), t / 50) for t in range(120)]
 
     assert episode() == episode()

@@ -1,0 +1,107 @@
+"""Control laws of the scripted robot: path following of the base, gaze control of the head."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pftrack_sim.agents.path import Path
+from pftrack_sim.core.types import FloatArray
+
+BRAKE_M_S2 = 0.8
+"""Deceleration before a bend and at the end of a route."""
+
+_CONVERGENCE_M = 0.5
+"""Distance driven in which a lateral error falls to 1/e (critically damped)."""
+_LATERAL_ACCELERATION_M_S2 = 0.9
+"""Limit of the lateral acceleration in bends."""
+_PREVIEW_S = 0.2
+"""Curvature is taken this far ahead, to compensate the delay of motors and acceleration limit."""
+_MAX_HEADING_ERROR_RAD = 1.2
+"""With a larger error of heading the robot turns on the spot."""
+
+GAZE_DEAD_ZONE_RAD = math.radians(6.0)
+"""The head does not react to smaller errors of direction: the target stays in view, but is rarely centred."""
+_GAZE_TIME_CONSTANT_S = 0.6
+_GAZE_URGENCY_RAD = math.radians(8.0)
+"""An error beyond the dead zone by this much doubles the gain."""
+_GAZE_HEIGHT_M = 1.1
+"""Height of the point of the target that the camera is turned to."""
+_MIN_DISTANCE_M = 0.3
+
+
+@dataclass(frozen=True)
+class DriveLimits:
+    """Highest forward speed and turn rate of the drive."""
+
+    speed_m_s: float
+    turn_rad_s: float
+
+
+def follow_path(
+    path: Path, s_m: float, pose: tuple[float, float, float], speed_m_s: float, limits: DriveLimits
+) -> tuple[float, float]:
+    """Speed and turn rate that keep a differential drive on a path.
+
+    The turn rate is the tracking law of Kanayama et al. 1990 ("A stable tracking control method for an autonomous
+    mobile robot", ICRA, eq. 8), with the reference abreast of the robot, so that there is no error along the path:
+
+        w = v (kappa + K_y y + K_theta sin e)
+
+    with the path's curvature kappa, lateral error y and heading error e. For small errors y obeys, per metre driven,
+    y'' + K_theta y' + K_y y = 0: critically damped with the length L when K_y = 1 / L^2 and K_theta = 2 / L.
+
+    Args:
+        path: Path to follow.
+        s_m: Arc length of the point nearest to the robot.
+        pose: x, y [m] and heading [rad] of the robot.
+        speed_m_s: Wanted speed; a negative one counts as 0.
+        limits: Limits of the drive.
+
+    Returns:
+        Forward speed [m/s] and turn rate [rad/s].
+    """
+    x, y, heading = (float(v) for v in path.at(s_m))
+    error = math.remainder(heading - pose[2], 2.0 * math.pi)
+    # Positive when the path is to the left of the robot.
+    lateral = -math.sin(heading) * (x - pose[0]) + math.cos(heading) * (y - pose[1])
+    speed = min(max(speed_m_s, 0.0), limits.speed_m_s, _bend_speed(path, s_m, limits))
+    if abs(error) > _MAX_HEADING_ERROR_RAD:
+        return 0.0, math.copysign(0.6 * limits.turn_rad_s, error)
+    speed *= math.cos(error)
+    curvature = float(path.curvature(s_m + _PREVIEW_S * speed))
+    pull = max(-1.0, min(1.0, lateral / _CONVERGENCE_M)) / _CONVERGENCE_M
+    turn = speed * (curvature + pull + 2.0 * math.sin(error) / _CONVERGENCE_M)
+    return speed, max(-limits.turn_rad_s, min(limits.turn_rad_s, turn))
+
+
+def _bend_speed(path: Path, s_m: float, limits: DriveLimits) -> float:
+    """Highest speed from which every bend ahead can be reached at its own speed."""
+    ahead = np.linspace(0.0, 0.5 * limits.speed_m_s**2 / BRAKE_M_S2 + 0.3, 24)
+    curvature = np.maximum(np.abs(path.curvature(s_m + ahead)), 1e-6)
+    # A fifth of the turn rate is kept for corrections.
+    bend = np.minimum(np.sqrt(_LATERAL_ACCELERATION_M_S2 / curvature), 0.8 * limits.turn_rad_s / curvature)
+    return float(np.sqrt(bend**2 + 2.0 * BRAKE_M_S2 * ahead).min())
+
+
+def gaze_rates(T_world_camera: FloatArray, target_m: ArrayLike, tick_s: float) -> tuple[float, float]:
+    """Pan and tilt rate [rad/s] that bring the target back into the dead zone, like a slow human operator.
+
+    Args:
+        T_world_camera: `(4, 4)` camera pose.
+        target_m: `(2,)` x, y of the target, world frame.
+        tick_s: Length of the tick; the head does not overshoot within one.
+    """
+    x, y, z = T_world_camera[:3, :3].T @ (np.array([*np.asarray(target_m), _GAZE_HEIGHT_M]) - T_world_camera[:3, 3])
+    pan = math.atan2(-x, z)
+    tilt = math.atan2(-y, max(math.hypot(x, z), _MIN_DISTANCE_M))
+    return _gaze_rate(pan, tick_s), _gaze_rate(tilt, tick_s)
+
+
+def _gaze_rate(error_rad: float, tick_s: float) -> float:
+    beyond = max(abs(error_rad) - GAZE_DEAD_ZONE_RAD, 0.0)
+    gain = 1.0 + beyond / _GAZE_URGENCY_RAD
+    return math.copysign(min(beyond * gain / _GAZE_TIME_CONSTANT_S, beyond / tick_s), error_rad)
