@@ -16,7 +16,10 @@ import numpy as np
 
 from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.core.records import Truth
+from pftrack_sim.render.gl.context import open_context
+from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP
+from pftrack_sim.truth.observer import TruthObserver
 
 WIDTH, HEIGHT, FOVY = 320, 240, 0.9
 K = intrinsics(WIDTH, HEIGHT, FOVY)
@@ -176,16 +179,13 @@ def words(truth: Truth) -> list:
 
 def digest(backend: str | None, samples: int = 0) -> dict:
     """Pictures, ids and truth of a few scenes, hashed."""
-    from pftrack_sim.render.gl.rasteriser import Rasteriser
-    from pftrack_sim.truth.observer import TruthObserver
-
     pictures, ids = hashlib.sha256(), hashlib.sha256()
     truths: list = []
     renderer = None
     for seed in range(4):
         stage = build(seed, samples=samples)
         if renderer is None:
-            renderer = Rasteriser(stage.model, WIDTH, HEIGHT, backend)
+            renderer = Rasteriser(stage.model, WIDTH, HEIGHT, open_context(backend, (WIDTH, HEIGHT)))
         else:
             renderer.rebind(stage.model)
         maker = TruthObserver(stage.model, stage.people, renderer, K)

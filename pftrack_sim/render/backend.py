@@ -1,4 +1,4 @@
-"""What the truth needs of a renderer, and nothing else: OpenGL, or a ray caster where there is none."""
+"""The interface of all renderers, and what they share: which geoms are drawn, rectangles of pixels, segmentations."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
+import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Image
-from pftrack_sim.scene.layout import PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP
+from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.scene.layout import PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP, SKY
 
 DRAWN_GROUPS = (SCENERY_GROUP, PEOPLE_GROUP, ROBOT_GROUP)
 """Geom groups that renderers draw."""
@@ -18,13 +21,18 @@ DRAWN_GROUPS = (SCENERY_GROUP, PEOPLE_GROUP, ROBOT_GROUP)
 _UNSET_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 
 
-def geoms_drawn(model: Any) -> NDArray[np.bool_]:
-    """`(ngeom,)` which geoms are drawn at all: those of the drawn groups that are not wholly transparent."""
+def geoms_drawn(model: Any) -> BoolArray:
+    """`(ngeom,)` geoms that are drawn at all: those of the drawn groups that are not fully transparent."""
     opacity = model.geom_rgba[:, 3].copy()
-    # MuJoCo's rule: a geom's own colour holds unless it was left at grey 0.5 and there is a material.
+    # MuJoCo's rule: a material holds where the geom's own colour was left at grey 0.5.
     by_material = (model.geom_matid >= 0) & (model.geom_rgba == _UNSET_RGBA).all(axis=1)
     opacity[by_material] = model.mat_rgba[model.geom_matid[by_material], 3]
     return np.isin(model.geom_group, DRAWN_GROUPS) & (opacity > 0.0)
+
+
+def sky_material(model: Any) -> int:
+    """Index of the material whose emission is the brightness of the sky; -1 where there is none."""
+    return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, SKY))
 
 
 class PixelRect(NamedTuple):
@@ -46,12 +54,8 @@ class PixelRect(NamedTuple):
 
     def intersects(self, other: PixelRect) -> bool:
         """Whether they share a pixel."""
-        return (
-            self.left < other.left + other.width
-            and other.left < self.left + self.width
-            and self.top < other.top + other.height
-            and other.top < self.top + self.height
-        )
+        common = self.intersection(other)
+        return common.width > 0 and common.height > 0
 
     def intersection(self, other: PixelRect) -> PixelRect:
         """The pixels they share, if they intersect."""
@@ -70,13 +74,13 @@ def bounding_rect(rects: Sequence[PixelRect]) -> PixelRect:
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """Some of the scene's geoms, drawn alone.
+    """The geom at each pixel of a rectangle, of some or all geoms of the scene.
 
     Attributes:
         rect: Where in the image.
-        ids: `(h, w)` int32 geom id of each pixel, -1 where there is none.
-        inverse_depth: `(h, w)` float32, affine in 1 / depth, 0 where there is none; compares between layers of the same
-            renderer and camera. On equal nearness the larger id is on top.
+        ids: `(h, w)` int32 geom ids, -1 where there is none.
+        inverse_depth: `(h, w)` float32, affine in 1 / depth, 0 where there is no geom; comparable between
+            segmentations of the same renderer and camera. Of two geoms at equal depth, the larger id is in front.
     """
 
     rect: PixelRect
@@ -85,72 +89,100 @@ class Segmentation:
 
 
 class Renderer(Protocol):
-    """Pictures and ids of a model from a given camera.
+    """Draws color images and segmentations of a model from any camera pose.
 
-    `data` is an `MjData` of the model whose positions are up to date; `T_world_camera` `(4, 4)` maps camera axes
-    (x right, y down, z forward) to the world's; `K` is the `(3, 3)` camera matrix [px].
+    In all methods, `data` is an `MjData` of the model with up-to-date poses (`mj_forward`, or `mj_kinematics` and
+    `mj_camlight`), `T_world_camera` the `(4, 4)` camera pose (x right, y down, z forward), and `K` the `(3, 3)` camera
+    matrix of the whole image [px] or the vertical field of view [rad]. They raise `ParameterError` for an invalid pose,
+    matrix or rectangle, and `RenderError` if the renderer is closed or unbound.
     """
 
-    @property
-    def width_px(self) -> int:
-        """Image width."""
-        ...
+    width_px: int
+    height_px: int
+    near_m: float
+    """Depth of the near plane."""
+    visible_geoms: BoolArray
+    """`(ngeom,)` geoms that are drawn at all."""
+    description: str
+    """Library, graphics card and version, in one line."""
 
-    @property
-    def height_px(self) -> int:
-        """Image height."""
-        ...
-
-    @property
-    def near_m(self) -> float:
-        """Depth below which nothing is drawn."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """Name of the library, graphics card and version, in one line."""
-        ...
-
-    @property
-    def visible_geoms(self) -> NDArray[np.bool_]:
-        """`(ngeom,)` which geoms are drawn at all."""
-        ...
-
-    def color(
-        self,
-        data: Any,
-        T_world_camera: NDArray[np.float64],
-        K: NDArray[np.float64],
-        *,
-        rows: slice | None = None,
-    ) -> Image:
-        """A new `(H, W, 3)` uint8 RGB image; with `rows` (start and stop within it), those alone."""
+    def color(self, data: Any, T_world_camera: FloatArray, K: FloatArray, *, rows: slice | None = None) -> Image:
+        """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop)."""
         ...
 
     def ids(
         self,
         data: Any,
-        T_world_camera: NDArray[np.float64],
-        K: NDArray[np.float64],
+        T_world_camera: FloatArray,
+        K: FloatArray,
         *,
-        geoms: NDArray[np.bool_] | None = None,
+        geoms: BoolArray | None = None,
         rect: PixelRect | None = None,
     ) -> Segmentation:
-        """Which geom each pixel shows.
+        """Find the geom at each pixel, without anti-aliasing.
 
         Args:
-            data: Positions.
+            data: Poses.
             T_world_camera: Camera pose.
-            K: Camera matrix of the whole image.
-            geoms: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
-            rect: The rectangle wanted; None is the whole image. Its pixels are those of the whole image, to the bit.
+            K: Camera matrix.
+            geoms: `(ngeom,)` the geoms to draw; None draws all visible ones.
+            rect: The rectangle wanted, None for the whole image; its pixels equal those of the whole image to the bit.
         """
         ...
 
     def rebind(self, model: Any) -> None:
-        """Go on with another model, freeing what was kept of the last."""
+        """Draw another model from now on.
+
+        Visible geoms, near and far plane are read now; poses, lights and colours when drawing.
+        """
+        ...
+
+    def unbind(self) -> None:
+        """Release the model and everything derived from it, until the next `rebind`."""
         ...
 
     def close(self) -> None:
         """Free everything; a second call does nothing."""
         ...
+
+
+class RendererBase:
+    """Size, visible geoms and clipping planes of a renderer, and checks of its arguments.
+
+    Raises:
+        ParameterError: An empty image.
+    """
+
+    description: str
+
+    def __init__(self, width_px: int, height_px: int) -> None:
+        if width_px < 1 or height_px < 1:
+            raise ParameterError(f"an image needs a width and height >= 1, got {width_px} x {height_px}")
+        self.width_px, self.height_px = int(width_px), int(height_px)
+
+    def _read_model(self, model: mujoco.MjModel) -> None:
+        """Read visible geoms, near and far plane."""
+        extent = float(model.stat.extent)
+        self.near_m, self._far_m = float(model.vis.map.znear) * extent, float(model.vis.map.zfar) * extent
+        self.visible_geoms = geoms_drawn(model)
+        self.visible_geoms.setflags(write=False)
+
+    def _geoms_and_rect(self, geoms: BoolArray | None, rect: PixelRect | None) -> tuple[BoolArray, PixelRect]:
+        """The arguments of `ids` with their defaults."""
+        image = PixelRect(0, 0, self.width_px, self.height_px)
+        rect = image if rect is None else rect
+        if rect.width < 1 or rect.height < 1 or bounding_rect([rect, image]) != image:
+            raise ParameterError(f"the rectangle must lie in the {self.width_px} x {self.height_px} image, got {rect}")
+        return self.visible_geoms if geoms is None else self.visible_geoms & geoms, rect
+
+
+def checked_poses(T_world_camera: ArrayLike) -> FloatArray:
+    """`(..., 4, 4)` camera poses.
+
+    Raises:
+        ParameterError: Another shape, or not finite.
+    """
+    poses = np.asarray(T_world_camera, dtype=np.float64)
+    if poses.shape[-2:] != (4, 4) or not np.isfinite(poses).all():
+        raise ParameterError(f"T_world_camera must be a finite (4, 4) matrix, got {poses.tolist()}")
+    return poses

@@ -1,4 +1,4 @@
-"""Which renderer draws: OpenGL where a library loads, else MuJoCo Warp's ray caster where it is installed."""
+"""Choice of the renderer: OpenGL where a library can draw, else MuJoCo Warp's ray caster where it is installed."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Any
 
 from pftrack_sim.core.errors import RenderError, UnknownNameError
 from pftrack_sim.render.backend import Renderer
-from pftrack_sim.render.gl.context import BACKENDS, REMEDIES, forked, open_context
+from pftrack_sim.render.gl.context import BACKENDS, INSTALL_HINTS, forked, open_context
 
 NAMES = ("gl", *BACKENDS, "warp")
-"""What a user may ask for: any OpenGL library, a certain one, or the ray caster."""
+"""Names of the renderers: any OpenGL library, one of them, or the ray caster."""
 
-WARP_REMEDY = """\
+WARP_INSTALL_HINT = """\
   anywhere:        pip install 'pftrack-sim[warp]'     (no OpenGL: a ray caster, slower, 400 MB)"""
 
 
 def check_name(backend: str | None) -> None:
-    """Refuse what no renderer is called.
+    """Check the name of a renderer.
 
     Raises:
         UnknownNameError: No such renderer.
@@ -27,18 +27,18 @@ def check_name(backend: str | None) -> None:
 
 
 def warp_installed() -> bool:
-    """Whether the extra is there; nothing of it is imported."""
+    """Whether the extra `warp` is installed; nothing of it is imported."""
     return all(find_spec(name) is not None for name in ("mujoco_warp", "warp"))
 
 
 def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None = None) -> Renderer:
-    """A renderer of a model.
+    """Open a renderer of a model.
 
     Args:
         model: What to draw.
         width_px: Image width.
         height_px: Image height.
-        backend: One of `NAMES`; None takes OpenGL where a library loads, else the ray caster where it is installed.
+        backend: One of `NAMES`; None takes OpenGL where a library can draw, else the ray caster where it is installed.
 
     Raises:
         UnknownNameError: No such renderer.
@@ -46,26 +46,24 @@ def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None
     """
     check_name(backend)
     if backend == "warp":
-        return _warp(model, width_px, height_px)
+        return _open_raycaster(model, width_px, height_px)
     try:
-        # A first look without the model: what OpenGL says of the model itself is no reason to turn to another renderer.
-        open_context(None if backend == "gl" else backend, (16, 16)).close()
+        context = open_context(None if backend == "gl" else backend, (width_px, height_px))
     except RenderError as error:
         if forked():
-            # Other pixels than the parent's, without a word, would be no help.
-            raise
+            raise  # the ray caster would draw other pixels here than the parent process
         if backend is None and warp_installed():
-            return _warp(model, width_px, height_px)
-        raise RenderError(f"{error}\nor, without OpenGL:\n{WARP_REMEDY}") from error
+            return _open_raycaster(model, width_px, height_px)
+        raise RenderError(f"{error}\nor, without OpenGL:\n{WARP_INSTALL_HINT}") from error
     from pftrack_sim.render.gl.rasteriser import Rasteriser
 
-    return Rasteriser(model, width_px, height_px, None if backend == "gl" else backend)
+    return Rasteriser(model, width_px, height_px, context)
 
 
-def _warp(model: Any, width_px: int, height_px: int) -> Renderer:
+def _open_raycaster(model: Any, width_px: int, height_px: int) -> Renderer:
     if not warp_installed():
         raise RenderError(
-            f"the renderer warp is not installed. Install it:\n{WARP_REMEDY}\nor OpenGL, one of:\n{REMEDIES}"
+            f"the renderer warp is not installed. Install it:\n{WARP_INSTALL_HINT}\nor OpenGL, one of:\n{INSTALL_HINTS}"
         )
     from pftrack_sim.render.warp.raycaster import Raycaster
 

@@ -17,7 +17,7 @@ from pftrack_sim.camera.shake import combined
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.render.backend import Renderer
-from pftrack_sim.render.capture.exposure import CapturedFrame, make_frame_capture
+from pftrack_sim.render.capture.exposure import CapturedFrame, FrameCapture, make_frame_capture
 from pftrack_sim.render.selection import check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
@@ -44,6 +44,8 @@ class Simulation:
         self._image_size: tuple[int, int] | None = None
         self._renderer: Renderer | None = None
         self._world: World | None = None
+        self._exposer: FrameCapture | None = None
+        self._truth: TruthObserver | None = None
         self._frame: Frame | None = None
         self.frame_count = 0
         """Frames shown in the running episode; 0 before the first reset."""
@@ -66,8 +68,10 @@ class Simulation:
                 self.scenario.name,
                 [f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"],
             )
-        # The old world goes first: two compiled models at once would double the memory of a reset.
-        self._world = self._frame = None
+        # Release the old model first: two compiled models at once would double the memory of a reset.
+        self._world = self._frame = self._exposer = self._truth = None
+        if self._renderer is not None:
+            self._renderer.unbind()
         world = World(settings, seed)
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
         self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
@@ -146,6 +150,7 @@ class Simulation:
 
     def _take_frame(self) -> Frame:
         world = self.world
+        assert self._truth is not None
         exposed, captured = self._expose()
         image = self._sensor.read(exposed, self._taken)
         if captured is None:

@@ -33,16 +33,16 @@ FRAMES, ROUNDS = 12, 8
 
 
 class Borrowed:
-    """Our context, as `mujoco.Renderer` wants one: its own needs an environment variable."""
+    """A context for `mujoco.Renderer`, which would choose one by an environment variable."""
 
     def __init__(self, width: int, height: int) -> None:
         self._context = open_context(size=(width, height))
 
     def make_current(self) -> None:
-        self._context._platform.make_current(self._context._handle)
+        self._context._context.make_current()
 
     def as_current(self) -> Any:
-        return self._context
+        return self._context.current()
 
     def free(self) -> None:
         self._context.close()

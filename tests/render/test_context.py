@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import os
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 from render_stage import HEIGHT, WIDTH, K, build, looking
 
 from pftrack_sim.core.errors import RenderError, UnknownNameError
-from pftrack_sim.render.gl import context, platforms
+from pftrack_sim.render.gl import context
 from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.render.selection import open_renderer
@@ -29,7 +30,7 @@ def resident_mb() -> float:
 
 def test_a_context_says_what_it_is_and_closes_twice():
     opened = open_context()
-    info = opened.info()
+    info = opened.info
     assert info.backend in ("egl", "osmesa", "cgl", "wgl")
     assert info.renderer
     assert info.version
@@ -37,20 +38,20 @@ def test_a_context_says_what_it_is_and_closes_twice():
     opened.close()
     opened.close()
     assert opened.closed
-    with pytest.raises(RenderError, match="closed"), opened:
+    with pytest.raises(RenderError, match="closed"), opened.current():
         pass
 
 
-def test_a_context_gives_the_thread_back_what_was_current():
+def test_a_context_restores_the_one_that_was_current_before():
     first, second = open_context(), open_context()
-    current = first._platform.current
-    nothing = current()
-    with first:
+    current = importlib.import_module("OpenGL.platform").PLATFORM.GetCurrentContext
+    before = current()
+    with first.current():
         outer = current()
-        with second:
-            assert current() != outer or outer is None
+        with second.current():
+            assert current() != outer
         assert current() == outer
-    assert current() == nothing
+    assert current() == before
     first.close()
     second.close()
 
@@ -62,18 +63,14 @@ def test_an_unknown_backend_is_named_with_the_known():
 
 def test_one_process_keeps_to_one_library():
     opened = open_context()
-    other = "osmesa" if opened.backend == "egl" else "egl"
+    other = "osmesa" if opened.info.backend == "egl" else "egl"
     with pytest.raises(RenderError, match="once per process"):
         open_context(other)
     opened.close()
 
 
 def test_without_any_library_the_error_names_every_remedy(monkeypatch: pytest.MonkeyPatch):
-    def hidden(name: str, mode: int) -> None:
-        raise OSError(f"{name}: cannot open shared object file")
-
-    monkeypatch.setattr(platforms, "_load", hidden)
-    monkeypatch.setattr(platforms, "_platforms", {})
+    monkeypatch.setattr(context, "_loads", lambda name: False)
     monkeypatch.setattr(context, "_process", context._Process())
     monkeypatch.setattr(sys, "platform", "linux")
     with pytest.raises(RenderError) as caught:
@@ -91,7 +88,7 @@ def test_osmesa_is_tried_when_egl_does_not_work(monkeypatch: pytest.MonkeyPatch)
         raise RenderError("broken")
 
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.setattr(context, "_opened", failing)
+    monkeypatch.setattr(context, "_open", failing)
     monkeypatch.setattr(context, "_process", context._Process())
     monkeypatch.setattr(sys, "platform", "linux")
     with pytest.raises(RenderError):
@@ -102,7 +99,7 @@ def test_osmesa_is_tried_when_egl_does_not_work(monkeypatch: pytest.MonkeyPatch)
 def test_a_forked_child_is_told_to_spawn(monkeypatch: pytest.MonkeyPatch):
     opened = open_context()
     monkeypatch.setattr(os, "getpid", lambda: -1)
-    with pytest.raises(RenderError, match="spawn"), opened:
+    with pytest.raises(RenderError, match="spawn"), opened.current():
         pass
     with pytest.raises(RenderError, match="spawn"):
         open_context()
@@ -224,9 +221,9 @@ def test_importing_makes_no_context_and_changes_no_environment():
     program = (
         "import os; import mujoco, gymnasium, cv2; before = dict(os.environ)\n"
         "import pftrack_sim.render.gl.rasteriser, pftrack_sim.truth.observer, pftrack_sim.render.overlay\n"
-        "from pftrack_sim.render.gl import context, platforms\n"
+        "from pftrack_sim.render.gl import context\n"
         "import sys\n"
-        "assert context._process.backend is None and not platforms._platforms\n"
+        "assert context._process.backend is None\n"
         "assert before == dict(os.environ)\n"
         "assert 'OpenGL' not in sys.modules and 'numba' not in sys.modules, 'eager'\n"
     )

@@ -8,17 +8,17 @@ import sys
 import pytest
 
 from pftrack_sim.render import doctor
-from pftrack_sim.render.doctor import Attempt, Report, report
-from pftrack_sim.render.gl.context import GLInfo, candidates
+from pftrack_sim.render.doctor import BackendCheck, Report, report
+from pftrack_sim.render.gl.context import OpenGLInfo, candidates
 
-EGL = Attempt("egl", GLInfo("egl", "Mesa", "llvmpipe", "4.5"))
-BROKEN = Attempt("egl", None, "libEGL.so.1 is not installed")
-NONE = Attempt("osmesa", None, "libOSMesa.so.8 is not installed")
+EGL = BackendCheck("egl", OpenGLInfo("egl", "Mesa", "llvmpipe", "4.5"))
+BROKEN = BackendCheck("egl", None, "libEGL.so.1 is not installed")
+NONE = BackendCheck("osmesa", None, "libOSMesa.so.8 is not installed")
 
 
 def test_every_candidate_is_tried_and_something_draws_here():
     found = report()
-    assert [attempt.backend for attempt in found.attempts] == list(candidates())
+    assert [check.backend for check in found.checks] == list(candidates())
     assert found.usable
     assert found.chosen is not None
     assert found.chosen.info is not None
@@ -27,7 +27,7 @@ def test_every_candidate_is_tried_and_something_draws_here():
 
 def test_the_first_that_works_is_chosen():
     assert Report((EGL, NONE)).chosen == EGL
-    other = Attempt("osmesa", GLInfo("osmesa", "Mesa", "llvmpipe", "4.5"))
+    other = BackendCheck("osmesa", OpenGLInfo("osmesa", "Mesa", "llvmpipe", "4.5"))
     assert Report((BROKEN, other)).chosen == other
     assert "libEGL.so.1 is not installed" in Report((BROKEN, other)).lines()[0]
 
@@ -60,19 +60,18 @@ def test_drivers_that_crash_or_hang_are_reported(happens, said: str, monkeypatch
     monkeypatch.setattr(doctor.subprocess, "run", happens)
     found = report()
     assert found.chosen is None
-    assert all(said in attempt.problem for attempt in found.attempts)
+    assert all(said in check.problem for check in found.checks)
 
 
 def test_noise_on_standard_output_does_not_hide_the_answer(monkeypatch: pytest.MonkeyPatch):
     answer = 'driver says hello\n{"backend": "egl", "vendor": "v", "renderer": "r", "version": "4"}\n'
     monkeypatch.setattr(doctor.subprocess, "run", lambda *_, **__: subprocess.CompletedProcess([], 0, answer, ""))
-    assert report().chosen == Attempt("egl", GLInfo("egl", "v", "r", "4"))
+    assert report().chosen == BackendCheck("egl", OpenGLInfo("egl", "v", "r", "4"))
 
 
 def test_the_child_of_the_doctor_answers_about_a_library_that_is_not_there():
     program = "import sys; sys.argv[1:] = ['osmesa']\n"
-    program += "from pftrack_sim.render import doctor; from pftrack_sim.render.gl import platforms\n"
-    program += "def hidden(name, mode): raise OSError(name)\n"
-    program += "platforms._load = hidden; doctor._main()"
+    program += "from pftrack_sim.render import doctor; from pftrack_sim.render.gl import context\n"
+    program += "context._loads = lambda name: False; doctor._main()"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert "not installed" in done.stdout

@@ -15,22 +15,23 @@ from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.render.backend import PixelRect
 from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.render.gl.scene import ModelScene
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 
 Drawing = Callable[[Stage], Rasteriser]
 
 
 class _Borrowed:
-    """Our context, as `mujoco.Renderer` wants one: its own needs an environment variable."""
+    """A context for `mujoco.Renderer`, which would choose one by an environment variable."""
 
     def __init__(self, width: int, height: int) -> None:
         self._context = open_context(size=(width, height))
 
     def make_current(self) -> None:
-        self._context._platform.make_current(self._context._handle)
+        self._context._context.make_current()
 
     def as_current(self) -> object:
-        return self._context
+        return self._context.current()
 
     def free(self) -> None:
         self._context.close()
@@ -302,8 +303,8 @@ def test_leaving_out_what_is_not_seen_changes_no_pixel(
         for _ in range(3):
             pose = looking(tuple(rng.normal((2.0, 0.0, 1.5))), tuple(rng.normal(size=3) * 3), rng.normal())
             picture = renderer.color(stage.data, pose, K)
-            left_out += sum(geom.type == int(mujoco.mjtGeom.mjGEOM_NONE) for geom in renderer._scene_geoms)
+            left_out += sum(geom.type == int(mujoco.mjtGeom.mjGEOM_NONE) for geom in renderer._scene._color_geoms)
             with monkeypatch.context() as patch:
-                patch.setattr(Rasteriser, "_leave_out_unseen", lambda *_: None)
+                patch.setattr(ModelScene, "_cull", lambda *_: None)
                 assert np.array_equal(picture, renderer.color(stage.data, pose, K))
     assert left_out > 20

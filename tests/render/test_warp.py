@@ -12,7 +12,7 @@ import pytest
 
 from pftrack_sim.core.errors import ParameterError, RenderError, UnknownNameError
 from pftrack_sim.core.records import Truth
-from pftrack_sim.render import selection as choice
+from pftrack_sim.render import selection as selection
 from pftrack_sim.render.backend import PixelRect
 from pftrack_sim.scenario import load, names
 from pftrack_sim.simulation.simulation import Simulation
@@ -106,10 +106,10 @@ def test_too_much_light_saturates_as_in_opengl(pair):
 
 
 def test_a_texture_lies_on_a_mesh_as_steep_as_its_corners_say(pair):
-    from pftrack_sim.render.warp.scene import texture_slopes
+    from pftrack_sim.render.warp.scene import texture_gradients
 
     model = pair[0].world.model
-    slopes = texture_slopes(model)
+    slopes = texture_gradients(model)
     mesh = int(np.flatnonzero(model.mesh_texcoordadr >= 0)[-1])
     start, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
     for face in range(start, start + count, max(count // 50, 1)):
@@ -121,10 +121,10 @@ def test_a_texture_lies_on_a_mesh_as_steep_as_its_corners_say(pair):
 
 
 def test_each_level_of_a_texture_is_half_the_one_before_and_as_bright():
-    from pftrack_sim.render.warp.scene import halves
+    from pftrack_sim.render.warp.scene import mip_levels
 
     picture = np.random.default_rng(4).random((64, 16, 4), dtype=np.float32)
-    levels = halves(picture)
+    levels = mip_levels(picture)
     assert [level.shape[:2] for level in levels] == [(64, 16), (32, 8), (16, 4), (8, 2), (4, 1), (2, 1), (1, 1)]
     blocks = picture.reshape(32, 2, 8, 2, 4).mean(axis=(1, 3))
     np.testing.assert_allclose(levels[1], blocks, atol=1e-6)
@@ -253,12 +253,12 @@ def test_the_first_commands_of_a_newcomer_work_without_any_opengl_library(tmp_pa
 
 def test_one_error_names_both_remedies_where_nothing_can_draw(monkeypatch: pytest.MonkeyPatch):
     def nothing(*_: object) -> None:
-        raise RenderError("no OpenGL library could draw. Install one of:\n" + choice.REMEDIES)
+        raise RenderError("no OpenGL library could draw. Install one of:\n" + selection.INSTALL_HINTS)
 
-    monkeypatch.setattr(choice, "open_context", nothing)
-    monkeypatch.setattr(choice, "warp_installed", lambda: False)
+    monkeypatch.setattr(selection, "open_context", nothing)
+    monkeypatch.setattr(selection, "warp_installed", lambda: False)
     with pytest.raises(RenderError) as caught:
-        choice.open_renderer(None, 16, 16)
+        selection.open_renderer(None, 16, 16)
     for word in ("libegl1", "mesa-libEGL", "macOS", "Windows", "pftrack-sim[warp]"):
         assert word in str(caught.value)
 
@@ -278,7 +278,7 @@ def test_only_the_ray_caster_is_imported_and_the_whole_library_can_be_afterwards
         "assert not {'mujoco_warp', 'mujoco_warp._src.forward'} & set(sys.modules)\n"
         "import mujoco_warp\n"
         "from mujoco_warp._src import render\n"
-        "from pftrack_sim.render.warp.library import caster\n"
+        "from pftrack_sim.render.warp.rays import caster\n"
         "assert callable(mujoco_warp.step) and render is caster\n"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

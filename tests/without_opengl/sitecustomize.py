@@ -1,4 +1,4 @@
-"""A machine without OpenGL: with this folder on PYTHONPATH its libraries cannot be found by whatever Python starts."""
+"""Simulates a machine without OpenGL: with this folder on PYTHONPATH, Python cannot load its libraries."""
 
 import ctypes
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 HIDDEN = ("libEGL", "libGL", "libOSMesa", "libOpenGL")
 
 
-class Hiding(ctypes.CDLL):
-    """As the loader is where nothing of OpenGL is installed."""
+class HidingCDLL(ctypes.CDLL):
+    """Loads any library but those of OpenGL."""
 
     def __init__(self, name: Any, *args: Any, **kwargs: Any) -> None:
         if name and any(word in str(name) for word in HIDDEN):
@@ -15,4 +15,4 @@ class Hiding(ctypes.CDLL):
         super().__init__(name, *args, **kwargs)
 
 
-ctypes.CDLL = Hiding
+ctypes.CDLL = ctypes.cdll._dlltype = HidingCDLL

@@ -1,46 +1,54 @@
-"""Off-screen OpenGL without a display: EGL, else OSMesa, else an error that says what to install.
+"""Off-screen OpenGL contexts for MuJoCo: EGL, else OSMesa; CGL on macOS, GLFW on Windows.
 
-On Linux the contexts are made straight from `libEGL.so.1` and `libOSMesa.so.8`: MuJoCo's own wrappers choose one of
-them by an environment variable at import, set another, and then cannot fall back. On macOS and Windows its wrappers
-have no such limit and are used.
+The contexts are MuJoCo's own (`mujoco.egl`, `mujoco.osmesa`, `mujoco.cgl`, `mujoco.glfw`). This module adds what they
+lack: it tries one library after the other, names a shared library that is missing, leaves environment variables as
+they were, and detects a fork.
 
-MuJoCo looks up OpenGL's functions once per process, in the first library that works: so one process keeps to one
-library. A context is current only while something is drawn in it, so any thread may use it, one at a time.
+MuJoCo loads OpenGL's functions once per process, so that a process uses a single OpenGL library.
 """
 
 from __future__ import annotations
 
+import ctypes
+import importlib
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
+import mujoco
+
 from pftrack_sim.core.errors import RenderError, UnknownNameError
-from pftrack_sim.render.gl.platforms import Platform, platform_of
 
 BACKENDS = ("egl", "osmesa")
-"""What a user may ask for by name."""
+"""OpenGL libraries that can be asked for by name."""
 
-REMEDIES = """\
+INSTALL_HINTS = """\
   Debian, Ubuntu:  apt-get install libegl1 libgl1 libgl1-mesa-dri     (EGL)
               or:  apt-get install libosmesa6                         (OSMesa)
   Fedora:          dnf install mesa-libEGL mesa-libGL mesa-dri-drivers
               or:  dnf install mesa-compat-libOSMesa
   macOS:           needs a session that may use the window server (CGL)
-  Windows:         needs a graphics driver with OpenGL 1.5 or newer (WGL, by way of the package glfw)"""
+  Windows:         needs a graphics driver with OpenGL 1.5 or newer (GLFW)"""
+
+_SHARED_LIBRARIES: dict[str, tuple[tuple[str, ...], ...]] = {
+    "egl": (("libEGL.so.1",), ("libGL.so.1", "libOpenGL.so.0")),
+    "osmesa": (("libOSMesa.so.8", "libOSMesa.so.6"),),
+}
+"""What each backend loads on Linux: one file of each group."""
+
+_FORKED = (
+    "this process was forked from one that draws, and OpenGL does not survive a fork: start workers with "
+    "multiprocessing's 'spawn' or 'forkserver' (AsyncVectorEnv: context='forkserver')"
+)
+_GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
 
 
 @dataclass(frozen=True)
-class GLInfo:
-    """What draws.
-
-    Attributes:
-        backend: `"egl"`, `"osmesa"`, `"cgl"` or `"wgl"`.
-        vendor: As OpenGL tells it.
-        renderer: As OpenGL tells it; names the graphics card, or llvmpipe for software.
-        version: OpenGL's version.
-    """
+class OpenGLInfo:
+    """An OpenGL library: its backend name, and vendor, renderer (graphics card or llvmpipe) and version it reports."""
 
     backend: str
     vendor: str
@@ -49,111 +57,90 @@ class GLInfo:
 
 
 class GLContext:
-    """One OpenGL context; `with context:` makes it current and afterwards gives the thread back what it had.
+    """One OpenGL context, made by `open_context`. Any thread may use it, one at a time.
 
-    Made by `open_context`. `close` it when done; using it afterwards is an error.
+    Attributes:
+        info: The OpenGL library.
     """
 
-    def __init__(self, platform: Platform, handle: Any) -> None:
-        self._platform = platform
-        self._handle = handle
-        self._before: list[Any] = []
+    def __init__(self, context: Any, info: OpenGLInfo) -> None:
+        self.info = info
+        self._context = context
         self._pid = os.getpid()
-
-    @property
-    def backend(self) -> str:
-        """Which library made it."""
-        return self._platform.name
 
     @property
     def closed(self) -> bool:
         """Whether it has been freed."""
-        return self._handle is None
+        return self._context is None
 
     @property
     def usable(self) -> bool:
-        """Whether it may be made current: neither closed nor inherited by a fork."""
-        return self._handle is not None and self._pid == os.getpid()
+        """Whether it is neither closed nor inherited through a fork."""
+        return not self.closed and self._pid == os.getpid()
 
-    def __enter__(self) -> GLContext:
-        if self._handle is None:
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Make it current in this thread, and restore the thread's previous context at the end.
+
+        Raises:
+            RenderError: It is closed, inherited through a fork, or current in another thread.
+        """
+        if self.closed:
             raise RenderError("this renderer has been closed")
-        if self._pid != os.getpid():
+        if not self.usable:
             raise RenderError(_FORKED)
-        before = self._platform.current()
-        self._platform.make_current(self._handle)
-        self._before.append(before)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._platform.restore(self._before.pop())
+        with ExitStack() as stack:
+            try:
+                stack.enter_context(self._context.as_current())
+            except Exception as error:  # PyOpenGL and the four backends each raise types of their own
+                raise RenderError(
+                    f"the OpenGL context is not available; does another thread use it? {error}"
+                ) from error
+            yield
 
     def close(self) -> None:
         """Free it; a second call does nothing."""
-        handle, self._handle = self._handle, None
-        # A forked child shares the parent's handles but not its driver threads: freeing there would hang.
-        if handle is not None and self._pid == os.getpid():
-            self._platform.destroy(handle)
-
-    def info(self) -> GLInfo:
-        """Vendor, renderer and version as OpenGL tells them."""
-        with self:
-            vendor, renderer, version = self._platform.strings()
-        return GLInfo(self.backend, vendor, renderer, version)
+        if not self.usable and not self.closed:
+            # MuJoCo frees a context that is collected. In a forked child, without the threads of the parent's driver,
+            # that would hang: keep it.
+            _inherited.append(self._context)
+        elif not self.closed:
+            self._context.free()
+        self._context = None
 
 
 def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480)) -> GLContext:
-    """A new off-screen OpenGL context that MuJoCo can draw in.
+    """Open an off-screen OpenGL context for MuJoCo.
 
     Args:
-        backend: One of `BACKENDS`; None takes the one this process already draws with, else EGL, else OSMesa (on macOS
-            CGL and on Windows WGL).
-        size: Width and height of the default buffer [px], for libraries that need one.
+        backend: One of `BACKENDS`; None takes the library this process already uses, else the first of `candidates`
+            that works.
+        size: Width and height of the default framebuffer [px], for backends that need one.
 
     Raises:
         UnknownNameError: No such backend.
-        RenderError: None works; the message says why not and what to install.
+        RenderError: No library works; the message gives the reasons and what to install.
     """
     wanted = candidates(backend)
     if forked():
         raise RenderError(_FORKED)
     if _process.backend is not None and backend not in (None, _process.backend):
         raise RenderError(
-            f"this process already draws with {_process.backend}, and MuJoCo looks up OpenGL once per process: "
+            f"this process already draws with {_process.backend}, and MuJoCo loads OpenGL once per process: "
             f"use {backend} in a new one"
         )
-    failures: dict[str, str] = {}
+    failures: dict[str, RenderError] = {}
     for name in wanted if _process.backend is None else (_process.backend,):
         try:
-            return _opened(name, size)
+            return _open(name, size)
         except RenderError as error:
-            failures[name] = str(error)
-    tried = "\n".join(f"  {name}: {why}" for name, why in failures.items())
-    raise RenderError(f"no OpenGL library could draw. Tried:\n{tried}\nInstall one of:\n{REMEDIES}")
-
-
-def forked() -> bool:
-    """Whether this process was forked from one that had drawn: OpenGL is there, but not to be had."""
-    return _process.pid not in (None, os.getpid())
-
-
-def probe(name: str) -> GLInfo:
-    """What one of the `candidates` says of itself.
-
-    Raises:
-        RenderError: It cannot draw; the message says why, without a remedy.
-    """
-    context = _opened(name, (16, 16))
-    try:
-        return context.info()
-    finally:
-        context.close()
+            failures[name] = error
+    tried = "\n".join(f"  {name}: {error}" for name, error in failures.items())
+    raise RenderError(f"no OpenGL library can draw. Tried:\n{tried}\nInstall one of:\n{INSTALL_HINTS}")
 
 
 def candidates(backend: str | None = None) -> tuple[str, ...]:
-    """Libraries to try on this system, in order.
+    """Backends to try on this system, in order.
 
     Raises:
         UnknownNameError: No such backend.
@@ -165,58 +152,96 @@ def candidates(backend: str | None = None) -> tuple[str, ...]:
     if sys.platform == "darwin":
         return ("cgl",)
     if sys.platform == "win32":
-        return ("wgl",)
-    # Where the user has told MuJoCo which library to use, it looks up OpenGL's functions there: follow.
-    asked = os.environ.get("MUJOCO_GL", "").strip().lower()
-    return ("osmesa", "egl") if asked == "osmesa" else ("egl", "osmesa")
+        return ("glfw",)
+    return ("osmesa", "egl") if os.environ.get("MUJOCO_GL", "").strip().lower() == "osmesa" else ("egl", "osmesa")
+
+
+def forked() -> bool:
+    """Whether this process was forked from one that had opened a context."""
+    return _process.pid not in (None, os.getpid())
+
+
+def probe(backend: str) -> OpenGLInfo:
+    """Open and close a context of one of the `candidates`.
+
+    Raises:
+        RenderError: It cannot draw; the message is the reason alone.
+    """
+    context = _open(backend, (16, 16))
+    context.close()
+    return context.info
 
 
 @dataclass
 class _Process:
-    """What this process has settled on."""
+    """The OpenGL library that this process uses, and its process id when it opened the first context."""
 
     backend: str | None = None
     pid: int | None = None
 
 
 _process = _Process()
-_FORKED = (
-    "this process was forked from one that draws, and OpenGL does not survive a fork: start workers with "
-    "multiprocessing's 'spawn' or 'forkserver' (AsyncVectorEnv: context='forkserver')"
-)
+_inherited: list[Any] = []
 
 
-def _opened(name: str, size: tuple[int, int]) -> GLContext:
-    """A context of one backend, proven to work the first time this process makes one.
-
-    Raises:
-        RenderError: It does not work; the message says why, without a remedy.
-    """
-    try:
-        platform = platform_of(name)
-    except (OSError, AttributeError, ImportError) as error:
-        raise RenderError(f"{error}") from error
-    context = GLContext(platform, platform.create(size))
+def _open(backend: str, size: tuple[int, int]) -> GLContext:
+    for files in _SHARED_LIBRARIES.get(backend, ()):
+        # PyOpenGL would report a missing library only as an attribute that None lacks.
+        if not any(_loads(file) for file in files):
+            raise RenderError(f"{files[0]} is not installed")
+    # `mujoco.egl` and `mujoco.osmesa` set PYOPENGL_PLATFORM for the whole process. MuJoCo needs MUJOCO_GL where both
+    # libraries are loaded: after an EGL without a device it would otherwise not find OSMesa.
+    with _environment({"PYOPENGL_PLATFORM": backend, "MUJOCO_GL": backend} if backend in BACKENDS else {}):
+        try:
+            context = _backend_module(backend).GLContext(*size)
+            with context.as_current():
+                if _process.backend is None:
+                    # The first context of a process binds MuJoCo to OpenGL: make sure that it works.
+                    empty = mujoco.MjModel.from_xml_string("<mujoco/>")
+                    mujoco.MjrContext(empty, mujoco.mjtFontScale.mjFONTSCALE_50).free()
+                info = OpenGLInfo(backend, *(_gl_string(name) for name in (_GL_VENDOR, _GL_RENDERER, _GL_VERSION)))
+        except Exception as error:  # PyOpenGL and the four backends each raise types of their own
+            raise RenderError(f"{error}") from error
     if _process.backend is None:
-        try:
-            _prove(context)
-        except BaseException:
-            context.close()
-            raise
-        _process.backend, _process.pid = name, os.getpid()
-    return context
+        _process.backend, _process.pid = backend, os.getpid()
+    return GLContext(context, info)
 
 
-def _prove(context: GLContext) -> None:
-    """Let MuJoCo bind OpenGL in this context.
+def _loads(file_name: str) -> bool:
+    try:
+        ctypes.CDLL(file_name)
+    except OSError:
+        return False
+    return True
 
-    Raises:
-        RenderError: MuJoCo cannot.
-    """
-    import mujoco
 
-    with context:
-        try:
-            mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.mjtFontScale.mjFONTSCALE_50).free()
-        except mujoco.FatalError as error:
-            raise RenderError(f"MuJoCo cannot use it ({error})") from error
+@contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
+    """Set environment variables and restore them afterwards."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def _backend_module(backend: str) -> Any:
+    """MuJoCo's module of a backend."""
+    module = f"mujoco.{backend}"
+    if backend in BACKENDS and module not in sys.modules:
+        # PyOpenGL is bound to one library when it is first imported, even if that library cannot draw: import it anew.
+        for name in [name for name in sys.modules if name.partition(".")[0] == "OpenGL"]:
+            del sys.modules[name]
+    return importlib.import_module(module)
+
+
+def _gl_string(name: int) -> str:
+    """Result of `glGetString` in the current context, without PyOpenGL's own, whose import takes 0.15 s."""
+    library = importlib.import_module("OpenGL.platform").PLATFORM.GL
+    text = ctypes.CFUNCTYPE(ctypes.c_char_p, ctypes.c_uint)(("glGetString", library))(name)
+    return text.decode(errors="replace") if text else "unknown"

@@ -1,4 +1,4 @@
-"""Many worlds in one call: n models, each with its own camera, people, clothes and lights, drawn together."""
+"""Batched ray casting: n worlds with different models, cameras, people and lights drawn in one call."""
 
 from __future__ import annotations
 
@@ -12,40 +12,41 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.render.backend import geoms_drawn
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.render.backend import PixelRect, RendererBase, geoms_drawn
 from pftrack_sim.render.warp import kernels
-from pftrack_sim.render.warp.raycaster import cameras_of
-from pftrack_sim.render.warp.scene import SceneTable
+from pftrack_sim.render.warp.raycaster import cast_color, cast_ids, make_cameras
+from pftrack_sim.render.warp.scene import SceneArrays
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What n worlds look like.
+    """Images and visible boxes of n worlds with up to P people.
 
     Attributes:
         images: `(n, H, W, 3)` uint8 RGB.
-        ids: `(n, H, W)` int32 geom id in its own world's model, -1 where there is none.
+        ids: `(n, H, W)` int32 geom ids in each world's model, -1 where there is none.
         visible_boxes: `(n, P, 4)` boxes of each person's visible pixels [px]; NaN where there are none.
-        visible_pixels: `(n, P)` how many.
+        visible_pixels: `(n, P)` number of visible pixels.
     """
 
     images: NDArray[np.uint8]
     ids: NDArray[np.int32]
-    visible_boxes: NDArray[np.float64]
+    visible_boxes: FloatArray
     visible_pixels: NDArray[np.int32]
 
 
-class ManyWorlds:
-    """Draws n worlds at once. Their models may differ: places, people, clothes, lights.
+class ManyWorlds(RendererBase):
+    """Draws n worlds at once. Their models may differ in places, people, clothes and lights.
 
     Args:
-        models: One per world; the near and far plane are the first one's.
-        person_of_geom: Of each, `(ngeom,)` index of the person a geom belongs to, -1 for everything else.
+        models: One per world; the near and far plane are those of the first.
+        person_of_geom: For each model, the `(ngeom,)` index of the person a geom belongs to, -1 for other geoms.
         width_px: Image width.
         height_px: Image height.
 
     Raises:
-        ParameterError: No worlds, an empty image, or masks that do not fit the models.
+        ParameterError: No worlds, an empty image, or indices that do not fit the models.
     """
 
     def __init__(
@@ -55,64 +56,52 @@ class ManyWorlds:
         width_px: int,
         height_px: int,
     ) -> None:
-        if not models or width_px < 1 or height_px < 1:
-            raise ParameterError(f"many worlds need a world and pixels, got {len(models)} of {width_px} x {height_px}")
+        super().__init__(width_px, height_px)
+        if not models:
+            raise ParameterError("at least one world is needed, got none")
         if [len(own) for own in person_of_geom] != [model.ngeom for model in models]:
             raise ParameterError("person_of_geom must name a person or -1 for each geom of each model")
-        self._size = int(width_px), int(height_px)
-        extent = float(models[0].stat.extent)
-        self._near_m = float(models[0].vis.map.znear) * extent
-        self._far_m = float(models[0].vis.map.zfar) * extent
-        self._table = SceneTable(models, [geoms_drawn(model) for model in models])
-        owners = np.concatenate(person_of_geom).astype(np.int32)
-        self._people = int(owners.max(initial=-1)) + 1
-        self._owners = wp.array(owners, dtype=int)
+        self._read_model(models[0])
+        self._arrays = SceneArrays(models, [geoms_drawn(model) for model in models])
+        person = np.concatenate(person_of_geom).astype(np.int32)
+        self._people = int(person.max(initial=-1)) + 1
+        self._person_of_geom = wp.array(person, dtype=int)
 
     def draw(self, datas: Sequence[mujoco.MjData], T_world_camera: ArrayLike, K: Sequence[ArrayLike]) -> Batch:
-        """Pictures, ids and visible boxes; the boxes are found on the device.
+        """Draw images and ids, and find the visible boxes on the device.
 
         Args:
-            datas: Positions of each world, up to date.
-            T_world_camera: `(n, 4, 4)` camera poses, OpenCV axes.
+            datas: Up-to-date poses of each world.
+            T_world_camera: `(n, 4, 4)` camera poses (x right, y down, z forward).
             K: n `(3, 3)` camera matrices [px].
 
         Raises:
-            ParameterError: Not one of each per world, or a pose or camera matrix that is none.
+            ParameterError: Not one of each per world, or an invalid pose or camera matrix.
         """
-        table, (width, height) = self._table, self._size
+        arrays, size = self._arrays, (self.width_px, self.height_px)
         poses = np.asarray(T_world_camera, dtype=np.float64)
-        if not len(datas) == len(poses) == len(K) == table.worlds:
-            raise ParameterError(f"{table.worlds} worlds, got {len(datas)} data, {len(poses)} poses, {len(K)} matrices")
-        cameras = cameras_of(poses, K, self._size, self._near_m, self._far_m)
-        table.relight()
-        table.place(datas)
-        tree, kept = table.tree(table.visible)
-        casters, kept_casters = table.tree(table.casters)
-        shape = table.worlds, width * height
-        image = wp.zeros((*shape, 3), dtype=wp.uint8)
-        ids = wp.full(shape, -1, dtype=int)
-        nearness = wp.zeros(shape, dtype=float)
-        empty = np.tile(np.array([width, height, -1, -1, 0], dtype=np.int32), (table.worlds, max(self._people, 1), 1))
-        found = wp.array(empty, dtype=int)
-        scene = [table.geoms, table.looks]
+        if not len(datas) == len(poses) == len(K) == arrays.worlds:
+            raise ParameterError(
+                f"{arrays.worlds} worlds, got {len(datas)} data, {len(poses)} poses, {len(K)} matrices"
+            )
+        cameras = make_cameras(poses, K, size, self.near_m, self._far_m)
+        arrays.update_lights()
+        arrays.update_poses(datas)
+        visible, _owner = arrays.bvh(arrays.visible)
+        images = cast_color(arrays, visible, cameras, size, samples=1)
+        ids_on_device, _ = cast_ids(arrays, visible, cameras, PixelRect(0, 0, *size))
+        empty = np.array([*size, -1, -1, 0], dtype=np.int32)
+        extents_on_device = wp.array(np.tile(empty, (arrays.worlds, max(self._people, 1), 1)), dtype=int)
         wp.launch(
-            kernels.cast_colour,
-            dim=shape,
-            inputs=[*scene, table.textures, tree, casters, cameras, True, width, 1],
-            outputs=[image],
+            kernels.person_extents,
+            dim=ids_on_device.shape,
+            inputs=[ids_on_device, self._person_of_geom, self.width_px],
+            outputs=[extents_on_device],
         )
-        wp.launch(kernels.cast_ids, dim=shape, inputs=[*scene, tree, cameras, 0, 0, width], outputs=[ids, nearness])
-        wp.launch(kernels.boxes_of, dim=shape, inputs=[ids, self._owners, width], outputs=[found])
-        del kept, kept_casters
-        extents = np.array(found.numpy(), dtype=np.int32)[:, : self._people]
+        extents = np.array(extents_on_device.numpy(), dtype=np.int32)[:, : self._people]
         corners = extents[..., :4].astype(np.float64)
-        visible = np.concatenate([corners[..., :2], corners[..., 2:] - corners[..., :2] + 1.0], axis=-1)
-        visible[extents[..., 4] == 0] = boxes.NO_BOX
-        codes = np.array(ids.numpy(), dtype=np.int32)
-        codes = np.where(codes >= 0, codes - table.geom_start[:, None], -1).astype(np.int32)
-        return Batch(
-            np.array(image.numpy(), dtype=np.uint8).reshape(table.worlds, height, width, 3),
-            codes.reshape(table.worlds, height, width),
-            visible,
-            extents[..., 4],
-        )
+        visible_boxes = np.concatenate([corners[..., :2], corners[..., 2:] - corners[..., :2] + 1.0], axis=-1)
+        visible_boxes[extents[..., 4] == 0] = boxes.NO_BOX
+        ids = np.array(ids_on_device.numpy(), dtype=np.int32)
+        ids = np.where(ids >= 0, ids - arrays.geom_start[:, None], -1).astype(np.int32)
+        return Batch(images, ids.reshape(images.shape[:3]), visible_boxes, extents[..., 4])

@@ -1,28 +1,30 @@
-"""The ray caster behind the one interface of `render`: pictures and ids of one model from any camera pose."""
+"""Color images and segmentations of one model by MuJoCo Warp's ray caster, from any camera pose."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
-from pftrack_sim.core.errors import ParameterError, RenderError
+from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
-from pftrack_sim.render.backend import PixelRect, Segmentation, geoms_drawn
+from pftrack_sim.core.types import BoolArray
+from pftrack_sim.render.backend import PixelRect, RendererBase, Segmentation, checked_poses
 from pftrack_sim.render.warp import kernels, rays
-from pftrack_sim.render.warp.scene import SceneTable
+from pftrack_sim.render.warp.scene import SceneArrays
 
 
-class Raycaster:
+class Raycaster(RendererBase):
     """Draws one model with MuJoCo Warp; see `pftrack_sim.render.backend.Renderer`.
 
-    The same geoms as OpenGL draws, on the same pixel grid, shaded pixel by pixel. The model's multisampling becomes
-    n x n rays per pixel of the picture, n the smallest number with n x n >= the samples asked for.
+    It draws the same geoms as OpenGL on the same pixel grid, shaded per pixel. The model's multisampling becomes n x n
+    rays per pixel of a color image, n the smallest number with n x n >= the number of samples.
 
     Args:
         model: What to draw. Its `vis` settings hold for multisampling and the near and far plane.
@@ -35,104 +37,33 @@ class Raycaster:
     """
 
     def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int) -> None:
-        if width_px < 1 or height_px < 1:
-            raise ParameterError(f"an image needs a width and height >= 1, got {width_px} x {height_px}")
-        self._width, self._height = int(width_px), int(height_px)
-        self._table: SceneTable | None = None
+        super().__init__(width_px, height_px)
+        self.description = f"warp: MuJoCo Warp's ray caster on {wp.get_device().name}, Warp {wp.config.version}"
+        self._closed = False
         self.rebind(model)
 
-    @property
-    def model(self) -> mujoco.MjModel:
-        """What is drawn."""
-        return self._model
-
-    @property
-    def width_px(self) -> int:
-        """Image width."""
-        return self._width
-
-    @property
-    def height_px(self) -> int:
-        """Image height."""
-        return self._height
-
-    @property
-    def near_m(self) -> float:
-        """Depth below which nothing is drawn."""
-        return self._near_m
-
-    @property
-    def far_m(self) -> float:
-        """Depth beyond which nothing is drawn."""
-        return self._far_m
-
-    @property
-    def visible_geoms(self) -> NDArray[np.bool_]:
-        """`(ngeom,)` which geoms are drawn at all: those of groups 0, 1 and 2 that are not wholly transparent."""
-        return self._visible.copy()
-
-    @property
-    def description(self) -> str:
-        """What draws, in one line."""
-        return f"warp: MuJoCo Warp's ray caster on {wp.get_device().name}, Warp {wp.config.version}"
-
     def rebind(self, model: mujoco.MjModel) -> None:
-        """Draw another model from now on.
-
-        Which geoms are drawn at all, and the near and far plane, are read now; poses and lights when drawing.
-        """
-        self._table = None
-        self._model = model
-        extent = float(model.stat.extent)
-        self._near_m, self._far_m = float(model.vis.map.znear) * extent, float(model.vis.map.zfar) * extent
-        self._visible = geoms_drawn(model)
+        """Draw another model from now on."""
+        self.unbind()
+        self._read_model(model)
         self._samples = math.isqrt(max(int(model.vis.quality.offsamples), 1) - 1) + 1
-        self._table = SceneTable([model], [self._visible])
+        self._arrays = SceneArrays([model], [self.visible_geoms])
+
+    def unbind(self) -> None:
+        """Release the model and its arrays on the device, until the next `rebind`."""
+        self._arrays: SceneArrays | None = None
 
     def color(
         self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
     ) -> Image:
-        """Draw a picture.
-
-        Args:
-            data: Positions, up to date (`mj_forward` or `mj_kinematics` and `mj_camlight`).
-            T_world_camera: `(4, 4)` camera pose, OpenCV axes.
-            K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
-            rows: The rows wanted, by start and stop; None is the whole image.
-
-        Returns:
-            A new `(H, W, 3)` uint8 RGB image, or its rows.
-
-        Raises:
-            ParameterError: A pose or camera matrix that is none.
-            RenderError: Closed.
-        """
-        table = self._open()
-        cameras = cameras_of([T_world_camera], [K], (self._width, self._height), self._near_m, self._far_m)
-        table.relight()
-        table.place([data])
-        tree, kept = table.tree(table.visible)
-        casters, kept_casters = table.tree(table.casters)
-        image = wp.zeros((1, self._width * self._height, 3), dtype=wp.uint8)
-        wp.launch(
-            kernels.cast_colour,
-            dim=(1, self._width * self._height),
-            inputs=[
-                table.geoms,
-                table.looks,
-                table.textures,
-                tree,
-                casters,
-                cameras,
-                True,
-                self._width,
-                self._samples,
-            ],
-            outputs=[image],
-        )
-        del kept, kept_casters
-        whole = np.array(image.numpy(), dtype=np.uint8).reshape(self._height, self._width, 3)
-        return whole if rows is None else whole[rows]
+        """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop)."""
+        arrays, size = self._bound_arrays(), (self.width_px, self.height_px)
+        cameras = make_cameras([T_world_camera], [K], size, self.near_m, self._far_m)
+        arrays.update_lights()
+        arrays.update_poses([data])
+        visible, _owner = arrays.bvh(arrays.visible)
+        image = cast_color(arrays, visible, cameras, size, self._samples)[0]
+        return image if rows is None else image[rows]
 
     def ids(
         self,
@@ -140,54 +71,27 @@ class Raycaster:
         T_world_camera: ArrayLike,
         K: ArrayLike | float,
         *,
-        geoms: NDArray[np.bool_] | None = None,
+        geoms: BoolArray | None = None,
         rect: PixelRect | None = None,
     ) -> Segmentation:
-        """Which geom each pixel shows; only the rectangle wanted is cast, and only the geoms shown are searched.
-
-        Args:
-            data: Positions, up to date.
-            T_world_camera: `(4, 4)` camera pose, OpenCV axes.
-            K: `(3, 3)` camera matrix of the whole image [px], or a vertical field of view [rad].
-            geoms: `(ngeom,)` the geoms to draw; None draws all that are drawn at all.
-            rect: The rectangle wanted; None is the whole image.
-
-        Raises:
-            ParameterError: A pose, camera matrix, mask or rectangle that is none.
-            RenderError: Closed.
-        """
-        table = self._open()
-        rect = PixelRect(0, 0, self._width, self._height) if rect is None else rect
-        if not (
-            rect.width > 0
-            and rect.height > 0
-            and 0 <= rect.left <= self._width - rect.width
-            and 0 <= rect.top <= self._height - rect.height
-        ):
-            raise ParameterError(f"the rectangle must lie in the {self._width} x {self._height} image, got {rect}")
-        cameras = cameras_of([T_world_camera], [K], (self._width, self._height), self._near_m, self._far_m)
-        table.place([data])
-        wanted = self._visible if geoms is None else self._visible & geoms
-        tree, kept = table.tree(wanted)
-        ids = wp.full((1, rect.width * rect.height), -1, dtype=int)
-        nearness = wp.zeros((1, rect.width * rect.height), dtype=float)
-        if kept is not None:
-            wp.launch(
-                kernels.cast_ids,
-                dim=(1, rect.width * rect.height),
-                inputs=[table.geoms, table.looks, tree, cameras, rect.left, rect.top, rect.width],
-                outputs=[ids, nearness],
-            )
+        """Find the geom at each pixel; see `Renderer.ids`. Only the rectangle is cast, and only at the given geoms."""
+        arrays = self._bound_arrays()
+        geoms, rect = self._geoms_and_rect(geoms, rect)
+        cameras = make_cameras([T_world_camera], [K], (self.width_px, self.height_px), self.near_m, self._far_m)
+        arrays.update_poses([data])
+        bvh, _owner = arrays.bvh(geoms)
+        ids, inverse_depth = cast_ids(arrays, bvh, cameras, rect)
         shape = rect.height, rect.width
         return Segmentation(
             rect,
             np.array(ids.numpy(), dtype=np.int32).reshape(shape),
-            np.array(nearness.numpy(), dtype=np.float32).reshape(shape),
+            np.array(inverse_depth.numpy(), dtype=np.float32).reshape(shape),
         )
 
     def close(self) -> None:
         """Free everything; a second call does nothing."""
-        self._table = None
+        self.unbind()
+        self._closed = True
 
     def __enter__(self) -> Raycaster:
         return self
@@ -195,25 +99,53 @@ class Raycaster:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _open(self) -> SceneTable:
-        if self._table is None:
-            raise RenderError("this renderer has been closed")
-        return self._table
+    def _bound_arrays(self) -> SceneArrays:
+        if self._arrays is None:
+            closed = self._closed
+            raise RenderError("this renderer has been closed" if closed else "this renderer has no model: rebind it")
+        return self._arrays
 
 
-def cameras_of(poses: Any, matrices: Any, size: tuple[int, int], near_m: float, far_m: float) -> Any:
-    """Cameras as kernels take them.
+def make_cameras(
+    T_world_camera: ArrayLike, K: Sequence[ArrayLike | float], size: tuple[int, int], near_m: float, far_m: float
+) -> Any:
+    """Cameras of n worlds, for the kernels.
+
+    Args:
+        T_world_camera: `(n, 4, 4)` camera poses.
+        K: n camera matrices [px] or vertical fields of view [rad].
+        size: Image width and height [px].
+        near_m: Depth of the near plane.
+        far_m: Depth of the far plane.
 
     Raises:
-        ParameterError: A pose or camera matrix that is none.
+        ParameterError: An invalid pose or camera matrix.
     """
-    turns = np.asarray(poses, dtype=np.float64)
-    if turns.ndim != 3 or turns.shape[1:] != (4, 4) or not np.isfinite(turns).all():
-        raise ParameterError(f"T_world_camera must be a finite (4, 4) matrix, got {turns.tolist()}")
+    poses = checked_poses(T_world_camera)
     cameras = rays.Cameras()
-    cameras.eye = wp.array(turns[:, :3, 3].astype(np.float32), dtype=wp.vec3)
-    cameras.turn = wp.array(turns[:, :3, :3].astype(np.float32), dtype=wp.mat33)
-    lenses = np.array([focal_and_centre(camera_matrix(K, *size)) for K in matrices], dtype=np.float32)
+    cameras.eye = wp.array(poses[:, :3, 3].astype(np.float32), dtype=wp.vec3)
+    cameras.rotation = wp.array(poses[:, :3, :3].astype(np.float32), dtype=wp.mat33)
+    lenses = np.array([focal_and_centre(camera_matrix(one, *size)) for one in K], dtype=np.float32)
     cameras.focal_centre = wp.array(lenses, dtype=wp.vec4)
     cameras.near, cameras.far = near_m, far_m
     return cameras
+
+
+def cast_color(arrays: SceneArrays, visible: Any, cameras: Any, size: tuple[int, int], samples: int) -> Image:
+    """`(n, H, W, 3)` uint8 RGB images of `size` width and height [px], with samples x samples rays per pixel."""
+    width, height = size
+    image = wp.zeros((arrays.worlds, width * height, 3), dtype=wp.uint8)
+    casters, _owner = arrays.bvh(arrays.shadow_casters)
+    inputs = [arrays.geoms, arrays.appearance, arrays.textures, visible, casters, cameras, width, samples]
+    wp.launch(kernels.cast_color, dim=(arrays.worlds, width * height), inputs=inputs, outputs=[image])
+    return np.array(image.numpy(), dtype=np.uint8).reshape(arrays.worlds, height, width, 3)
+
+
+def cast_ids(arrays: SceneArrays, bvh: Any, cameras: Any, rect: PixelRect) -> tuple[wp.array, wp.array]:
+    """`(n, h * w)` geoms (entries of `arrays`, -1 for none) and inverse depths of a rectangle's pixels."""
+    shape = arrays.worlds, rect.width * rect.height
+    ids, inverse_depth = wp.full(shape, -1, dtype=int), wp.zeros(shape, dtype=float)
+    if bvh.count:
+        inputs = [arrays.geoms, arrays.appearance, bvh, cameras, rect.left, rect.top, rect.width]
+        wp.launch(kernels.cast_ids, dim=shape, inputs=inputs, outputs=[ids, inverse_depth])
+    return ids, inverse_depth

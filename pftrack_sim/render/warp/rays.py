@@ -1,49 +1,70 @@
-"""What rays are cast at, as the device holds it, and how one ray finds what it meets first.
+"""MuJoCo Warp's ray intersections, the arrays on the device that they read, and the first hit of a ray.
 
-Intersections are MuJoCo Warp's own functions. Its ready-made kernel is not used because it bakes number of lights and
-ambient light into the code (a compilation per scene, none of the scenario's schedules), has no geoms without a shadow,
-and always casts the whole image.
+MuJoCo Warp's ready-made rendering kernel is not used: it compiles the number of lights and the ambient light into its
+code (a compilation per scene, and no schedules of lights), has no geoms without a shadow, and casts whole images only.
 """
 
-# Warp reads annotations as values: they stay unquoted, and look odd to a type checker.
+# Warp evaluates annotations, so that they stay unquoted; a type checker cannot read them.
 # pyright: reportInvalidTypeForm=false, reportPrivateUsage=false, reportGeneralTypeIssues=false
 # pyright: reportIndexIssue=false, reportCallIssue=false, reportArgumentType=false, reportOperatorIssue=false
 # pyright: reportAssignmentType=false, reportAttributeAccessIssue=false, reportPrivateImportUsage=false
 
+import sys
+from importlib import import_module
+from importlib.util import find_spec, module_from_spec
+from typing import Any
+
 import warp as wp
 
-from pftrack_sim.render.warp.library import GeomType, caster
+_PACKAGE = "mujoco_warp"
 
-KINDS = tuple(
-    sorted(
-        int(kind)
-        for kind in (
-            GeomType.PLANE,
-            GeomType.SPHERE,
-            GeomType.CAPSULE,
-            GeomType.ELLIPSOID,
-            GeomType.CYLINDER,
-            GeomType.BOX,
-            GeomType.MESH,
-        )
-    )
+
+def _import_parts(*names: str) -> list[Any]:
+    """Import modules of MuJoCo Warp without the package's own `__init__`.
+
+    The `__init__` prepares some 700 functions of the simulation, which takes two seconds; the ray caster alone takes a
+    quarter of a second. A later `import mujoco_warp` still runs it.
+    """
+    if _PACKAGE in sys.modules:
+        return [import_module(name) for name in names]
+    spec = find_spec(_PACKAGE)
+    if spec is None:
+        raise ModuleNotFoundError(f"No module named {_PACKAGE!r}", name=_PACKAGE)
+    sys.modules[_PACKAGE] = module_from_spec(spec)
+    try:
+        return [import_module(name) for name in names]
+    finally:
+        del sys.modules[_PACKAGE]
+
+
+# Warp prints a greeting to standard output, which is for results.
+wp.config.log_level = max(wp.config.log_level, wp.LOG_ERROR)
+
+caster, _types = _import_parts(f"{_PACKAGE}._src.render", f"{_PACKAGE}._src.types")
+GeomType: Any = _types.GeomType
+
+GEOM_TYPES = tuple(
+    sorted(int(GeomType[name]) for name in ("PLANE", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH"))
 )
 """Types of geoms that can be drawn."""
 
-_nearest = caster._make_cast_ray(KINDS, first_hit=False)
+_cast_ray = caster._make_cast_ray(GEOM_TYPES, first_hit=False)
 
 
 @wp.struct
 class Geoms:
-    """Shapes, looks and positions of the geoms of all worlds, one after the other."""
+    """Shapes, materials and poses of the geoms of all worlds, concatenated.
 
-    kind: wp.array(dtype=int)
+    The `none_` arrays stand for what MuJoCo Warp's functions take and these scenes do not have.
+    """
+
+    geom_type: wp.array(dtype=int)
     data: wp.array2d(dtype=int)
     material: wp.array2d(dtype=int)
     size: wp.array2d(dtype=wp.vec3)
     rgba: wp.array2d(dtype=wp.vec4)
     position: wp.array2d(dtype=wp.vec3)
-    turn: wp.array2d(dtype=wp.mat33)
+    rotation: wp.array2d(dtype=wp.mat33)
     mesh: wp.array(dtype=wp.uint64)
     none_int: wp.array(dtype=int)
     none_float: wp.array(dtype=float)
@@ -55,8 +76,8 @@ class Geoms:
 
 
 @wp.struct
-class Looks:
-    """Materials, how textures lie on meshes, and lights."""
+class Appearance:
+    """Materials, texture coordinates of meshes, sky and lights of all worlds, concatenated."""
 
     rgba: wp.array2d(dtype=wp.vec4)
     texture: wp.array(dtype=int)
@@ -82,7 +103,7 @@ class Looks:
     ambient: wp.array(dtype=wp.vec3)
     light_start: wp.array(dtype=int)
     light_count: wp.array(dtype=int)
-    light_kind: wp.array(dtype=int)
+    light_type: wp.array(dtype=int)
     light_shadow: wp.array(dtype=int)
     light_position: wp.array(dtype=wp.vec3)
     light_direction: wp.array(dtype=wp.vec3)
@@ -94,8 +115,8 @@ class Looks:
 
 
 @wp.struct
-class Tree:
-    """Bounding boxes of some geoms: a group per world."""
+class GeomBvh:
+    """Bounding volume hierarchy of some geoms, with one group per world."""
 
     id: wp.uint64
     roots: wp.array(dtype=int)
@@ -105,10 +126,10 @@ class Tree:
 
 @wp.struct
 class Cameras:
-    """One camera per world; camera axes as OpenCV."""
+    """One camera per world: x right, y down, z forward."""
 
     eye: wp.array(dtype=wp.vec3)
-    turn: wp.array(dtype=wp.mat33)
+    rotation: wp.array(dtype=wp.mat33)
     focal_centre: wp.array(dtype=wp.vec4)
     near: float
     far: float
@@ -116,18 +137,20 @@ class Cameras:
 
 @wp.func
 def ray_of(cameras: Cameras, world: int, x: float, y: float):
-    """Where the ray through image point x, y [px] crosses the near plane, its direction, and the cosine to the axis."""
+    """Ray through image point x, y [px]: its point on the near plane, direction, and cosine to the optical axis."""
     lens = cameras.focal_centre[world]
     local = wp.normalize(wp.vec3((x - lens[2]) / lens[0], (y - lens[3]) / lens[1], 1.0))
-    direction = cameras.turn[world] @ local
+    direction = cameras.rotation[world] @ local
     return cameras.eye[world] + direction * (cameras.near / local[2]), direction, local[2]
 
 
 @wp.func
-def hit(geoms: Geoms, looks: Looks, tree: Tree, world: int, origin: wp.vec3, direction: wp.vec3, reach: float):
-    """What a ray meets first: geom, distance, normal, barycentric coordinates, face, mesh."""
-    return _nearest(
-        geoms.kind,
+def first_hit(
+    geoms: Geoms, appearance: Appearance, bvh: GeomBvh, world: int, origin: wp.vec3, direction: wp.vec3, reach: float
+):
+    """First hit of a ray: geom, distance, normal, barycentric coordinates, face, mesh."""
+    return _cast_ray(
+        geoms.geom_type,
         geoms.data,
         geoms.material,
         geoms.size,
@@ -135,16 +158,16 @@ def hit(geoms: Geoms, looks: Looks, tree: Tree, world: int, origin: wp.vec3, dir
         geoms.none_int,
         geoms.none_edge,
         geoms.none_float,
-        looks.rgba,
+        appearance.rgba,
         geoms.position,
-        geoms.turn,
+        geoms.rotation,
         geoms.none_points,
-        tree.id,
-        tree.roots[world],
+        bvh.id,
+        bvh.roots[world],
         0,
-        tree.count,
+        bvh.count,
         0,
-        tree.geoms,
+        bvh.geoms,
         geoms.mesh,
         geoms.none_ids,
         geoms.none_rgba,

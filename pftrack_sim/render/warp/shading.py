@@ -1,46 +1,55 @@
-"""What colour arrives along a ray: texture, sky, lamps and their shadows.
+"""Shading of a ray: texture with mip maps, sky, lights and their shadows.
 
-Textures, sky and light are MuJoCo Warp's own functions; which level of detail of a texture is read, is decided here.
+Texture, sky and light functions are MuJoCo Warp's own; the mip level is chosen here.
 """
 
-# Warp reads annotations as values: they stay unquoted, and look odd to a type checker.
+# Warp evaluates annotations, so that they stay unquoted; a type checker cannot read them.
 # pyright: reportInvalidTypeForm=false, reportPrivateUsage=false, reportGeneralTypeIssues=false
 # pyright: reportIndexIssue=false, reportCallIssue=false, reportArgumentType=false, reportOperatorIssue=false
 # pyright: reportAssignmentType=false, reportAttributeAccessIssue=false, reportPrivateImportUsage=false
 
 import warp as wp
 
-from pftrack_sim.render.warp.library import GeomType, caster
-from pftrack_sim.render.warp.rays import KINDS, Cameras, Geoms, Looks, Tree, hit, ray_of
+from pftrack_sim.render.warp.rays import (
+    GEOM_TYPES,
+    Appearance,
+    Cameras,
+    GeomBvh,
+    Geoms,
+    GeomType,
+    caster,
+    first_hit,
+    ray_of,
+)
 
-_lit = caster._make_compute_lighting(caster._make_cast_ray(KINDS, first_hit=True))
-_texture = caster._make_sample_texture(KINDS)
+_light = caster._make_compute_lighting(caster._make_cast_ray(GEOM_TYPES, first_hit=True))
+_sample_texture = caster._make_sample_texture(GEOM_TYPES)
 
 
 @wp.func
-def spot(kind: int, local: wp.vec3, normal: wp.vec3, size: wp.vec3, repeat: wp.vec2, uniform: bool):
-    """Where a point of a geom lies on its texture, in repeats of it: all but meshes that say so themselves."""
+def texture_coordinate(geom_type: int, local: wp.vec3, normal: wp.vec3, size: wp.vec3, repeat: wp.vec2, uniform: bool):
+    """Texture coordinate of a point on a geom other than a mesh with coordinates of its own, in repeats."""
     uv = wp.vec2(0.5 * local[0], 0.5 * local[1])
     _offset = wp.vec2(0.0)
     times = repeat
-    if kind == int(GeomType.PLANE):
+    if geom_type == int(GeomType.PLANE):
         uv, _offset, times = caster._texture_plane(local, size, repeat, uniform)
-    elif kind == int(GeomType.BOX):
+    elif geom_type == int(GeomType.BOX):
         uv, _offset, times = caster._texture_box(local, normal, size, repeat, uniform)
-    elif kind == int(GeomType.CYLINDER):
+    elif geom_type == int(GeomType.CYLINDER):
         uv, _offset, times = caster._texture_cylinder(local, normal, size, repeat, uniform)
-    elif kind == int(GeomType.CAPSULE):
+    elif geom_type == int(GeomType.CAPSULE):
         uv, _offset, times = caster._texture_capsule(local, size, repeat, uniform)
-    elif kind == int(GeomType.SPHERE) or kind == int(GeomType.ELLIPSOID):
+    elif geom_type == int(GeomType.SPHERE) or geom_type == int(GeomType.ELLIPSOID):
         uv, _offset, times = caster._texture_sphere_ellipsoid(
-            local, size, repeat, uniform, kind == int(GeomType.SPHERE)
+            local, size, repeat, uniform, geom_type == int(GeomType.SPHERE)
         )
     return wp.cw_mul(uv, times)
 
 
 @wp.func
-def step_on_plane(eye: wp.vec3, direction: wp.vec3, point: wp.vec3, normal: wp.vec3):
-    """How far from a point a neighbouring ray meets the plane that touches the surface there; far off if never."""
+def offset_on_plane(eye: wp.vec3, direction: wp.vec3, point: wp.vec3, normal: wp.vec3):
+    """Vector from a point to where a neighbouring ray meets the tangent plane there; very long if they are parallel."""
     slope = wp.dot(direction, normal)
     if wp.abs(slope) < 1.0e-6:
         slope = 1.0e-6
@@ -50,7 +59,7 @@ def step_on_plane(eye: wp.vec3, direction: wp.vec3, point: wp.vec3, normal: wp.v
 @wp.func
 def mip_level(
     geoms: Geoms,
-    looks: Looks,
+    appearance: Appearance,
     cameras: Cameras,
     world: int,
     x: float,
@@ -62,95 +71,91 @@ def mip_level(
     face: int,
     mesh: int,
 ):
-    """Which level of detail one pixel's footprint on a surface asks for.
-
-    The larger of its two sides counts, as in OpenGL 4.6, 8.14.1: log2 of its length in texels.
-    """
+    """Mip level for one pixel: log2 of the longer side of its footprint in texels (OpenGL 4.6, section 8.14.1)."""
     eye = cameras.eye[world]
     _origin, right, _cosine = ray_of(cameras, world, x + 1.0, y)
     _start, down, _slant = ray_of(cameras, world, x, y + 1.0)
-    across = step_on_plane(eye, right, point, normal)
-    along = step_on_plane(eye, down, point, normal)
-    texels = looks.texture_size[material]
-    inverse = wp.transpose(geoms.turn[0, geom])
+    across = offset_on_plane(eye, right, point, normal)
+    along = offset_on_plane(eye, down, point, normal)
+    texels = appearance.texture_size[material]
+    inverse = wp.transpose(geoms.rotation[0, geom])
     across = inverse @ across
     along = inverse @ along
-    repeat = looks.repeat[material]
+    repeat = appearance.repeat[material]
     side = wp.vec2(0.0)
     below = wp.vec2(0.0)
-    if mesh >= 0 and face >= 0 and looks.texcoord_start[mesh] >= 0:
-        along_u = looks.face_along_u[looks.face_start[mesh] + face]
-        along_v = looks.face_along_v[looks.face_start[mesh] + face]
+    if mesh >= 0 and face >= 0 and appearance.texcoord_start[mesh] >= 0:
+        along_u = appearance.face_along_u[appearance.face_start[mesh] + face]
+        along_v = appearance.face_along_v[appearance.face_start[mesh] + face]
         side = wp.cw_mul(repeat, wp.vec2(wp.dot(along_u, across), wp.dot(along_v, across)))
         below = wp.cw_mul(repeat, wp.vec2(wp.dot(along_u, along), wp.dot(along_v, along)))
     else:
         local = inverse @ (point - geoms.position[0, geom])
-        facing = inverse @ normal
+        local_normal = inverse @ normal
         size = geoms.size[0, geom]
-        uniform = looks.uniform[material] != 0
-        kind = geoms.kind[geom]
-        here = spot(kind, local, facing, size, repeat, uniform)
-        side = spot(kind, local + across, facing, size, repeat, uniform) - here
-        below = spot(kind, local + along, facing, size, repeat, uniform) - here
+        uniform = appearance.uniform[material] != 0
+        geom_type = geoms.geom_type[geom]
+        here = texture_coordinate(geom_type, local, local_normal, size, repeat, uniform)
+        side = texture_coordinate(geom_type, local + across, local_normal, size, repeat, uniform) - here
+        below = texture_coordinate(geom_type, local + along, local_normal, size, repeat, uniform) - here
     longest = wp.max(wp.length(wp.cw_mul(side, texels)), wp.length(wp.cw_mul(below, texels)))
-    last = float(looks.texture_levels[material] - 1)
+    last = float(appearance.texture_levels[material] - 1)
     return wp.clamp(wp.log2(wp.max(longest, 1.0e-6)), 0.0, last)
 
 
 @wp.func
-def colour_of(
+def color_at(
     geoms: Geoms,
-    looks: Looks,
+    appearance: Appearance,
     textures: wp.array(dtype=wp.Texture2D),
-    tree: Tree,
-    casters: Tree,
+    bvh: GeomBvh,
+    casters: GeomBvh,
     cameras: Cameras,
-    shadows: bool,
     world: int,
     x: float,
     y: float,
 ):
-    """Light that arrives through image point x, y: 0 to 1."""
+    """RGB through image point x, y, 0 to 1."""
     origin, direction, cosine = ray_of(cameras, world, x, y)
-    geom, far, normal, u, v, face, mesh = hit(
-        geoms, looks, tree, world, origin, direction, (cameras.far - cameras.near) / cosine
+    geom, distance, normal, u, v, face, mesh = first_hit(
+        geoms, appearance, bvh, world, origin, direction, (cameras.far - cameras.near) / cosine
     )
-    colour = wp.vec3(0.0)
+    color = wp.vec3(0.0)
     if geom < 0:
-        if looks.sky[world] >= 0:
-            colour = looks.sky_brightness[world] * caster.sample_skybox(
-                textures[looks.sky[world]], 1.0 / float(looks.sky_width[world]), direction
+        if appearance.sky[world] >= 0:
+            color = appearance.sky_brightness[world] * caster.sample_skybox(
+                textures[appearance.sky[world]], 1.0 / float(appearance.sky_width[world]), direction
             )
-        return colour
-    turn = geoms.turn[0, geom]
-    touching = normal
+        return color
+    rotation = geoms.rotation[0, geom]
+    face_normal = normal
     if mesh >= 0 and face >= 0:
-        flat = wp.transpose(turn) @ normal
-        corners = looks.face_normal[looks.face_start[mesh] + face]
-        start = looks.normal_start[mesh]
+        flat = wp.transpose(rotation) @ normal
+        corners = appearance.face_normal[appearance.face_start[mesh] + face]
+        start = appearance.normal_start[mesh]
         smooth = (
-            caster.vertex_normal(looks.normal[start + corners[0]], flat) * u
-            + caster.vertex_normal(looks.normal[start + corners[1]], flat) * v
-            + caster.vertex_normal(looks.normal[start + corners[2]], flat) * (1.0 - u - v)
+            caster.vertex_normal(appearance.normal[start + corners[0]], flat) * u
+            + caster.vertex_normal(appearance.normal[start + corners[1]], flat) * v
+            + caster.vertex_normal(appearance.normal[start + corners[2]], flat) * (1.0 - u - v)
         )
-        normal = wp.normalize(turn @ smooth)
-    point = origin + direction * far
-    paint, material = caster._geom_rgba(geoms.material, geoms.rgba, looks.rgba, 0, geom)
-    base = wp.vec3(paint[0], paint[1], paint[2])
+        normal = wp.normalize(rotation @ smooth)
+    point = origin + direction * distance
+    rgba, material = caster._geom_rgba(geoms.material, geoms.rgba, appearance.rgba, 0, geom)
+    base = wp.vec3(rgba[0], rgba[1], rgba[2])
     specular = float(0.5)
-    shine = float(64.0)
-    glow = float(0.0)
+    shininess = float(64.0)
+    emission = float(0.0)
     texel = wp.vec3(1.0)
     if material >= 0:
-        specular = looks.specular[material]
-        shine = looks.shininess[material] * 128.0
-        glow = looks.emission[material]
-        texture = looks.texture[material]
+        specular = appearance.specular[material]
+        shininess = appearance.shininess[material] * 128.0
+        emission = appearance.emission[material]
+        texture = appearance.texture[material]
         if texture >= 0:
-            level = mip_level(geoms, looks, cameras, world, x, y, geom, material, point, touching, face, mesh)
+            level = mip_level(geoms, appearance, cameras, world, x, y, geom, material, point, face_normal, face, mesh)
             finer = int(level)
             blend = level - float(finer)
-            seen = wp.vec3(0.0)
+            blended = wp.vec3(0.0)
             layers = wp.int32(1)
             if blend > 0.0:
                 layers = 2
@@ -158,19 +163,19 @@ def colour_of(
                 weight = 1.0 - blend
                 if layer == 1:
                     weight = blend
-                seen += weight * _texture(
-                    geoms.kind,
-                    looks.face_start,
+                blended += weight * _sample_texture(
+                    geoms.geom_type,
+                    appearance.face_start,
                     geom,
                     geoms.size[0, geom],
-                    looks.repeat[material],
-                    looks.uniform[material] != 0,
+                    appearance.repeat[material],
+                    appearance.uniform[material] != 0,
                     textures[texture + finer + layer],
                     geoms.position[0, geom],
-                    turn,
-                    looks.face_texcoord,
-                    looks.texcoord,
-                    looks.texcoord_start,
+                    rotation,
+                    appearance.face_texcoord,
+                    appearance.texcoord,
+                    appearance.texcoord_start,
                     point,
                     normal,
                     u,
@@ -178,16 +183,16 @@ def colour_of(
                     face,
                     mesh,
                 )
-            texel = seen
-    colour = base * glow + wp.cw_mul(base, looks.ambient[world])
-    # MuJoCo draws all lights without a shadow at once, and adds a drawing for each light with one. As OpenGL's fixed
-    # pipeline does, what is lit saturates in each drawing before the texture is laid over it.
-    apart = wp.vec3(0.0)
+            texel = blended
+    color = base * emission + wp.cw_mul(base, appearance.ambient[world])
+    # As in MuJoCo, all lights without shadows are one render pass, and each light with shadows adds a pass. As in
+    # OpenGL's fixed pipeline, each pass saturates before it is multiplied with the texture.
+    shadowed = wp.vec3(0.0)
     highlight = wp.vec3(0.0)
-    for index in range(looks.light_count[world]):
-        light = looks.light_start[world] + index
-        diffuse, gloss = _lit(
-            geoms.kind,
+    for index in range(appearance.light_count[world]):
+        light = appearance.light_start[world] + index
+        diffuse, specular_light = _light(
+            geoms.geom_type,
             geoms.data,
             geoms.material,
             geoms.size,
@@ -195,11 +200,11 @@ def colour_of(
             geoms.none_int,
             geoms.none_edge,
             geoms.none_float,
-            looks.rgba,
+            appearance.rgba,
             geoms.position,
-            geoms.turn,
+            geoms.rotation,
             geoms.none_points,
-            shadows and casters.count > 0,
+            casters.count > 0,
             casters.id,
             casters.roots[world],
             casters.count,
@@ -214,30 +219,30 @@ def colour_of(
             geoms.none_ids,
             geoms.none_roots,
             True,
-            looks.light_kind[light],
-            looks.light_shadow[light] != 0,
-            looks.light_position[light],
-            looks.light_direction[light],
-            looks.light_attenuation[light],
-            looks.light_cutoff[light],
-            looks.light_exponent[light],
-            looks.light_diffuse[light],
-            looks.light_specular[light],
+            appearance.light_type[light],
+            appearance.light_shadow[light] != 0,
+            appearance.light_position[light],
+            appearance.light_direction[light],
+            appearance.light_attenuation[light],
+            appearance.light_cutoff[light],
+            appearance.light_exponent[light],
+            appearance.light_diffuse[light],
+            appearance.light_specular[light],
             normal,
             point,
             -direction,
             specular,
-            shine,
+            shininess,
             True,
             0.0,
             True,
             False,
             True,
         )
-        if looks.light_shadow[light] != 0:
-            apart += wp.min(wp.cw_mul(base, diffuse), wp.vec3(1.0))
+        if appearance.light_shadow[light] != 0:
+            shadowed += wp.min(wp.cw_mul(base, diffuse), wp.vec3(1.0))
         else:
-            colour += wp.cw_mul(base, diffuse)
-        highlight += gloss
-    colour = wp.cw_mul(wp.min(colour, wp.vec3(1.0)) + apart, texel) + highlight
-    return wp.max(wp.min(colour, wp.vec3(1.0)), wp.vec3(0.0))
+            color += wp.cw_mul(base, diffuse)
+        highlight += specular_light
+    color = wp.cw_mul(wp.min(color, wp.vec3(1.0)) + shadowed, texel) + highlight
+    return wp.max(wp.min(color, wp.vec3(1.0)), wp.vec3(0.0))

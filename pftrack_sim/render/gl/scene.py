@@ -1,0 +1,156 @@
+"""One model as MuJoCo's classic renderer takes it: geoms in view, camera, lights, and the brightness of the sky."""
+
+from __future__ import annotations
+
+import copy
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.camera.pinhole import frustum
+from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.render.backend import DRAWN_GROUPS, sky_material
+from pftrack_sim.render.culling import Bounds
+from pftrack_sim.scene.layout import SCENERY_GROUP
+
+_NEVER_DRAWN_GROUP = 5
+_STATIC_AND_DYNAMIC = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+_SPARE_GEOMS = 64
+_NO_PERTURBATION = mujoco.MjvPerturb()
+
+
+class ModelScene:
+    """MuJoCo scenes of one model, for color images and for segmentations.
+
+    Args:
+        model: The model.
+        visible: `(ngeom,)` geoms that are drawn at all.
+        clip_m: Depths of the near and far plane.
+        fog: Whether the color image has the model's fog.
+    """
+
+    def __init__(self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float], *, fog: bool) -> None:
+        self._model = model
+        self._visible = visible
+        self._clip_m = clip_m
+        self._options = _geoms_only()
+        self._bounds = Bounds(model)
+        self._color = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
+        self._color.flags[mujoco.mjtRndFlag.mjRND_FOG] = fog
+        self._color_geoms = list(self._color.geoms)
+        self._ids_model: mujoco.MjModel | None = None
+        self._ids = mujoco.MjvScene()
+        self._sky = _Sky(model)
+
+    def color_scene(
+        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int]
+    ) -> mujoco.MjvScene:
+        """What a color image of `size` width and height [px] shows."""
+        self._compose(self._color, self._model, data, T_world_camera, K, size)
+        mujoco.mjv_makeLights(self._model, data, self._color)
+        self._cull(data, T_world_camera, K, size)
+        return self._color
+
+    def ids_scene(
+        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int], geoms: BoolArray
+    ) -> tuple[mujoco.MjvScene, NDArray[np.int32]]:
+        """What a segmentation shows, and the geom id of each colour code: -1 of code 0."""
+        if self._ids_model is None:
+            # Geoms are hidden by their group, in a copy of the model: several threads may share the caller's.
+            self._ids_model = copy.copy(self._model)
+            self._ids = mujoco.MjvScene(self._model, self._model.ngeom + _SPARE_GEOMS)
+            self._ids.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True
+            self._ids.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
+        self._ids_model.geom_group[:] = np.where(geoms, SCENERY_GROUP, _NEVER_DRAWN_GROUP)
+        self._compose(self._ids, self._ids_model, data, T_world_camera, K, size)
+        order = np.flatnonzero(geoms)
+        if self._ids.ngeom != order.size:
+            # MuJoCo left some geoms out or added others.
+            order = np.array([geom.objid for geom in list(self._ids.geoms)[: self._ids.ngeom]], dtype=np.intp)
+        return self._ids, np.concatenate([[-1], order]).astype(np.int32)
+
+    def update_sky(self, resources: mujoco.MjrContext) -> None:
+        """Upload the sky again if its brightness has changed since; the OpenGL context must be current."""
+        self._sky.update(resources)
+
+    def _compose(
+        self,
+        scene: mujoco.MjvScene,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        K: FloatArray,
+        size: tuple[int, int],
+    ) -> None:
+        """Place the camera, then add what it sees.
+
+        `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the tiles of an
+        infinite plane) would come from the camera of the previous frame.
+        """
+        view = frustum(K, *size, *self._clip_m)
+        # MuJoCo draws the average of a left and a right eye: both get the same camera.
+        for eye in scene.camera:
+            eye.pos[:] = T_world_camera[:3, 3]
+            eye.forward[:] = T_world_camera[:3, 2]
+            eye.up[:] = -T_world_camera[:3, 1]
+            eye.frustum_center = 0.5 * (view.left + view.right)
+            eye.frustum_width = 0.5 * (view.right - view.left)
+            eye.frustum_bottom, eye.frustum_top = view.bottom, view.top
+            eye.frustum_near, eye.frustum_far = view.near, view.far
+            eye.orthographic = 0
+        scene.ngeom = 0
+        mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
+
+    def _cull(self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int]) -> None:
+        """Remove geoms out of view from the color scene where that changes no pixel.
+
+        MuJoCo passes everything to OpenGL, and software OpenGL transforms every vertex of it.
+        """
+        model = self._model
+        order = np.flatnonzero(self._visible)
+        if self._color.ngeom != order.size or (model.mat_reflectance > 0.0).any():
+            return
+        needed = self._bounds.in_view(data, T_world_camera, K, size, self._clip_m[0])
+        if (model.light_active & model.light_castshadow).any():
+            needed |= model.geom_castshadow
+        for index in np.flatnonzero(~needed[order]):
+            self._color_geoms[index].type = int(mujoco.mjtGeom.mjGEOM_NONE)
+
+
+class _Sky:
+    """Keeps OpenGL's sky texture as bright as the model's sky material.
+
+    OpenGL draws a sky without lighting, so its texture itself is made brighter or darker.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._material = sky_material(model)
+        skies = np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+        self._texture = int(skies[0]) if self._material >= 0 and skies.size else -1
+        self._uploaded = 1.0
+
+    def update(self, resources: mujoco.MjrContext) -> None:
+        model, texture = self._model, self._texture
+        if texture < 0 or (brightness := float(model.mat_emission[self._material])) == self._uploaded:
+            return
+        start = int(model.tex_adr[texture])
+        size = int(model.tex_width[texture]) * int(model.tex_height[texture]) * int(model.tex_nchannel[texture])
+        texels = model.tex_data[start : start + size]
+        original = texels.copy()
+        levels = np.clip(np.round(np.arange(256) * brightness), 0.0, 255.0).astype(np.uint8)
+        texels[:] = cv2.LUT(original, levels).reshape(-1)
+        mujoco.mjr_uploadTexture(model, resources, texture)
+        texels[:] = original
+        self._uploaded = brightness
+
+
+def _geoms_only() -> mujoco.MjvOption:
+    """Options that draw geoms of the drawn groups, and no sites, joints or other decoration."""
+    options = mujoco.MjvOption()
+    for kind in ("geom", "site", "joint", "tendon", "actuator", "flex", "skin"):
+        getattr(options, f"{kind}group")[:] = 0
+    options.geomgroup[list(DRAWN_GROUPS)] = 1
+    return options
