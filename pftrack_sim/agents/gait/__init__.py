@@ -1,1 +1,1 @@
-"""Human gait: from positions on the ground to poses of limbs."""
+"""Human gait: from positions on the ground to poses of body parts."""

@@ -1,4 +1,4 @@
-"""What one person's gait is like at each speed: a table to look up instead of formulas to evaluate at every tick."""
+"""Gait parameters as functions of speed: published relations, tabulated once per person."""
 
 from __future__ import annotations
 
@@ -6,111 +6,149 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from pftrack_sim.agents.gait import foot_roll as soles
-from pftrack_sim.agents.gait import joint_trajectories as curves
-from pftrack_sim.agents.gait.leg_kinematics import STRAIGHT
+from pftrack_sim.agents.gait.joint_trajectories import heel_strike_pitch, rolled_ankle, stance_pitch, toe_off_pitch
+from pftrack_sim.agents.gait.kinematics import MAX_EXTENSION
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 
-Array = NDArray[np.float64]
-
-TOP_SPEED_M_S = 2.6
+_MAX_SPEED_M_S = 2.6
 _STEP_M_S = 0.04
-_SPEEDS = np.arange(0.0, TOP_SPEED_M_S + 1.5 * _STEP_M_S, _STEP_M_S)
+_SPEEDS_M_S = np.arange(0.0, _MAX_SPEED_M_S + 1.5 * _STEP_M_S, _STEP_M_S)
+
+_MID_STANCE = 0.245
+"""Phase at which a walker's body is above the ankle of the flat foot."""
+RUN_STANCE_FRACTION = 0.37
+"""Stance of a runner as a fraction of the stride; below a half there are flight phases (Novacheck, "The biomechanics of
+running", Gait and Posture 7:77, 1998: 39 % at 3.2 m/s)."""
 
 
 class GaitParameters(NamedTuple):
-    """Numbers that depend on speed alone, `(P,)` each.
+    """Gait parameters of `P` people at their speeds, `(P,)` each.
 
     Attributes:
-        stride_m: Length of a stride.
-        stance: Share of the stride a foot stands.
-        strike_rad: Toes-up angle of the foot at contact.
-        push_rad: Heel-up angle of the foot at lift-off.
-        low_m: Lowest height of the hips over the ground.
-        high_m: Highest height of the hips.
-        clearance_m: Of a foot's sole in the middle of its swing.
-        sway_m: Amplitude of the pelvis to the sides.
-        vigour: 1 at natural speed: how far pelvis, trunk and arms swing.
+        stride_m: Stride length (two steps).
+        stance_fraction: Stance as a fraction of the stride.
+        heel_strike_rad: Toes-up angle of the foot at heel strike.
+        toe_off_rad: Heel-up angle of the foot at toe-off.
+        hip_low_m: Lowest height of the hips over the ground.
+        hip_high_m: Highest height of the hips.
+        clearance_m: Height of the sole in mid-swing.
+        sway_m: Lateral amplitude of the pelvis.
+        amplitude: Relative amplitude of the rotations of pelvis, trunk and arms; 1 at natural speed.
+        mid_stance: Phase at which the body is above the ankle of the flat foot.
     """
 
-    stride_m: Array
-    stance: Array
-    strike_rad: Array
-    push_rad: Array
-    low_m: Array
-    high_m: Array
-    clearance_m: Array
-    sway_m: Array
-    vigour: Array
+    stride_m: FloatArray
+    stance_fraction: FloatArray
+    heel_strike_rad: FloatArray
+    toe_off_rad: FloatArray
+    hip_low_m: FloatArray
+    hip_high_m: FloatArray
+    clearance_m: FloatArray
+    sway_m: FloatArray
+    amplitude: FloatArray
+    mid_stance: FloatArray
 
 
-def table(anatomy: Anatomy) -> Array:
-    """`(S, 9)` gauges at `S` speeds, for `look_up`."""
-    speed = _SPEEDS
-    stride = curves.stride_length(speed, anatomy.height_m)
-    stance = curves.stance_share(speed)
-    strike, push = soles.heel_strike_pitch(speed), soles.toe_off_pitch(speed)
-    heel_x, heel_r, toe_x, toe_r = (np.full_like(speed, value) for value in anatomy.sole_m)
-    ankle = np.full_like(speed, anatomy.ankle_m)
-    reach = 0.9995 * STRAIGHT * (anatomy.thigh_m + anatomy.shank_m)
+def stride_length(speed_m_s: ArrayLike, height_m: ArrayLike) -> FloatArray:
+    """Stride length (two steps) [m].
 
-    # Both legs must reach the ground at contact, when they are farthest apart: that is how low the hips must come.
-    behind_pitch = soles.stance_pitch(np.full_like(speed, 0.5), stance, strike, push)
-    lead_roll, lead_z = soles.rolled(strike, ankle, (heel_x, heel_r), (toe_x, toe_r))
-    trail_roll, trail_z = soles.rolled(behind_pitch, ankle, (heel_x, heel_r), (toe_x, toe_r))
-    lead = soles.UNDERFOOT * stride + lead_roll
-    trail = (0.5 - soles.UNDERFOOT) * stride - trail_roll
+    Stride frequency grows with the 0.57th power of speed in statures per second, 64.8 strides a minute at one (Grieve
+    and Gear, Ergonomics 9:379, 1966; Grieve, Physiotherapy 54:283, 1968), so length grows with its 0.43rd power.
+    """
+    height = np.asarray(height_m, dtype=float)
+    return np.asarray(height * (60.0 / 64.8) * np.maximum(np.asarray(speed_m_s) / height, 1e-4) ** 0.43)
+
+
+def _stance_fraction(speed_m_s: FloatArray) -> FloatArray:
+    """Stance as a fraction of the stride: 62 % at natural speed, less when faster.
+
+    A linear fit to Murray et al., American Journal of Physical Medicine 45:8 (1966), and Murray et al., Acta
+    Orthopaedica Scandinavica 55 (1984).
+    """
+    return np.clip(0.70 - 0.06 * speed_m_s, 0.55, 0.70)
+
+
+def _lateral_sway(speed_m_s: FloatArray) -> FloatArray:
+    """Amplitude of the trunk's sway towards the foot in stance [m].
+
+    Half of the 7.0 cm peak to peak at 0.7 m/s and 3.9 cm at 1.6 m/s that Orendurff et al. measured, Journal of
+    Rehabilitation Research and Development 41:829 (2004); it vanishes with the speed.
+    """
+    return np.clip(0.0471 - 0.0172 * speed_m_s, 0.012, 0.035) * _moving(speed_m_s)
+
+
+def _vertical_travel(speed_m_s: FloatArray) -> FloatArray:
+    """Vertical travel of the pelvis, peak to peak [m]: 2.7 cm at 0.7 m/s, 4.8 cm at 1.6 m/s (Orendurff et al. 2004)."""
+    return np.clip(0.0111 + 0.0232 * speed_m_s, 0.0, 0.075) * _moving(speed_m_s)
+
+
+def _moving(speed_m_s: FloatArray) -> FloatArray:
+    """Smooth step from 0 at rest to 1 at 0.4 m/s."""
+    share = np.clip(speed_m_s / 0.4, 0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+def walking_table(anatomy: Anatomy) -> FloatArray:
+    """`(S, 9)` lookup table of all parameters but the last, at `S` speeds, for `walking_parameters`."""
+    speed = _SPEEDS_M_S
+    stride = stride_length(speed, anatomy.height_m)
+    stance = _stance_fraction(speed)
+    heel_strike, toe_off = heel_strike_pitch(speed), toe_off_pitch(speed)
+    leg = anatomy.thigh_m + anatomy.shank_m
+    reach = 0.9995 * MAX_EXTENSION * leg
+    # At heel strike the feet are farthest apart; the hips must be low enough for both legs to reach the ground.
+    trailing_pitch = stance_pitch(np.full_like(speed, 0.5), stance, heel_strike, toe_off)
+    leading_x, leading_z = rolled_ankle(heel_strike, anatomy.ankle_m, anatomy.sole_m)
+    trailing_x, trailing_z = rolled_ankle(trailing_pitch, anatomy.ankle_m, anatomy.sole_m)
+    leading_x = _MID_STANCE * stride + leading_x
+    trailing_x = (0.5 - _MID_STANCE) * stride - trailing_x
     low = np.minimum(
-        lead_z + np.sqrt(np.maximum(reach**2 - lead**2, 0.0)), trail_z + np.sqrt(np.maximum(reach**2 - trail**2, 0.0))
+        leading_z + np.sqrt(np.maximum(reach**2 - leading_x**2, 0.0)),
+        trailing_z + np.sqrt(np.maximum(reach**2 - trailing_x**2, 0.0)),
     )
-    upright = anatomy.ankle_m + 0.9976 * (anatomy.thigh_m + anatomy.shank_m)
+    upright = anatomy.ankle_m + 0.9976 * leg
     low = np.minimum(low, upright)
-    high = np.minimum(low + np.maximum(curves.bob(speed), 0.80 * (upright - low)), upright)
-    # Feet that hardly pitch must be lifted instead.
+    high = np.minimum(low + np.maximum(_vertical_travel(speed), 0.80 * (upright - low)), upright)
+    # Slow walkers hardly pitch their feet and lift them higher instead.
     clearance = anatomy.height_m * (0.011 + 0.014 * np.exp(-speed / 0.4))
-    vigour = stride / curves.stride_length(1.3, anatomy.height_m) * curves.once_moving(speed)
-    return np.stack([stride, stance, strike, push, low, high, clearance, curves.sideways_sway(speed), vigour], axis=1)
+    amplitude = stride / stride_length(1.3, anatomy.height_m) * _moving(speed)
+    return np.stack([stride, stance, heel_strike, toe_off, low, high, clearance, _lateral_sway(speed), amplitude], 1)
 
 
-RUN_STANCE = 0.37
-"""Share of the stride a runner's foot stands: below a half, both are in the air in between (Novacheck, "The
-biomechanics of running", Gait and Posture 7:77, 1998: 39 % at 3.2 m/s)."""
-
-
-def run_gauge(anatomies: Sequence[Anatomy], speed_m_s: Array) -> GaitParameters:
-    """Gauges of running at speeds `(P,)`: strides of 1.25 to 1.5 a second (Novacheck 1998), a soft landing."""
-    stride = speed_m_s / (1.22 + 0.06 * speed_m_s)
-    height = np.array([one.height_m for one in anatomies])
-    leg = np.array([one.thigh_m + one.shank_m for one in anatomies])
-    ankle = np.array([one.ankle_m for one in anatomies])
-    reach = 0.5 * RUN_STANCE * stride
-    low = ankle + np.sqrt(np.maximum((0.965 * leg) ** 2 - (0.55 * reach) ** 2, 0.25 * leg**2))
-    same = np.ones_like(speed_m_s)
-    return GaitParameters(
-        stride_m=stride,
-        stance=RUN_STANCE * same,
-        strike_rad=0.10 * same,
-        push_rad=0.85 * same,
-        low_m=low,
-        high_m=low + 0.07 * same,
-        clearance_m=0.10 * height,
-        sway_m=0.008 * same,
-        vigour=1.35 * same,
-    )
-
-
-def blended(walk: GaitParameters, run: GaitParameters, share: Array) -> GaitParameters:
-    """Gauges `(P,)` between walking and running; those who do not run at all keep theirs to the bit."""
-    return GaitParameters(*(np.where(share > 0.0, a + share * (b - a), a) for a, b in zip(walk, run, strict=True)))
-
-
-def look_up(tables: Array, speed_m_s: Array) -> GaitParameters:
-    """Gauges at speeds `(P,)`, from `(P, S, 9)` tables."""
-    place = np.minimum(speed_m_s, TOP_SPEED_M_S) / _STEP_M_S
-    below = place.astype(np.int64)
-    share = (place - below)[:, None]
+def walking_parameters(tables: FloatArray, speed_m_s: FloatArray) -> GaitParameters:
+    """Parameters of walking at speeds `(P,)`, interpolated in `(P, S, 9)` tables."""
+    position = np.minimum(speed_m_s, _MAX_SPEED_M_S) / _STEP_M_S
+    below = position.astype(np.intp)
+    share = (position - below)[:, None]
     rows = np.arange(len(below))
     values = (1.0 - share) * tables[rows, below] + share * tables[rows, below + 1]
-    return GaitParameters(*values.T)
+    return GaitParameters(*values.T, mid_stance=np.full(len(below), _MID_STANCE))
+
+
+def running_parameters(anatomies: Sequence[Anatomy], speed_m_s: FloatArray) -> GaitParameters:
+    """Parameters of running at speeds `(P,)`: 1.25 to 1.5 strides a second (Novacheck 1998), landing on bent knees."""
+    stride = speed_m_s / (1.22 + 0.06 * speed_m_s)
+    height, leg, ankle = np.array([(one.height_m, one.thigh_m + one.shank_m, one.ankle_m) for one in anatomies]).T
+    reach = 0.5 * RUN_STANCE_FRACTION * stride
+    low = ankle + np.sqrt(np.maximum((0.965 * leg) ** 2 - (0.55 * reach) ** 2, 0.25 * leg**2))
+    ones = np.ones_like(speed_m_s)
+    return GaitParameters(
+        stride_m=stride,
+        stance_fraction=RUN_STANCE_FRACTION * ones,
+        heel_strike_rad=0.10 * ones,
+        toe_off_rad=0.85 * ones,
+        hip_low_m=low,
+        hip_high_m=low + 0.07 * ones,
+        clearance_m=0.10 * height,
+        sway_m=0.008 * ones,
+        amplitude=1.35 * ones,
+        mid_stance=0.5 * RUN_STANCE_FRACTION * ones,
+    )
+
+
+def blended(walk: GaitParameters, run: GaitParameters, share: FloatArray) -> GaitParameters:
+    """Parameters `(P,)` between walking (share 0, unchanged to the bit) and running (share 1)."""
+    return GaitParameters(*(np.where(share > 0.0, a + share * (b - a), a) for a, b in zip(walk, run, strict=True)))

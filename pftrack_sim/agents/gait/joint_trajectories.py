@@ -1,98 +1,157 @@
-"""How joints move in normal walking: published means over a stride, kept as a few Fourier harmonics.
+"""Joint and foot trajectories over the gait cycle, from published means of normal walking.
 
 The sagittal angles of thigh, knee and ankle are rounded means of adults at natural cadence, read off the normative
 curves of Winter, "Biomechanics and Motor Control of Human Movement" (2009), appendix A, and Perry and Burnfield, "Gait
-Analysis" (2010), part II. A stride runs from heel contact to the next heel contact of the same foot; the other leg is
-half a stride later. How stride, stance and the path of the trunk change with speed is from the sources named below.
+Analysis" (2010), part II. A gait cycle (one stride) runs from heel strike to the next heel strike of the same foot;
+the other leg is half a cycle later. Phases are fractions of the cycle since heel strike.
+
+The sole is flat between two arcs. A pitched foot rolls on the heel's arc (toes up) or the toes' arc (heel up) without
+slipping, so the point of contact of a foot in stance never moves over the ground.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import TypeAlias
 
-Array = NDArray[np.float64]
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pftrack_sim.core.types import FloatArray
+
+Sole: TypeAlias = tuple[FloatArray | float, FloatArray | float, FloatArray | float, FloatArray | float]
+"""As `Anatomy.sole_m`: x of the heel arc's centre, its radius, x of the toe arc's centre, its radius [m]."""
 
 _HARMONICS = 5
 
-# Every 5 % of a stride from heel contact [deg]; flexion and dorsiflexion are positive, the thigh against the vertical.
+# Every 5 % of a cycle from heel strike [deg]; flexion and dorsiflexion are positive, the thigh against the vertical.
 _THIGH = (23, 22, 20, 16, 11.5, 7, 2.5, -2, -6.5, -11, -14.5, -15.5, -12, -4, 6, 14.5, 20.5, 24.5, 26, 25)
 _KNEE = (5, 11, 16, 18, 17.5, 15, 12, 9, 7.5, 8.5, 13, 22, 37, 53, 62, 61.5, 51, 33, 15, 5)
 _ANKLE = (0, -4, -5, -2, 2, 4.5, 6.5, 8, 9.5, 10, 8, 1.5, -10, -18, -15, -8, -3, 0, 1, 1)
 
-
-def _harmonics_of(samples: ArrayLike) -> Array:
-    """`(2 * _HARMONICS + 1,)` least-squares coefficients: mean, then cosine and sine of each harmonic [rad]."""
-    values = np.radians(np.asarray(samples, dtype=float))
-    found = np.linalg.lstsq(_basis(np.arange(len(values)) / len(values)), values, rcond=None)[0]
-    return np.asarray(found, dtype=np.float64)
+_FOOT_FLAT = 0.13
+"""Phase at which the foot is flat after heel strike."""
+_HEEL_RISE = 0.30
+"""Phase at which the heel starts to leave the ground."""
 
 
-def _basis(cycle: Array) -> Array:
-    turn = 2.0 * np.pi * cycle[..., None] * np.arange(1, _HARMONICS + 1)
-    return np.concatenate([np.ones((*cycle.shape, 1)), np.cos(turn), np.sin(turn)], axis=-1)
+def _fourier_basis(phase: FloatArray) -> FloatArray:
+    """`(..., 2 * _HARMONICS + 1)`: 1, then cosines and sines of the harmonics."""
+    angle = 2.0 * np.pi * phase[..., None] * np.arange(1, _HARMONICS + 1)
+    return np.concatenate([np.ones((*phase.shape, 1)), np.cos(angle), np.sin(angle)], axis=-1)
 
 
-_COEFFICIENTS = np.stack([_harmonics_of(samples) for samples in (_THIGH, _KNEE, _ANKLE)], axis=1)
+def _fourier_coefficients(samples_deg: ArrayLike) -> FloatArray:
+    """`(2 * _HARMONICS + 1,)` least-squares coefficients [rad]."""
+    values = np.radians(np.asarray(samples_deg, dtype=float))
+    solution = np.linalg.lstsq(_fourier_basis(np.arange(len(values)) / len(values)), values, rcond=None)[0]
+    return np.asarray(solution, dtype=np.float64)
 
 
-def leg_angles(cycle: ArrayLike) -> tuple[Array, Array, Array]:
-    """Thigh against the vertical, knee flexion, ankle dorsiflexion [rad].
+_COEFFICIENTS = np.stack([_fourier_coefficients(samples) for samples in (_THIGH, _KNEE, _ANKLE)], axis=1)
 
-    Args:
-        cycle: Share of the stride since this foot's heel contact; any shape, any real number.
-    """
-    angles = _basis(np.asarray(cycle, dtype=float)) @ _COEFFICIENTS
+
+def leg_angles(phase: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Thigh against the vertical, knee flexion and ankle dorsiflexion [rad], each of the shape of `phase`."""
+    angles = _fourier_basis(np.asarray(phase, dtype=float)) @ _COEFFICIENTS
     return angles[..., 0], angles[..., 1], angles[..., 2]
 
 
-def stride_length(speed_m_s: ArrayLike, height_m: ArrayLike) -> Array:
-    """Length of a stride (two steps) at a speed [m].
+def shoulder_angles(phase: FloatArray, amplitude: FloatArray) -> FloatArray:
+    """Flexion of the shoulder [rad]: 24 deg back near the same side's heel strike, 8 deg forward near the other's.
 
-    Stride frequency grows with the 0.57th power of speed in statures per second, 64.8 strides a minute at one (Grieve
-    and Gear, Ergonomics 9:379, 1966; Grieve, Physiotherapy 54:283, 1968), so length grows with its 0.43rd power.
+    Murray, American Journal of Physical Medicine 46:290 (1967), at natural speed, where the amplitude is 1.
     """
-    height = np.asarray(height_m, dtype=float)
-    return np.asarray(height * (60.0 / 64.8) * np.maximum(np.asarray(speed_m_s) / height, 1e-4) ** 0.43)
+    swing = np.radians(16.0) * amplitude * np.cos(2.0 * np.pi * (phase - 0.03))
+    return np.radians(-6.0) * np.minimum(amplitude, 1.0) - swing
 
 
-def stance_share(speed_m_s: Array) -> Array:
-    """Share of the stride a foot stays on the ground: 62 % at natural speed, less when faster.
+def elbow_angles(phase: FloatArray, amplitude: FloatArray) -> FloatArray:
+    """Flexion of the elbow [rad], largest as the arm swings forward (Murray 1967, as `shoulder_angles`)."""
+    return np.radians(13.0) + np.radians(11.0) * amplitude * (1.0 - 0.85 * np.cos(2.0 * np.pi * (phase - 0.06)))
 
-    A linear fit to Murray et al., American Journal of Physical Medicine 45:8 (1966), and Murray et al., Acta
-    Orthopaedica Scandinavica 55 (1984).
+
+def rolled_ankle(pitch: FloatArray, ankle_m: FloatArray | float, sole: Sole) -> tuple[FloatArray, FloatArray]:
+    """Position of the ankle of a foot that rolls on the ground.
+
+    Args:
+        pitch: Angle of the foot, toes up positive [rad].
+        ankle_m: Height of the ankle above the sole.
+        sole: Arcs of the sole.
+
+    Returns:
+        x ahead of the ankle of the flat foot, and height above the ground [m].
     """
-    return np.clip(0.70 - 0.06 * speed_m_s, 0.55, 0.70)
+    heel_x, heel_radius, toe_x, toe_radius = sole
+    centre = np.where(pitch > 0.0, heel_x, toe_x)
+    radius = np.where(pitch > 0.0, heel_radius, toe_radius)
+    cos, sin = np.cos(pitch), np.sin(pitch)
+    above = ankle_m - radius
+    return centre - radius * pitch - centre * cos - above * sin, radius - centre * sin + above * cos
 
 
-def sideways_sway(speed_m_s: Array) -> Array:
-    """Amplitude of the trunk's sway towards the foot it stands on [m].
+def _swing_trajectory() -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
+    """Published swing: progress, travel, pitch relative to its ends; pitch at heel strike and toe-off [rad]."""
+    toe_off_phase, leg, stride, ankle = 0.62, 0.245, 0.82, 0.045
+    phase = np.linspace(toe_off_phase, 1.0, 65)
+    thigh, knee, dorsiflexion = leg_angles(phase)
+    pitch = thigh - knee + dorsiflexion
+    heel_strike, toe_off = float(pitch[-1]), float(-pitch[0])
+    # The path of the ankle over the ground, less the contribution of the rolling sole, is the path of the foot.
+    x = stride * phase + leg * (np.sin(thigh) + np.sin(thigh - knee))
+    ahead, _ = rolled_ankle(pitch, ankle, (-0.03, 0.016, 0.102, 0.028))
+    progress = np.linspace(0.0, 1.0, 65)
+    travel = np.maximum.accumulate((x - ahead) - (x - ahead)[0])
+    # Blended with a smooth step, so that the foot is at rest at both ends.
+    travel = 0.5 * np.clip(travel / travel[-1], 0.0, 1.0) + 0.5 * (progress**2 * (3.0 - 2.0 * progress))
+    return progress, travel, np.where(pitch < 0.0, pitch / toe_off, pitch / heel_strike), heel_strike, toe_off
 
-    Half of the 7.0 cm peak to peak at 0.7 m/s and 3.9 cm at 1.6 m/s that Orendurff et al. measured, Journal of
-    Rehabilitation Research and Development 41:829 (2004); it vanishes with the speed.
+
+_PROGRESS, _TRAVEL, _RELATIVE_PITCH, _HEEL_STRIKE, _TOE_OFF = _swing_trajectory()
+
+
+def heel_strike_pitch(speed_m_s: FloatArray) -> FloatArray:
+    """Toes-up angle of the foot at heel strike [rad]: the published 18 deg at natural speed, less when slower."""
+    return _HEEL_STRIKE * 1.25 * (1.0 - np.exp(-speed_m_s / 0.8))
+
+
+def toe_off_pitch(speed_m_s: FloatArray) -> FloatArray:
+    """Heel-up angle of the foot at toe-off [rad], positive: about 57 deg at natural speed.
+
+    That is less than the published 67 deg, because the toes of the shoe do not bend.
     """
-    return np.clip(0.0471 - 0.0172 * speed_m_s, 0.012, 0.035) * once_moving(speed_m_s)
+    return _TOE_OFF * 0.97 * (1.0 - np.exp(-speed_m_s / 0.6))
 
 
-def bob(speed_m_s: Array) -> Array:
-    """Vertical travel of the pelvis, peak to peak [m]: 2.7 cm at 0.7 m/s, 4.8 cm at 1.6 m/s (Orendurff et al. 2004)."""
-    return np.clip(0.0111 + 0.0232 * speed_m_s, 0.0, 0.075) * once_moving(speed_m_s)
+def stance_pitch(
+    phase: FloatArray, stance_fraction: FloatArray, heel_strike_rad: FloatArray, toe_off_rad: FloatArray
+) -> FloatArray:
+    """Pitch of a foot in stance, toes up positive [rad]: down from heel strike, flat, up to toe-off.
 
-
-def once_moving(speed_m_s: Array) -> Array:
-    """0 at rest, rising smoothly to 1 at 0.4 m/s."""
-    share = np.clip(speed_m_s / 0.4, 0.0, 1.0)
-    return share * share * (3.0 - 2.0 * share)
-
-
-def shoulder_angles(cycle: Array, swing: Array) -> Array:
-    """Flexion of the shoulder [rad]: 24 deg back near the same side's heel contact, 8 deg forward near the other's.
-
-    Murray, American Journal of Physical Medicine 46:290 (1967), at natural speed, where `swing` is 1.
+    Args:
+        phase: Fraction of the cycle since heel strike.
+        stance_fraction: Phase at toe-off.
+        heel_strike_rad: Toes-up angle at heel strike.
+        toe_off_rad: Heel-up angle at toe-off.
     """
-    return np.radians(-6.0) * np.minimum(swing, 1.0) - np.radians(16.0) * swing * np.cos(2.0 * np.pi * (cycle - 0.03))
+    down = np.maximum(1.0 - phase / _FOOT_FLAT, 0.0)
+    up = np.minimum(np.maximum((phase - _HEEL_RISE) / (stance_fraction - _HEEL_RISE), 0.0), 1.0)
+    return heel_strike_rad * down**1.5 - toe_off_rad * up**2.7
 
 
-def elbow_angles(cycle: Array, swing: Array) -> Array:
-    """Flexion of the elbow [rad]: most as the arm swings forward (Murray 1967, as `shoulder_angles`)."""
-    return np.radians(13.0) + np.radians(11.0) * swing * (1.0 - 0.85 * np.cos(2.0 * np.pi * (cycle - 0.06)))
+def swing_motion(
+    progress: FloatArray, heel_strike_rad: FloatArray, toe_off_rad: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Motion of a foot in swing, from the published joint angles.
+
+    Args:
+        progress: 0 at toe-off, 1 at heel strike.
+        heel_strike_rad: Toes-up angle at heel strike.
+        toe_off_rad: Heel-up angle at toe-off.
+
+    Returns:
+        Fraction of the way to the next foothold, pitch [rad], and height of the sole's lowest point relative to its
+        maximum.
+    """
+    relative = np.interp(progress, _PROGRESS, _RELATIVE_PITCH)
+    pitch = np.where(relative < 0.0, toe_off_rad, heel_strike_rad) * relative
+    return np.interp(progress, _PROGRESS, _TRAVEL), pitch, np.sin(np.pi * progress) ** 1.2

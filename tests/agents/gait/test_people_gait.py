@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.gait.joint_trajectories import leg_angles, stride_length
-from pftrack_sim.agents.gait.limb_rotations import quaternions, turned
+from pftrack_sim.agents.gait.gait_parameters import stride_length
+from pftrack_sim.agents.gait.joint_trajectories import leg_angles
+from pftrack_sim.agents.gait.kinematics import quaternions, rotation_matrices
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.outfit import sample_outfit
@@ -61,7 +62,7 @@ def walk(speed: Law, turn: Law = lambda t: 0.0, seconds: float = 5.0, start: flo
         heading = heading + turn(tick * DT) * DT
         position = position + speed(tick * DT) * DT * np.stack([np.cos(heading), np.sin(heading)], -1)
         gait.advance(DT, position, heading)
-        seen.append((*gait.poses(), gait.standing, gait.phases, gait.root_poses(), position))
+        seen.append((*gait.poses(), gait.in_stance, gait.phases, gait.root_poses(), position))
     places, quats, standing, phases, roots, paths = (np.array(column) for column in zip(*seen, strict=True))
     return Walk(anatomies, places, matrices(quats), standing, phases, roots, paths)
 
@@ -276,6 +277,6 @@ def test_one_generator_per_person():
 def test_quaternions_turn_as_their_matrices():
     rng = np.random.default_rng(0)
     angles = rng.uniform(-np.pi, np.pi, (3, 200))
-    rotations = turned(*angles)
+    rotations = rotation_matrices(*angles)
     assert np.abs(rotations @ rotations.swapaxes(-1, -2) - np.eye(3)).max() < 1e-12
     assert np.abs(matrices(quaternions(rotations)) - rotations).max() < 1e-12

@@ -58,7 +58,7 @@ class Moves:
             at, turned = gait.poses()
             places.append(at)
             turns.append(turned)
-            standing.append(gait.standing)
+            standing.append(gait.in_stance)
         self.places, self.turns, self.standing = np.array(places), np.array(turns), np.array(standing)
 
     def slide_m(self) -> float:
