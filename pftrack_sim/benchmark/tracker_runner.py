@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from typing import Literal, TypeAlias, cast, get_args
 
 import numpy as np
@@ -19,7 +18,6 @@ from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, try_make
-from pftrack_sim.trackers.registry import GROUP
 
 Isolation: TypeAlias = Literal["auto", "always", "never"]
 """Which trackers run in a process of their own; `"auto"`: third-party trackers."""
@@ -197,4 +195,4 @@ def is_isolated(name: str, isolation: Isolation) -> bool:
     """Whether a tracker runs in a process of its own."""
     if isolation != "auto":
         return isolation == "always"
-    return name not in trackers.names() or name in {point.name for point in entry_points(group=GROUP)}
+    return not trackers.is_builtin(name)

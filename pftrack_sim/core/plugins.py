@@ -1,101 +1,140 @@
-"""Names of ours and of strangers: entry points of installed packages, or spelled out as `package.module:factory`."""
+"""Registry of factories: built-in ones, those of installed packages, and any `package.module:factory`.
+
+Installed packages announce theirs in an entry-point group. A built-in name cannot be taken.
+"""
 
 from __future__ import annotations
 
 import importlib
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from pftrack_sim.core.errors import PftrackError, UnknownNameError, did_you_mean
+from pftrack_sim.core.errors import ParameterError, PftrackError, UnknownNameError, did_you_mean
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Names:
-    """One kind of thing that can be had by name.
+class BuiltIn(Generic[T]):
+    """A factory of this package, with a description of one line."""
+
+    factory: Callable[..., T]
+    description: str
+
+
+@dataclass(frozen=True)
+class Registry(Generic[T]):
+    """Factories of one interface by name.
 
     Attributes:
-        kind: What it is, for messages: `"tracker"`.
-        group: The entry-point group in which packages announce theirs.
-        error_type: Raised where a stranger's factory cannot be loaded, or fails.
-        ours: Names of ours with one line on each; nobody else can have them.
+        kind: What the factories make, for messages: `"tracker"`.
+        group: Entry-point group of third-party factories.
+        error_type: Raised when a third-party factory cannot be loaded, fails, or makes something else.
+        interface: Runtime-checkable protocol that every product must satisfy.
+        methods: The protocol's methods, for messages.
+        builtin: Built-in factories by name.
     """
 
     kind: str
     group: str
     error_type: type[PftrackError]
-    ours: Mapping[str, str]
+    interface: type[Any]
+    methods: tuple[str, ...]
+    builtin: Mapping[str, BuiltIn[T]]
 
-    def all(self) -> list[str]:
-        """Every name, sorted: ours and those of installed packages."""
-        return sorted({*self.ours, *self._installed()})
+    def names(self) -> list[str]:
+        """All names, sorted: built-in and installed."""
+        return sorted({*self.builtin, *self._installed()})
 
     def describe(self, name: str) -> str:
-        """What it is, in one line.
+        """Description of one of `names()` in one line.
 
         Raises:
             UnknownNameError: No such name.
         """
-        if name in self.ours:
-            return self.ours[name]
+        if name in self.builtin:
+            return self.builtin[name].description
         installed = self._installed()
         if name not in installed:
-            raise UnknownNameError(self.kind, name, self.all())
+            raise UnknownNameError(self.kind, name, self.names())
         return f"installed {self.kind} {installed[name].value}"
 
-    def load(self, name: str) -> Callable[..., Any]:
-        """The factory of a stranger, announced by a package or spelled out.
+    def make(self, name: str, params: Mapping[str, Any], **always: Any) -> T:
+        """Call a factory.
+
+        Args:
+            name: One of `names()`, or `package.module:factory`.
+            params: The user's parameters for the factory.
+            always: Arguments that every factory of this registry takes.
 
         Raises:
             UnknownNameError: No such name.
-            PftrackError: It cannot be loaded; of the type `error_type`.
+            ParameterError: The factory has no such parameter, or refuses its value.
+            PftrackError: Of `error_type`: a third-party factory cannot be loaded, fails, or makes something else.
         """
-        installed = self._installed()
-        if name not in installed and ":" not in name:
-            raise UnknownNameError(self.kind, name, self.all())
-        return load(self.kind, name, installed[name].value if name in installed else name, self.error_type)
-
-    def call(self, name: str, factory: Callable[..., Any], **arguments: Any) -> Any:
-        """What a factory makes.
-
-        Raises:
-            PftrackError: As the factory raised it, or of the type `error_type` for anything else that it raised.
-        """
+        factory = self.builtin[name].factory if name in self.builtin else self._load(name)
+        self._check_arguments(name, factory, params, always)
         try:
-            return factory(**arguments)
+            product = factory(**always, **params)
         except PftrackError:
             raise
         except Exception as error:
-            says = f"{type(error).__name__}: {error}"
-            raise self.error_type(f"{self.kind} {name!r} could not be made: {says}") from error
+            text = f"{type(error).__name__}: {error}"
+            raise self.error_type(f"{self.kind} {name!r} could not be made: {text}") from error
+        if not isinstance(product, self.interface):
+            methods, made = " and ".join(self.methods), type(product).__name__
+            raise self.error_type(f"{self.kind} {name!r}: its factory made a {made} without {methods}")
+        return product
 
     def _installed(self) -> dict[str, EntryPoint]:
-        return {point.name: point for point in entry_points(group=self.group) if point.name not in self.ours}
+        return {point.name: point for point in entry_points(group=self.group) if point.name not in self.builtin}
 
+    def _load(self, name: str) -> Callable[..., Any]:
+        """Import a third-party factory, given its entry-point name or `package.module:factory`."""
+        installed = self._installed()
+        if name not in installed and ":" not in name:
+            raise UnknownNameError(self.kind, name, self.names())
+        path = installed[name].value if name in installed else name
+        failure = f"{self.kind} {name!r} cannot be loaded"
+        module_name, _, attribute = path.partition(":")
+        module_name, attribute = module_name.strip(), attribute.partition("[")[0].strip()
+        if not module_name or not attribute:
+            raise self.error_type(f"{failure}: expected package.module:factory")
+        try:
+            target: Any = importlib.import_module(module_name)
+        except Exception as error:
+            raise self.error_type(f"{failure}: {type(error).__name__}: {error}") from error
+        for part in attribute.split("."):
+            if not hasattr(target, part):
+                near = did_you_mean(part, [key for key in dir(target) if not key.startswith("_")])
+                raise self.error_type(f"{failure}: {module_name} has no {attribute!r}{near}")
+            target = getattr(target, part)
+        if not callable(target):
+            raise self.error_type(f"{failure}: {path} is no factory, it cannot be called")
+        return target
 
-def load(kind: str, name: str, spelled: str, error_type: type[PftrackError]) -> Callable[..., Any]:
-    """The factory behind `package.module:factory`.
-
-    Args:
-        kind: What it makes, for the message: `"tracker"`.
-        name: What the user asked for.
-        spelled: Module and factory.
-        error_type: Raised when there is no such factory.
-    """
-    module_name, _, attribute = spelled.partition(":")
-    module_name, attribute = module_name.strip(), attribute.partition("[")[0].strip()
-    if not module_name or not attribute:
-        raise error_type(f"{kind} {name!r} cannot be loaded: expected package.module:factory")
-    try:
-        found: Any = importlib.import_module(module_name)
-    except Exception as error:
-        raise error_type(f"{kind} {name!r} cannot be loaded: {type(error).__name__}: {error}") from error
-    for part in attribute.split("."):
-        if not hasattr(found, part):
-            near = did_you_mean(part, [one for one in dir(found) if not one.startswith("_")])
-            raise error_type(f"{kind} {name!r} cannot be loaded: {module_name} has no {attribute!r}{near}")
-        found = getattr(found, part)
-    if not callable(found):
-        raise error_type(f"{kind} {name!r} cannot be loaded: {spelled} is no factory, it cannot be called")
-    return found
+    def _check_arguments(
+        self, name: str, factory: Callable[..., Any], params: Mapping[str, Any], always: Mapping[str, Any]
+    ) -> None:
+        try:
+            signature = inspect.signature(factory)
+        except (TypeError, ValueError):
+            return  # a compiled factory without a signature: the call itself reports wrong arguments
+        try:
+            signature.bind_partial(**always)
+        except TypeError as error:
+            takes = ", ".join(always)
+            raise self.error_type(f"{self.kind} {name!r}: its factory must take ({takes}, **params): {error}") from None
+        parameters = signature.parameters
+        if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
+            return
+        allowed = sorted({*parameters} - {*always})
+        for key in params:
+            if key not in allowed:
+                listed = ", ".join(allowed) or "none"
+                raise ParameterError(
+                    f"{self.kind} {name!r} has no parameter {key!r}{did_you_mean(key, allowed)} (allowed: {listed})"
+                )

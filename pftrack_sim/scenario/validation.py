@@ -32,7 +32,7 @@ def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None =
             allowed = _allowed_keys(path[:-1], tree, schema)
             yield (
                 f"{dotted(path)}: unknown key (value {_short(given)}){did_you_mean(str(path[-1]), allowed)} "
-                f"(allowed: {', '.join(allowed)})"
+                f"(allowed: {', '.join(allowed) or 'none'})"
             )
         elif kind == "missing":
             yield f"{dotted(path)}: required key is missing"

@@ -1,20 +1,20 @@
-"""Trackers: pixels in, boxes out. Nothing here can see the truth, except `oracle`, which is told it.
+"""Trackers: images in, boxes out. No tracker gets the ground truth, except those that implement `NeedsTruth`.
 
     tracker = make("ko2012", seed=3)
     tracker.init(image, box)
     estimate = tracker.update(next_image)
 
-Built so that a paper is a few lines: `filter` moves and weighs particles and knows no pixels, `appearance` compares
-image regions and knows no filter, and one module per paper puts them together with its numbers in a frozen dataclass.
+`filters` holds particle filters without any knowledge of images, `features` appearance models without any knowledge of
+filters; one module per paper combines them and holds its parameters.
 
-Whatever the tracker, `Estimate.confidence` means one thing: how similar what lies under the box is to the tracker's
-model of the target, from 0 to 1, where 1 is identical. A tracker that measures no similarity reports 1 while it
-has found the target, and 0 when it says it has not.
+`Estimate.confidence` is the similarity between the estimated box and the tracker's model of the target, from 0 to 1
+(identical). Trackers that measure no similarity report 1, and 0 in frames where they report a loss.
 """
 
 from __future__ import annotations
 
 from pftrack_sim.trackers.base import NeedsTruth
-from pftrack_sim.trackers.registry import PRESETS, describe, make, names
+from pftrack_sim.trackers.parameters import PRESETS
+from pftrack_sim.trackers.registry import describe, is_builtin, make, names
 
-__all__ = ["PRESETS", "NeedsTruth", "describe", "make", "names"]
+__all__ = ["PRESETS", "NeedsTruth", "describe", "is_builtin", "make", "names"]

@@ -122,7 +122,7 @@ def test_a_tracker_that_needs_what_is_not_there_says_so(tmp_path: Path):
         (["opencv-vit", "--param", f"opencv-vit.model={absent}"], absent),
         (["ko2021"], "did you mean 'ko2012'"),
         (["ko2012,stay", "--param", "ko2012.aplha=0.1"], "did you mean 'alpha'"),
-        (["ko2012,stay", "--param", "alpha=0.1"], "stay: unknown parameter 'alpha'"),
+        (["ko2012,stay", "--param", "alpha=0.1"], "stay: alpha: unknown key (value 0.1) (allowed: none)"),
         (["stay", "--video", f"{square}/groundtruth_rect.txt"], "neither a folder nor a name that ends in .mp4"),
     ):
         done = pftrack_sim("evaluate", square, "--tracker", *given)

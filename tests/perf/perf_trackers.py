@@ -25,8 +25,8 @@ import numpy as np
 
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.trackers.features import colour, histogram, texture
-from pftrack_sim.trackers.features.model import window
+from pftrack_sim.trackers.features import histogram, pixel_codes
+from pftrack_sim.trackers.features.image_region import crop
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.papers import ko2012
 
@@ -145,9 +145,9 @@ def breakdown() -> None:
     filtered.predict(RandomWalk(walk_sigma, params.size_correlation))
     particles = np.concatenate([filtered.states[:, :2] - 0.5 * filtered.states[:, 2:], filtered.states[:, 2:]], axis=1)
     image = walk.image(1)
-    part, corner = window(image, particles)
-    local = particles - corner
-    hsv, patterns = colour.hsv_codes(part, ko2012.COLOUR_BINS), texture.cs_lbp_codes(part)
+    region = crop(image, particles)
+    part, local = region.pixels, region.to_region(particles)
+    hsv, patterns = pixel_codes.hsv_codes(part, ko2012.COLOUR_BINS), pixel_codes.cs_lbp_codes(part)
     kernel, cells = (one.layout for one in tracker.features)
     models = [histogram.histogram(codes, local[0], one) for codes, one in ((hsv, kernel), (patterns, cells))]
 
@@ -160,10 +160,10 @@ def breakdown() -> None:
     parts: dict[str, Callable[[], Any]] = {
         "colour histograms of the particles": lambda: histogram.similarities(hsv, local, kernel, models[0]),
         "texture histograms of the particles": lambda: histogram.similarities(patterns, local, cells, models[1]),
-        f"colours of the {part.shape[1]}x{part.shape[0]} window into codes": lambda: colour.hsv_codes(
+        f"colours of the {part.shape[1]}x{part.shape[0]} window into codes": lambda: pixel_codes.hsv_codes(
             part, ko2012.COLOUR_BINS
         ),
-        "its texture into codes": lambda: texture.cs_lbp_codes(part),
+        "its texture into codes": lambda: pixel_codes.cs_lbp_codes(part),
         "predict, weigh, estimate, resample": steps,
     }
     whole = median(costs_ms({"ko2012": tracker}, walk, 100).values())

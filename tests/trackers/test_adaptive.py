@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.trackers.filters.adaptive import AdaptiveSpread, shift, slopes
+from pftrack_sim.trackers.filters import AdaptiveNoise, adaptive_velocity, fit_slopes
 
-SPREAD = AdaptiveSpread(noise=1.0, noise_min=0.5, noise_max=2.5, count=200, count_max=450)
+SPREAD = AdaptiveNoise(noise=1.0, noise_min=0.5, noise_max=2.5, count=200, count_max=450)
 
 
 @pytest.mark.parametrize(
@@ -29,19 +29,19 @@ def test_a_poorer_prediction_never_narrows_the_search(one: float, other: float):
 
 
 def test_there_is_always_a_particle():
-    assert AdaptiveSpread(noise=10, noise_min=0.01, noise_max=10, count=1, count_max=5).particles(0.01) == 1
+    assert AdaptiveNoise(noise=10, noise_min=0.01, noise_max=10, count=1, count_max=5).particles(0.01) == 1
 
 
 @pytest.mark.parametrize("given", [{"noise_min": 1.1}, {"noise_max": 0.9}, {"noise_min": 0.0}])
 def test_noises_that_do_not_rise_are_refused(given: dict[str, float]):
-    with pytest.raises(ParameterError, match="noise must be > 0 and rise"):
-        AdaptiveSpread(**{"noise": 1.0, "noise_min": 0.5, "noise_max": 2.0, **given}, count=1, count_max=1)
+    with pytest.raises(ParameterError, match="noise_min <= noise <= noise_max"):
+        AdaptiveNoise(**{"noise": 1.0, "noise_min": 0.5, "noise_max": 2.0, **given}, count=1, count_max=1)
 
 
 @pytest.mark.parametrize(("count", "count_max"), [(0, 5), (6, 5)])
 def test_numbers_of_particles_that_do_not_rise_are_refused(count: int, count_max: int):
-    with pytest.raises(ParameterError, match="number of particles"):
-        AdaptiveSpread(1.0, 0.5, 2.0, count=count, count_max=count_max)
+    with pytest.raises(ParameterError, match="particle_count <= particle_count_max"):
+        AdaptiveNoise(1.0, 0.5, 2.0, count=count, count_max=count_max)
 
 
 UNITS = np.array([300.0, 20.0, 0.01, 0.05])
@@ -59,18 +59,18 @@ def linear_toy(kind: type[np.floating], particle_count: int = 60) -> tuple[np.nd
 def test_the_velocity_of_a_linear_toy_is_exact(kind: type[np.floating], digits: float):
     """Eq. 8 where the first-order fit holds everywhere: units as far apart as pixels and radians."""
     matrix, particles, seen = linear_toy(kind)
-    fitted = slopes(particles, seen)
+    fitted = fit_slopes(particles, seen)
     assert fitted.dtype == kind
     assert np.allclose(fitted * UNITS[:, None], matrix * UNITS[:, None], rtol=0, atol=10 * digits)
     moved = UNITS * [0.3, -2.0, 0.5, 1.5]
     # The target has moved: what is seen at the old state is what was there before, less the shift's effect.
-    found = shift(fitted, (-moved @ matrix).astype(kind))
+    found = adaptive_velocity(fitted, (-moved @ matrix).astype(kind))
     assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=10 * digits)
 
 
 def test_no_surprise_no_velocity():
     _, particles, seen = linear_toy(np.float64)
-    assert np.array_equal(shift(slopes(particles, seen), np.zeros(90)), np.zeros(4))
+    assert np.array_equal(adaptive_velocity(fit_slopes(particles, seen), np.zeros(90)), np.zeros(4))
 
 
 def test_what_particles_do_not_tell_stays():
@@ -79,31 +79,20 @@ def test_what_particles_do_not_tell_stays():
     still = particles.copy()
     still[:, 1] = 0.0
     moved = UNITS * [0.3, 0.0, 0.5, 1.5]
-    found = shift(slopes(still, still @ matrix), -moved @ matrix)
+    found = adaptive_velocity(fit_slopes(still, still @ matrix), -moved @ matrix)
     assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=1e-9)
     blind = matrix.copy()
     blind[1] = 0.0
-    found = shift(slopes(particles, particles @ blind), -moved @ blind)
+    found = adaptive_velocity(fit_slopes(particles, particles @ blind), -moved @ blind)
     assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=1e-9)
 
 
 def test_nothing_is_known_from_one_particle():
-    assert np.array_equal(shift(slopes(np.zeros((1, 4)), np.zeros((1, 9))), np.ones(9)), np.zeros(4))
+    assert np.array_equal(adaptive_velocity(fit_slopes(np.zeros((1, 4)), np.zeros((1, 9))), np.ones(9)), np.zeros(4))
 
 
 def test_noise_in_what_is_seen_averages_out():
     matrix, particles, seen = linear_toy(np.float64, 400)
     noisy = seen + 0.3 * np.random.default_rng(0).standard_normal(seen.shape)
     moved = UNITS * [0.3, -0.2, 0.5, 1.0]
-    assert np.abs(shift(slopes(particles, noisy), -moved @ matrix) / UNITS - moved / UNITS).max() < 0.05
-
-
-def test_numbers_of_no_weight_are_not_listened_to():
-    matrix, particles, seen = linear_toy(np.float64)
-    moved = UNITS * [0.3, -0.2, 0.5, 1.0]
-    weights = np.ones(90)
-    weights[40:] = 0.0
-    surprise = -moved @ matrix
-    surprise[40:] = 50.0
-    found = shift(slopes(particles, seen), surprise, weights)
-    assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=1e-8)
+    assert np.abs(adaptive_velocity(fit_slopes(particles, noisy), -moved @ matrix) / UNITS - moved / UNITS).max() < 0.05

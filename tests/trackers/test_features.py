@@ -6,22 +6,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pftrack_sim.trackers.features.colour import hsv_codes, rgb_codes
 from pftrack_sim.trackers.features.histogram import (
     COLUMNS,
     ROWS,
     BinLayout,
     cell_layout,
     epanechnikov_layout,
-    flat_layout,
     histogram,
     similarities,
+    uniform_layout,
 )
-from pftrack_sim.trackers.features.likelihood import log_mixture
-from pftrack_sim.trackers.features.model import Feature, HistogramModel
-from pftrack_sim.trackers.features.texture import cs_lbp_codes
+from pftrack_sim.trackers.features.histogram_model import Feature, HistogramModel, log_mixture
+from pftrack_sim.trackers.features.pixel_codes import cs_lbp_codes, hsv_codes, rgb_codes
 
-LAYOUTS = [flat_layout(3, 16), epanechnikov_layout(3, 128), cell_layout(4, 4, 1, 16)]
+LAYOUTS = [uniform_layout(3, 16), epanechnikov_layout(3, 128), cell_layout(4, 4, 1, 16)]
 RNG = np.random.default_rng(0)
 
 
@@ -111,7 +109,7 @@ def test_similarity_is_one_with_itself_and_symmetric(layout: BinLayout, seed: in
 
 
 def test_points_outside_the_image_match_nothing():
-    layout = flat_layout(1, 4)
+    layout = uniform_layout(1, 4)
     codes = np.zeros((40, 40, 1), np.uint8)
     model = histogram(codes, np.array([0.0, 0, 40, 40]), layout)
     boxes = np.array([[0.0, 0, 40, 40], [20, 0, 40, 40], [20, 20, 40, 40], [90, 0, 40, 40]])
@@ -173,12 +171,12 @@ def test_a_window_of_the_image_gives_what_the_whole_gives():
     image = RNG.integers(0, 256, (80, 100, 3), dtype=np.uint8)
     features = [
         Feature(cs_lbp_codes, cell_layout(4, 4, 1, 16)),
-        Feature(lambda i: hsv_codes(i, 32), flat_layout(3, 32)),
+        Feature(lambda i: hsv_codes(i, 32), uniform_layout(3, 32)),
     ]
     model = HistogramModel(features, image, np.array([30.0, 20, 20, 30]))
     boxes = RNG.uniform([-20, -20, 5, 5], [110, 90, 60, 60], (40, 4))
-    together = model.similarities(image, boxes)
-    alone = np.concatenate([model.similarities(image, box[None]) for box in boxes], axis=1)
+    together = model.encode(image, boxes).similarities(boxes)
+    alone = np.concatenate([model.encode(image, box[None]).similarities(box[None]) for box in boxes], axis=1)
     assert together.shape == (2, 40)
     assert np.array_equal(together, alone)
     whole = np.stack(

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk, effective_sample_size, systematic
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk, systematic_resampling
 
 WEIGHTS = np.array([0.02, 0.2, 0.0, 0.31, 0.07, 0.15, 0.25])
 
 
 def test_systematic_resampling_is_unbiased():
     rng = np.random.default_rng(0)
-    draws = np.array([systematic(WEIGHTS, rng, 1)[0] for _ in range(100_000)])
+    draws = np.array([systematic_resampling(WEIGHTS, rng, 1)[0] for _ in range(100_000)])
     seen = np.bincount(draws, minlength=WEIGHTS.size)
     assert seen[2] == 0
     some = WEIGHTS > 0
@@ -23,7 +23,7 @@ def test_systematic_resampling_is_unbiased():
 
 def test_systematic_resampling_of_many_is_unbiased():
     rng = np.random.default_rng(1)
-    counts = np.array([np.bincount(systematic(WEIGHTS, rng), minlength=7) for _ in range(15_000)])
+    counts = np.array([np.bincount(systematic_resampling(WEIGHTS, rng), minlength=7) for _ in range(15_000)])
     error = counts.mean(axis=0) - 7 * WEIGHTS
     assert (np.abs(error) <= 4 * counts.std(axis=0) / np.sqrt(len(counts)) + 1e-12).all()
 
@@ -34,24 +34,12 @@ positive = arrays(np.float64, st.integers(1, 40), elements=st.floats(0, 1)).filt
 @given(positive, st.integers(0, 2**32 - 1), st.integers(1, 60))
 def test_systematic_resampling_is_never_one_away(raw: np.ndarray, seed: int, count: int):
     weights = raw / raw.sum()
-    chosen = systematic(weights, np.random.default_rng(seed), count)
+    chosen = systematic_resampling(weights, np.random.default_rng(seed), count)
     seen = np.bincount(chosen, minlength=weights.size)
     assert chosen.size == count
     assert (np.diff(chosen) >= 0).all()
     assert (np.abs(seen - count * weights) < 1 + 1e-6).all()
     assert (seen[weights == 0] == 0).all()
-
-
-@given(positive)
-def test_effective_sample_size_lies_between_one_and_all(raw: np.ndarray):
-    size = effective_sample_size(raw / raw.sum())
-    assert 1 - 1e-9 <= size <= raw.size + 1e-9
-
-
-def test_effective_sample_size_by_hand():
-    assert effective_sample_size(np.full(8, 1 / 8)) == pytest.approx(8)
-    assert effective_sample_size(np.eye(5)[2]) == 1
-    assert effective_sample_size(np.array([0.5, 0.5, 0, 0])) == 2
 
 
 def test_random_walk_has_the_noise_it_says():
@@ -102,7 +90,6 @@ def test_weights_survive_likelihoods_too_small_for_a_float():
     moving.weigh(np.array([-5000.0, -5000 + np.log(3), -np.inf]))
     assert np.allclose(moving.weights, [0.25, 0.75, 0], atol=1e-12)
     assert moving.mean()[0] == pytest.approx(0.75)
-    assert moving.effective_sample_size == pytest.approx(1 / (0.25**2 + 0.75**2))
 
 
 def test_all_weigh_the_same_when_nothing_is_likely():
@@ -125,12 +112,12 @@ def test_resampling_and_restarting_forget_the_weights():
     given_states = np.arange(5.0)[:, None]
     moving = ParticleFilter(given_states, np.random.default_rng(0))
     moving.weigh(np.log([1e-9, 1e-9, 1.0, 1e-9, 1e-9]))
-    moving.resample(count=8)
-    assert moving.states.shape == (8, 1)
+    moving.resample()
+    assert moving.states.shape == (5, 1)
     assert moving.states.mean() == pytest.approx(2, abs=0.01)
-    assert np.allclose(moving.weights, 1 / 8, atol=1e-15)
+    assert np.allclose(moving.weights, 1 / 5, atol=1e-15)
     moving.restart(np.array([7.0]))
-    assert moving.states.ravel().tolist() == [7.0] * 8
+    assert moving.states.ravel().tolist() == [7.0] * 5
     assert given_states.ravel().tolist() == [0, 1, 2, 3, 4]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
-from pftrack_sim.trackers.papers.ko2012 import METHODS, PAPER
+from pftrack_sim.trackers.papers.ko2012 import METHODS, Ko2012Parameters
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 
@@ -21,8 +21,9 @@ def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> np.ndarray:
 
 
 def test_paper_preset_holds_the_printed_values():
-    assert (PAPER.sigma_centre, PAPER.sigma_size, PAPER.sigma_unit, PAPER.alpha) == (1.0, 0.64, "px", 0.4)
-    assert PAPER.size_correlation == 0.0
+    paper = Ko2012Parameters()
+    assert (paper.sigma_centre, paper.sigma_size, paper.sigma_unit, paper.alpha) == (1.0, 0.64, "px", 0.4)
+    assert paper.size_correlation == 0.0
 
 
 @pytest.mark.parametrize("preset", trackers.PRESETS)

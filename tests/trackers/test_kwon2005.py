@@ -11,7 +11,7 @@ import pytest
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Estimate
-from pftrack_sim.trackers.papers.kwon2005 import PAPER, Kwon2005
+from pftrack_sim.trackers.papers.kwon2005 import Kwon2005, Kwon2005Parameters
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 MOTIONS = ["similarity", "affine"]
@@ -93,7 +93,8 @@ def watch(images: list[np.ndarray], box: np.ndarray, **given: Any) -> Seen:
 
 
 def test_paper_preset_holds_the_printed_values():
-    assert (PAPER.outlier_c, PAPER.occlusion_share, PAPER.velocity) == (1.3, 0.2, True)
+    paper = Kwon2005Parameters()
+    assert (paper.outlier_c, paper.occlusion_share, paper.velocity) == (1.3, 0.2, True)
 
 
 # A template of 25 points is a fine one's blur: now and then a fifth of so few are off for a frame or two.

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
-from pftrack_sim.trackers.features.blocks import block_size, read_blocks
-from pftrack_sim.trackers.features.colour import hsv_joint_codes
 from pftrack_sim.trackers.features.histogram import distance_layout, histogram, histograms
+from pftrack_sim.trackers.features.image_region import block_means, block_size
+from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ConstantVelocity
-from pftrack_sim.trackers.papers.lee2012 import METHODS, PAPER, PRESETS, Lee2012
+from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 NAMES = sorted(METHODS)
@@ -42,7 +42,7 @@ def test_paper_preset_holds_the_printed_values():
         "learned_sigma_hog": 0.4,
         "window": 40,
     }
-    assert {name: getattr(PAPER, name) for name in printed} == printed
+    assert {name: getattr(Lee2012Parameters(), name) for name in printed} == printed
 
 
 def test_every_method_is_registered():
@@ -82,8 +82,8 @@ def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scen
     """The preset `paper` has its noise in pixels, as printed, and so needs twice the noise."""
     images, truth = make_scene(count=25)
     doubled = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST) for image in images]
-    numbers = PRESETS[preset]
-    noise = {key: getattr(numbers, key) for key in vars(numbers) if key.startswith("noise_") and key != "noise_unit"}
+    numbers = Lee2012Parameters.from_preset(name, preset, {})
+    noise = {key: value for key, value in numbers if key.startswith("noise_") and key != "noise_unit"}
     twice = {key: 2 * value for key, value in noise.items()} if numbers.noise_unit == "px" else {}
     small = run(images, truth[0], name, seed=seed, preset=preset, window=12)
     large = run(doubled, 2 * truth[0], name, seed=seed, preset=preset, window=12, **twice)
@@ -212,7 +212,7 @@ def test_many_histograms_are_one_and_one(x: float, y: float, w: float, h: float)
 def test_blocks_hold_means_and_boxes_stay_where_they_are(block: tuple[float, float]):
     image = np.random.default_rng(0).integers(0, 256, (200, 180, 3), dtype=np.uint8)
     box = np.array([41.0, 33, 48, 72])
-    part = read_blocks(image, box[None], block)
+    part = block_means(image, box[None], block)
     assert part.step.tolist() == list(block)
     x, y = (int(one) for one in part.origin)
     width, height = (int(one) for one in block)
@@ -220,7 +220,7 @@ def test_blocks_hold_means_and_boxes_stay_where_they_are(block: tuple[float, flo
     cut = image[y : y + height * rows, x : x + width * columns].astype(np.float64)
     means = cut.reshape(rows, height, columns, width, 3).mean(axis=(1, 3))
     assert np.abs(part.pixels - means).max() <= 0.5 + 1e-9
-    local = part.local(box[None])[0]
+    local = part.to_region(box[None])[0]
     assert np.allclose(local[:2] * block + part.origin, box[:2], rtol=0, atol=1e-12)
     assert np.allclose(local[2:] * block, box[2:], rtol=0, atol=1e-12)
     assert (local[:2] >= 0).all()
@@ -231,7 +231,7 @@ def test_blocks_hold_means_and_boxes_stay_where_they_are(block: tuple[float, flo
 def test_blocks_of_broken_size_are_integrals_over_area(width: float, height: float, x: float, y: float):
     """Against the integral image, read between its points; there the integral of a piecewise constant image is."""
     image = np.random.default_rng(1).integers(0, 256, (61, 83, 3), dtype=np.uint8)
-    part = read_blocks(image, np.array([[x, y, 20.0, 25]]), (width, height))
+    part = block_means(image, np.array([[x, y, 20.0, 25]]), (width, height))
     rows, columns = part.pixels.shape[:2]
     ends_x = part.origin[0] + np.arange(columns + 1) * width
     ends_y = part.origin[1] + np.arange(rows + 1) * height
@@ -247,7 +247,7 @@ def test_blocks_of_broken_size_are_integrals_over_area(width: float, height: flo
 def test_some_of_the_image_is_always_left(width: int, height: int, x: float, y: float, side: float):
     image = np.zeros((height, width, 3), np.uint8)
     size = np.array([side, side])
-    part = read_blocks(image, np.array([[x, y, side, side]]), block_size(size, size, (16, 24)))
+    part = block_means(image, np.array([[x, y, side, side]]), block_size(size, size, (16, 24)))
     assert part.pixels.size > 0
     assert (part.origin >= 0).all()
     assert (part.origin + part.step * part.pixels.shape[1::-1] <= np.array([width, height]) + 1e-9).all()

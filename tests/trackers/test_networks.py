@@ -10,17 +10,17 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError, TrackerError
-from pftrack_sim.trackers.opencv.networks import KINDS
+from pftrack_sim.trackers.opencv.networks import NETWORKS
 
 Scene = tuple[list[np.ndarray], np.ndarray]
-NAMES = sorted(KINDS)
+NAMES = sorted(NETWORKS)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_without_its_files_it_says_which(name: str):
     with pytest.raises(TrackerError, match="needs model files") as caught:
         trackers.make(name)
-    for key in KINDS[name].files:
+    for key in NETWORKS[name].files.model_fields:
         assert key in str(caught.value)
         assert key in trackers.describe(name)
 
@@ -37,16 +37,16 @@ def test_a_file_that_cannot_be_read_is_named(name: str, tmp_path: Path):
         (noise, "OpenCV cannot read"),
     ):
         with pytest.raises(TrackerError, match=words) as caught:
-            trackers.make(name, **dict.fromkeys(KINDS[name].files, str(path)))
+            trackers.make(name, **dict.fromkeys(NETWORKS[name].files.model_fields, str(path)))
         assert str(caught.value).startswith(name)
         assert str(path) in str(caught.value)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_no_path_or_no_parameter_is_refused(name: str):
-    with pytest.raises(ParameterError, match="must be the path of a model file, got 7"):
-        trackers.make(name, **dict.fromkeys(KINDS[name].files, 7))
-    with pytest.raises(ParameterError, match="unknown parameter 'weights'"):
+    with pytest.raises(ParameterError, match="got 7: input is not a valid path"):
+        trackers.make(name, **dict.fromkeys(NETWORKS[name].files.model_fields, 7))
+    with pytest.raises(ParameterError, match="weights: unknown key"):
         trackers.make(name, weights="a.onnx")
     with pytest.raises(ParameterError, match="unknown preset"):
         trackers.make(name, preset="papr")
@@ -85,9 +85,12 @@ def test_what_the_network_says_is_passed_on(
         made.append(Network(options, score))
         return made[-1]
 
-    monkeypatch.setattr(cv2, KINDS[name].class_name, SimpleNamespace(create=create))
-    tracker = trackers.make(name, **dict.fromkeys(KINDS[name].files, file))
-    assert all(getattr(made[0].options, theirs) == str(file) for theirs in KINDS[name].files.values())
+    monkeypatch.setattr(cv2, NETWORKS[name].class_name, SimpleNamespace(create=create))
+    tracker = trackers.make(name, **dict.fromkeys(NETWORKS[name].files.model_fields, file))
+    renamed = NETWORKS[name].renamed
+    assert all(
+        getattr(made[0].options, renamed.get(key, key)) == str(file) for key in NETWORKS[name].files.model_fields
+    )
     for _ in range(2):  # init forgets
         tracker.init(images[0], truth[0])
         estimate = tracker.update(images[1])

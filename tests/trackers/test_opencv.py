@@ -10,7 +10,7 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import TrackerError
-from pftrack_sim.trackers.opencv.classic import KINDS
+from pftrack_sim.trackers.opencv.classic import CLASSES
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 
@@ -87,7 +87,7 @@ class Fake:
         return (False, (0, 0, 0, 0)) if self.lost else (True, self.box)
 
 
-CONTRIB = sorted(set(KINDS) - {"opencv-mil"})
+CONTRIB = sorted(set(CLASSES) - {"opencv-mil"})
 
 
 def pretend_contrib(monkeypatch: pytest.MonkeyPatch, made: list[Fake], *, lost: bool = False) -> None:
@@ -96,15 +96,15 @@ def pretend_contrib(monkeypatch: pytest.MonkeyPatch, made: list[Fake], *, lost: 
         return made[-1]
 
     monkeypatch.setattr(cv2, "legacy", SimpleNamespace(), raising=False)
-    for kind in KINDS.values():
+    for kind in CLASSES.values():
         home: Any = cv2.legacy if kind.legacy else cv2  # pyright: ignore[reportAttributeAccessIssue]
-        monkeypatch.setattr(home, kind.class_name, SimpleNamespace(create=create), raising=False)
+        monkeypatch.setattr(home, kind.name, SimpleNamespace(create=create), raising=False)
 
 
 @pytest.mark.parametrize("name", CONTRIB)
 def test_without_the_contrib_wheel_it_says_which_wheel(name: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delattr(cv2, "legacy", raising=False)
-    monkeypatch.delattr(cv2, KINDS[name].class_name, raising=False)
+    monkeypatch.delattr(cv2, CLASSES[name].name, raising=False)
     with pytest.raises(
         TrackerError, match=r"opencv-contrib-python-headless.* excludes opencv-python-headless"
     ) as caught:
@@ -119,7 +119,7 @@ def test_with_the_contrib_wheel_it_says_what_opencv_says(name: str, scene: Scene
     pretend_contrib(monkeypatch, [])
     tracker = trackers.make(name)
     tracker.init(images[0], truth[0] + [0.25, 0, 0.5, 0])
-    wider = float(KINDS[name].resizes)
+    wider = float(CLASSES[name].adapts_size)
     for step in (1.0, 2.0):
         estimate = tracker.update(images[1])
         assert estimate.box.tolist() == (truth[0] + [0.25 + 2 * step, 0, 0.5 + wider * step, 0]).tolist()

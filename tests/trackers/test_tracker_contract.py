@@ -10,11 +10,11 @@ from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.core.records import Estimate, Tracker
-from pftrack_sim.trackers.opencv.classic import KINDS
+from pftrack_sim.trackers.opencv.classic import CLASSES
 
 KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-rgb"]
 # The others of OpenCV are in its contrib wheel, and are held to the same where that is the one installed.
-OPENCV = sorted(KINDS) if hasattr(cv2, "legacy") else ["opencv-mil"]
+OPENCV = sorted(CLASSES) if hasattr(cv2, "legacy") else ["opencv-mil"]
 LEE2012 = ["lee2012", "lee2012-checked", "lee2012-color", "lee2012-color-hog"]
 KWON2005 = ["kwon2005", "kwon2005-no-occlusion"]
 NAMES = [*KO2012, *LEE2012, *KWON2005, "ncc", "opencv-camshift", "opencv-meanshift", *OPENCV, "oracle", "stay"]

@@ -1,1 +1,1 @@
-"""Baselines."""
+"""Baselines: references, template matching, mean shift."""

@@ -1,4 +1,4 @@
-"""The two ends of the scale: `oracle` is told the truth, `stay` never looks."""
+"""Reference trackers at both ends of the scale: `oracle` (ground truth) and `stay` (first box)."""
 
 from __future__ import annotations
 
@@ -10,36 +10,11 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.params import check_names, check_preset
-from pftrack_sim.trackers.registry import PRESETS
-
-
-class Oracle(BaseTracker):
-    """Says what it was told (`NeedsTruth`): the highest score there is.
-
-    When the target is not in the image (a box that is NaN or has no area), it repeats the last box it knows.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._told: Box | None = None
-
-    def receive_truth(self, box: Box) -> None:
-        """Hear the target's true box in the frame about to come; `(4,)` [px], NaN or without area when not there."""
-        truth = np.array(box, dtype=np.float64)
-        if truth.shape == (4,) and np.isfinite(truth).all() and boxes.area(truth) > 0.0:
-            self._told = truth
-
-    def _start(self, image: Image, box: Box) -> None:
-        self._told = box
-
-    def _follow(self, image: Image) -> Estimate:
-        assert self._told is not None
-        return Estimate(self._told)
+from pftrack_sim.trackers.parameters import Parameters
 
 
 class Stay(BaseTracker):
-    """Says the first box for ever: what a tracker must beat to be worth its time."""
+    """Returns the first box in every frame: the least score of a useful tracker."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -52,15 +27,20 @@ class Stay(BaseTracker):
         return Estimate(self._box)
 
 
-def make_oracle(*, seed: int, preset: str, **params: Any) -> Oracle:
-    """Factory of `oracle`; it has no parameters, and nothing in it is random."""
-    check_preset("oracle", PRESETS, preset)
-    check_names("oracle", [], params)
-    return Oracle()
+class Oracle(Stay):
+    """Returns the ground truth (`NeedsTruth`): the highest possible score.
+
+    While the target is not in the image (a box that is NaN or without area), the last valid box is repeated.
+    """
+
+    def receive_truth(self, box: Box) -> None:
+        """See `NeedsTruth.receive_truth`."""
+        truth = np.array(box, dtype=np.float64)
+        if truth.shape == (4,) and np.isfinite(truth).all() and boxes.area(truth) > 0.0:
+            self._box = truth
 
 
-def make_stay(*, seed: int, preset: str, **params: Any) -> Stay:
-    """Factory of `stay`; it has no parameters, and nothing in it is random."""
-    check_preset("stay", PRESETS, preset)
-    check_names("stay", [], params)
-    return Stay()
+def make(name: str, *, seed: int, preset: str, **params: Any) -> Stay:
+    """Make `oracle` or `stay`. They have no parameters and use no random numbers."""
+    Parameters.from_preset(name, preset, params)
+    return Oracle() if name == "oracle" else Stay()

@@ -1,48 +1,41 @@
-"""`ncc`: where near the last box is the patch that correlates best with that of the first frame?
+"""Template matching (`ncc`): normalised cross-correlation with the grey patch of the first frame.
 
-Normalised cross-correlation (`cv2.matchTemplate`, zero mean) of the grey image in a local window; the size of the box
-is kept. The simplest tracker that looks: the floor that a method must rise above (the VOT challenges ship one like it).
+`cv2.matchTemplate` (zero mean) in a window around the last box; the size of the box is kept. The simplest tracker that
+uses the image (the VOT challenges have a similar baseline).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.params import Between, settle
+from pftrack_sim.trackers.parameters import Parameters
 
 
-@dataclass(frozen=True)
-class Params:
-    """Its one number.
+class NccParameters(Parameters):
+    """Parameters of `ncc`.
 
     Attributes:
-        search: How far the patch is looked for in each direction, as a multiple of the square root of the box's area.
+        search: Search distance in each direction, as a multiple of the square root of the box's area.
     """
 
-    search: Annotated[float, Between(0.0, 100.0)] = 0.5
-
-
-PRESETS = {"paper": Params(), "default": Params()}
+    search: Annotated[float, Field(ge=0.0, le=100.0)] = 0.5
 
 
 class Ncc(BaseTracker):
-    """The tracker. Confidence is the correlation, 0 when it is negative; a patch of one colour correlates with nothing.
+    """Template matching. Confidence is the correlation, 0 where it is negative or undefined (uniform patches)."""
 
-    Args:
-        params: The number.
-    """
-
-    def __init__(self, params: Params) -> None:
+    def __init__(self, params: NccParameters) -> None:
         super().__init__()
         self.params = params
         self._patch = np.zeros((1, 1), np.uint8)
@@ -67,9 +60,8 @@ class Ncc(BaseTracker):
         right, bottom = min(x + columns + reach, width), min(y + rows + reach, height)
         window = _grey(np.ascontiguousarray(image[top:bottom, left:right]))
         match = np.asarray(cv2.matchTemplate(window, self._patch, cv2.TM_CCOEFF_NORMED), dtype=np.float64)
-        # Where patch or image are of one colour the correlation is undefined, and OpenCV may say 1 or infinity.
-        flat = ~np.isfinite(match) | (_spread(window, rows, columns) == 0.0)
-        match[flat] = -1.0
+        # The correlation with a uniform patch is undefined; OpenCV may return 1 or infinity there.
+        match[~np.isfinite(match) | (_sum_of_squares(window, rows, columns) == 0.0)] = -1.0
         peak = int(match.argmax())
         best = float(match.flat[peak])
         if self._patch.min() < self._patch.max() and best > -1.0:
@@ -81,22 +73,21 @@ class Ncc(BaseTracker):
         return Estimate(box, min(max(best, 0.0), 1.0))
 
 
-def make_ncc(*, seed: int, preset: str, **params: Any) -> Ncc:
-    """Factory of `ncc`; `params` are those of `Params`, and nothing in it is random."""
-    return Ncc(settle("ncc", PRESETS, preset, params))
+def make(name: str, *, seed: int, preset: str, **params: Any) -> Ncc:
+    """Make `ncc`, which uses no random numbers."""
+    return Ncc(NccParameters.from_preset(name, preset, params))
 
 
-def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _grey(image: Image) -> NDArray[np.uint8]:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
-def _spread(grey: NDArray[np.uint8], rows: int, columns: int) -> NDArray[np.float64]:
-    """Variance of every rows x columns patch times its number of pixels, exact for whole numbers up to rounding."""
+def _sum_of_squares(grey: NDArray[np.uint8], rows: int, columns: int) -> FloatArray:
+    """Sum of squared deviations from the mean of every rows x columns patch; exactly 0 for uniform patches."""
     sums, squares = cv2.integral2(grey, sdepth=cv2.CV_64F, sqdepth=cv2.CV_64F)
 
-    def over(table: Any) -> NDArray[np.float64]:
-        full = np.asarray(table, dtype=np.float64)
+    def patch_sums(integral: Any) -> FloatArray:
+        full = np.asarray(integral, dtype=np.float64)
         return full[rows:, columns:] - full[:-rows, columns:] - full[rows:, :-columns] + full[:-rows, :-columns]
 
-    count = float(rows * columns)
-    return over(squares) * count - np.square(over(sums))
+    return patch_sums(squares) * float(rows * columns) - np.square(patch_sums(sums))

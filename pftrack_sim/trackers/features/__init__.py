@@ -1,1 +1,1 @@
-"""Appearance models that know no filter: what a box of an image looks like, and how alike two boxes are."""
+"""Appearance models without any knowledge of filters: features of boxes in an image, and their similarity."""

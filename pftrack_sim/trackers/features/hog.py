@@ -1,4 +1,4 @@
-"""Histograms of oriented gradients of boxes, each resized to 16x24 (Lee et al. 2012, section III.2)."""
+"""Histograms of oriented gradients (HOG) of boxes resized to 16x24 (Lee et al. 2012, section III.2)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pftrack_sim.core.types import FloatArray
+
 COLUMNS = 16
 ROWS = 24
 CELL_PX = 4
@@ -16,36 +18,36 @@ CELL_ROWS = ROWS // CELL_PX
 DIRECTION_COUNT = 8
 SIZE = CELL_ROWS * CELL_COLUMNS * DIRECTION_COUNT
 
-_BLUR_PX = 2  # how far the blur reaches
+_BLUR_PX = 2  # radius of the blur
 _TANGENT = math.tan(math.pi / DIRECTION_COUNT)
 
 
-def hog(grey: NDArray[np.uint8], boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Descriptors of many boxes (Lee et al. 2012, eq. 2 to 5).
+def hog(grey: NDArray[np.uint8], boxes: FloatArray) -> FloatArray:
+    """HOG descriptors of many boxes (Lee et al. 2012, eq. 2 to 5).
 
     Every box is resized to `COLUMNS` x `ROWS` by bilinear interpolation at the centres of the new pixels, blurred by
-    the 5x5 Gaussian whose rows are (1, 4, 6, 4, 1)/16, and differentiated by (-1, 0, 1). Each pixel adds the length of
-    its gradient to the nearest of the eight directions 0, 45, ... 315 degrees (y down) in its cell of 4x4 pixels.
-    Beyond the edge of the resized box, and of the image, the edge repeats.
+    the 5x5 Gaussian whose rows are (1, 4, 6, 4, 1)/16, and differentiated by (-1, 0, 1). Each pixel adds the magnitude
+    of its gradient to the nearest of the eight directions 0, 45, ... 315 degrees (y down) in its cell of 4x4 pixels.
+    Border pixels of the resized box and of the image are replicated.
 
     Args:
         grey: `(H, W)` uint8.
-        boxes: `(N, 4)` x, y, w, h [px].
+        boxes: `(N, 4)` boxes [px].
 
     Returns:
-        `(N, SIZE)` numbers: row of cells, column of cells, direction; each descriptor sums to 1, or is all 0 where
-        the box is of one grey.
+        `(N, SIZE)` descriptors, ordered by row of cells, column of cells, direction; each sums to 1, or is all 0 for a
+        uniform box.
     """
     out = np.empty((len(boxes), SIZE))
-    wide = COLUMNS + 2 * _BLUR_PX
-    patch = np.empty((ROWS + 2 * _BLUR_PX, wide), np.float32)
-    mixed = np.empty(wide, np.float32)
+    padded = COLUMNS + 2 * _BLUR_PX
+    patch = np.empty((ROWS + 2 * _BLUR_PX, padded), np.float32)
+    column_sums = np.empty(padded, np.float32)
     smooth = np.empty((ROWS + 2, COLUMNS + 2), np.float32)
-    lengths, sectors = np.empty(COLUMNS, np.float32), np.empty(COLUMNS, np.int32)
+    magnitudes, sectors = np.empty(COLUMNS, np.float32), np.empty(COLUMNS, np.int32)
     lefts, rights = np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.uintp)
     shares, line = np.empty(COLUMNS, np.float32), np.empty(grey.shape[1], np.float32)
     levels = grey.astype(np.float32)
-    _describe(levels, boxes, patch, mixed, smooth, lefts, rights, shares, line, lengths, sectors, out)
+    _describe(levels, boxes, patch, column_sums, smooth, lefts, rights, shares, line, magnitudes, sectors, out)
     return out
 
 
@@ -54,25 +56,24 @@ def _describe(
     grey: NDArray[np.float32],
     boxes: NDArray[np.float64],
     patch: NDArray[np.float32],
-    mixed: NDArray[np.float32],
+    column_sums: NDArray[np.float32],
     smooth: NDArray[np.float32],
     lefts: NDArray[np.uintp],
     rights: NDArray[np.uintp],
     shares: NDArray[np.float32],
     line: NDArray[np.float32],
-    lengths: NDArray[np.float32],
+    magnitudes: NDArray[np.float32],
     sectors: NDArray[np.int32],
     out: NDArray[np.float64],
 ) -> None:
-    """Fill `out`; everything else is scratch, and nothing is allocated.
+    """Fill `out`; the other arrays are scratch, and nothing is allocated.
 
-    Rows are taken out as arrays of their own and worked on with the same operations for every column, so that several
-    columns are computed at once.
+    Inner loops apply the same operations to every column of a row, so that they are vectorised.
     """
     for n in range(boxes.shape[0]):
-        _resize(grey, boxes[n, 0], boxes[n, 1], boxes[n, 2], boxes[n, 3], lefts, rights, shares, line, patch)
-        _blur(patch, mixed, smooth)
-        _gradients(smooth, lengths, sectors, out[n])
+        _resize(grey, boxes[n], lefts, rights, shares, line, patch)
+        _blur(patch, column_sums, smooth)
+        _gradients(smooth, magnitudes, sectors, out[n])
         total = _sum(out[n])
         if total > 0.0:
             scale = 1.0 / total
@@ -83,22 +84,20 @@ def _describe(
 @njit(nogil=True, cache=True)
 def _resize(
     grey: NDArray[np.float32],
-    x: float,
-    y: float,
-    w: float,
-    h: float,
+    box: NDArray[np.float64],
     lefts: NDArray[np.uintp],
     rights: NDArray[np.uintp],
     shares: NDArray[np.float32],
     line: NDArray[np.float32],
     patch: NDArray[np.float32],
 ) -> None:
-    """Read a box into the middle of `patch`, and repeat its edge around it."""
+    """Resize a box into the middle of `patch`, and replicate its border."""
+    x, y, w, h = box[0], box[1], box[2], box[3]
     height, width = grey.shape
     for j in range(COLUMNS):
         u = min(max(x + (j + 0.5) * w / COLUMNS - 0.5, 0.0), width - 1.0)
         left = int(u)
-        # Unsigned, which spares a test for negative ones at every access.
+        # Unsigned indices spare a test for negative ones at every access.
         lefts[j], rights[j] = np.uintp(left), np.uintp(min(left + 1, width - 1))
         shares[j] = np.float32(u - left)
     first, last = lefts[0], rights[COLUMNS - 1]
@@ -122,17 +121,17 @@ def _resize(
 
 
 @njit(nogil=True, cache=True)
-def _blur(patch: NDArray[np.float32], mixed: NDArray[np.float32], smooth: NDArray[np.float32]) -> None:
-    """5x5 Gaussian of `patch`, down and then across, into the middle of `smooth`; its edge is repeated around it."""
+def _blur(patch: NDArray[np.float32], column_sums: NDArray[np.float32], smooth: NDArray[np.float32]) -> None:
+    """Blur `patch`, columns first, into the middle of `smooth`, and replicate its border."""
     four, six, scale = np.float32(4), np.float32(6), np.float32(1 / 256)
     for i in range(ROWS):
         above, upper, middle, lower, below = patch[i], patch[i + 1], patch[i + 2], patch[i + 3], patch[i + 4]
         for j in range(COLUMNS + 2 * _BLUR_PX):
-            mixed[j] = above[j] + below[j] + four * (upper[j] + lower[j]) + six * middle[j]
+            column_sums[j] = above[j] + below[j] + four * (upper[j] + lower[j]) + six * middle[j]
         row = smooth[i + 1]
         for j in range(COLUMNS):
-            outer = mixed[j] + mixed[j + 4]
-            row[j + 1] = (outer + four * (mixed[j + 1] + mixed[j + 3]) + six * mixed[j + 2]) * scale
+            outer = column_sums[j] + column_sums[j + 4]
+            row[j + 1] = (outer + four * (column_sums[j + 1] + column_sums[j + 3]) + six * column_sums[j + 2]) * scale
         row[0] = row[1]
         row[COLUMNS + 1] = row[COLUMNS]
     smooth[0] = smooth[1]
@@ -141,16 +140,16 @@ def _blur(patch: NDArray[np.float32], mixed: NDArray[np.float32], smooth: NDArra
 
 @njit(nogil=True, cache=True)
 def _gradients(
-    smooth: NDArray[np.float32], lengths: NDArray[np.float32], sectors: NDArray[np.int32], out: NDArray[np.float64]
+    smooth: NDArray[np.float32], magnitudes: NDArray[np.float32], sectors: NDArray[np.int32], out: NDArray[np.float64]
 ) -> None:
-    """Put the lengths of the gradients of `smooth` into their cells and directions."""
+    """Add the gradient magnitudes of `smooth` to their cells and directions."""
     out[:] = 0.0
     tangent = np.float32(_TANGENT)
     for i in range(ROWS):
         above, row, below = smooth[i], smooth[i + 1], smooth[i + 2]
         for j in range(COLUMNS):
             gx, gy = row[j + 2] - row[j], below[j + 1] - above[j + 1]
-            lengths[j] = np.sqrt(gx * gx + gy * gy)
+            magnitudes[j] = np.sqrt(gx * gx + gy * gy)
             across, down = abs(gx), abs(gy)
             sectors[j] = (
                 np.int32(gx > 0)
@@ -158,13 +157,13 @@ def _gradients(
                 + np.int32(4) * np.int32(down < tangent * across)
                 + np.int32(8) * np.int32(across < tangent * down)
             )
-        first_of_row = (i // CELL_PX) * CELL_COLUMNS
+        first_cell = (i // CELL_PX) * CELL_COLUMNS
         for j in range(COLUMNS):
-            k = (first_of_row + j // CELL_PX) * DIRECTION_COUNT + _DIRECTIONS[np.uintp(sectors[j])]
-            out[np.uintp(k)] += lengths[j]
+            k = (first_cell + j // CELL_PX) * DIRECTION_COUNT + _DIRECTIONS[np.uintp(sectors[j])]
+            out[np.uintp(k)] += magnitudes[j]
 
 
-# Summing in any order lets several be added at once.
+# Reassociation lets the sum be vectorised.
 @njit(nogil=True, cache=True, fastmath={"reassoc"})
 def _sum(values: NDArray[np.float64]) -> float:
     total = 0.0
@@ -174,5 +173,5 @@ def _sum(values: NDArray[np.float64]) -> float:
 
 
 _DIRECTIONS = np.array([5, 7, 3, 1, 4, 0, 4, 0, 6, 6, 2, 2, 0, 0, 0, 0])
-"""Direction of a gradient that points 1: right, 2: down, 4: nearly level, 8: nearly upright (added up): the nearest
-of eight without the cost of an arc tangent or of a jump that cannot be foreseen."""
+"""Nearest of the eight directions, indexed by the sum of 1: right, 2: down, 4: nearly horizontal, 8: nearly vertical.
+A table needs neither an arc tangent nor a branch."""

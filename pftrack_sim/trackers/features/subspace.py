@@ -1,30 +1,31 @@
-"""Incremental principal component analysis of the last vectors seen (Lee et al. 2012, section IV; Ross et al. 2008)."""
+"""Incremental principal component analysis of a sliding window (Lee et al. 2012, section IV; Ross et al. 2008)."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pftrack_sim.core.types import FloatArray
 
 
 class SlidingSubspace:
-    """The singular value decomposition U S V^T of a window of vectors, kept up to date as the window slides.
+    """Singular value decomposition U S V^T of a sliding window of vectors, updated incrementally.
 
-    As in the paper's equations 6 and 7 no mean is taken out, and nothing is forgotten but the oldest vector. All
-    components are kept, so that the decomposition stays exact; how many are used is for `basis` to be told.
+    As in the paper's equations 6 and 7, no mean is subtracted, and there is no forgetting besides the oldest vector.
+    All components are kept, so that the decomposition stays exact; `basis` truncates.
 
     Args:
-        vectors: `(d, n)` the window A, one vector a column, oldest first.
+        vectors: `(d, n)` the window A: one vector per column, oldest first.
     """
 
-    def __init__(self, vectors: NDArray[np.float64]) -> None:
+    def __init__(self, vectors: FloatArray) -> None:
         u, s, vt = np.linalg.svd(vectors, full_matrices=False)
-        self._keep(u, s, vt)
+        self._truncate(u, s, vt)
 
-    def slide(self, vector: NDArray[np.float64]) -> None:
-        """Drop the oldest vector and add one.
+    def slide(self, vector: FloatArray) -> None:
+        """Drop the oldest vector and append one.
 
         Equation 6 writes [A B] as [U B~] R [V^T 0; 0 1], equation 7 decomposes R. Here A has lost its first column, so
-        V^T has lost its first and is no longer orthogonal: it goes into R, which then is
+        V^T has lost its first column and is no longer orthogonal: it becomes part of R, which then is
         [S V'^T, U^T B; 0, B~^T B]. (The paper prints B^T B in the corner; only the part of B outside U makes the
         equation true, as in Ross et al.)
 
@@ -33,7 +34,7 @@ class SlidingSubspace:
         """
         inside = self._u.T @ vector
         outside = vector - self._u @ inside
-        # Once more, for what rounding left inside: U must stay orthonormal over thousands of frames.
+        # Orthogonalised twice, against rounding: U must stay orthonormal over thousands of frames.
         rest = self._u.T @ outside
         inside, outside = inside + rest, outside - self._u @ rest
         length = float(np.linalg.norm(outside))
@@ -41,42 +42,38 @@ class SlidingSubspace:
         r = np.zeros((rank + 1, count))
         r[:rank, :-1] = self._s[:, None] * self._vt[:, 1:]
         r[:rank, -1] = inside
-        if length > _ROUNDING * max(float(np.linalg.norm(vector)), float(self._s[0]) if rank else 0.0):
+        if length > _TOLERANCE * max(float(np.linalg.norm(vector)), float(self._s[0]) if rank else 0.0):
             r[rank, -1] = length
             u = np.column_stack([self._u, outside / length])
         else:
             r, u = r[:rank], self._u
         if not r.size:
-            return  # nothing but zeros so far, and one more
-        turn, s, vt = np.linalg.svd(r, full_matrices=False)
-        self._keep(u @ turn, s, vt)
+            return  # all vectors are zero so far
+        rotation, s, vt = np.linalg.svd(r, full_matrices=False)
+        self._truncate(u @ rotation, s, vt)
 
-    def basis(self, count: int) -> NDArray[np.float64]:
-        """`(d, k)` the directions that matter most, orthonormal; k is `count`, or the rank where that is less."""
+    def basis(self, count: int) -> FloatArray:
+        """`(d, k)` first left singular vectors; k is `count`, or the rank where it is less."""
         return self._u[:, :count]
 
-    @property
-    def singular_values(self) -> NDArray[np.float64]:
-        """`(rank,)` S, greatest first."""
-        return self._s
-
-    def _keep(self, u: NDArray[np.float64], s: NDArray[np.float64], vt: NDArray[np.float64]) -> None:
-        rank = int(np.count_nonzero(s > _ROUNDING * s[0])) if s.size else 0
+    def _truncate(self, u: FloatArray, s: FloatArray, vt: FloatArray) -> None:
+        """Keep the components above rounding errors."""
+        rank = int(np.count_nonzero(s > _TOLERANCE * s[0])) if s.size else 0
         self._u, self._s, self._vt = u[:, :rank], s[:rank], vt[:rank]
 
 
-_ROUNDING = 1e-13
-"""Directions shorter than this share of the longest are what rounding left over."""
+_TOLERANCE = 1e-13
+"""Components smaller than this share of the largest are rounding errors."""
 
 
-def residuals(vectors: NDArray[np.float64], basis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """||z - U U^T z|| of many vectors (Lee et al. 2012, eq. 12 and 13, where a norm is meant).
+def residuals(vectors: FloatArray, basis: FloatArray) -> FloatArray:
+    """Distance to a subspace, ||z - U U^T z|| (Lee et al. 2012, eq. 12 and 13, where a norm is meant).
 
     Args:
-        vectors: `(N, d)` one z a row.
+        vectors: `(N, d)` one z per row.
         basis: `(d, k)` U, orthonormal.
 
     Returns:
-        `(N,)` lengths, from 0 to that of the vector.
+        `(N,)` distances, from 0 to the vector's length.
     """
     return np.linalg.norm(vectors - (vectors @ basis) @ basis.T, axis=1)

@@ -1,99 +1,92 @@
-"""The particle filter itself: predict, weigh, estimate, resample."""
+"""Bootstrap particle filter: predict, weigh, estimate, resample."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.filters.dynamics import Dynamics
-from pftrack_sim.trackers.filters.resampling import effective_sample_size, systematic
 
 
 class ParticleFilter:
-    """A bootstrap filter: the dynamics propose, the likelihood weighs (Arulampalam et al. 2002, algorithm 4).
+    """A bootstrap filter: the dynamics are the proposal (Arulampalam et al. 2002, algorithm 4).
 
-    Weights are kept as logarithms and are normalised only when asked for, so that no likelihood is too small.
+    Weights are stored as logarithms and normalised on demand, so that small likelihoods do not underflow.
 
     Args:
-        states: `(N, D)` first particles, all of equal weight.
-        rng: Everything random comes from here.
+        states: `(N, D)` initial particles, of equal weight.
+        rng: Source of all random numbers.
     """
 
-    def __init__(self, states: NDArray[np.float64], rng: np.random.Generator) -> None:
+    def __init__(self, states: FloatArray, rng: np.random.Generator) -> None:
         self.states = np.array(states, dtype=np.float64)
         self.log_weights = np.zeros(len(self.states))
         self._rng = rng
 
     @property
-    def weights(self) -> NDArray[np.float64]:
-        """`(N,)` weights, summing to 1; all equal when no particle has any likelihood left."""
+    def weights(self) -> FloatArray:
+        """`(N,)` weights, summing to 1; all equal when every likelihood is 0."""
         peak = self.log_weights.max()
         if not np.isfinite(peak):
             return np.full(self.log_weights.size, 1.0 / self.log_weights.size)
         raw = np.exp(self.log_weights - peak)
         return raw / raw.sum()
 
-    @property
-    def effective_sample_size(self) -> float:
-        """How many equally weighted particles these are worth, in [1, N]."""
-        return effective_sample_size(self.weights)
-
     def predict(self, dynamics: Dynamics) -> None:
         """Move every particle by the dynamics."""
         self.states = dynamics.draw(self.states, self._rng)
 
-    def weigh(self, log_likelihood: NDArray[np.float64]) -> None:
-        """Multiply the weights by a likelihood.
-
-        Args:
-            log_likelihood: `(N,)` logarithms; -inf for the impossible.
-        """
+    def weigh(self, log_likelihood: FloatArray) -> None:
+        """Multiply the weights by a likelihood, given its `(N,)` logarithms; -inf for impossible states."""
         self.log_weights = self.log_weights + log_likelihood
 
-    def mean(self, top: int | None = None) -> NDArray[np.float64]:
-        """Weighted mean of the particles that weigh most (Ko et al. 2012, eq. 12).
-
-        Args:
-            top: How many; all if None, the single heaviest if 1.
-
-        Returns:
-            `(D,)` state.
-        """
+    def mean(self, top: int | None = None) -> FloatArray:
+        """`(D,)` weighted mean of the `top` particles of greatest weight, or of all (Ko et al. 2012, eq. 12)."""
         weights = self.weights
         if top is not None and top < weights.size:
-            # Stable, so that ties fall the same way on every machine.
+            # Stable, so that ties are broken alike on every machine.
             heaviest = np.argsort(-weights, kind="stable")[:top]
         else:
             heaviest = np.arange(weights.size)
         share = weights[heaviest] / weights[heaviest].sum()
-        # About one of them, so that particles that agree to the bit have exactly that mean.
-        one = self.states[heaviest[0]]
-        return one + share @ (self.states[heaviest] - one)
+        # Relative to one particle, so that identical particles have exactly that mean.
+        origin = self.states[heaviest[0]]
+        return origin + share @ (self.states[heaviest] - origin)
 
-    def resample(self, count: int | None = None) -> None:
-        """Draw the particles anew by weight; all weigh the same afterwards.
-
-        Args:
-            count: How many there shall be; as many as now if None.
-        """
-        chosen = systematic(self.weights, self._rng, count)
+    def resample(self) -> None:
+        """Systematic resampling; all weights are equal afterwards."""
+        chosen = systematic_resampling(self.weights, self._rng)
         self.states = self.states[chosen]
         self.log_weights = np.zeros(chosen.size)
 
-    def restart(self, state: NDArray[np.float64], count: int | None = None) -> None:
-        """Put every particle at one `(D,)` state; all weigh the same afterwards.
-
-        Args:
-            state: Where.
-            count: How many there shall be; as many as now if None.
-        """
+    def restart(self, state: FloatArray, count: int | None = None) -> None:
+        """Put `count` particles (as many as now if None) at one `(D,)` state, with equal weights."""
         self.states = np.repeat(state[None], len(self.states) if count is None else count, axis=0)
         self.log_weights = np.zeros(len(self.states))
 
-    def keep(self, count: int) -> None:
-        """Drop all particles but the first.
-
-        Args:
-            count: How many are kept, >= 1.
-        """
+    def truncate(self, count: int) -> None:
+        """Drop all particles but the first `count` >= 1."""
         self.states, self.log_weights = self.states[:count], self.log_weights[:count]
+
+
+def systematic_resampling(weights: FloatArray, rng: np.random.Generator, count: int | None = None) -> NDArray[np.intp]:
+    """Systematic resampling: equal steps along the cumulative weights from one uniform random number.
+
+    Particle i is drawn `count * weights[i]` times on average, rounded up or down.
+    Source: Carpenter, Clifford & Fearnhead 1999; Arulampalam et al. 2002, algorithm 2.
+
+    Args:
+        weights: `(N,)` >= 0, summing to 1.
+        rng: One number is drawn.
+        count: Number of draws; N if None.
+
+    Returns:
+        `(count,)` indices, ascending.
+    """
+    draws = weights.size if count is None else count
+    edges = np.cumsum(weights)
+    total = float(edges[-1])
+    points = (rng.random() + np.arange(draws)) * (total / draws)
+    # Rounding may put the last point on the upper end, beyond the last particle.
+    return np.searchsorted(edges, np.minimum(points, np.nextafter(total, 0.0)), side="right")

@@ -1,1 +1,1 @@
-"""OpenCV's trackers."""
+"""Trackers of OpenCV."""

@@ -1,16 +1,14 @@
-"""OpenCV's trackers that are trained networks; the model files are the user's.
+"""OpenCV's trackers that are pre-trained networks. The user supplies the model files (OpenCV's model zoo has them).
 
     trackers.make("opencv-vit", model="vittrack.onnx")
 
-None of them learns while it runs, and none draws a random number. OpenCV's model zoo (opencv/opencv_zoo) has the files.
+They do not learn on line and use no random numbers.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,53 +17,73 @@ import numpy as np
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
-from pftrack_sim.core.errors import ParameterError, TrackerError
+from pftrack_sim.core.errors import TrackerError
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.params import check_names, check_preset
-from pftrack_sim.trackers.registry import PRESETS
+from pftrack_sim.trackers.parameters import Parameters
+
+
+class DaSiamRpnFiles(Parameters):
+    """Model files of `opencv-dasiamrpn`."""
+
+    model: Path | None = None
+    kernel_cls1: Path | None = None
+    kernel_r1: Path | None = None
+
+
+class NanoFiles(Parameters):
+    """Model files of `opencv-nano`."""
+
+    backbone: Path | None = None
+    neckhead: Path | None = None
+
+
+class VitFiles(Parameters):
+    """Model file of `opencv-vit`."""
+
+    model: Path | None = None
 
 
 @dataclass(frozen=True)
-class Kind:
-    """One of them.
+class Network:
+    """A network tracker of OpenCV.
 
     Attributes:
         class_name: In `cv2`.
-        files: Our parameter for each model file, and what `cv2`'s own parameters call it.
+        files: Parameters of the tracker: one model file each.
+        renamed: Parameters whose name differs in `cv2`'s own parameters.
     """
 
     class_name: str
-    files: Mapping[str, str]
+    files: type[Parameters]
+    renamed: Mapping[str, str]
 
 
-KINDS = {
-    "opencv-dasiamrpn": Kind(
-        "TrackerDaSiamRPN", {"model": "model", "kernel_cls1": "kernel_cls1", "kernel_r1": "kernel_r1"}
-    ),
-    "opencv-nano": Kind("TrackerNano", {"backbone": "backbone", "neckhead": "neckhead"}),
-    "opencv-vit": Kind("TrackerVit", {"model": "net"}),
+NETWORKS = {
+    "opencv-dasiamrpn": Network("TrackerDaSiamRPN", DaSiamRpnFiles, {}),
+    "opencv-nano": Network("TrackerNano", NanoFiles, {}),
+    "opencv-vit": Network("TrackerVit", VitFiles, {"model": "net"}),
 }
 
 
 class NetworkTracker(BaseTracker):
-    """One of OpenCV's networks, with OpenCV's values.
+    """A network of OpenCV with OpenCV's default parameters.
 
-    Confidence is the network's own score, OpenCV's `getTrackingScore`, brought into [0, 1]: how alike it holds box and
-    target to be. In a frame where it says that it found nothing the last box is repeated with confidence 0.
+    Confidence is the network's own score, OpenCV's `getTrackingScore`, clipped to [0, 1]. In frames where OpenCV
+    reports a loss the last box is repeated with confidence 0.
 
     Args:
-        name: One of `KINDS`.
-        paths: A model file for each of its parameters.
+        name: One of `NETWORKS`.
+        paths: A model file for each parameter.
 
     Raises:
-        TrackerError: A file is missing, cannot be read, or is no model.
+        TrackerError: A file is no model.
     """
 
     def __init__(self, name: str, paths: Mapping[str, Path]) -> None:
         super().__init__()
         self._name, self._paths = name, dict(paths)
-        self._create()  # what is wrong with the files is told now, not at the first frame
+        self._create()  # report invalid files now, not at the first frame
         self._tracker: Any = None
         self._box = np.zeros(4)
 
@@ -74,14 +92,14 @@ class NetworkTracker(BaseTracker):
         inside = boxes.clip(box, width, height)
         x, y = min(int(inside[0]), width - 1), min(int(inside[1]), height - 1)
         w, h = (max(round(float(inside[k])), 1) for k in (2, 3))
-        # A network's memory of its target cannot be cleared: a new one forgets everything.
+        # OpenCV cannot reset a network's template: a new tracker is made.
         tracker = self._create()
         tracker.init(cv2.cvtColor(image, cv2.COLOR_RGB2BGR), (x, y, min(w, width - x), min(h, height - y)))
         self._tracker, self._box = tracker, box
 
     def _follow(self, image: Image) -> Estimate:
-        found, said = self._tracker.update(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-        box = np.array(said, dtype=np.float64)
+        found, output = self._tracker.update(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+        box = np.array(output, dtype=np.float64)
         if not found or not np.isfinite(box).all() or boxes.area(box) == 0.0:
             return Estimate(self._box, 0.0)
         self._box = box
@@ -89,14 +107,14 @@ class NetworkTracker(BaseTracker):
         return Estimate(box, min(max(score, 0.0), 1.0) if np.isfinite(score) else 0.0)
 
     def _create(self) -> Any:
-        kind = KINDS[self._name]
-        options: Any = getattr(cv2, f"{kind.class_name}_Params")()
-        for key, theirs in kind.files.items():
-            setattr(options, theirs, str(self._paths[key]))
+        network = NETWORKS[self._name]
+        options: Any = getattr(cv2, f"{network.class_name}_Params")()
+        for key, path in self._paths.items():
+            setattr(options, network.renamed.get(key, key), str(path))
         try:
-            return getattr(cv2, kind.class_name).create(options)
+            return getattr(cv2, network.class_name).create(options)
         except cv2.error as error:
-            files = ", ".join(f"{key}={self._paths[key]}" for key in kind.files)
+            files = ", ".join(f"{key}={path}" for key, path in self._paths.items())
             reason = " ".join(str(error).split())[:200]
             raise TrackerError(
                 f"{self._name}: OpenCV cannot read these files as its model ({files}): {reason}"
@@ -104,31 +122,26 @@ class NetworkTracker(BaseTracker):
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> NetworkTracker:
-    """Factory of each; its parameters are paths of model files, all needed.
+    """Make one of `NETWORKS`. Parameters are the paths of its model files, all required.
 
     Raises:
-        ParameterError: An unknown preset or parameter, or a path that is none.
+        ParameterError: An unknown preset or parameter, or a value that is no path.
         TrackerError: A file is not given, missing, cannot be read, or is no model.
     """
-    check_preset(name, PRESETS, preset)
-    wanted = list(KINDS[name].files)
-    check_names(name, wanted, params)
-    absent = [key for key in wanted if params.get(key) is None]
-    if absent:
-        shown = ", ".join(f'{key}="FILE.onnx"' for key in wanted)
-        raise TrackerError(f"{name} needs model files that you give: missing {', '.join(absent)} (make with {shown})")
-    return NetworkTracker(name, {key: _readable(f"{name}: {key}", params[key]) for key in wanted})
+    files: dict[str, Path | None] = dict(NETWORKS[name].files.from_preset(name, preset, params))
+    paths = {key: path for key, path in files.items() if path is not None}
+    if len(paths) < len(files):
+        missing, shown = (
+            ", ".join(key for key in files if key not in paths),
+            ", ".join(f'{key}="FILE.onnx"' for key in files),
+        )
+        raise TrackerError(f"{name} needs model files that you give: missing {missing} (make with {shown})")
+    for key, path in paths.items():
+        _check_readable(f"{name}: {key}", path)
+    return NetworkTracker(name, paths)
 
 
-make_dasiamrpn = partial(make, "opencv-dasiamrpn")
-make_nano = partial(make, "opencv-nano")
-make_vit = partial(make, "opencv-vit")
-
-
-def _readable(what: str, given: Any) -> Path:
-    if not isinstance(given, (str, os.PathLike)):
-        raise ParameterError(f"{what} must be the path of a model file, got {given!r}")
-    path = Path(os.fspath(given))  # pyright: ignore[reportUnknownArgumentType]
+def _check_readable(what: str, path: Path) -> None:
     try:
         with path.open("rb") as file:
             empty = not file.read(1)
@@ -136,4 +149,3 @@ def _readable(what: str, given: Any) -> Path:
         raise TrackerError(f"{what}: cannot read the model file {path}: {error.strerror}") from None
     if empty:
         raise TrackerError(f"{what}: the model file {path} is empty")
-    return path

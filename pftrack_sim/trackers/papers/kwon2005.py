@@ -1,257 +1,262 @@
 """Kwon, Kim & Lim, "Person Tracking with a Mobile Robot using Particle Filters in Complex Environment".
 
-Zhou, Chellappa & Moghaddam's appearance-adaptive particle filter (2004) on a robot that follows a person. The state is
-the motion of a grey template; particles stand around the last estimate, shifted by an adaptive velocity and spread by
-an adaptive noise (eq. 6 to 11); each is weighed by a mixture of three Gaussians per pixel that is learnt on line
-(Jepson, Fleet & El-Maraghi 2003). Too many outliers (eq. 12) mean that the target is covered: the model freezes, and
-the filter opens until the target is back. `kwon2005-no-occlusion` never raises that flag. (The paper prints no year.)
+The appearance-adaptive particle filter of Zhou, Chellappa & Moghaddam (2004) on a robot that follows a person. The
+state is the planar motion of a grey template. Particles are drawn around the last estimate, with an adaptive velocity
+and an adaptive noise (eq. 6 to 11); the likelihood is a mixture of three Gaussians per pixel that is learnt on line
+(Jepson, Fleet & El-Maraghi 2003). Too many outliers (eq. 12) indicate an occlusion: the model is frozen, and noise and
+number of particles are at their maximum until the target is visible again. `kwon2005-no-occlusion` detects no
+occlusions. (The paper prints no year.)
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from pftrack_sim.core import boxes, random_streams
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.features.template import MixtureNumbers, Outliers, PixelMixture, View, grid
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
-from pftrack_sim.trackers.filters.adaptive import AdaptiveSpread, shift, slopes
-from pftrack_sim.trackers.params import Between, settle
+from pftrack_sim.trackers.features.patches import PatchSampler, grid_shape
+from pftrack_sim.trackers.features.pixel_mixture import MixtureSettings, OutlierRule, PixelMixture
+from pftrack_sim.trackers.filters import AdaptiveNoise, ParticleFilter, RandomWalk, adaptive_velocity, fit_slopes
+from pftrack_sim.trackers.parameters import Count, Parameters, Positive, Share
 
-Motion = Literal["similarity", "affine"]
+MotionModel: TypeAlias = Literal["similarity", "affine"]
+Sigma: TypeAlias = Annotated[float, Field(ge=0.0, le=10.0)]
 MIN_SIZE_PX = 2.0
 
 
-@dataclass(frozen=True)
-class Params:
-    """The numbers of the method; those of the preset `paper` stand here, the printed ones with their equation.
+class Kwon2005Parameters(Parameters):
+    """Parameters of both trackers. Defaults are the preset `paper`; printed values have their equation.
 
     Attributes:
-        motion: `"similarity"`: the template moves, turns and grows; `"affine"`: its two sides do so each in its own way
+        motion: `"similarity"`: translation, scale and rotation of the template; `"affine"`: also shear and aspect
             (Zhou et al. 2004). Not printed.
-        point_count: About how many points d the template has. Not printed: 400.
+        point_count: Approximate number of points d of the template. Not printed: 400.
         particle_count: J_0 (11). Not printed: 200.
-        particle_count_max: J_max, when covered. Not printed: 500.
+        particle_count_max: J_max, during occlusions. Not printed: 500.
         noise: R_0 (9), a factor on the sigmas. Not printed: 1.
         noise_min: R_min (9). Not printed: 0.5.
-        noise_max: R_max (9), when covered. Not printed: 2.5.
+        noise_max: R_max (9), during occlusions. Not printed: 2.5.
         sigma_centre: Standard deviation of U_0 in the centre, as a share of the square root of the box's area.
             Not printed: 0.05.
         sigma_scale: The same in the logarithm of the size; of the matrix' diagonal in affine motion. Not printed: 0.02.
         sigma_angle: The same in the angle [rad]; of the matrix' other diagonal in affine motion. Not printed: 0.02.
         velocity: Whether nu_t is added (8). Printed: it is.
         outlier_c: c of Huber's function (12). Printed: 1.3.
-        occlusion_share: lambda: with more outliers than this share of the points, the target is covered. Printed: 0.2.
-        outliers: Which component a pixel must be far from to be an outlier; see `PixelMixture.outlier_share`.
+        occlusion_share: lambda: the share of outliers above which the target is occluded. Printed: 0.2.
+        outliers: Components that a pixel must be far from to be an outlier; see `PixelMixture.outlier_share`.
             Not printed: `"most"`, as Zhou et al.
-        half_life: Frames after which what was seen counts half in the mixture. Not printed: 20.
-        sigma_wandering: Standard deviation of W, in those of the patch. Not printed: 0.4.
-        sigma_stable: Of S at the start. Not printed: 0.4.
-        sigma_fixed: Of F. Not printed: 0.4.
-        sigma_min: Least of S. Not printed: 0.2.
+        half_life: Frames after which an observation's weight in the mixture is halved. Not printed: 20.
+        sigma_wandering: Standard deviation of W, in units of the patch's. Not printed: 0.4.
+        sigma_stable: Initial value of that of S. Not printed: 0.4.
+        sigma_fixed: That of F. Not printed: 0.4.
+        sigma_min: Least value of that of S. Not printed: 0.2.
         share_min: Least mixing weight of a component. Not printed: 0.001.
-        robust: Whether the likelihood has Huber's function in the place of the square. Printed for the outliers'
-            influence in general (12): it has.
-        independence: Share of the points that count as independent: the log-likelihood is multiplied by it. Not
-            printed: 1, as Zhou et al. write the product over all points.
-        particles: Whether estimates carry the particles.
+        robust: Whether the likelihood has Huber's function in place of the square. Printed for the influence of
+            outliers in general (12): it has.
+        independence: Share of the points that count as independent: a factor on the log-likelihood. Not printed: 1, as
+            Zhou et al. write the product over all points.
+        particles: Whether estimates contain the particles.
     """
 
-    motion: Motion = "similarity"
-    point_count: Annotated[int, Between(4, 10_000)] = 400
-    particle_count: Annotated[int, Between(1, 100_000)] = 200
-    particle_count_max: Annotated[int, Between(1, 100_000)] = 500
-    noise: Annotated[float, Between(0.001, 1000.0)] = 1.0
-    noise_min: Annotated[float, Between(0.001, 1000.0)] = 0.5
-    noise_max: Annotated[float, Between(0.001, 1000.0)] = 2.5
-    sigma_centre: Annotated[float, Between(0.0, 10.0)] = 0.05
-    sigma_scale: Annotated[float, Between(0.0, 10.0)] = 0.02
-    sigma_angle: Annotated[float, Between(0.0, 10.0)] = 0.02
+    # Found by a random search on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David). A coarse template
+    # tolerates deformation, and outliers of the stable component indicate occlusions. The velocity is off: with few
+    # points its linear fit misleads the particles as often as it helps.
+    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {
+            "point_count": 25,
+            "particle_count": 250,
+            "particle_count_max": 600,
+            "noise_min": 0.848,
+            "noise_max": 1.72,
+            "sigma_centre": 0.0978,
+            "sigma_scale": 0.0056,
+            "sigma_angle": 0.0015,
+            "velocity": False,
+            "outliers": "stable",
+            "half_life": 65.0,
+            "sigma_wandering": 0.402,
+            "sigma_stable": 0.596,
+            "sigma_fixed": 0.355,
+            "sigma_min": 0.232,
+            "independence": 0.47,
+        }
+    )
+
+    motion: MotionModel = "similarity"
+    point_count: Annotated[int, Field(ge=4, le=10_000)] = 400
+    particle_count: Count = 200
+    particle_count_max: Count = 500
+    noise: Positive = 1.0
+    noise_min: Positive = 0.5
+    noise_max: Positive = 2.5
+    sigma_centre: Sigma = 0.05
+    sigma_scale: Sigma = 0.02
+    sigma_angle: Sigma = 0.02
     velocity: bool = True
-    outlier_c: Annotated[float, Between(0.001, 1000.0)] = 1.3
-    occlusion_share: Annotated[float, Between(0.0, 1.0)] = 0.2
-    outliers: Outliers = "most"
-    half_life: Annotated[float, Between(0.1, 1e9)] = 20.0
-    sigma_wandering: Annotated[float, Between(0.001, 1000.0)] = 0.4
-    sigma_stable: Annotated[float, Between(0.001, 1000.0)] = 0.4
-    sigma_fixed: Annotated[float, Between(0.001, 1000.0)] = 0.4
-    sigma_min: Annotated[float, Between(0.001, 1000.0)] = 0.2
-    share_min: Annotated[float, Between(1e-9, 0.3)] = 0.001
+    outlier_c: Positive = 1.3
+    occlusion_share: Share = 0.2
+    outliers: OutlierRule = "most"
+    half_life: Annotated[float, Field(ge=0.1, le=1e9)] = 20.0
+    sigma_wandering: Positive = 0.4
+    sigma_stable: Positive = 0.4
+    sigma_fixed: Positive = 0.4
+    sigma_min: Positive = 0.2
+    share_min: Annotated[float, Field(ge=1e-9, le=0.3)] = 0.001
     robust: bool = True
-    independence: Annotated[float, Between(1e-6, 1.0)] = 1.0
+    independence: Annotated[float, Field(ge=1e-6, le=1.0)] = 1.0
     particles: bool = False
 
 
-PAPER = Params()
-# `default` was found by a random search on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David). A coarse
-# template forgives what turns or bends; the flag listens to what is stable; and the velocity, printed as it is, is off:
-# with few points its linear fit throws the particles off as often as it helps.
-PRESETS = {
-    "paper": PAPER,
-    "default": replace(
-        PAPER,
-        point_count=25,
-        particle_count=250,
-        particle_count_max=600,
-        noise_min=0.848,
-        noise_max=1.72,
-        sigma_centre=0.0978,
-        sigma_scale=0.0056,
-        sigma_angle=0.0015,
-        velocity=False,
-        outliers="stable",
-        half_life=65.0,
-        sigma_wandering=0.402,
-        sigma_stable=0.596,
-        sigma_fixed=0.355,
-        sigma_min=0.232,
-        independence=0.47,
-    ),
-}
+@dataclass(frozen=True, eq=False)
+class TemplateMotion:
+    """States of a template's planar motion: x, y [px], log scale, angle [rad]; or x, y and a 2x2 matrix, row by row.
+
+    Attributes:
+        model: Similarity or affine motion.
+        size: `(2,)` width and height of the template in the first frame [px].
+    """
+
+    model: MotionModel
+    size: FloatArray
+
+    def initial_state(self, box: Box) -> FloatArray:
+        """`(D,)` state of the first box."""
+        rest = [0.0, 0.0] if self.model == "similarity" else [1.0, 0.0, 0.0, 1.0]
+        return np.concatenate([boxes.centre(box), rest])
+
+    def placements(self, states: FloatArray) -> FloatArray:
+        """`(N, 6)` placements (see `patches`) of `(N, D)` states."""
+        width, height = self.size
+        if self.model == "similarity":
+            scales, angles = np.exp(states[:, 2]), states[:, 3]
+            cosines, sines = scales * np.cos(angles), scales * np.sin(angles)
+            return np.column_stack([states[:, :2], width * cosines, width * sines, -height * sines, height * cosines])
+        return np.column_stack([states[:, :2], width * states[:, [2, 4]], height * states[:, [3, 5]]])
+
+    def boxes(self, states: FloatArray) -> FloatArray:
+        """`(N, 4)` upright boxes [px] with the centres and side lengths of the moved template."""
+        placed = self.placements(states)
+        sides = np.column_stack([np.hypot(placed[:, 2], placed[:, 3]), np.hypot(placed[:, 4], placed[:, 5])])
+        return np.concatenate([placed[:, :2] - 0.5 * sides, sides], axis=1)
+
+    def sigma(self, state: FloatArray, centre: float, scale: float, angle: float) -> FloatArray:
+        """`(D,)` noise of a state, given that of the centre as a share of the square root of the box's area."""
+        width, height = self.boxes(state[None])[0, 2:]
+        centre_px = centre * math.sqrt(width * height)
+        if self.model == "similarity":
+            return np.array([centre_px, centre_px, scale, angle])
+        return np.array([centre_px, centre_px, scale, angle, angle, scale])
+
+    def clip(self, states: FloatArray, image: Image) -> FloatArray:
+        """`(N, D)` states with centres in the image and sizes between `MIN_SIZE_PX` and twice the image."""
+        height_px, width_px = image.shape[:2]
+        out = states.copy()
+        out[:, :2] = np.clip(states[:, :2], 0.0, (width_px, height_px))
+        low = min(MIN_SIZE_PX / float(self.size.min()), 1.0)
+        high = max(2.0 * float(np.min((width_px, height_px) / self.size)), 1.0)
+        if self.model == "similarity":
+            out[:, 2] = np.clip(states[:, 2], math.log(low), math.log(high))
+            return out
+        for columns in ([2, 4], [3, 5]):
+            length = np.maximum(np.hypot(*states[:, columns].T), 1e-9)
+            out[:, columns] *= (np.clip(length, low, high) / length)[:, None]
+        return out
 
 
 class Kwon2005(BaseTracker):
-    """The method with its numbers.
+    """The appearance-adaptive particle filter.
 
     Args:
-        params: The numbers.
+        params: Parameters.
         seed: Root seed; the tracker draws from its stream `"tracker"`.
-        notices_occlusion: Whether the flag is raised; without it the model learns from every estimate.
+        detects_occlusions: Whether occlusions are detected; otherwise the model learns from every estimate.
     """
 
-    def __init__(self, params: Params, seed: int, *, notices_occlusion: bool) -> None:
+    def __init__(self, params: Kwon2005Parameters, seed: int, *, detects_occlusions: bool) -> None:
         super().__init__()
         self.params = params
         self._seed = seed
-        self._notices = notices_occlusion
+        self._detects_occlusions = detects_occlusions
         p = params
-        self._spread = AdaptiveSpread(p.noise, p.noise_min, p.noise_max, p.particle_count, p.particle_count_max)
-        self._size = np.ones(2)
+        self._noise = AdaptiveNoise(p.noise, p.noise_min, p.noise_max, p.particle_count, p.particle_count_max)
+        self._motion: TemplateMotion
         self._grid = (2, 2)
-        self._state: NDArray[np.float64]
+        self._state: FloatArray
         self._filter: ParticleFilter
         self._model: PixelMixture
-        self._slopes: NDArray[np.float32] | None = None
+        self._slopes: NDArray[np.floating[Any]] | None = None
         self._patch: NDArray[np.float32]
         self._occluded = False
 
     def _start(self, image: Image, box: Box) -> None:
         p = self.params
-        self._size = box[2:].copy()
-        self._grid = grid(float(box[2]), float(box[3]), p.point_count)
-        rest = [0.0, 0.0] if p.motion == "similarity" else [1.0, 0.0, 0.0, 1.0]
-        self._state = np.concatenate([boxes.centre(box), rest])
-        self._patch = self._view(image).patches(self._placements(self._state[None]))[0]
+        self._motion = TemplateMotion(p.motion, box[2:].copy())
+        self._grid = grid_shape(float(box[2]), float(box[3]), p.point_count)
+        self._state = self._motion.initial_state(box)
+        self._patch = self._patches(self._sampler(image), self._state[None])[0]
         sigmas = p.sigma_wandering, p.sigma_stable, p.sigma_fixed
-        self._model = PixelMixture(
-            self._patch, MixtureNumbers(p.half_life, *sigmas, p.sigma_min, p.share_min, p.outlier_c)
-        )
+        settings = MixtureSettings(p.half_life, *sigmas, p.sigma_min, p.share_min, p.outlier_c)
+        self._model = PixelMixture(self._patch, settings)
         self._filter = ParticleFilter(self._state[None], random_streams.stream(self._seed, "tracker"))
         self._slopes = None
         self._occluded = False
 
     def _follow(self, image: Image) -> Estimate:
         """Steps 4 to 11 of the procedure in section 2.2."""
-        p, moving, view = self.params, self._filter, self._view(image)
-        velocity, factor, count = self._adapt(image, view)
-        # As many are drawn as there may ever be: the next frame's draws do not depend on this one's J_t.
-        moving.restart(self._state + velocity, p.particle_count_max)
-        moving.predict(RandomWalk(tuple(factor * self._sigma())))
-        moving.keep(count)
-        moving.states = self._inside(moving.states, image)
-        seen = view.patches(self._placements(moving.states))
-        moving.weigh(p.independence * self._model.log_likelihood(seen, robust=p.robust))
-        self._state = moving.mean()
-        patch = view.patches(self._placements(self._state[None]))[0]
-        self._slopes = slopes(moving.states - self._state, seen - patch) if p.velocity else None
-        self._occluded = self._notices and self._model.outlier_share(patch, p.outliers) > p.occlusion_share
-        confidence = self._model.likeness(patch)
+        p, particle_filter, sampler = self.params, self._filter, self._sampler(image)
+        velocity, factor, count = self._adapt(image, sampler)
+        # J_max particles are drawn, so that later random numbers do not depend on J_t.
+        particle_filter.restart(self._state + velocity, p.particle_count_max)
+        sigma = self._motion.sigma(self._state, p.sigma_centre, p.sigma_scale, p.sigma_angle)
+        particle_filter.predict(RandomWalk(tuple(factor * sigma)))
+        particle_filter.truncate(count)
+        particle_filter.states = self._motion.clip(particle_filter.states, image)
+        patches = self._patches(sampler, particle_filter.states)
+        particle_filter.weigh(p.independence * self._model.log_likelihood(patches, robust=p.robust))
+        self._state = particle_filter.mean()
+        patch = self._patches(sampler, self._state[None])[0]
+        self._slopes = fit_slopes(particle_filter.states - self._state, patches - patch) if p.velocity else None
+        self._occluded = self._detects_occlusions and self._model.outlier_share(patch, p.outliers) > p.occlusion_share
+        confidence = self._model.similarity(patch)
         if not self._occluded:
             self._model.learn(patch)
             self._patch = patch
-        shown = self._boxes(moving.states) if p.particles else None
-        return Estimate(self._boxes(self._state[None])[0], confidence, self._occluded, shown)
+        particles = self._motion.boxes(particle_filter.states) if p.particles else None
+        return Estimate(self._motion.boxes(self._state[None])[0], confidence, self._occluded, particles)
 
-    def _adapt(self, image: Image, view: View) -> tuple[NDArray[np.float64], float, int]:
-        """Velocity nu_t (8), noise factor R_t (9) and number of particles J_t (11) of the frame to come (step 4)."""
-        p, nowhere = self.params, np.zeros(self._state.size)
+    def _adapt(self, image: Image, sampler: PatchSampler) -> tuple[FloatArray, float, int]:
+        """Velocity nu_t (8), noise factor R_t (9) and number of particles J_t (11) of the next frame (step 4)."""
+        velocity = np.zeros(self._state.size)
         if self._occluded:
-            return nowhere, p.noise_max, p.particle_count_max
-        velocity = nowhere
-        predicted = view.patches(self._placements(self._state[None]))[0]
+            return velocity, self.params.noise_max, self.params.particle_count_max
+        predicted = self._patches(sampler, self._state[None])[0]
         if self._slopes is not None:
-            velocity = shift(self._slopes, predicted - self._patch)
-            arrived = self._inside((self._state + velocity)[None], image)
-            predicted = view.patches(self._placements(arrived))[0]
-        factor = self._spread.factor(self._model.error(predicted))
-        return velocity, factor, self._spread.particles(factor)
+            velocity = adaptive_velocity(self._slopes, predicted - self._patch)
+            shifted = self._motion.clip((self._state + velocity)[None], image)
+            predicted = self._patches(sampler, shifted)[0]
+        factor = self._noise.factor(self._model.prediction_error(predicted))
+        return velocity, factor, self._noise.particles(factor)
 
-    def _view(self, image: Image) -> View:
-        width, height = self._boxes(self._state[None])[0, 2:]
-        return View(image, (float(width), float(height)), self._grid)
+    def _sampler(self, image: Image) -> PatchSampler:
+        width, height = self._motion.boxes(self._state[None])[0, 2:]
+        return PatchSampler(image, (float(width), float(height)), self._grid)
 
-    def _sigma(self) -> NDArray[np.float64]:
-        """Standard deviation of U_0 in each component of the state."""
-        p = self.params
-        width, height = self._boxes(self._state[None])[0, 2:]
-        centre = p.sigma_centre * math.sqrt(width * height)
-        if p.motion == "similarity":
-            return np.array([centre, centre, p.sigma_scale, p.sigma_angle])
-        return np.array([centre, centre, p.sigma_scale, p.sigma_angle, p.sigma_angle, p.sigma_scale])
-
-    def _inside(self, states: NDArray[np.float64], image: Image) -> NDArray[np.float64]:
-        """The states with centres in the image and sizes between `MIN_SIZE_PX` and twice the image."""
-        height_px, width_px = image.shape[:2]
-        kept = states.copy()
-        kept[:, :2] = np.clip(states[:, :2], 0.0, (width_px, height_px))
-        low, high = MIN_SIZE_PX / float(self._size.min()), 2.0 * float(np.min((width_px, height_px) / self._size))
-        low, high = min(low, 1.0), max(high, 1.0)
-        if self.params.motion == "similarity":
-            kept[:, 2] = np.clip(states[:, 2], math.log(low), math.log(high))
-            return kept
-        for columns in ([2, 4], [3, 5]):
-            length = np.maximum(np.hypot(*states[:, columns].T), 1e-9)
-            kept[:, columns] *= (np.clip(length, low, high) / length)[:, None]
-        return kept
-
-    def _placements(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """`(N, 6)` placements of `(N, D)` states: x, y, log scale, angle, or x, y and a 2x2 matrix, row by row."""
-        width, height = self._size
-        if self.params.motion == "similarity":
-            across, down = np.exp(states[:, 2]) * np.cos(states[:, 3]), np.exp(states[:, 2]) * np.sin(states[:, 3])
-            return np.column_stack([states[:, :2], width * across, width * down, -height * down, height * across])
-        return np.column_stack([states[:, :2], width * states[:, [2, 4]], height * states[:, [3, 5]]])
-
-    def _boxes(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """`(N, 4)` upright boxes [px] with the centres and the side lengths of the moved template."""
-        placed = self._placements(states)
-        sides = np.column_stack([np.hypot(placed[:, 2], placed[:, 3]), np.hypot(placed[:, 4], placed[:, 5])])
-        return np.concatenate([placed[:, :2] - 0.5 * sides, sides], axis=1)
+    def _patches(self, sampler: PatchSampler, states: FloatArray) -> NDArray[np.float32]:
+        return sampler.patches(self._motion.placements(states))
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Kwon2005:
-    """Factory of both; `params` are those of `Params`.
-
-    Args:
-        name: `"kwon2005"` or `"kwon2005-no-occlusion"`.
-        seed: Root seed.
-        preset: One of `PRESETS`.
-        params: The user's own numbers.
-
-    Raises:
-        ParameterError: An unknown preset or parameter, or a value that is not allowed.
-    """
-    settled = settle(name, PRESETS, preset, params)
-    return Kwon2005(settled, seed, notices_occlusion=name == "kwon2005")
-
-
-make_proposed = partial(make, "kwon2005")
-make_no_occlusion = partial(make, "kwon2005-no-occlusion")
+    """Make `kwon2005` or `kwon2005-no-occlusion`; raises ParameterError."""
+    settings = Kwon2005Parameters.from_preset(name, preset, params)
+    return Kwon2005(settings, seed, detects_occlusions=name == "kwon2005")

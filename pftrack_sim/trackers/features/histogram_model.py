@@ -1,0 +1,96 @@
+"""Appearance model of histograms of the first frame, and the likelihood of a particle under it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.features.histogram import BinLayout, histogram, similarities
+from pftrack_sim.trackers.features.image_region import ImageRegion, crop
+
+LikelihoodForm: TypeAlias = Literal["linear", "exponential"]
+"""With the Bhattacharyya distance d: `"linear"` is 1 - d^2, the similarity; `"exponential"` is exp(-lambda d^2)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feature:
+    """A histogram of a box.
+
+    Attributes:
+        encode: Maps an `(H, W, 3)` uint8 RGB image to `(H, W, C)` pixel codes.
+        layout: Weights and cells of the histogram.
+    """
+
+    encode: Callable[[Image], NDArray[np.uint8]]
+    layout: BinLayout
+
+
+class HistogramModel:
+    """One histogram per feature, taken from the first frame and constant.
+
+    Args:
+        features: The features.
+        image: `(H, W, 3)` uint8 RGB.
+        box: `(4,)` the target's box [px].
+    """
+
+    def __init__(self, features: Sequence[Feature], image: Image, box: Box) -> None:
+        self.features = tuple(features)
+        region = crop(image, box[None])
+        local = region.to_region(box[None])[0]
+        self.histograms = tuple(
+            histogram(feature.encode(region.pixels), local, feature.layout) for feature in self.features
+        )
+
+    def encode(self, image: Image, boxes: FloatArray) -> EncodedRegion:
+        """Encode the part of an image that `(N, 4)` boxes [px] touch: the expensive step, done once for all boxes."""
+        region = crop(image, boxes)
+        return EncodedRegion(self, region, tuple(feature.encode(region.pixels) for feature in self.features))
+
+
+@dataclass(frozen=True, eq=False)
+class EncodedRegion:
+    """A part of an image as pixel codes in every feature of a model."""
+
+    model: HistogramModel
+    region: ImageRegion
+    codes: tuple[NDArray[np.uint8], ...]
+
+    def similarities(self, boxes: FloatArray) -> FloatArray:
+        """Bhattacharyya similarity of every box with the model in each feature.
+
+        Args:
+            boxes: `(N, 4)` boxes [px] in the image, inside the hull of the boxes that were encoded.
+
+        Returns:
+            `(F, N)` similarities in [0, 1]; the distance d of Ko et al. 2012, eq. 7, is `sqrt(1 - similarity)`.
+        """
+        local = self.region.to_region(boxes)
+        out = np.empty((len(self.codes), len(boxes)))
+        for index, feature in enumerate(self.model.features):
+            out[index] = similarities(self.codes[index], local, feature.layout, self.model.histograms[index])
+        return out
+
+
+def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodForm, lambdas: FloatArray) -> FloatArray:
+    """Logarithm of a linear mixture of one likelihood per feature (Ko et al. 2012, eq. 9).
+
+    Args:
+        similarities: `(F, N)` Bhattacharyya similarities.
+        shares: `(F,)` weight of each feature, summing to 1.
+        form: Likelihood of each feature.
+        lambdas: `(F,)` lambda of each feature; not used by `"linear"`.
+
+    Returns:
+        `(N,)` logarithms; -inf where all similarities are 0.
+    """
+    likelihoods = similarities if form == "linear" else np.exp(-lambdas[:, None] * (1.0 - similarities))
+    with np.errstate(divide="ignore"):
+        return np.log(shares @ likelihoods)

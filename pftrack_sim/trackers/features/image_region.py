@@ -1,0 +1,172 @@
+"""The region of an image that boxes touch, at full resolution or downsampled.
+
+Only this region is converted and compared. It is downsampled for large boxes, so that a large target costs no more
+than a small one. Blocks of pixels lie on a grid fixed to the image, so that a still target looks the same wherever the
+boxes are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ImageRegion:
+    """A region of an image, whose pixels are means of blocks of the image's pixels.
+
+    Attributes:
+        pixels: `(h, w, 3)` uint8 RGB, at least one pixel.
+        origin: `(2,)` x, y of its corner in the image [px].
+        step: `(2,)` width and height of a block [px of the image].
+    """
+
+    pixels: Image
+    origin: FloatArray
+    step: FloatArray
+
+    def to_region(self, boxes: FloatArray) -> FloatArray:
+        """`(N, 4)` boxes [px of the region], given `(N, 4)` boxes [px of the image]."""
+        out = boxes.copy()
+        out[:, :2] -= self.origin
+        out[:, :2] /= self.step
+        out[:, 2:] /= self.step
+        return out
+
+
+def crop(image: Image, boxes: FloatArray) -> ImageRegion:
+    """The pixels that `(N, 4)` boxes touch, with a margin of one pixel, which texture patterns at the border need."""
+    columns, rows = (_blocks_touched(boxes, axis, 1.0, image.shape[1 - axis]) for axis in (0, 1))
+    pixels = np.ascontiguousarray(image[slice(*rows), slice(*columns)])
+    return ImageRegion(pixels, np.array([columns[0], rows[0]], dtype=np.float64), np.ones(2))
+
+
+def downsample(image: Image, boxes: FloatArray, size: tuple[float, float], points: tuple[int, int]) -> ImageRegion:
+    """The region that boxes touch, with at least as many pixels to a box of `size` as there are points.
+
+    The region has a margin of one block for interpolation.
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB.
+        boxes: `(N, 4)` boxes [px].
+        size: Width and height of a typical box [px].
+        points: Columns and rows that are sampled in a box.
+    """
+    starts, stops, steps = [0, 0], [0, 0], [1, 1]
+    for axis, room in enumerate((image.shape[1], image.shape[0])):
+        # Never so coarse that the image itself has fewer blocks than there are points.
+        step = max(min(math.floor(size[axis] / points[axis]), room // points[axis]), 1)
+        first, last = _blocks_touched(boxes, axis, step, room // step)
+        starts[axis], stops[axis], steps[axis] = first * step, last * step, step
+    pixels = image[starts[1] : stops[1], starts[0] : stops[0]]
+    if steps == [1, 1]:
+        pixels = np.ascontiguousarray(pixels)
+    else:
+        shape = ((stops[0] - starts[0]) // steps[0], (stops[1] - starts[1]) // steps[1])
+        pixels = np.asarray(cv2.resize(pixels, shape, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return ImageRegion(pixels, np.array(starts, dtype=np.float64), np.array(steps, dtype=np.float64))
+
+
+def block_size(first: FloatArray, now: FloatArray, points: tuple[int, int]) -> tuple[float, float]:
+    """Width and height of blocks [px], at least 1, such that a box has about as many blocks as points.
+
+    The size is proportional to the first box, so that appearance is constant for a constant size and independent of
+    the image's resolution. It is multiplied by the power of two that best fits the present box.
+
+    Args:
+        first: `(2,)` width and height of the target's first box [px].
+        now: `(2,)` the same of its present box [px].
+        points: Columns and rows that are sampled in a box.
+    """
+    turns = (round(math.log2(now[axis] / first[axis])) for axis in (0, 1))
+    width, height = (max(first[axis] / points[axis] * 2.0**turn, 1.0) for axis, turn in enumerate(turns))
+    return width, height
+
+
+def block_means(image: Image, boxes: FloatArray, block: tuple[float, float]) -> ImageRegion:
+    """The region that boxes touch, as means over blocks whose size need not be whole.
+
+    The region has a margin of one block for interpolation. Pixels of the image beyond the last whole block are ignored.
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB.
+        boxes: `(N, 4)` boxes [px].
+        block: Width and height of a block, at least 1 [px]; reduced where the image is smaller.
+    """
+    width, height = (min(block[axis], float(image.shape[1 - axis])) for axis in (0, 1))
+    left, right = _blocks_touched(boxes, 0, width, int(image.shape[1] / width))
+    top, bottom = _blocks_touched(boxes, 1, height, int(image.shape[0] / height))
+    if width == height == 1.0:
+        pixels = np.ascontiguousarray(image[top:bottom, left:right])
+    else:
+        pixels = np.empty((bottom - top, right - left, 3), np.uint8)
+        first, last = int(left * width), min(math.ceil(right * width), image.shape[1])
+        row_sums = np.empty(3 * (last - first), np.float32)
+        rows = image.reshape(image.shape[0], -1)[:, 3 * first : 3 * last]
+        _block_means(rows, first, left, top, width, height, row_sums, pixels)
+    step = np.array([width, height])
+    return ImageRegion(pixels, np.array([left, top]) * step, step)
+
+
+def _blocks_touched(boxes: FloatArray, axis: int, step: float, count: int) -> tuple[int, int]:
+    """First block and one after the last that boxes touch along an axis, with a margin of one; at least one of `count`.
+
+    Args:
+        boxes: `(N, 4)` boxes [px].
+        axis: 0 for x, 1 for y.
+        step: Size of a block [px].
+        count: Blocks of the whole image.
+    """
+    near, far = boxes[:, axis].min(), (boxes[:, axis] + boxes[:, axis + 2]).max()
+    first = min(max(math.floor(near / step) - 1, 0), count - 1)
+    return first, max(min(math.ceil(far / step) + 1, count), first + 1)
+
+
+@njit(nogil=True, cache=True)
+def _block_means(
+    image: NDArray[np.uint8],
+    left: int,
+    first_column: int,
+    first_row: int,
+    width: float,
+    height: float,
+    row_sums: NDArray[np.float32],
+    out: NDArray[np.uint8],
+) -> None:
+    """Fill `out` with means over blocks; pixels at a block's border count by the share that lies inside."""
+    rows, columns = out.shape[:2]
+    scale = np.float32(1.0 / (width * height))
+    for i in range(rows):
+        top, bottom = (first_row + i) * height, (first_row + i + 1) * height
+        row_sums[:] = np.float32(0)
+        for v in range(int(top), min(int(np.ceil(bottom)), image.shape[0])):
+            share = np.float32(min(v + 1.0, bottom) - max(float(v), top))
+            row = image[v]
+            for k in range(row_sums.size):
+                row_sums[k] += share * np.float32(row[k])
+        for j in range(columns):
+            start, stop = (first_column + j) * width, (first_column + j + 1) * width
+            red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+            for u in range(int(start), min(int(np.ceil(stop)), left + row_sums.size // 3)):
+                share = np.float32(min(u + 1.0, stop) - max(float(u), start))
+                k = 3 * (u - left)
+                red += share * row_sums[k]
+                green += share * row_sums[k + 1]
+                blue += share * row_sums[k + 2]
+            # Rounded at a little more than a half: means half-way between two values are common, and must not depend
+            # on rounding errors.
+            out[i, j, 0] = np.uint8(min(red * scale + _HALF, _TOP))
+            out[i, j, 1] = np.uint8(min(green * scale + _HALF, _TOP))
+            out[i, j, 2] = np.uint8(min(blue * scale + _HALF, _TOP))
+
+
+_HALF = np.float32(0.501)
+_TOP = np.float32(255)

@@ -1,0 +1,86 @@
+"""Pixel codes: images of colour bins or of texture patterns, from which histograms are counted."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pftrack_sim.core.records import Image
+
+PATTERN_COUNT = 16
+
+
+def rgb_codes(image: Image, bin_count: int) -> NDArray[np.uint8]:
+    """`(H, W, 3)` bins of red, green and blue.
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB.
+        bin_count: Bins per channel: a power of two, at most 256.
+    """
+    return image >> _shift(bin_count)
+
+
+def hsv_codes(image: Image, bin_count: int) -> NDArray[np.uint8]:
+    """`(H, W, 3)` bins of hue, saturation and value (Ko et al. 2012, section 2.1); arguments as of `rgb_codes`."""
+    return _hsv(image) >> _shift(bin_count)
+
+
+def hsv_joint_codes(image: Image, bin_counts: tuple[int, int, int]) -> NDArray[np.uint8]:
+    """`(H, W, 1)` bins of a joint histogram of hue, saturation and value (Lee et al. 2012, section III.1).
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB.
+        bin_counts: Bins of hue, saturation and value: powers of two whose product is at most 256.
+    """
+    shifts = np.array([_shift(count) for count in bin_counts], dtype=np.uint8)
+    strides = np.array([bin_counts[1] * bin_counts[2], bin_counts[2], 1.0])
+    summed = cv2.transform(_hsv(image) >> shifts, strides[None])
+    return np.asarray(summed, dtype=np.uint8).reshape(*image.shape[:2], 1)
+
+
+def _hsv(image: Image) -> NDArray[np.uint8]:
+    """HSV with hue in 0..255: OpenCV's usual 180 steps are not divisible into equal bins."""
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
+
+
+def _shift(bin_count: int) -> np.uint8:
+    """Right shift that maps a byte to its bin."""
+    return np.uint8(8 - (bin_count.bit_length() - 1))
+
+
+def cs_lbp_codes(image: Image) -> NDArray[np.uint8]:
+    """Centre-symmetric local binary patterns of 8 neighbours at radius 1 (Ko et al. 2012, eq. 2 and 3).
+
+    Bit i is set when n_i - n_{i+4} >= 1, where n_0 is the right neighbour and i counts anticlockwise. The printed
+    sum ends one pair too early; the text and the figure have the four pairs that make 16 patterns. Border pixels are
+    replicated.
+
+    Args:
+        image: `(H, W, 3)` uint8 RGB, converted to grey by ITU-R BT.601.
+
+    Returns:
+        `(H, W, 1)` codes 0..15.
+    """
+    grey = cv2.copyMakeBorder(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+    out = np.empty((image.shape[0], image.shape[1], 1), np.uint8)
+    _cs_lbp(np.asarray(grey, dtype=np.uint8), out)
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _cs_lbp(grey: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+    """Fill `out` with the patterns of an image that has a border of one pixel."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            code = 0
+            if grey[i + 1, j + 2] > grey[i + 1, j]:
+                code |= 1
+            if grey[i, j + 2] > grey[i + 2, j]:
+                code |= 2
+            if grey[i, j + 1] > grey[i + 2, j + 1]:
+                code |= 4
+            if grey[i, j] > grey[i + 2, j + 2]:
+                code |= 8
+            out[i, j, 0] = code

@@ -1,0 +1,206 @@
+"""Mixture of three Gaussians per pixel of a patch, learnt on line (Jepson, Fleet & El-Maraghi 2003)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.features.patches import Patches
+
+OutlierRule: TypeAlias = Literal["most", "stable", "all"]
+"""Components that a pixel must be far from to be an outlier; see `PixelMixture.outlier_share`."""
+
+
+@dataclass(frozen=True)
+class MixtureSettings:
+    """Settings of a mixture; standard deviations in units of a patch's.
+
+    Attributes:
+        half_life: Frames after which an observation's weight is halved.
+        sigma_wandering: Of W, the last patch; constant.
+        sigma_stable: Initial value of S; learnt.
+        sigma_fixed: Of F, the first patch; constant.
+        sigma_min: Least learnt standard deviation of S.
+        share_min: Least mixing weight, so that no component vanishes.
+        outlier_c: c of Huber's function (12), in standard deviations of a component.
+    """
+
+    half_life: float
+    sigma_wandering: float
+    sigma_stable: float
+    sigma_fixed: float
+    sigma_min: float
+    share_min: float
+    outlier_c: float
+
+
+class PixelMixture:
+    """For each pixel of a patch, a mixture of three Gaussians that is learnt on line.
+
+    The components are W (wandering: the pixel in the last frame), S (stable: its mean over time) and F (fixed: the
+    pixel in the first frame, in place of the lost component of Jepson et al.: Zhou, Chellappa & Moghaddam 2004).
+
+    Args:
+        first: `(d,)` patch.
+        settings: Settings.
+
+    Attributes:
+        shares: `(3, d)` mixing weights m of W, S, F; they sum to 1.
+        means: `(3, d)` mu of W, S, F.
+        sigmas: `(3, d)` sigma of W, S, F.
+    """
+
+    def __init__(self, first: NDArray[np.float32], settings: MixtureSettings) -> None:
+        self.settings = settings
+        count = first.size
+        start = first.astype(np.float64)
+        sigmas = (settings.sigma_wandering, settings.sigma_stable, settings.sigma_fixed)
+        self.shares = np.full((3, count), 1.0 / 3.0)
+        self.means = np.tile(start, (3, 1))
+        self.sigmas = np.repeat(np.array(sigmas)[:, None], count, axis=1)
+        self._first_moment = self.shares[1] * start
+        self._second_moment = self.shares[1] * (np.square(start) + settings.sigma_stable**2)
+        self._rate = 1.0 - 0.5 ** (1.0 / settings.half_life)
+
+    @property
+    def expected(self) -> FloatArray:
+        """`(d,)` mean of the mixture at each pixel."""
+        return np.einsum("ij,ij->j", self.shares, self.means)
+
+    def learn(self, patch: NDArray[np.float32]) -> None:
+        """One step of on-line EM with exponential forgetting (Jepson et al. 2003, section 4; Zhou et al. 2004).
+
+        Args:
+            patch: `(d,)`.
+        """
+        observed = patch.astype(np.float64)
+        # E step: ownership of each pixel. Relative to the best component, so that no pixel underflows in all.
+        logs = np.log(self.shares / self.sigmas) - 0.5 * np.square((observed - self.means) / self.sigmas)
+        owned = np.exp(logs - logs.max(axis=0))
+        owned /= owned.sum(axis=0)
+        # M step: moments with forgetting.
+        kept = 1.0 - self._rate
+        shares = kept * self.shares + self._rate * owned
+        self._first_moment = kept * self._first_moment + self._rate * owned[1] * observed
+        self._second_moment = kept * self._second_moment + self._rate * owned[1] * np.square(observed)
+        mean = self._first_moment / shares[1]
+        variance = self._second_moment / shares[1] - np.square(mean)
+        self.means[0], self.means[1] = observed, mean
+        self.sigmas[1] = np.sqrt(np.maximum(variance, self.settings.sigma_min**2))
+        # The moments of S are scaled with its share, so that they stay those of the same Gaussian.
+        raised = np.maximum(shares, self.settings.share_min)
+        raised /= raised.sum(axis=0)
+        self._first_moment *= raised[1] / shares[1]
+        self._second_moment *= raised[1] / shares[1]
+        self.shares = raised
+
+    def log_likelihood(self, patches: Patches, *, robust: bool) -> FloatArray:
+        """Logarithm of the product over the pixels of sum_i m_i N(z; mu_i, sigma_i).
+
+        Args:
+            patches: `(N, d)`.
+            robust: Whether exp(-x^2 / 2) is replaced by exp(-rho(x)) of (12).
+
+        Returns:
+            `(N,)` logarithms, up to a constant.
+        """
+        out = np.empty(len(patches))
+        c = self.settings.outlier_c if robust else math.inf
+        peaks = (self.shares / self.sigmas).astype(np.float32)
+        means, inverses = self.means.astype(np.float32), (1.0 / self.sigmas).astype(np.float32)
+        _log_likelihoods(patches, peaks, means, inverses, np.float32(c), out)
+        return out
+
+    def prediction_error(self, patch: NDArray[np.float32]) -> float:
+        """Prediction error (10) of a `(d,)` patch: about 1 where pixels deviate by the components' sigmas."""
+        loss = huber((patch - self.means) / self.sigmas, self.settings.outlier_c)
+        return 2.0 * float(np.einsum("ij,ij->", self.shares, loss)) / patch.size
+
+    def outlier_share(self, patch: NDArray[np.float32], rule: OutlierRule) -> float:
+        """Share of the pixels that are outliers, d_out / d: more than c standard deviations off.
+
+        Args:
+            patch: `(d,)`.
+            rule: `"most"`: counted for each of W, S and F, and the greatest number taken (Zhou et al. 2004);
+                `"stable"`: for S alone; `"all"`: only pixels that are off in all three.
+        """
+        out = np.abs(patch - self.means) > self.settings.outlier_c * self.sigmas
+        if rule == "stable":
+            return float(out[1].mean())
+        return float(out.mean(axis=1).max()) if rule == "most" else float(out.all(axis=0).mean())
+
+    def similarity(self, patch: NDArray[np.float32]) -> float:
+        """Correlation of a `(d,)` patch with the expected one, in [0, 1]; 0 where it is negative."""
+        expected = self.expected
+        lengths = float(np.linalg.norm(patch)) * float(np.linalg.norm(expected))
+        return min(max(float(patch @ expected) / lengths, 0.0), 1.0) if lengths > 0.0 else 0.0
+
+
+def huber(x: FloatArray, c: float) -> FloatArray:
+    """Huber's rho (12): x^2 / 2 up to c, linear beyond."""
+    size = np.abs(x)
+    return np.where(size <= c, 0.5 * np.square(x), c * size - 0.5 * c * c)
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _log_likelihoods(
+    patches: NDArray[np.float32],
+    peaks: NDArray[np.float32],
+    means: NDArray[np.float32],
+    inverses: NDArray[np.float32],
+    c: np.float32,
+    out: NDArray[np.float64],
+) -> None:
+    """Fill `out` with log-likelihoods. The inner loops are vectorised."""
+    count = patches.shape[1]
+    total = np.empty(count, np.float32)
+    fraction = np.empty(count, np.float32)
+    bits = np.empty(count, np.int32)
+    power = bits.view(np.float32)
+    half, offset = np.float32(0.5), np.float32(0.5) * c * c if c < np.inf else np.float32(0.0)
+    for n in range(patches.shape[0]):
+        total[:] = _LEAST
+        for i in range(3):
+            for k in range(count):
+                x = abs(patches[n, k] - means[i, k]) * inverses[i, k]
+                loss = half * x * x if x <= c else c * x - offset
+                # exp(-loss) = 2^-whole 2^-fraction; the first is written into the exponent bits of a float32.
+                exponent = min(loss * _LOG2_E, _MAX_EXPONENT)
+                whole = np.int32(exponent)
+                fraction[k] = exponent - np.float32(whole)
+                bits[k] = np.int32((np.float32(127.0) - np.float32(whole)) * np.float32(8388608.0))
+            for k in range(count):
+                total[k] += peaks[i, k] * power[k] * _two_to_minus(fraction[k])
+        logarithm, product = 0.0, 1.0
+        for k in range(count):
+            product *= total[k]
+            # One logarithm for several pixels, as it costs more than the rest.
+            if k % _TOGETHER == _TOGETHER - 1:
+                logarithm += math.log(product)
+                product = 1.0
+        out[n] = logarithm + math.log(product)
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _two_to_minus(x: np.float32) -> np.float32:
+    """2^-x for x in [0, 1]: a polynomial of degree 6 through Chebyshev points, accurate to float32."""
+    return _C0 + x * (_C1 + x * (_C2 + x * (_C3 + x * (_C4 + x * (_C5 + x * _C6)))))
+
+
+_C0, _C1, _C2, _C3, _C4, _C5, _C6 = (
+    np.float32(value)
+    for value in np.polynomial.Chebyshev.interpolate(lambda x: 2.0**-x, 6, domain=[0.0, 1.0])
+    .convert(kind=np.polynomial.Polynomial)
+    .coef
+)
+_LOG2_E = np.float32(math.log2(math.e))
+_MAX_EXPONENT = np.float32(120.0)
+_TOGETHER = 8
+_LEAST = np.float32(1e-30)
+"""Least likelihood of a pixel: the product of `_TOGETHER` is still above 0 in float64."""
