@@ -110,6 +110,31 @@ def test_a_forked_child_is_told_to_spawn(monkeypatch: pytest.MonkeyPatch):
     opened.close()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="forks")
+def test_a_forked_child_of_a_process_that_draws_exits():
+    program = (
+        "import os, sys\n"
+        "from pftrack_sim.render.gl.context import open_context\n"
+        "opened = open_context()\n"
+        "if opened.info.backend != 'egl' or os.fork() == 0:\n"
+        "    sys.exit()\n"
+        "sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are used on Linux")
+def test_osmesa_draws_where_egl_finds_no_device(osmesa_present: None):
+    program = (
+        "import os; import gymnasium, cv2; before = dict(os.environ)\n"
+        "from pftrack_sim.render.gl.context import open_context\n"
+        "assert open_context().info.backend == 'osmesa'\n"
+        "assert before == dict(os.environ)\n"
+    )
+    environment = {**os.environ, "__EGL_VENDOR_LIBRARY_FILENAMES": os.devnull}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
+
+
 def test_rasterisers_side_by_side_do_not_disturb_each_other():
     stages = [build(seed) for seed in range(3)]
     alone = []

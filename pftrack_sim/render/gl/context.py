@@ -100,11 +100,7 @@ class GLContext:
 
     def close(self) -> None:
         """Free it; a second call does nothing."""
-        if not self.usable and not self.closed:
-            # MuJoCo frees a context that is collected. In a forked child, without the threads of the parent's driver,
-            # that would hang: keep it.
-            _inherited.append(self._context)
-        elif not self.closed:
+        if self.usable:
             self._context.free()
         self._context = None
 
@@ -181,7 +177,6 @@ class _Process:
 
 
 _process = _Process()
-_inherited: list[Any] = []
 
 
 def _open(backend: str, size: tuple[int, int]) -> GLContext:
@@ -204,7 +199,14 @@ def _open(backend: str, size: tuple[int, int]) -> GLContext:
             raise RenderError(f"{error}") from error
     if _process.backend is None:
         _process.backend, _process.pid = backend, os.getpid()
+        if backend == "egl":
+            os.register_at_fork(after_in_child=_forget_egl_display)
     return GLContext(context, info)
+
+
+def _forget_egl_display() -> None:
+    """Keep MuJoCo from terminating the display in a forked child at its exit: without the driver's threads it hangs."""
+    sys.modules["mujoco.egl"].EGL_DISPLAY = None  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _loads(file_name: str) -> bool:
