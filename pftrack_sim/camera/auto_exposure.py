@@ -1,7 +1,7 @@
-"""The colour of the light, and the camera's automatics: exposure and white balance, each with a lag.
+"""Auto-exposure, auto white balance, and the colour of the light.
 
-Both hold what they saw in the first frame: its mean luminance, and the shares of red, green and blue in its mean. Each
-is a first-order loop in stops: of an error that stays, 63% is made up for within the lag.
+Both controllers hold what they measured in the first frame: its mean luminance, and the ratios of red and blue to green
+in its mean. Each is a first-order loop in stops: 63 % of a constant error is corrected within the lag.
 """
 
 from __future__ import annotations
@@ -10,52 +10,50 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.core.photometry import DISPLAY_GAMMA, LUMINANCE, tint
 from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import LightAxis
 from pftrack_sim.scenario.axes.scene import WHITE_K
 
-Numbers = NDArray[np.float64]
-
 _DARK = 1e-5
-"""Mean linear light below which there is nothing to go by."""
+"""Mean linear value of a channel below which nothing can be metered."""
 
 _CODES = np.arange(256)
 _LINEAR = (_CODES / 255.0) ** DISPLAY_GAMMA
 
 
-class Exposure:
-    """Colour, exposure and white balance through one episode.
+class AutoExposure:
+    """Exposure, white balance and light colour through one episode.
 
-    The exposure of a frame is known before it is drawn, and the drawing applies it: nothing is clipped that the
-    exposure would have kept. Colours are applied to the drawn frame (`balance`), which is then metered for the next.
+    The exposure of a frame is known before it is rendered, and the lights are scaled by it, so that highlights are
+    clipped after the exposure. Colours are applied to the rendered frame, which is then metered for the next one.
 
     Args:
-        axis: What the light does, and which automatics are on.
+        axis: Course of the light, and which controllers are on.
     """
 
     def __init__(self, axis: LightAxis) -> None:
         self._axis = axis
-        self._held: Numbers | None = None
+        self._reference: FloatArray | None = None
         self._metered_s = 0.0
         self._ev, self._error_ev = 0.0, 0.0
         self._balance_ev, self._balance_error_ev = np.zeros(3), np.zeros(3)
 
     def settle(self, time_s: float) -> float:
-        """Make up for a part of the errors metered last: the larger, the longer ago that was.
+        """Correct the errors metered last by the share that belongs to the time since then.
 
         Args:
-            time_s: When the next frame is taken, since the start of the episode.
+            time_s: Time of the next frame since the start of the episode.
 
         Returns:
-            Stops by which it is exposed longer than the first.
+            Exposure of that frame relative to the first [EV].
         """
         since_s, axis = time_s - self._metered_s, self._axis
         limit = axis.exposure_range_ev
-        self._ev = min(limit, max(-limit, self._ev + _share(since_s, axis.exposure_lag_s) * self._error_ev))
-        self._balance_ev = self._balance_ev + _share(since_s, axis.white_balance_lag_s) * self._balance_error_ev
+        self._ev = min(limit, max(-limit, self._ev + _correction(since_s, axis.exposure_lag_s) * self._error_ev))
+        self._balance_ev = self._balance_ev + _correction(since_s, axis.white_balance_lag_s) * self._balance_error_ev
         self._metered_s = time_s
         return self._ev
 
@@ -66,51 +64,51 @@ class Exposure:
 
     @property
     def gains(self) -> tuple[float, float, float]:
-        """How much the camera amplifies linear red, green and blue of the frame that it settled for."""
+        """Gains on linear red, green and blue of the current frame."""
         red, green, blue = np.exp2(self._ev + self._balance_ev)
         return float(red), float(green), float(blue)
 
     def balance(self, image: Image, time_s: float) -> Image:
-        """The frame in the colour of the light, balanced; and metered.
+        """Apply the colour of the light and the white balance, and meter the result.
 
         Args:
-            image: `(H, W, 3)` uint8, drawn as bright as `settle` said, in white light.
-            time_s: Since the start of the episode.
+            image: `(H, W, 3)` uint8, rendered in white light at the exposure of `settle`.
+            time_s: Time of the frame since the start of the episode.
 
         Returns:
-            `(H, W, 3)` uint8; the argument itself when the colours stay.
+            `(H, W, 3)` uint8; the argument itself where no colour changes.
         """
         kelvin = self._axis.light_k(time_s)
         factors = np.exp2(self._balance_ev)
         if kelvin != WHITE_K:
             factors = factors * tint(kelvin, WHITE_K)
-        coloured = image if (factors == 1.0).all() else _scaled(image, factors)
+        balanced = image if (factors == 1.0).all() else _scaled(image, factors)
         if self.metering:
-            self._meter(coloured)
-        return coloured
+            self._meter(balanced)
+        return balanced
 
     def _meter(self, image: Image) -> None:
-        """How far a frame is off what is held."""
+        """Measure the errors of a frame relative to the first one; a dark frame has none."""
         mean = np.array([_LINEAR[image[2::4, 2::4, channel]].mean() for channel in range(3)])
-        if self._held is None:
-            self._held = mean
+        if self._reference is None:
+            self._reference = mean
             return
         self._error_ev, self._balance_error_ev = 0.0, np.zeros(3)
-        if min(mean.min(), self._held.min()) < _DARK:
+        if min(mean.min(), self._reference.min()) < _DARK:
             return
         if self._axis.auto_exposure:
-            self._error_ev = math.log2((LUMINANCE @ self._held) / (LUMINANCE @ mean))
+            self._error_ev = math.log2((LUMINANCE @ self._reference) / (LUMINANCE @ mean))
         if self._axis.auto_white_balance:
-            # Ratios to green: balancing moves colours and leaves the brightness to the exposure.
-            self._balance_error_ev = np.log2(self._held / self._held[1]) - np.log2(mean / mean[1])
+            # Ratios to green: the white balance leaves the brightness to the exposure.
+            self._balance_error_ev = np.log2(self._reference / self._reference[1]) - np.log2(mean / mean[1])
 
 
-def _share(since_s: float, lag_s: float) -> float:
-    """Share of an error that is made up for in a time."""
+def _correction(since_s: float, lag_s: float) -> float:
+    """Share of an error that a first-order loop corrects in a time."""
     return 1.0 if lag_s == 0.0 else -math.expm1(-since_s / lag_s)
 
 
-def _scaled(image: Image, factors: Numbers) -> Image:
-    """The image with linear red, green and blue multiplied."""
+def _scaled(image: Image, factors: FloatArray) -> Image:
+    """Multiply linear red, green and blue of an image."""
     levels = np.clip(np.round(_CODES[:, None] * factors ** (1.0 / DISPLAY_GAMMA)), 0.0, 255.0).astype(np.uint8)
     return np.asarray(cv2.LUT(image, levels[None]), dtype=np.uint8)

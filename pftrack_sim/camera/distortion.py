@@ -1,13 +1,13 @@
-"""The lens: where a ray falls on the image, and which ray a pixel sees.
+"""Lens distortion: from normalized image coordinates to pixels and back.
 
-Brown's model as OpenCV writes it (Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32, 1966):
-with slopes x, y of a ray and r^2 = x^2 + y^2,
+The Brown-Conrady model as in OpenCV (Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32, 1966):
+with normalized coordinates x, y and r^2 = x^2 + y^2,
 
     x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
     y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
 
-The polynomial holds where it was fitted: on the image. Farther out it may turn back, and what lies far to the side
-would appear in the image. So beyond the rays of the image's corners, and a little more, it goes on along its tangent.
+The polynomial is valid where it was fitted, on the image. Farther out it may fold back, and objects far beside the view
+would appear in the image. Beyond 1.1 times the radius of the image corners it is therefore continued linearly.
 """
 
 from __future__ import annotations
@@ -16,34 +16,34 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.types import FloatArray
 
-Array = NDArray[np.float64]
+_VALID_RADII = 1.1
+"""The polynomial is used up to this multiple of the radius of the farthest corner."""
 
-_REACH = 1.1
-"""The model holds this far beyond the ray of the farthest corner."""
+_LEAST_SCALE = 0.05
+"""Local magnification relative to the image centre below which a lens counts as folding."""
 
-_TURNING_BACK = 0.05
-"""A lens that shrinks the image more than this, compared to its middle, counts as turning back."""
-
-_SEARCH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
+_INVERSION_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
 _ROUND_TRIP_PX = 1e-3
+_STEP = 1e-6
 
 
 class Lens:
-    """A pinhole with distortion.
+    """A pinhole camera with lens distortion.
 
     Args:
         K: `(3, 3)` camera matrix [px].
-        coefficients: OpenCV's k1, k2, p1, p2, k3.
+        coefficients: k1, k2, p1, p2, k3 as in OpenCV.
         size: Width and height of the image [px].
 
     Raises:
-        ParameterError: Two rays of the image fall on the same pixel, or a pixel has no ray.
+        ParameterError: Coefficients that are not five finite numbers, or a lens that is not invertible over the image.
     """
 
     def __init__(self, K: ArrayLike, coefficients: Sequence[float], size: tuple[int, int]) -> None:
@@ -52,51 +52,37 @@ class Lens:
         self.coefficients = np.array(coefficients, dtype=np.float64)
         if self.coefficients.shape != (5,) or not np.isfinite(self.coefficients).all():
             raise ParameterError(f"distortion needs five finite numbers k1, k2, p1, p2, k3, got {list(coefficients)}")
-        self.bends = bool(self.coefficients.any())
-        self._reach = np.inf
-        if self.bends:
-            self._reach = self._farthest()
+        self.distorts = bool(self.coefficients.any())
+        self._valid_radius = self._checked_radius() if self.distorts else np.inf
 
-    def pixels(self, slopes: ArrayLike) -> Array:
-        """Where rays fall.
-
-        Args:
-            slopes: `(..., 2)` x / z and y / z, camera axes.
-
-        Returns:
-            `(..., 2)` x, y [px].
-        """
+    def to_pixels(self, normalized: ArrayLike) -> FloatArray:
+        """`(..., 2)` pixels of `(..., 2)` normalized image coordinates."""
         fx, fy, cx, cy = focal_and_centre(self.K)
-        given = np.asarray(slopes, dtype=np.float64)
-        if not self.bends:
+        given = np.asarray(normalized, dtype=np.float64)
+        if not self.distorts:
             return given * (fx, fy) + (cx, cy)
         radius = np.sqrt(np.einsum("...i,...i->...", given, given))
         with np.errstate(invalid="ignore", divide="ignore"):
-            beyond = np.where(radius > self._reach, radius / self._reach, 1.0)[..., None]
+            beyond = np.where(radius > self._valid_radius, radius / self._valid_radius, 1.0)[..., None]
         inside = given / beyond
-        bent = self._bent(inside) + (beyond - 1.0) * self._outwards(inside)
-        return bent * (fx, fy) + (cx, cy)
+        # Derivative along the ray, times its length.
+        slope = (self._distort(inside * (1.0 + _STEP)) - self._distort(inside * (1.0 - _STEP))) / (2.0 * _STEP)
+        return (self._distort(inside) + (beyond - 1.0) * slope) * (fx, fy) + (cx, cy)
 
-    def slopes(self, pixels: ArrayLike) -> Array:
-        """Which rays pixels see.
-
-        Args:
-            pixels: `(..., 2)` x, y [px], in the image or just beside it.
-
-        Returns:
-            `(..., 2)` x / z and y / z, camera axes.
-        """
+    def to_normalized(self, pixels: ArrayLike) -> FloatArray:
+        """`(..., 2)` normalized image coordinates of `(..., 2)` pixels in the image or just beside it."""
         fx, fy, cx, cy = focal_and_centre(self.K)
         given = np.asarray(pixels, dtype=np.float64)
-        if not self.bends:
+        if not self.distorts:
             return (given - (cx, cy)) / (fx, fy)
         flat = np.ascontiguousarray(given.reshape(-1, 1, 2))
-        found = cv2.undistortPoints(flat, self.K, self.coefficients, criteria=_SEARCH)
-        return np.asarray(found, dtype=np.float64).reshape(given.shape)
+        undistorted = cv2.undistortPoints(flat, self.K, self.coefficients, criteria=_INVERSION_CRITERIA)
+        return np.asarray(undistorted, dtype=np.float64).reshape(given.shape)
 
-    def _bent(self, slopes: Array) -> Array:
+    def _distort(self, normalized: FloatArray) -> FloatArray:
+        """Apply the polynomial to `(..., 2)` normalized coordinates."""
         k1, k2, p1, p2, k3 = self.coefficients
-        x, y = slopes[..., 0], slopes[..., 1]
+        x, y = normalized[..., 0], normalized[..., 1]
         square = x * x + y * y
         radial = 1.0 + square * (k1 + square * (k2 + square * k3))
         return np.stack(
@@ -107,36 +93,31 @@ class Lens:
             axis=-1,
         )
 
-    def _outwards(self, slopes: Array) -> Array:
-        """Derivative of the bent slopes along the ray's own direction, times its length."""
-        step = 1e-6
-        return (self._bent(slopes * (1.0 + step)) - self._bent(slopes * (1.0 - step))) / (2.0 * step)
+    def _checked_radius(self) -> float:
+        """Radius up to which the polynomial is used.
 
-    def _farthest(self) -> float:
-        """Slope up to which the model holds; refuses a lens that does not map the image one to one."""
+        Raises:
+            ParameterError: The polynomial is not invertible up to there.
+        """
         width, height = self.size
-        problem = (
-            f"the lens k1, k2, p1, p2, k3 = {[round(float(one), 6) for one in self.coefficients]} is not invertible "
+        not_invertible = ParameterError(
+            f"the lens k1, k2, p1, p2, k3 = {[round(float(k), 6) for k in self.coefficients]} is not invertible "
             f"over the {width} x {height} image; weaken it, or narrow the field of view"
         )
         columns, rows = np.meshgrid(np.linspace(0.0, width, 33), np.linspace(0.0, height, 25))
-        asked = np.stack([columns, rows], axis=-1)
-        rays = self.slopes(asked)
-        if not np.isfinite(rays).all():
-            raise ParameterError(problem)
-        reach = _REACH * float(np.sqrt((rays**2).sum(axis=-1)).max())
+        pixels = np.stack([columns, rows], axis=-1)
+        normalized = self.to_normalized(pixels)
+        if not np.isfinite(normalized).all():
+            raise not_invertible
         fx, fy, cx, cy = focal_and_centre(self.K)
-        back = self._bent(rays) * (fx, fy) + (cx, cy)
-        if not np.abs(back - asked).max() < _ROUND_TRIP_PX:
-            raise ParameterError(problem)
-        # One to one: areas keep their sign from the middle out to the reach.
-        angles, radii = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48), np.linspace(1e-3, reach, 64))
+        round_trip = self._distort(normalized) * (fx, fy) + (cx, cy)
+        if not np.abs(round_trip - pixels).max() < _ROUND_TRIP_PX:
+            raise not_invertible
+        radius = _VALID_RADII * float(np.sqrt((normalized**2).sum(axis=-1)).max())
+        # The Jacobian keeps its sign from the centre to the radius.
+        angles, radii = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48), np.linspace(1e-3, radius, 64))
         disc = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1)
-        step = 1e-6
-        right, down = np.array([step, 0.0]), np.array([0.0, step])
-        across = (self._bent(disc + right) - self._bent(disc - right)) / (2.0 * step)
-        down = (self._bent(disc + down) - self._bent(disc - down)) / (2.0 * step)
-        area = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
-        if not area.min() > _TURNING_BACK**2:
-            raise ParameterError(problem)
-        return reach
+        dx, dy = ((self._distort(disc + h) - self._distort(disc - h)) / (2.0 * _STEP) for h in _STEP * np.eye(2))
+        if not (dx[..., 0] * dy[..., 1] - dx[..., 1] * dy[..., 0]).min() > _LEAST_SCALE**2:
+            raise not_invertible
+        return radius

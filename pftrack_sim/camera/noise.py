@@ -1,7 +1,7 @@
-"""Noise of a sensor by EMVA 1288: Poisson electrons, Gaussian read noise, clipped and display-coded.
+"""Sensor noise by EMVA 1288: Poisson electrons and Gaussian read noise, clipped and display-coded.
 
-What a pixel of a given value is read as has a known distribution over 256 values. It is tabulated, and a pixel costs
-one look-up in the table at a random place: exact, and fast enough for every frame.
+The output of a pixel of a given value has a known distribution over 256 values. Its quantiles are tabulated, so that
+a pixel costs one lookup at a random quantile.
 """
 
 from __future__ import annotations
@@ -17,29 +17,30 @@ from numpy.typing import NDArray
 from pftrack_sim.core.photometry import DISPLAY_GAMMA
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import NoiseAxis
 
 Table: TypeAlias = NDArray[np.uint8]
-"""`(256, QUANTILES)`: what a pixel of each value is read as, at each quantile."""
+"""`(256, QUANTILES)` output of a pixel of each value at each quantile."""
 
 QUANTILES = 4096
-"""Equally likely outcomes of a pixel: the variance is low by less than 0.2%, for want of the farthest tails."""
+"""Equally likely outputs of a pixel; the truncated tails lower the variance by less than 0.2 %."""
 
-EXACT_BELOW_E = 64.0
-"""Mean electrons up to which the Poisson law is summed term by term.
+_EXACT_BELOW_E = 64.0
+"""Mean electrons up to which the Poisson distribution is summed term by term.
 
-Above, the distribution is a Gaussian with the skewness of the Poisson law (Edgeworth's first term); it is off by less
-than 0.001 in cumulated probability.
+Above, it is a Gaussian with the skewness of the Poisson distribution (first Edgeworth term): the cumulative
+probability is off by less than 0.001.
 """
 
-STEPS_PER_EV = 16
-"""A changing exposure takes its noise from the nearest of so many levels per stop: within 2.2% of its variance."""
+_STEPS_PER_EV = 16
+"""Tables per stop of a changing exposure: the variance is off by 2.2 % at most."""
 
 _TABLES_KEPT = 48
 
 
 class Noise:
-    """Reads out frames, each with draws of its own.
+    """Adds independent noise to every frame.
 
     Args:
         axis: Electrons of white, and read noise.
@@ -53,34 +54,33 @@ class Noise:
         self._tables: OrderedDict[int, Table] = OrderedDict()
 
     def read(self, image: Image, index: int, gains: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Image:
-        """The frame as it is read out.
+        """Read out a frame.
 
         Args:
-            image: `(H, W, 3)` uint8, display-coded: what a sensor without noise would give.
-            index: Of the frame in its episode. It chooses the draws: the same frame gets the same noise.
-            gains: Factors on the luminance of red, green and blue that made `image` from the light: a pixel that was
-                amplified has so many times fewer electrons.
+            image: `(H, W, 3)` uint8, display-coded, without noise.
+            index: Index of the frame in its episode; it selects the random numbers.
+            gains: Gains on linear red, green and blue that `image` contains: a pixel amplified by g has 1 / g of the
+                electrons.
 
         Returns:
             `(H, W, 3)` uint8, a new array.
         """
-        steps = [round(STEPS_PER_EV * math.log2(one)) for one in gains]
-        red, green, blue = (self._table(step) for step in steps)
+        red, green, blue = (self._table(round(_STEPS_PER_EV * math.log2(gain))) for gain in gains)
         key = stream(self._seed, "sensor", "noise", index).integers(2**64, dtype=np.uint64)
-        return _look_up(np.ascontiguousarray(image), red, green, blue, key)
+        return _sample(np.ascontiguousarray(image), red, green, blue, key)
 
     def _table(self, steps: int) -> Table:
-        """The table of an exposure `steps / STEPS_PER_EV` stops above the base, computed once."""
+        """Table of a gain of `steps / _STEPS_PER_EV` stops; the tables used last are cached."""
         if steps not in self._tables:
             if len(self._tables) >= _TABLES_KEPT:
                 self._tables.popitem(last=False)
-            self._tables[steps] = outcomes(self._white_e * 2.0 ** (-steps / STEPS_PER_EV), self._read_e)
+            self._tables[steps] = quantile_table(self._white_e * 2.0 ** (-steps / _STEPS_PER_EV), self._read_e)
         self._tables.move_to_end(steps)
         return self._tables[steps]
 
 
-def outcomes(white_e: float, read_e: float) -> Table:
-    """What pixels are read as.
+def quantile_table(white_e: float, read_e: float) -> Table:
+    """Quantiles of the output of a pixel of each value.
 
     Args:
         white_e: Electrons of a white pixel.
@@ -95,22 +95,22 @@ def outcomes(white_e: float, read_e: float) -> Table:
 
 
 @njit(cache=True)
-def _tabulate(mean_e: NDArray[np.float64], limits_e: NDArray[np.float64], read_e: float) -> Table:
-    """`(256, QUANTILES)` outcomes from the mean of each value and the limits between values [e-]."""
+def _tabulate(mean_e: FloatArray, limits_e: FloatArray, read_e: float) -> Table:
+    """Quantile table from the mean of each value and the limits between outputs [e-]."""
     table = np.empty((256, QUANTILES), dtype=np.uint8)
     for value in range(256):
         mean = mean_e[value]
         spread = math.sqrt(mean + read_e * read_e)
         filled = 0
-        for outcome in range(255):
-            limit = limits_e[outcome]
-            if mean >= EXACT_BELOW_E and read_e < 0.35:
-                # Hardly any read noise: the sum still comes in whole electrons (correction for continuity).
+        for output in range(255):
+            limit = limits_e[output]
+            if mean >= _EXACT_BELOW_E and read_e < 0.35:
+                # With little read noise the sum is a whole number of electrons (continuity correction).
                 limit = math.floor(limit) + 0.5
             z = (limit - mean) / spread
             if z < -9.0:
                 continue
-            if mean < EXACT_BELOW_E:
+            if mean < _EXACT_BELOW_E:
                 below = _poisson_and_read(limit, mean, read_e)
             else:
                 skew = mean / spread**3
@@ -118,7 +118,7 @@ def _tabulate(mean_e: NDArray[np.float64], limits_e: NDArray[np.float64], read_e
                 below = _normal(z) - bell * skew / 6.0 * (z * z - 1.0)
             last = min(QUANTILES, math.floor(below * QUANTILES + 0.5))
             while filled < last:
-                table[value, filled] = outcome
+                table[value, filled] = output
                 filled += 1
             if filled == QUANTILES or z > 9.0:
                 break
@@ -130,13 +130,13 @@ def _tabulate(mean_e: NDArray[np.float64], limits_e: NDArray[np.float64], read_e
 
 @njit(cache=True)
 def _normal(z: float) -> float:
-    """Cumulated standard normal."""
+    """Cumulative standard normal distribution."""
     return 0.5 * math.erfc(-z / math.sqrt(2.0))
 
 
 @njit(cache=True)
 def _poisson_and_read(limit_e: float, mean_e: float, read_e: float) -> float:
-    """Probability that Poisson electrons and read noise together stay below a limit."""
+    """Probability that Poisson electrons plus read noise are below a limit."""
     term = math.exp(-mean_e)
     total = 0.0
     last = int(mean_e + 8.0 * math.sqrt(mean_e) + 12.0)
@@ -147,11 +147,11 @@ def _poisson_and_read(limit_e: float, mean_e: float, read_e: float) -> float:
 
 
 @njit(cache=True)
-def _look_up(image: Image, red: Table, green: Table, blue: Table, key: np.uint64) -> Image:
-    """Every pixel at a random quantile of its distribution.
+def _sample(image: Image, red: Table, green: Table, blue: Table, key: np.uint64) -> Image:
+    """Draw every pixel at a random quantile.
 
-    The draws are a counter through the mixer of SplitMix64 (Steele, Lea and Flood 2014, "Fast splittable pseudorandom
-    number generators"); 36 of its 64 bits serve the three channels of a pixel.
+    Random numbers are those of SplitMix64 (Steele, Lea and Flood 2014, "Fast splittable pseudorandom number
+    generators"): 36 of 64 bits serve the three channels of a pixel.
     """
     height, width = image.shape[0], image.shape[1]
     out = np.empty_like(image)

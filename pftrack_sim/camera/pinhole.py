@@ -1,37 +1,23 @@
-"""The pinhole camera: from metres in front of the lens to pixels, and the frustum that draws exactly that.
+"""Pinhole camera: intrinsics, normalized image coordinates and the OpenGL frustum.
 
 Pixel (row i, column j) covers [j, j+1) x [i, i+1), so the principal point of a centred camera is (W/2, H/2). Camera
-axes as OpenCV: x right, y down, z forward. `T_world_camera` maps camera to world.
+axes as in OpenCV: x right, y down, z forward. Normalized image coordinates of a point are (x/z, y/z).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
-
-OPENGL_AXES = np.diag([1.0, -1.0, -1.0])
-"""Turns camera axes between OpenCV (x right, y down, z forward) and OpenGL and MuJoCo (x right, y up, z backward):
-`R_opencv = R_opengl @ OPENGL_AXES` and the other way round."""
-OPENGL_AXES.setflags(write=False)
+from pftrack_sim.core.types import FloatArray
 
 
-@dataclass(frozen=True)
-class Frustum:
-    """What an OpenGL camera needs: the sides of the view on the near plane [m], y up.
-
-    Attributes:
-        left: Left side; negative for a centred camera.
-        right: Right side.
-        bottom: Bottom side; negative for a centred camera.
-        top: Top side.
-        near: Distance of the near plane.
-        far: Distance of the far plane.
-    """
+class Frustum(NamedTuple):
+    """View frustum of OpenGL: sides on the near plane with y up, and distances of the planes [m]."""
 
     left: float
     right: float
@@ -41,7 +27,7 @@ class Frustum:
     far: float
 
 
-def intrinsics(width_px: int, height_px: int, fovy_rad: float) -> NDArray[np.float64]:
+def intrinsics(width_px: int, height_px: int, fovy_rad: float) -> FloatArray:
     """Camera matrix of a centred pinhole camera with square pixels.
 
     Args:
@@ -53,7 +39,7 @@ def intrinsics(width_px: int, height_px: int, fovy_rad: float) -> NDArray[np.flo
         `(3, 3)` K [px].
 
     Raises:
-        ParameterError: An empty image, or a field of view that is no angle between 0 and pi.
+        ParameterError: An empty image, or a field of view outside (0, pi).
 
     >>> intrinsics(640, 480, math.pi / 2).tolist()
     [[240.00000000000003, 0.0, 320.0], [0.0, 240.00000000000003, 240.0], [0.0, 0.0, 1.0]]
@@ -66,56 +52,16 @@ def intrinsics(width_px: int, height_px: int, fovy_rad: float) -> NDArray[np.flo
     return np.array([[focal, 0.0, 0.5 * width_px], [0.0, focal, 0.5 * height_px], [0.0, 0.0, 1.0]])
 
 
-def camera_matrix(K: ArrayLike | float, width_px: int, height_px: int) -> NDArray[np.float64]:
-    """A `(3, 3)` camera matrix [px], from itself or from a vertical field of view [rad].
+def camera_matrix(K: ArrayLike | float, width_px: int, height_px: int) -> FloatArray:
+    """`(3, 3)` camera matrix [px], given as such or as the vertical field of view [rad].
 
     Raises:
-        ParameterError: Neither.
+        ParameterError: As `intrinsics` and `focal_and_centre`.
     """
     if np.ndim(K) == 0:
         return intrinsics(width_px, height_px, float(np.asarray(K)))
     focal_and_centre(K)
     return np.array(K, dtype=np.float64)
-
-
-def cropped(K: ArrayLike, left_px: float, top_px: float) -> NDArray[np.float64]:
-    """Camera matrix of a rectangle of the image: the same pixel grid, counted from the rectangle's corner.
-
-    Args:
-        K: `(3, 3)` camera matrix of the whole image [px].
-        left_px: First column of the rectangle.
-        top_px: First row of the rectangle.
-    """
-    shifted = np.array(K, dtype=np.float64)
-    shifted[0, 2] -= left_px
-    shifted[1, 2] -= top_px
-    return shifted
-
-
-def frustum(K: ArrayLike, width_px: int, height_px: int, near_m: float, far_m: float) -> Frustum:
-    """The frustum whose drawing is the image that K describes; with `cropped`, a rectangle of it.
-
-    Args:
-        K: `(3, 3)` camera matrix [px], without skew.
-        width_px: Image width.
-        height_px: Image height.
-        near_m: Distance of the near plane.
-        far_m: Distance of the far plane.
-
-    Raises:
-        ParameterError: Planes out of order, or a camera matrix with skew or a focal length <= 0.
-    """
-    if not 0.0 < near_m < far_m:
-        raise ParameterError(f"0 < near < far is needed, got near={near_m}, far={far_m}")
-    fx, fy, cx, cy = focal_and_centre(K)
-    return Frustum(
-        left=-cx / fx * near_m,
-        right=(width_px - cx) / fx * near_m,
-        bottom=-(height_px - cy) / fy * near_m,
-        top=cy / fy * near_m,
-        near=near_m,
-        far=far_m,
-    )
 
 
 def focal_and_centre(K: ArrayLike) -> tuple[float, float, float, float]:
@@ -132,30 +78,35 @@ def focal_and_centre(K: ArrayLike) -> tuple[float, float, float, float]:
     return float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
 
 
-def in_camera(points: ArrayLike, T_world_camera: ArrayLike) -> NDArray[np.float64]:
-    """`(N, 3)` world points [m] in the camera's axes [m]; the third column is the depth."""
-    pose = np.asarray(T_world_camera, dtype=np.float64)
-    return (np.asarray(points, dtype=np.float64) - pose[:3, 3]) @ pose[:3, :3]
-
-
-def project(
-    points: ArrayLike, T_world_camera: ArrayLike, K: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where world points appear.
+def frustum(K: ArrayLike, width_px: int, height_px: int, near_m: float, far_m: float) -> Frustum:
+    """Frustum that renders the image described by K.
 
     Args:
-        points: `(N, 3)` [m], world frame.
-        T_world_camera: `(4, 4)` camera pose.
-        K: `(3, 3)` camera matrix [px].
+        K: `(3, 3)` camera matrix [px], without skew.
+        width_px: Image width.
+        height_px: Image height.
+        near_m: Distance of the near plane.
+        far_m: Distance of the far plane.
 
-    Returns:
-        `(N, 2)` x, y [px], NaN for points that are not in front of the camera, and `(N,)` depths [m] along the
-        camera's z.
+    Raises:
+        ParameterError: Not 0 < near < far, or a camera matrix with skew or a focal length <= 0.
     """
+    if not 0.0 < near_m < far_m:
+        raise ParameterError(f"0 < near < far is needed, got near={near_m}, far={far_m}")
     fx, fy, cx, cy = focal_and_centre(K)
-    local = in_camera(points, T_world_camera)
-    depth = local[:, 2]
+    return Frustum(
+        left=-cx / fx * near_m,
+        right=(width_px - cx) / fx * near_m,
+        bottom=-(height_px - cy) / fy * near_m,
+        top=cy / fy * near_m,
+        near=near_m,
+        far=far_m,
+    )
+
+
+def normalized_coordinates(points: FloatArray, T_world_camera: FloatArray, near_m: float) -> FloatArray:
+    """`(..., 2)` normalized image coordinates of `(..., 3)` world points [m]; NaN where the depth is below `near_m`."""
+    local = (points - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
+    depth = local[..., 2:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = local[:, :2] / depth[:, None] * (fx, fy) + (cx, cy)
-    pixels[depth <= 0.0] = np.nan
-    return pixels, depth
+        return np.where(depth >= near_m, local[..., :2] / depth, np.nan)

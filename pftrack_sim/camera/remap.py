@@ -1,16 +1,16 @@
-"""From a drawing to the image: every pixel fetches its light along its own ray, at its own time.
+"""Remapping of rendered images to the camera image, and averaging of radiance.
 
-A drawing shows the scene through a pinhole at one instant, with a margin. Turned about its centre, a camera sees the
-same light from elsewhere on the plane (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 8.4: the
-homography K R K'). So the lens and the turning of the camera while a row is read are one map from pixels of the image
-to places on the drawing, and each drawing is resampled once.
+A rendered image shows the scene through a pinhole at one instant, with a margin. A camera that rotates about its centre
+sees the same light elsewhere on the image plane (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 8.4:
+the homography K R K'). Lens distortion and camera rotation during readout are therefore one map from pixels of the
+camera image to places on the rendered image, which is resampled once.
 
 The map is smooth: it is computed on every fourth or eighth pixel and interpolated, which is exact within 0.03 px.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -18,167 +18,143 @@ from numpy.typing import NDArray
 
 from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
 
-Array = NDArray[np.float64]
-Map = NDArray[np.float32]
-Light = NDArray[np.unsignedinteger[Any]]
-"""Display-coded, 8 bits, or linear, 16 bits."""
+PixelMap: TypeAlias = NDArray[np.float32]
+"""`(rows, W, 2)` place x, y on a rendered image for each pixel, as pixel indices."""
 
-_LOWEST_M = 0.1
-"""A camera below this height sees no ground."""
+Radiance: TypeAlias = NDArray[np.unsignedinteger[Any]]
+"""Display-coded with 8 bits, or linear with 16 bits."""
 
-_BENT_CELL_PX, _STRAIGHT_CELL_PX = 4, 8
-"""Distance of the pixels for which rays are computed, with a lens that bends them and without."""
+_LOWEST_EYE_M = 0.1
+"""Camera height below which no ground is assumed to be in view."""
+
+_DISTORTED_CELL_PX, _STRAIGHT_CELL_PX = 4, 8
+"""Grid spacing with and without lens distortion."""
 
 
-class Rays:
-    """The rays of an image's pixels, on a coarse grid that reaches one cell beyond it.
+class RayGrid:
+    """Rays of the image's pixels on a coarse grid that extends one cell beyond the image.
 
     Args:
-        lens: Bends them.
+        lens: Projection of the camera.
     """
 
     def __init__(self, lens: Lens) -> None:
         width, height = lens.size
-        cell = _BENT_CELL_PX if lens.bends else _STRAIGHT_CELL_PX
+        cell = _DISTORTED_CELL_PX if lens.distorts else _STRAIGHT_CELL_PX
         self.cell_px = cell
-        """Height of a band of rows, and width of the grid's cells [px]."""
+        """Height of a band of rows, and width of the grid cells [px]."""
         self.columns, self.bands = -(-width // cell), -(-height // cell)
         self._size = lens.size
         x = cell * (np.arange(self.columns + 2) - 0.5)
-        self.y_px: Array = cell * (np.arange(self.bands + 2, dtype=np.float64) - 0.5)
-        """`(bands + 2,)` heights of the grid's rows [px]; the first and last are beside the image."""
+        self.y_px: FloatArray = cell * (np.arange(self.bands + 2, dtype=np.float64) - 0.5)
+        """`(bands + 2,)` heights of the grid rows [px]; the first and last are outside the image."""
         grid = np.stack(np.broadcast_arrays(x, self.y_px[:, None]), axis=-1)
-        rays = lens.slopes(grid)
-        self._rays = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1)
+        normalized = lens.to_normalized(grid)
+        self._rays = np.concatenate([normalized, np.ones((*normalized.shape[:2], 1))], axis=-1)
 
-    def turned(self, first: int, last: int, rotations: Array) -> Array:
-        """Slopes of the rays in the axes of a drawing.
+    def reproject(self, first: int, last: int, poses: FloatArray, T_world_render: FloatArray) -> FloatArray:
+        """Normalized coordinates on a rendered image of the rays of some bands.
+
+        The camera may rotate and travel over level ground: what a ray sees is assumed to lie on the ground z = 0, and
+        above the horizon at infinity (homography of a plane: Hartley and Zisserman, 2nd ed., section 13.1).
 
         Args:
-            first: First band of rows wanted.
-            last: One past the last.
-            rotations: `(last - first + 2, 3, 3)` from the camera at each of the grid's rows to the drawing; or one
-                `(3, 3)` for all.
+            first: First band of rows.
+            last: One past the last band.
+            poses: `(last - first + 2, 4, 4)` T_world_camera for each grid row, or one `(4, 4)` for all.
+            T_world_render: `(4, 4)` camera pose of the rendered image.
 
         Returns:
             `(last - first + 2, columns + 2, 2)`
         """
-        rays = self._rays[first : last + 2] @ np.swapaxes(rotations, -1, -2)
-        return rays[..., :2] / rays[..., 2:]
-
-    def carried(self, first: int, last: int, poses: Array, T_world_drawing: Array) -> Array:
-        """The same for a camera that also travels over level ground.
-
-        What a ray sees is taken to lie on the ground z = 0, and above the horizon infinitely far away. (The
-        homography of a plane: Hartley and Zisserman, 2nd ed., section 13.1.)
-
-        Args:
-            first: First band of rows wanted.
-            last: One past the last.
-            poses: `(last - first + 2, 4, 4)` of the camera at each of the grid's rows; or one `(4, 4)` for all.
-            T_world_drawing: `(4, 4)` pose of the drawing's camera.
-        """
-        axes = T_world_drawing[:3, :3]
         rays = self._rays[first : last + 2] @ np.swapaxes(poses[..., :3, :3], -1, -2)
-        nearness = ground_nearness(rays, poses[..., None, :3, 3])
-        travelled = (poses[..., None, :3, 3] - T_world_drawing[:3, 3]) * nearness[..., None]
-        local = (rays + travelled) @ axes
+        positions = poses[..., None, :3, 3]
+        inverse_ranges = inverse_ground_range(rays, positions)
+        travelled = (positions - T_world_render[:3, 3]) * inverse_ranges[..., None]
+        local = (rays + travelled) @ T_world_render[:3, :3]
         return local[..., :2] / local[..., 2:]
 
-    def places(self, first: int, last: int, slopes: Array, K_drawing: Array, top: int = 0) -> Map:
-        """`(rows, W, 2)` where on a drawing each pixel of some bands looks, as indices of pixels (x, y).
+    def pixel_map(self, first: int, last: int, normalized: FloatArray, K: FloatArray, top: int = 0) -> PixelMap:
+        """`(rows, W, 2)` map from the pixels of some bands to places on a rendered image.
 
         Args:
             first: First band.
-            last: One past the last.
-            slopes: Of `turned`.
-            K_drawing: `(3, 3)` of the drawing [px].
-            top: The row of the drawing that y counts from.
+            last: One past the last band.
+            normalized: From `reproject`.
+            K: `(3, 3)` camera matrix of the rendered image [px].
+            top: Row of the rendered image that y counts from.
         """
-        fx, fy, cx, cy = focal_and_centre(K_drawing)
-        coarse = (slopes * (fx, fy) + (cx - 0.5, cy - 0.5 - top)).astype(np.float32)
-        whole = ((self.columns + 2) * self.cell_px, (last - first + 2) * self.cell_px)
+        fx, fy, cx, cy = focal_and_centre(K)
+        coarse = (normalized * (fx, fy) + (cx - 0.5, cy - 0.5 - top)).astype(np.float32)
+        cell, whole = self.cell_px, ((self.columns + 2) * self.cell_px, (last - first + 2) * self.cell_px)
         fine = np.asarray(cv2.resize(coarse, whole, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
-        rows = min(self._size[1], last * self.cell_px) - first * self.cell_px
-        return fine[self.cell_px : self.cell_px + rows, self.cell_px : self.cell_px + self._size[0]]
-
-    @staticmethod
-    def fetch(light: Light, places: Map) -> Light:
-        """`(rows, W, 3)` the light of a drawing at some places, interpolated."""
-        # The stub knows no map in one piece.
-        one_map: Any = None
-        if light.dtype == np.uint8:
-            # A map of fixed-point numbers is quicker, and no coarser: to a 1/32 px, as OpenCV rounds any map.
-            fixed, shares = cv2.convertMaps(places, one_map, cv2.CV_16SC2)
-            fetched = cv2.remap(light, fixed, shares, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            return np.asarray(fetched, dtype=np.uint8)
-        fetched = cv2.remap(light, places, one_map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(fetched, dtype=light.dtype)
+        rows = self.rows(first, last)
+        return fine[cell : cell + rows.stop - rows.start, cell : cell + self._size[0]]
 
     def rows(self, first: int, last: int) -> slice:
-        """The rows of the image in some bands."""
+        """Image rows of the bands first to last - 1."""
         return slice(first * self.cell_px, min(self._size[1], last * self.cell_px))
 
 
-def ground_nearness(rays: Array, eyes: Array) -> Array:
-    """`(...,)` inverse of how many times its length each ray goes until it meets the ground z = 0; 0 if it never does.
+def resample(radiance: Radiance, pixel_map: PixelMap) -> Radiance:
+    """`(rows, W, 3)` radiance of a rendered image at the places of a map, interpolated bilinearly."""
+    single_map: Any = None  # The stub does not know a map in one array.
+    if radiance.dtype == np.uint8:
+        # A fixed-point map is faster and equally fine: OpenCV rounds every map to 1/32 px.
+        fixed, fractions = cv2.convertMaps(pixel_map, single_map, cv2.CV_16SC2)
+        resampled = cv2.remap(radiance, fixed, fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(resampled, dtype=np.uint8)
+    resampled = cv2.remap(radiance, pixel_map, single_map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(resampled, dtype=radiance.dtype)
+
+
+def inverse_ground_range(rays: FloatArray, positions: FloatArray) -> FloatArray:
+    """`(...,)` inverse distance to the ground z = 0 along each ray, in lengths of the ray; 0 where it meets none.
 
     Args:
-        rays: `(..., 3)` world frame.
-        eyes: `(..., 3)` where they begin [m]. Of one that is hardly above the ground, no ray meets it.
+        rays: `(..., 3)` directions, world frame.
+        positions: `(..., 3)` camera positions [m]; from below 0.1 m no ray meets the ground.
     """
-    height = eyes[..., 2]
-    return np.where(height > _LOWEST_M, np.maximum(-rays[..., 2], 0.0) / np.maximum(height, _LOWEST_M), 0.0)
+    height = positions[..., 2]
+    return np.where(height > _LOWEST_EYE_M, np.maximum(-rays[..., 2], 0.0) / np.maximum(height, _LOWEST_EYE_M), 0.0)
 
 
 class RadianceAccumulator:
-    """Averages pictures in linear light, as a pixel that collects photons does.
+    """Averages images in linear light, as a pixel integrates photons.
 
-    Pixels are display-coded by the sRGB curve (IEC 61966-2-1). A mean of codes would make a bright thing that passes
-    over a dark one fade too early.
+    Images are display-coded by the sRGB curve (IEC 61966-2-1). A single image is passed through unchanged.
 
     Args:
-        count: How many pictures will be added to each pixel.
-        shape: Of the picture: `(H, W, 3)`.
+        count: Number of images that will be added to each pixel.
+        shape: `(H, W, 3)` of the result.
     """
 
     def __init__(self, count: int, shape: tuple[int, int, int]) -> None:
-        self._decode = np.rint(_LINEAR * (_FULL / count)).astype(np.uint16) if count > 1 else None
-        self._sum: NDArray[np.uint16] | None = np.zeros(shape, dtype=np.uint16) if count > 1 else None
-        self._only: NDArray[np.uint8] | None = None if count > 1 else np.empty(shape, dtype=np.uint8)
+        self._decode = np.rint(_LINEAR * (_FULL_SCALE / count)).astype(np.uint16) if count > 1 else None
+        self._sum: Radiance = np.zeros(shape, dtype=np.uint16 if count > 1 else np.uint8)
 
-    def light(self, drawing: NDArray[np.uint8]) -> Light:
-        """A drawing as it may be resampled and added."""
-        return drawing if self._decode is None else np.asarray(cv2.LUT(drawing, self._decode), dtype=np.uint16)
+    def decode(self, image: Image) -> Radiance:
+        """Convert a rendered image to what may be resampled and added."""
+        return image if self._decode is None else np.asarray(cv2.LUT(image, self._decode), dtype=np.uint16)
 
-    def add(self, rows: slice, light: Light) -> None:
-        """Add to some rows."""
-        if self._sum is None:
-            assert self._only is not None
-            self._only[rows] = light
-        else:
-            total = self._sum[rows]
-            cv2.add(total, light, dst=total)
+    def add(self, rows: slice, radiance: Radiance) -> None:
+        """Add to some rows of the result."""
+        total = self._sum[rows]
+        cv2.add(total, radiance, dst=total)
 
-    def read(self) -> NDArray[np.uint8]:
-        """`(H, W, 3)` the mean, display-coded."""
-        if self._sum is None:
-            assert self._only is not None
-            return self._only
-        from pftrack_sim.camera.lookup_table import look_up  # numba: imported when it is used
-
-        return look_up(self._sum, _ENCODE)
+    def mean(self) -> Image:
+        """`(H, W, 3)` mean, display-coded."""
+        return np.asarray(self._sum if self._decode is None else cv2.LUT(self._sum, _ENCODE), dtype=np.uint8)
 
 
-_FULL = 65535.0
-
-
-def _linear(codes: Array) -> Array:
+def _srgb_to_linear(codes: FloatArray) -> FloatArray:
     return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
 
 
-_LINEAR: Array = _linear(np.arange(256, dtype=np.float64) / 255.0)
-_ENCODE: NDArray[np.uint8] = np.searchsorted(
-    _linear((np.arange(255, dtype=np.float64) + 0.5) / 255.0), np.arange(65536, dtype=np.float64) / _FULL, side="right"
-).astype(np.uint8)
+_FULL_SCALE = 65535.0
+_LINEAR: FloatArray = _srgb_to_linear(np.arange(256, dtype=np.float64) / 255.0)
+_THRESHOLDS = _srgb_to_linear((np.arange(255, dtype=np.float64) + 0.5) / 255.0)
+_ENCODE = np.searchsorted(_THRESHOLDS, np.arange(65536) / _FULL_SCALE, side="right").astype(np.uint8)

@@ -1,8 +1,8 @@
-"""Vibration of the camera on its mount: Gaussian motion in six axes, of a band or of gusts.
+"""Camera shake: Gaussian vibration of the mount in six axes, band-limited or by gusts of wind.
 
 Spectral synthesis (Shinozuka and Deodatis 1991, "Simulation of stochastic processes by spectral representation",
-Applied Mechanics Reviews 44): a sum of cosines with random phases has the wanted spectrum, tends to a Gaussian with
-the number of cosines, and is closed form in time, so it can be asked at any instant and in any order.
+Applied Mechanics Reviews 44): a sum of cosines with random phases has the wanted power spectral density, tends to a
+Gaussian process with the number of cosines, and is closed form in time: instants may be evaluated in any order.
 """
 
 from __future__ import annotations
@@ -11,143 +11,131 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core.random_streams import stream
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scenario.model import Jitter
 
-Numbers = NDArray[np.float64]
-
-COSINES = 64
+_COSINES = 64
 """Cosines per axis: kurtosis within 0.03 of a Gaussian's, and no repetition within an episode."""
 
-GUST_CORNERS = 12.0
-"""Gusts end at this many times their corner frequency; 95% of an endless spectrum's power is below."""
+_GUST_CUTOFF = 12.0
+"""Cutoff of gusts in corner frequencies; 95 % of the unlimited spectrum's power is below."""
 
 
-class Vibration:
+class CameraShake:
     """One realisation of a vibration: a sum of cosines in each of six axes.
 
     Args:
         omega: `(6, C)` angular frequencies [rad/s].
         phase: `(6, C)` phases at time 0 [rad].
-        amplitude: `(6, C)`; three rotations [rad] and three translations [m].
+        amplitude: `(6, C)`: three rotations [rad] and three translations [m].
     """
 
-    def __init__(self, omega: Numbers, phase: Numbers, amplitude: Numbers) -> None:
+    def __init__(self, omega: FloatArray, phase: FloatArray, amplitude: FloatArray) -> None:
         self._omega, self._phase, self._amplitude = omega, phase, amplitude
 
     @classmethod
-    def flat(cls, jitter: Jitter, rng: np.random.Generator) -> Vibration:
-        """A spectrum that is flat over a band.
-
-        One cosine in each of `COSINES` equal parts of it, at a random place in its part, all of the same amplitude.
-        Each of the six axes has its own frequencies and phases and the RMS given.
+    def band_limited(cls, jitter: Jitter, rng: np.random.Generator) -> CameraShake:
+        """A spectrum that is flat over a band: one cosine at a random place in each of 64 equal parts of it.
 
         Args:
-            jitter: RMS per axis, and the band.
+            jitter: RMS of each rotation and translation, and the band.
             rng: Draws frequencies and phases; the draws do not depend on the RMS.
         """
         low, high = jitter.band_hz
-        part = (np.arange(COSINES) + rng.random((6, COSINES))) / COSINES
+        share = (np.arange(_COSINES) + rng.random((6, _COSINES))) / _COSINES
         rms = np.repeat([math.radians(jitter.angular_rms_deg), 1e-3 * jitter.translational_rms_mm], 3)
-        phase = rng.uniform(0.0, 2.0 * np.pi, (6, COSINES))
-        amplitude = np.repeat(rms[:, None] * math.sqrt(2.0 / COSINES), COSINES, axis=1)
-        return cls(2.0 * np.pi * (low + (high - low) * part), phase, amplitude)
+        phase = rng.uniform(0.0, 2.0 * np.pi, (6, _COSINES))
+        amplitude = np.repeat(rms[:, None] * math.sqrt(2.0 / _COSINES), _COSINES, axis=1)
+        return cls(2.0 * np.pi * (low + (high - low) * share), phase, amplitude)
 
     @classmethod
-    def gusts(cls, rms_deg: float, corner_hz: float, mast_m: float, rng: np.random.Generator) -> Vibration:
-        """Wind that sways a mast about its foot.
+    def gusts(cls, rms_deg: float, corner_hz: float, mast_m: float, rng: np.random.Generator) -> CameraShake:
+        """Wind that sways a mast about its foot: one cosine in each of 64 parts of equal power.
 
-        The spectrum of each angle falls as 1 / (1 + (f / corner)^2), the first-order form of Dryden's gusts
-        (MIL-F-8785C), up to `GUST_CORNERS` corners. One cosine in each of `COSINES` parts of equal power.
+        The power spectral density of each angle is proportional to 1 / (1 + (f / corner)^2), the first-order form of
+        the Dryden gust model (MIL-F-8785C), up to 12 corner frequencies.
 
         Args:
             rms_deg: RMS of each of pitch, yaw and roll.
-            corner_hz: Where the spectrum bends.
-            mast_m: Height of the camera above the mast's foot: pitch and roll carry it back and forth, and sideways.
+            corner_hz: Corner frequency.
+            mast_m: Height of the camera above the foot of the mast; pitch and roll displace the camera.
             rng: Draws frequencies and phases.
         """
-        part = (np.arange(COSINES) + rng.random((3, COSINES))) / COSINES
-        omega = 2.0 * np.pi * corner_hz * np.tan(part * math.atan(GUST_CORNERS))
-        phase = rng.uniform(0.0, 2.0 * np.pi, (3, COSINES))
-        size = np.full((3, COSINES), math.radians(rms_deg) * math.sqrt(2.0 / COSINES))
+        share = (np.arange(_COSINES) + rng.random((3, _COSINES))) / _COSINES
+        omega = 2.0 * np.pi * corner_hz * np.tan(share * math.atan(_GUST_CUTOFF))
+        phase = rng.uniform(0.0, 2.0 * np.pi, (3, _COSINES))
+        angle = np.full((3, _COSINES), math.radians(rms_deg) * math.sqrt(2.0 / _COSINES))
         # About a foot at p = (0, mast, 0), a small rotation r moves the camera by p x r = (mast r_z, 0, -mast r_x).
-        carried = np.stack([mast_m * size[2], np.zeros(COSINES), -mast_m * size[0]])
+        displacement = np.stack([mast_m * angle[2], np.zeros(_COSINES), -mast_m * angle[0]])
         return cls(
             np.concatenate([omega, omega[[2, 1, 0]]]),
             np.concatenate([phase, phase[[2, 1, 0]]]),
-            np.concatenate([size, carried]),
+            np.concatenate([angle, displacement]),
         )
 
-    def plus(self, other: Vibration) -> Vibration:
-        """Both at once: rotation vectors and translations add up."""
-        return Vibration(
+    def __add__(self, other: CameraShake) -> CameraShake:
+        """Superpose two vibrations: rotation vectors and translations add up."""
+        return CameraShake(
             np.concatenate([self._omega, other._omega], axis=1),
             np.concatenate([self._phase, other._phase], axis=1),
             np.concatenate([self._amplitude, other._amplitude], axis=1),
         )
 
-    @property
-    def still(self) -> bool:
-        """Whether nothing moves."""
-        return not self._amplitude.any()
-
-    def offset(self, time_s: ArrayLike) -> tuple[Numbers, Numbers]:
-        """Where the camera is, seen from where it would be without vibration.
+    def offset(self, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Rotation vectors and translations relative to the camera without shake.
 
         Args:
-            time_s: Instants, any shape.
+            time_s: Instants since the start of the episode, any shape.
 
         Returns:
-            `(..., 3)` rotation vectors [rad] (about x: nodding, y: panning, z: rolling) and `(..., 3)` translations
-            [m], camera frame as OpenCV.
+            `(..., 3)` rotation vectors [rad] (pitch about x, yaw about y, roll about z) and `(..., 3)` translations
+            [m], camera axes as in OpenCV.
         """
         time = np.asarray(time_s, dtype=np.float64)[..., None, None]
         axes = (self._amplitude * np.cos(self._omega * time + self._phase)).sum(axis=-1)
         return axes[..., :3], axes[..., 3:]
 
-    def displace(self, T_world_camera: NDArray[np.float64], time_s: float) -> Numbers:
-        """`(4, 4)` pose of the shaken camera; without vibration the pose itself, to the bit.
+    def displace(self, T_world_camera: FloatArray, time_s: float) -> FloatArray:
+        """`(4, 4)` pose of the shaken camera at a time since the start of the episode; equal to the bit without shake.
 
         Args:
-            T_world_camera: `(4, 4)` pose without vibration.
-            time_s: Since the start of the episode.
+            T_world_camera: `(4, 4)` pose without shake.
+            time_s: The time.
         """
-        if self.still:
+        if not self._amplitude.any():
             return np.array(T_world_camera, dtype=np.float64)
         rotation, translation = self.offset(time_s)
-        shake = np.eye(4)
-        shake[:3, :3] = cv2.Rodrigues(rotation)[0]
-        shake[:3, 3] = translation
-        return T_world_camera @ shake
+        T_camera_shaken = np.eye(4)
+        T_camera_shaken[:3, :3] = cv2.Rodrigues(rotation)[0]
+        T_camera_shaken[:3, 3] = translation
+        return T_world_camera @ T_camera_shaken
 
 
-def combined(base: Jitter, axis: JitterAxis, seed: int, mast_m: float) -> Vibration:
-    """A scenario's own vibration plus wind and ground of its stress axis.
+def camera_shake(base: Jitter, axis: JitterAxis, seed: int, mast_m: float) -> CameraShake:
+    """Vibration of a scenario's mount plus wind and ground of the jitter axis; its road moves the robot instead.
 
-    The road is not among them: it moves the robot itself.
+    Each source has a random stream of its own: a higher severity scales the same vibration, and omitting a source
+    changes no other.
 
     Args:
-        base: Of the scenario.
-        axis: `severity` times its RMS is added; at severity 0 the result is the base alone, to the bit.
-        seed: Root seed of the episode. Each source has a stream of its own, so raising the severity makes the same
-            shaking larger, and leaving out one source changes nothing else.
-        mast_m: Height of the camera above the mast's foot.
+        base: Vibration of the scenario.
+        axis: Stress axis; `severity` times its RMS is added.
+        seed: Root seed of the episode.
+        mast_m: Height of the camera above the foot of the mast.
     """
-    vibration = Vibration.flat(base, stream(seed, "jitter", "base"))
-    if not axis.on:
-        return vibration
-    if "ground" in axis.sources:
+    shake = CameraShake.band_limited(base, stream(seed, "jitter", "base"))
+    if axis.on and "ground" in axis.sources:
         ground = Jitter(
             angular_rms_deg=axis.severity * axis.ground_rms_deg,
             translational_rms_mm=axis.severity * axis.ground_rms_mm,
             band_hz=axis.ground_band_hz,
         )
-        vibration = vibration.plus(Vibration.flat(ground, stream(seed, "jitter", "ground")))
-    if "wind" in axis.sources:
+        shake += CameraShake.band_limited(ground, stream(seed, "jitter", "ground"))
+    if axis.on and "wind" in axis.sources:
         rng = stream(seed, "jitter", "wind")
-        gusts = Vibration.gusts(axis.severity * axis.wind_rms_deg, axis.wind_corner_hz, mast_m, rng)
-        vibration = vibration.plus(gusts)
-    return vibration
+        shake += CameraShake.gusts(axis.severity * axis.wind_rms_deg, axis.wind_corner_hz, mast_m, rng)
+    return shake

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.camera.shapes import CORNERS
 from pftrack_sim.render.backend import PixelRect
 
 Array = NDArray[np.float64]

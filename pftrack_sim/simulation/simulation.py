@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.camera.sensor import Sensor
-from pftrack_sim.camera.shake import combined
+from pftrack_sim.camera.shake import camera_shake
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.render.backend import Renderer
-from pftrack_sim.render.capture.exposure import CapturedFrame, FrameCapture, make_frame_capture
+from pftrack_sim.render.capture.frame_capture import CapturedFrame, FrameCapture, make_frame_capture
 from pftrack_sim.render.selection import check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
@@ -44,7 +44,7 @@ class Simulation:
         self._image_size: tuple[int, int] | None = None
         self._renderer: Renderer | None = None
         self._world: World | None = None
-        self._exposer: FrameCapture | None = None
+        self._frame_capture: FrameCapture | None = None
         self._truth: TruthObserver | None = None
         self._frame: Frame | None = None
         self.frame_count = 0
@@ -69,14 +69,14 @@ class Simulation:
                 [f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"],
             )
         # Release the old model first: two compiled models at once would double the memory of a reset.
-        self._world = self._frame = self._exposer = self._truth = None
+        self._world = self._frame = self._frame_capture = self._truth = None
         if self._renderer is not None:
             self._renderer.unbind()
         world = World(settings, seed)
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
-        self._vibration = combined(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
-        self._exposer = make_frame_capture(settings, world.model, self._K, self._vibration)
-        drawn = size if self._exposer is None else self._exposer.drawn_size
+        self._shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
+        self._frame_capture = make_frame_capture(settings, world.model, self._K, self._shake)
+        drawn = size if self._frame_capture is None else self._frame_capture.render_size
         if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) != drawn:
             self._renderer.close()
             self._renderer = None
@@ -129,20 +129,20 @@ class Simulation:
 
     def _record_poses(self) -> None:
         """Record the poses of a camera frame, delivered or not."""
-        if self._exposer is not None:
+        if self._frame_capture is not None:
             world = self.world
-            self._exposer.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
+            self._frame_capture.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
 
     def _camera_pose(self) -> NDArray[np.float64]:
         """`(4, 4)` T_world_camera with the vibration of the mount."""
-        return self._vibration.displace(self.world.camera_pose(), self.world.time_s)
+        return self._shake.displace(self.world.camera_pose(), self.world.time_s)
 
     def _expose(self) -> tuple[Image, CapturedFrame | None]:
         """Render, expose and meter the camera's current frame; None where it is an instant through a pinhole."""
         world = self.world
         assert self._renderer is not None
         world.light(self._sensor.settle(world.time_s))
-        captured = None if self._exposer is None else self._exposer.capture(self._renderer)
+        captured = None if self._frame_capture is None else self._frame_capture.capture(self._renderer)
         rendered = (
             self._renderer.color(world.data, self._camera_pose(), self._K) if captured is None else captured.image
         )

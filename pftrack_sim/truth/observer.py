@@ -9,16 +9,17 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.camera import extents
-from pftrack_sim.camera.extents import Bodies, Shape
+from pftrack_sim.camera import shapes
+from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.camera.outlines import Outlines
 from pftrack_sim.camera.pinhole import camera_matrix
+from pftrack_sim.camera.shapes import Shape
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.records import Image, State, Truth
 from pftrack_sim.render.backend import Renderer
-from pftrack_sim.render.capture.exposure import CapturedFrame
+from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.scene.layout import PEOPLE_GROUP, owner_name
 from pftrack_sim.truth.silhouettes import Silhouette, Silhouettes, pixels_around
 from pftrack_sim.truth.tracing import Traced, trace
@@ -134,9 +135,9 @@ class TruthObserver:
         if self._outlines is None:
             self._outlines = Outlines(self._bodies.shapes)
         everybody = trace(taken, self._renderer, self._bodies, self._outlines, self._geoms, self._silhouettes)
-        distortion = taken.exposer.lens.coefficients
+        distortion = taken.capture.lens.coefficients
         return self._written(
-            everybody, image, time_s, taken.T_world_camera, taken.T_world_people, taken.bodies, distortion
+            everybody, image, time_s, taken.T_world_camera, taken.T_world_people, taken.body_positions, distortion
         )
 
     def _check(self, image: Image, T_world_people: ArrayLike) -> None:
@@ -246,19 +247,19 @@ def _shape(model: mujoco.MjModel, geom: int) -> Shape:
     kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), np.asarray(model.geom_size[geom])
     match kind:
         case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return extents.sphere(float(size[0]))
+            return shapes.sphere(float(size[0]))
         case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            return extents.capsule(float(size[0]), float(size[1]))
+            return shapes.capsule(float(size[0]), float(size[1]))
         case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            return extents.cylinder(float(size[0]), float(size[1]))
+            return shapes.cylinder(float(size[0]), float(size[1]))
         case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return extents.ellipsoid(size)
+            return shapes.ellipsoid(size)
         case mujoco.mjtGeom.mjGEOM_BOX:
-            return extents.cuboid(size)
+            return shapes.cuboid(size)
         case mujoco.mjtGeom.mjGEOM_MESH:
             mesh = int(model.geom_dataid[geom])
             first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-            return extents.hull(model.mesh_vert[first : first + count])
+            return shapes.hull(model.mesh_vert[first : first + count])
         case _:
             raise ParameterError(f"geom {model.geom(geom).name!r} of a person has type {kind.name}, which has no box")
 

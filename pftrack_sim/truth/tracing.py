@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.camera import shutter as shutters
 from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.camera.outlines import Outlines
+from pftrack_sim.camera.pinhole import normalized_coordinates
+from pftrack_sim.camera.shutter import interpolate_pixels, solve_row_times
 from pftrack_sim.render.backend import PixelRect, Renderer
-from pftrack_sim.render.capture.exposure import CapturedFrame
+from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.render.capture.render_pass import RenderPass
 from pftrack_sim.truth.silhouettes import Silhouette, Silhouettes, pixels_around
 
@@ -66,7 +67,7 @@ def trace(
         silhouettes: Finds pixels on a drawing.
     """
     amodal, swept = _boxes(taken, bodies, outlines, geoms, renderer.near_m)
-    size = taken.exposer.lens.size
+    size = taken.capture.lens.size
     wanted = {
         person: rect for person, box in enumerate(amodal) if (rect := pixels_around(box, size, _MARGIN_PX)) is not None
     }
@@ -79,7 +80,7 @@ def trace(
         )
         for person, rect in wanted.items()
     }
-    for drawing in taken.drawings() if found else ():
+    for drawing in taken.mid_exposure_passes() if found else ():
         _fetch(taken, drawing, renderer, bodies, geoms, silhouettes, found)
     return Traced(amodal, swept, found)
 
@@ -88,7 +89,7 @@ def _boxes(
     taken: CapturedFrame, bodies: Bodies, outlines: Outlines, geoms: NDArray[np.intp], near_m: float
 ) -> tuple[Array, Array]:
     """`(P, 4)` amodal and `(P, 4)` swept boxes [px]."""
-    lens, shutter, flight = taken.exposer.lens, taken.exposer.shutter, taken.flight
+    lens, shutter, flight = taken.capture.lens, taken.capture.shutter, taken.trajectory
     limbs = _limbs(taken, geoms, shutter.middle_s)
     straight, depths = bodies.boxes(*limbs, taken.T_world_camera, lens.K, near_m)
     amodal = np.full((len(straight), 4), np.nan)
@@ -101,20 +102,20 @@ def _boxes(
     points = outlines.find(*limbs, taken.T_world_camera, near_m, wanted)
     own = geoms[wanted]
     seen: list[Array] = []
-    for when, pose in flight.followed():
+    for when, pose in flight.samples():
         world = _placed(points, *_limbs(taken, own, when))
-        seen.append(lens.pixels(shutters.slopes(world, pose, near_m)))
+        seen.append(lens.to_pixels(normalized_coordinates(world, pose, near_m)))
     track = np.stack(seen)
-    when = shutters.meeting(shutter, flight.followed_s, track)
+    when = solve_row_times(shutter, flight.sample_times_s, track)
     # What the points miss of the outline is known through a pinhole, and nearly the same here.
     world = _placed(points, *_limbs(taken, own, shutter.middle_s))
-    plain = shutters.slopes(world, taken.T_world_camera, near_m) * lens.K[(0, 1), (0, 1)] + lens.K[:2, 2]
+    plain = normalized_coordinates(world, taken.T_world_camera, near_m) * lens.K[(0, 1), (0, 1)] + lens.K[:2, 2]
     exact = np.concatenate([straight[:, :2], straight[:, :2] + straight[:, 2:]], axis=1)
     missed = exact[ahead] - _extent(plain, starts)
-    swept[ahead] = amodal[ahead] = _extent(shutters.along(flight.followed_s, track, when), starts) + missed
+    swept[ahead] = amodal[ahead] = _extent(interpolate_pixels(flight.sample_times_s, track, when), starts) + missed
     if shutter.exposure_s:
         for offset in np.linspace(-0.5, 0.5, _SWEEPS) * shutter.exposure_s:
-            there = _extent(shutters.along(flight.followed_s, track, when + offset), starts) + missed
+            there = _extent(interpolate_pixels(flight.sample_times_s, track, when + offset), starts) + missed
             swept[ahead, :2] = np.minimum(swept[ahead, :2], there[:, :2])
             swept[ahead, 2:] = np.maximum(swept[ahead, 2:], there[:, 2:])
     for person in np.flatnonzero((depths[:, 0] < near_m) & ahead):
@@ -124,7 +125,7 @@ def _boxes(
 
 
 def _limbs(taken: CapturedFrame, geoms: NDArray[np.intp], when_s: float) -> tuple[Array, Array]:
-    data = taken.exposer.at(when_s)
+    data = taken.capture.scene_at(when_s)
     return data.geom_xpos[geoms], data.geom_xmat[geoms].reshape(-1, 3, 3)
 
 
@@ -150,7 +151,7 @@ def _through(lens: Lens, corners: Array) -> Array:
             for side in ((x, corners[1]), (x, corners[3]), (corners[0], y), (corners[2], y))
         ]
     )
-    seen = lens.pixels((border - lens.K[:2, 2]) / lens.K[(0, 1), (0, 1)])
+    seen = lens.to_pixels((border - lens.K[:2, 2]) / lens.K[(0, 1), (0, 1)])
     return np.concatenate([seen.min(axis=0), seen.max(axis=0)])
 
 
@@ -168,7 +169,7 @@ def _fetch(
     found: dict[int, Silhouette],
 ) -> None:
     """Fill in the rows of the silhouettes that a drawing serves."""
-    rows = taken.exposer.rays.rows(*drawing.bands)
+    rows = taken.capture.rays.rows(*drawing.bands)
     here = {
         person: (max(rows.start, one.rect.top), min(rows.stop, one.rect.top + one.rect.height))
         for person, one in found.items()
@@ -176,7 +177,7 @@ def _fetch(
     }
     if not here:
         return
-    data, drawn_px = taken.exposer.state(drawing), (renderer.width_px, renderer.height_px)
+    data, drawn_px = taken.capture.scene_of(drawing), (renderer.width_px, renderer.height_px)
     limbs = data.geom_xpos[geoms], data.geom_xmat[geoms].reshape(-1, 3, 3)
     boxes, depths = bodies.boxes(*limbs, drawing.T_world_camera, drawing.K, renderer.near_m)
     rects: dict[int, PixelRect] = {}
@@ -186,7 +187,7 @@ def _fetch(
             rects[person] = rect
     lowest = bodies.lowest(*limbs)
     drawn = silhouettes.find(renderer, data, drawing.T_world_camera, drawing.K, rects, depths[:, 1], lowest)
-    (places,) = drawing.places
+    (places,) = drawing.pixel_maps
     for person, source in drawn.items():
         (top, bottom), own = here[person], found[person]
         columns = slice(own.rect.left, own.rect.left + own.rect.width)

@@ -6,7 +6,7 @@ import pytest
 
 from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.camera.pinhole import intrinsics
-from pftrack_sim.camera.remap import Rays
+from pftrack_sim.camera.remap import RayGrid
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario.axes import DistortionAxis
 
@@ -23,19 +23,19 @@ LENSES = {
 @pytest.mark.parametrize("name", LENSES)
 def test_rays_fall_where_opencv_projects_them(name: str):
     lens = Lens(K, LENSES[name], SIZE)
-    rays = lens.slopes(np.stack(np.meshgrid(np.arange(0.0, 641.0, 40.0), np.arange(0.0, 481.0, 40.0)), axis=-1))
+    rays = lens.to_normalized(np.stack(np.meshgrid(np.arange(0.0, 641.0, 40.0), np.arange(0.0, 481.0, 40.0)), axis=-1))
     points = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1).reshape(-1, 3)
     expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, np.array(LENSES[name]))[0].reshape(*rays.shape)
-    assert np.abs(lens.pixels(rays) - expected).max() < 1e-6
+    assert np.abs(lens.to_pixels(rays) - expected).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", LENSES)
 def test_pixels_fetch_the_light_of_their_own_ray(name: str):
     lens = Lens(K, LENSES[name], SIZE)
-    rays = Rays(lens)
+    grid = RayGrid(lens)
     wide = np.array([[500.0, 0.0, 700.0], [0.0, 500.0, 600.0], [0.0, 0.0, 1.0]])
-    slopes = rays.turned(0, rays.bands, np.eye(3))
-    places = rays.places(0, rays.bands, slopes, wide) + 0.5
+    normalized = grid.reproject(0, grid.bands, np.eye(4), np.eye(4))
+    places = grid.pixel_map(0, grid.bands, normalized, wide) + 0.5
     seen = np.concatenate([(places - wide[:2, 2]) / 500.0, np.ones((480, 640, 1))], axis=-1).reshape(-1, 3)
     landed = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), K, np.array(LENSES[name]))[0].reshape(480, 640, 2)
     wanted = np.stack(np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5), axis=-1)
@@ -46,13 +46,13 @@ def test_what_lies_far_to_the_side_stays_out_of_the_image():
     lens = Lens(K, (-0.12, 0.0, 0.0, 0.0, 0.0), SIZE)
     outwards = np.linspace(0.0, 30.0, 2000)
     for angle in np.linspace(0.0, 2.0 * np.pi, 12):
-        seen = lens.pixels(outwards[:, None] * (np.cos(angle), np.sin(angle))) - K[:2, 2]
+        seen = lens.to_pixels(outwards[:, None] * (np.cos(angle), np.sin(angle))) - K[:2, 2]
         assert (np.diff(np.linalg.norm(seen, axis=1)) > 0.0).all()
 
 
 def test_a_lens_without_coefficients_is_a_pinhole_to_the_bit():
     points = np.random.default_rng(0).normal(size=(50, 2))
-    assert (Lens(K, (0, 0, 0, 0, 0), SIZE).pixels(points) == points * K[(0, 1), (0, 1)] + K[:2, 2]).all()
+    assert (Lens(K, (0, 0, 0, 0, 0), SIZE).to_pixels(points) == points * K[(0, 1), (0, 1)] + K[:2, 2]).all()
 
 
 @pytest.mark.parametrize("coefficients", [(-0.9, 0, 0, 0, 0), (0.0, -3.0, 0, 0, 0), (0, 0, 0.6, 0, 0)])

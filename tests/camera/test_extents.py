@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from pftrack_sim.camera import extents
-from pftrack_sim.camera.extents import Bodies, Shape
+from pftrack_sim.camera import shapes
+from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.camera.pinhole import intrinsics
+from pftrack_sim.camera.shapes import Shape
 from pftrack_sim.core.errors import ParameterError
 
 NEAR = 0.05
@@ -50,14 +51,14 @@ def beyond(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([ahead, first + share * (second - first)])
 
 
-def shapes(rng: np.random.Generator) -> list[Shape]:
+def random_shapes(rng: np.random.Generator) -> list[Shape]:
     return [
-        extents.sphere(rng.uniform(0.05, 0.4)),
-        extents.ellipsoid(rng.uniform(0.05, 0.5, 3)),
-        extents.capsule(rng.uniform(0.05, 0.3), rng.uniform(0.05, 0.5)),
-        extents.cylinder(rng.uniform(0.05, 0.3), rng.uniform(0.05, 0.5)),
-        extents.cuboid(rng.uniform(0.05, 0.5, 3)),
-        extents.hull(rng.normal(size=(30, 3)) * 0.2),
+        shapes.sphere(rng.uniform(0.05, 0.4)),
+        shapes.ellipsoid(rng.uniform(0.05, 0.5, 3)),
+        shapes.capsule(rng.uniform(0.05, 0.3), rng.uniform(0.05, 0.5)),
+        shapes.cylinder(rng.uniform(0.05, 0.3), rng.uniform(0.05, 0.5)),
+        shapes.cuboid(rng.uniform(0.05, 0.5, 3)),
+        shapes.hull(rng.normal(size=(30, 3)) * 0.2),
     ]
 
 
@@ -65,7 +66,7 @@ def shapes(rng: np.random.Generator) -> list[Shape]:
 @pytest.mark.parametrize("near_the_camera", [False, True])
 def test_extents_hold_the_body_and_touch_it(seed: int, near_the_camera: bool):
     rng = np.random.default_rng(seed)
-    for shape in shapes(rng):
+    for shape in random_shapes(rng):
         turn = rotation(rng)
         centre = rng.normal(size=3) * 0.4 + ((0, 0, 0.1) if near_the_camera else (0, 0, 3))
         found, depths = Bodies([[shape]]).extents([centre], [turn], EYE, NEAR)
@@ -92,7 +93,7 @@ def test_a_sphere_subtends_its_angle():
     for _ in range(200):
         centre = rng.uniform([-2, -2, 1], [2, 2, 60])
         radius = rng.uniform(0.01, 0.9)
-        found, _ = Bodies([[extents.sphere(radius)]]).extents([centre], [np.eye(3)], EYE, NEAR)
+        found, _ = Bodies([[shapes.sphere(radius)]]).extents([centre], [np.eye(3)], EYE, NEAR)
         if centre[2] - radius < NEAR:
             continue
         for axis in (0, 1):
@@ -109,9 +110,9 @@ def test_shapes_that_are_the_same_have_the_same_extents():
         centre, turn = rng.normal(size=3) * 0.5 + (0, 0, 2), rotation(rng)
         radius = rng.uniform(0.05, 0.5)
         pairs = [
-            (extents.sphere(radius), extents.ellipsoid([radius] * 3)),
-            (extents.sphere(radius), extents.capsule(radius, 0.0)),
-            (extents.cuboid([0.1, 0.2, 0.3]), extents.hull(extents.CORNERS * (0.1, 0.2, 0.3))),
+            (shapes.sphere(radius), shapes.ellipsoid([radius] * 3)),
+            (shapes.sphere(radius), shapes.capsule(radius, 0.0)),
+            (shapes.cuboid([0.1, 0.2, 0.3]), shapes.hull(shapes.CORNERS * (0.1, 0.2, 0.3))),
         ]
         for pair in pairs:
             found, _ = Bodies([list(pair)]).extents([centre] * 2, [turn] * 2, EYE, NEAR)
@@ -121,7 +122,7 @@ def test_shapes_that_are_the_same_have_the_same_extents():
 def test_a_mirrored_scene_has_mirrored_extents():
     rng = np.random.default_rng(3)
     for near_the_camera in (False, True):
-        for shape in shapes(rng)[:4]:  # those that are their own mirror image
+        for shape in random_shapes(rng)[:4]:  # those that are their own mirror image
             centre, turn = rng.normal(size=3) * 0.3 + (0, 0, 0.1 if near_the_camera else 2.0), rotation(rng)
             mirror = np.diag([-1.0, 1.0, 1.0])
             flip = mirror @ turn @ np.diag([-1.0, 1.0, 1.0])
@@ -132,7 +133,7 @@ def test_a_mirrored_scene_has_mirrored_extents():
 @pytest.mark.parametrize("index", range(6))
 def test_nothing_jumps_when_a_body_reaches_the_near_plane(index: int):
     rng = np.random.default_rng(4)
-    shape, turn = shapes(rng)[index], rotation(rng)
+    shape, turn = random_shapes(rng)[index], rotation(rng)
     body = Bodies([[shape]])
     _, depths = body.extents([(0.1, 0.0, 5.0)], [turn], EYE, NEAR)
     touching = 5.0 - depths[0, 0] + NEAR
@@ -144,7 +145,7 @@ def test_nothing_jumps_when_a_body_reaches_the_near_plane(index: int):
 
 def test_what_lies_behind_the_near_plane_has_no_box():
     rng = np.random.default_rng(5)
-    bodies = Bodies([[shape] for shape in shapes(rng)])
+    bodies = Bodies([[shape] for shape in random_shapes(rng)])
     boxes, depths = bodies.boxes([(0, 0, -3)] * 6, [np.eye(3)] * 6, EYE, K, NEAR)
     assert np.isnan(boxes).all()
     assert (depths < 0).all()
@@ -152,7 +153,7 @@ def test_what_lies_behind_the_near_plane_has_no_box():
 
 def test_a_camera_inside_a_body_sees_a_finite_box_beyond_the_image():
     rng = np.random.default_rng(6)
-    for shape in [extents.sphere(0.5), extents.capsule(0.4, 0.5), extents.cuboid([0.5, 0.5, 0.5])]:
+    for shape in [shapes.sphere(0.5), shapes.capsule(0.4, 0.5), shapes.cuboid([0.5, 0.5, 0.5])]:
         boxes, _ = Bodies([[shape]]).boxes([(0, 0, 0)], [rotation(rng)], EYE, K, NEAR)
         assert np.isfinite(boxes).all()
         assert (boxes[0, :2] < 0).all()
@@ -161,7 +162,7 @@ def test_a_camera_inside_a_body_sees_a_finite_box_beyond_the_image():
 
 def test_a_body_is_the_union_of_its_parts_in_front_of_the_camera():
     rng = np.random.default_rng(7)
-    parts = [shapes(rng) for _ in range(4)]
+    parts = [random_shapes(rng) for _ in range(4)]
     flat = [shape for body in parts for shape in body]
     positions = rng.normal(size=(len(flat), 3)) * 1.5 + (0, 0, 1.0)
     turns = np.stack([rotation(rng) for _ in flat])
@@ -176,7 +177,7 @@ def test_a_body_is_the_union_of_its_parts_in_front_of_the_camera():
 
 def test_moving_the_camera_and_the_world_together_changes_nothing():
     rng = np.random.default_rng(8)
-    flat = shapes(rng)
+    flat = random_shapes(rng)
     positions, turns = rng.normal(size=(6, 3)) * 0.5 + (0, 0, 3.0), np.stack([rotation(rng) for _ in flat])
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation(rng), rng.normal(size=3) * 10
@@ -189,17 +190,17 @@ def test_moving_the_camera_and_the_world_together_changes_nothing():
 def test_arguments_stay_as_they_are():
     positions, turns, pose = np.full((1, 3), 2.0), np.eye(3)[None].copy(), np.eye(4)
     kept = [array.copy() for array in (positions, turns, pose)]
-    Bodies([[extents.cylinder(0.1, 3.0)]]).boxes(positions, turns, pose, K, NEAR)
+    Bodies([[shapes.cylinder(0.1, 3.0)]]).boxes(positions, turns, pose, K, NEAR)
     assert all(np.array_equal(a, b) for a, b in zip(kept, (positions, turns, pose), strict=True))
 
 
 @pytest.mark.parametrize(
     "call",
     [
-        lambda: extents.hull(np.empty((0, 3))),
-        lambda: extents.hull(np.zeros((3, 2))),
-        lambda: Bodies([[extents.sphere(1.0)], []]),
-        lambda: Bodies([[extents.sphere(1.0)]]).extents(np.zeros((1, 3)), np.eye(3)[None], EYE, 0.0),
+        lambda: shapes.hull(np.empty((0, 3))),
+        lambda: shapes.hull(np.zeros((3, 2))),
+        lambda: Bodies([[shapes.sphere(1.0)], []]),
+        lambda: Bodies([[shapes.sphere(1.0)]]).extents(np.zeros((1, 3)), np.eye(3)[None], EYE, 0.0),
     ],
 )
 def test_impossible_shapes_are_refused(call):
@@ -209,7 +210,7 @@ def test_impossible_shapes_are_refused(call):
 
 def test_the_lowest_point_is_the_lowest_of_all_points():
     rng = np.random.default_rng(9)
-    parts = [shapes(rng) for _ in range(3)]
+    parts = [random_shapes(rng) for _ in range(3)]
     flat = [shape for body in parts for shape in body]
     positions, turns = rng.normal(size=(len(flat), 3)), np.stack([rotation(rng) for _ in flat])
     found = Bodies(parts).lowest(positions, turns)

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from pftrack_sim.camera.noise import QUANTILES, Noise, outcomes
+from pftrack_sim.camera.noise import QUANTILES, Noise, quantile_table
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.core.photometry import DISPLAY_GAMMA
 from pftrack_sim.scenario import model
@@ -60,7 +60,7 @@ def test_amplified_light_has_fewer_electrons():
 @pytest.mark.parametrize("read_e", [0.0, 0.7, 5.0])
 @pytest.mark.parametrize("white_e", [60.0, 900.0, 3000.0, 50000.0])
 def test_every_pixel_is_distributed_as_counted_electrons(white_e: float, read_e: float):
-    table = outcomes(white_e, read_e)
+    table = quantile_table(white_e, read_e)
     rng = np.random.default_rng(5)
     draws = 40_000
     for value in (0, 12, 40, 49, 55, 128, 250):

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pftrack_sim.camera.shake import Vibration, combined
+from pftrack_sim.camera.shake import CameraShake, camera_shake
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scenario.model import Jitter
@@ -12,8 +12,8 @@ SHAKE = Jitter(angular_rms_deg=0.4, translational_rms_mm=5.0, band_hz=(2.0, 9.0)
 POSE = np.array([[0, 0, 1, 3.3], [-1, 0, 0, -0.2], [0, -1, 0, 1.25], [0, 0, 0, 1]], dtype=np.float64)
 
 
-def vibration(jitter: Jitter = SHAKE, seed: int = 0) -> Vibration:
-    return Vibration.flat(jitter, np.random.default_rng(seed))
+def vibration(jitter: Jitter = SHAKE, seed: int = 0) -> CameraShake:
+    return CameraShake.band_limited(jitter, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -52,7 +52,7 @@ def test_any_time_in_any_order():
 
 def test_zero_rms_is_the_pose_to_the_bit():
     assert vibration(Jitter()).displace(POSE, 1.7).tobytes() == POSE.tobytes()
-    assert combined(Jitter(), JitterAxis(severity=0.0), 5, 1.2).displace(POSE, 1.7).tobytes() == POSE.tobytes()
+    assert camera_shake(Jitter(), JitterAxis(severity=0.0), 5, 1.2).displace(POSE, 1.7).tobytes() == POSE.tobytes()
 
 
 @settings(max_examples=50)
@@ -75,7 +75,7 @@ def test_displaced_pose_is_a_pose_moved_in_the_camera_s_frame(time_s: float, see
 def test_axis_adds_to_the_base_and_scales(sources: tuple[str, ...]):
     base = Jitter(angular_rms_deg=0.2)
     alone, once, thrice = (
-        np.concatenate(combined(base, JitterAxis(severity=severity, sources=sources), 3, 1.2).offset(1.3))
+        np.concatenate(camera_shake(base, JitterAxis(severity=severity, sources=sources), 3, 1.2).offset(1.3))
         for severity in (0.0, 1.0, 3.0)
     )
     assert abs((thrice - alone) - 3.0 * (once - alone)).max() < 1e-12
@@ -85,14 +85,14 @@ def test_axis_adds_to_the_base_and_scales(sources: tuple[str, ...]):
 def test_sources_add_up_and_leave_each_other_alone():
     still = Jitter()
     wind, ground, both = (
-        np.concatenate(combined(still, JitterAxis(severity=1.0, sources=sources), 3, 1.2).offset(0.7))
+        np.concatenate(camera_shake(still, JitterAxis(severity=1.0, sources=sources), 3, 1.2).offset(0.7))
         for sources in (("wind",), ("ground",), ("wind", "ground"))
     )
     assert abs(wind + ground - both).max() < 1e-15
 
 
 def test_gusts_have_the_rms_and_the_spectrum_asked_for():
-    rotation, _ = Vibration.gusts(0.5, 0.8, 1.2, np.random.default_rng(0)).offset(np.arange(0.0, 2000.0, 0.02))
+    rotation, _ = CameraShake.gusts(0.5, 0.8, 1.2, np.random.default_rng(0)).offset(np.arange(0.0, 2000.0, 0.02))
     assert abs(np.sqrt((rotation**2).mean(axis=0)) / np.deg2rad(0.5) - 1.0).max() < 0.05
     power = (np.abs(np.fft.rfft(rotation, axis=0)) ** 2).sum(axis=1)
     hertz = np.fft.rfftfreq(len(rotation), 0.02)
@@ -102,7 +102,7 @@ def test_gusts_have_the_rms_and_the_spectrum_asked_for():
 
 
 def test_gusts_carry_the_camera_with_the_mast():
-    gusts = Vibration.gusts(0.3, 0.8, 1.2, np.random.default_rng(1))
+    gusts = CameraShake.gusts(0.3, 0.8, 1.2, np.random.default_rng(1))
     foot = np.array([0.0, 1.2, 0.0, 1.0])
     for time_s in (0.0, 1.3, 7.7):
         relative = np.linalg.inv(POSE) @ gusts.displace(POSE, time_s)
@@ -110,13 +110,13 @@ def test_gusts_carry_the_camera_with_the_mast():
 
 
 def test_severity_zero_is_the_base_to_the_bit():
-    base = Vibration.flat(SHAKE, stream(3, "jitter", "base")).displace(POSE, 0.4)
-    assert combined(SHAKE, JitterAxis(severity=0.0), 3, 1.2).displace(POSE, 0.4).tobytes() == base.tobytes()
+    base = CameraShake.band_limited(SHAKE, stream(3, "jitter", "base")).displace(POSE, 0.4)
+    assert camera_shake(SHAKE, JitterAxis(severity=0.0), 3, 1.2).displace(POSE, 0.4).tobytes() == base.tobytes()
 
 
 def test_seeds_differ_and_repeat():
     axis = JitterAxis(severity=1.0)
-    first, again, other = (combined(SHAKE, axis, seed, 1.2).displace(POSE, 2.0) for seed in (1, 1, 2))
+    first, again, other = (camera_shake(SHAKE, axis, seed, 1.2).displace(POSE, 2.0) for seed in (1, 1, 2))
     assert first.tobytes() == again.tobytes()
     assert first.tobytes() != other.tobytes()
 

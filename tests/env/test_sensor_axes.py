@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.camera.compression import compressed
+from pftrack_sim.camera.sensor import compress
 from pftrack_sim.core.records import Frame
 from pftrack_sim.simulation.simulation import Simulation
 
@@ -90,7 +90,7 @@ def test_noise_of_a_frame_does_not_depend_on_which_others_arrived():
     lossy = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": 100, "axes.stream.dropped_share": 0.5}
     taken = {frame.time_s: frame for frame in episode(noisy)}
     for frame in episode({**noisy, **lossy}):
-        assert np.array_equal(frame.image, compressed(taken[frame.time_s].image, 100))
+        assert np.array_equal(frame.image, compress(taken[frame.time_s].image, 100))
 
 
 @pytest.mark.parametrize("automatics", [True, False])

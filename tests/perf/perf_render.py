@@ -21,7 +21,7 @@ import numpy as np
 from mujoco.rendering.classic import renderer as mujoco_renderer
 
 from pftrack_sim import scenario
-from pftrack_sim.camera.pinhole import OPENGL_AXES, intrinsics
+from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.simulation.simulation import Simulation
@@ -65,7 +65,8 @@ def measure(name: str, width: int, height: int, shadows: bool) -> dict[str, floa
         for _ in range(8):
             simulation.advance()
         pose, image = world.camera_pose(), ours.color(world.data, world.camera_pose(), fovy)
-        world.data.cam_xpos[camera], world.data.cam_xmat[camera] = pose[:3, 3], (pose[:3, :3] @ OPENGL_AXES).ravel()
+        world.data.cam_xpos[camera] = pose[:3, 3]
+        world.data.cam_xmat[camera] = (pose[:3, :3] @ np.diag([1.0, -1.0, -1.0])).ravel()
 
         def reference() -> None:
             theirs.update_scene(world.data, camera=camera)

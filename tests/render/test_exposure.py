@@ -11,11 +11,11 @@ import pytest
 from render_stage import HEIGHT, WIDTH, K, new_spec
 
 from pftrack_sim.camera.distortion import Lens
-from pftrack_sim.camera.shake import Vibration
+from pftrack_sim.camera.shake import CameraShake
 from pftrack_sim.camera.shutter import Shutter
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Frame
-from pftrack_sim.render.capture.exposure import FrameCapture
+from pftrack_sim.render.capture.frame_capture import FrameCapture
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.scenario.axes import DistortionAxis
 from pftrack_sim.scenario.model import Jitter
@@ -26,7 +26,7 @@ FRAME_S = 0.04
 NO_LENS = (0.0, 0.0, 0.0, 0.0, 0.0)
 BENT = DistortionAxis(severity=1.0, k1=-0.3, k2=0.09).coefficients
 POLES = {"pole": [4.0, 0.0, 0.0], "ball": [-9.0, 0.0, 0.0], "both": [2.5, 0.05, 0.0]}
-STILL = Vibration.flat(Jitter(), np.random.default_rng(0))
+STILL = CameraShake.band_limited(Jitter(), np.random.default_rng(0))
 
 
 def facing(yaw: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
@@ -66,8 +66,8 @@ class Studio:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.shutter = shutter
-        self.exposer = FrameCapture(self.model, Lens(K, lens, (WIDTH, HEIGHT)), shutter, STILL)
-        self.renderer = Rasteriser(self.model, *self.exposer.drawn_size)
+        self.capture = FrameCapture(self.model, Lens(K, lens, (WIDTH, HEIGHT)), shutter, STILL)
+        self.renderer = Rasteriser(self.model, *self.capture.render_size)
         self.truth = TruthObserver(self.model, ("target",), self.renderer, K, (WIDTH, HEIGHT))
         self.frames = 0
 
@@ -76,8 +76,8 @@ class Studio:
         mujoco.mj_forward(self.model, self.data)
         root = np.eye(4)[None]
         time_s = self.frames * FRAME_S
-        self.exposer.record(self.data, time_s, pose, root)
-        taken = self.exposer.capture(self.renderer)
+        self.capture.record(self.data, time_s, pose, root)
+        taken = self.capture.capture(self.renderer)
         (truth,) = self.truth.observe_taken(taken, taken.image, time_s)
         self.frames += 1
         return Frame(self.frames - 1, time_s, taken.image, truth, (truth,))
@@ -246,14 +246,14 @@ def test_a_still_scene_is_the_same_however_long_it_is_exposed(studio):
 @pytest.mark.parametrize(("exposure_s", "height_m"), [(0.0, 0.0), (0.02, 0.0), (0.0, 1.2)])
 def test_visible_pixels_are_those_that_each_row_sees_at_its_own_instant(studio, lens, exposure_s, height_m):
     room = studio("both", exposure_s=exposure_s, readout_s=0.02, lens=lens)
-    renderer, exposer = room.renderer, room.exposer
+    renderer, capture = room.renderer, room.capture
     for index in (-1, 0):
         moved = FRAME_S * index
         room.data.mocap_pos[0] = (4.0, 0.3 + 1.5 * moved, 0.5)
         mujoco.mj_forward(room.model, room.data)
         pose = facing(0.9 * moved, (0.5 * moved, 0.8 * moved, height_m))
-        exposer.record(room.data, room.frames * FRAME_S, pose, np.eye(4)[None])
-        taken = exposer.capture(renderer)
+        capture.record(room.data, room.frames * FRAME_S, pose, np.eye(4)[None])
+        taken = capture.capture(renderer)
         (truth,) = room.truth.observe_taken(taken, taken.image, room.frames * FRAME_S)
         room.frames += 1
     # Row by row: the whole scene as it was just then, looked at along each pixel's ray.
@@ -265,9 +265,9 @@ def test_visible_pixels_are_those_that_each_row_sees_at_its_own_instant(studio, 
         when = float(room.shutter.row_s(row + 0.5))
         if not truth.amodal_box[1] - 3 < row < truth.amodal_box[1] + truth.amodal_box[3] + 3:
             continue
-        ids = renderer.ids(exposer.at(when), taken.flight.pose(when), K_wide).ids
+        ids = renderer.ids(capture.scene_at(when), taken.trajectory.at(when), K_wide).ids
         pixels = np.column_stack([np.arange(WIDTH) + 0.5, np.full(WIDTH, row + 0.5)])
-        at = np.floor(exposer.lens.slopes(pixels) * K[(0, 1), (0, 1)] + K_wide[:2, 2]).astype(int)
+        at = np.floor(capture.lens.to_normalized(pixels) * K[(0, 1), (0, 1)] + K_wide[:2, 2]).astype(int)
         visible[row] = ids[at[:, 1], at[:, 0]] == ball
     assert 0.2 < truth.visible_fraction < 0.9
     assert truth.occluders == ("pole",)

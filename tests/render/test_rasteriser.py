@@ -10,7 +10,7 @@ import pytest
 from mujoco.rendering.classic import renderer as mujoco_renderer
 from render_stage import HEIGHT, WIDTH, K, Stage, build, looking, new_spec, random_view
 
-from pftrack_sim.camera.pinhole import OPENGL_AXES, intrinsics, project
+from pftrack_sim.camera.pinhole import intrinsics, normalized_coordinates
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.render.backend import PixelRect
 from pftrack_sim.render.gl.context import open_context
@@ -55,7 +55,7 @@ def reference(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Stage], muj
 def through_model_camera(stage: Stage, pose: np.ndarray) -> None:
     """Give the model's camera a pose."""
     stage.data.cam_xpos[0] = pose[:3, 3]
-    stage.data.cam_xmat[0] = (pose[:3, :3] @ OPENGL_AXES).ravel()
+    stage.data.cam_xmat[0] = (pose[:3, :3] @ np.diag([1.0, -1.0, -1.0])).ravel()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -198,7 +198,7 @@ def test_pixels_lie_where_the_matrix_projects_them(drawing: Drawing):
     odd = intrinsics(WIDTH, HEIGHT, 0.9)
     odd[0, 0], odd[0, 2], odd[1, 2] = 1.4 * odd[0, 0], 100.25, 140.5
     ids = renderer.ids(data, pose, odd).ids
-    pixels, _ = project(spots, pose, odd)
+    pixels = normalized_coordinates(np.array(spots), pose, 0.0) * odd[(0, 1), (0, 1)] + odd[:2, 2]
     found = 0
     for index, (x, y) in enumerate(pixels):
         rows, columns = np.nonzero(ids == index)

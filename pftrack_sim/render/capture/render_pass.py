@@ -1,4 +1,4 @@
-"""One drawing of a frame: where its camera stands, how it is framed, and which of its rows are looked at."""
+"""Render pass: one rendered image of a frame, its camera, and the map from camera pixels to it."""
 
 from __future__ import annotations
 
@@ -7,62 +7,65 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.camera.pinhole import focal_and_centre
-from pftrack_sim.camera.remap import Map
-
-Array = NDArray[np.float64]
+from pftrack_sim.camera.remap import PixelMap
+from pftrack_sim.core.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class RenderPass:
-    """One drawing of a frame, and what is taken from it.
+    """One rendered image of a frame.
 
     Attributes:
-        bands: First and one past the last of the bands of rows that it serves.
-        sample_s: Distance of its light from each row's mid-exposure.
-        T_world_camera: `(4, 4)` its camera's pose.
-        K: `(3, 3)` its camera's matrix [px].
-        rows: Its own rows that are looked at.
-        places: For each time it is resampled, `(rows, W, 2)` where each pixel looks, as indices of pixels (x, y) of
-            those rows.
+        bands: First and one past the last of the bands of image rows that it serves.
+        offset_s: Mean offset of its light from the mid-exposure of each row.
+        T_world_camera: `(4, 4)` pose of its camera.
+        K: `(3, 3)` its camera matrix [px].
+        rows: Rows of the rendered image that are used.
+        pixel_maps: For each time it is resampled, `(rows, W, 2)` places in those rows.
     """
 
     bands: tuple[int, int]
-    sample_s: float
-    T_world_camera: Array
-    K: Array
+    offset_s: float
+    T_world_camera: FloatArray
+    K: FloatArray
     rows: slice
-    places: tuple[Map, ...]
+    pixel_maps: tuple[PixelMap, ...]
 
 
-def reach(slopes: Sequence[Array]) -> tuple[Array, Array]:
-    """`(2,)` smallest and `(2,)` largest x / z and y / z: of the borders, which lie around all the rest."""
-    border = np.concatenate([side for one in slopes for side in (one[0], one[-1], one[:, 0], one[:, -1])])
+def coordinate_range(grids: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """`(2,)` smallest and largest normalized coordinates of `(rows, columns, 2)` grids, found on their borders."""
+    border = np.concatenate([side for grid in grids for side in (grid[0], grid[-1], grid[:, 0], grid[:, -1])])
     return border.min(axis=0), border.max(axis=0)
 
 
-def rows_seen(slopes: Sequence[Array], K: Array, height_px: int) -> slice:
-    """The rows of a drawing that are looked at: a band of the image needs no more than its own."""
+def rows_used(grids: Sequence[FloatArray], K: FloatArray, height_px: int) -> slice:
+    """Rows of a rendered image that grids of normalized coordinates use, with a margin of two."""
     _, fy, _, cy = focal_and_centre(K)
-    low = min(float(one[..., 1].min()) for one in slopes) * fy + cy
-    high = max(float(one[..., 1].max()) for one in slopes) * fy + cy
+    low = min(float(grid[..., 1].min()) for grid in grids) * fy + cy
+    high = max(float(grid[..., 1].max()) for grid in grids) * fy + cy
     return slice(min(max(math.floor(low) - 2, 0), height_px - 1), max(min(math.ceil(high) + 2, height_px), 1))
 
 
-def framed(lens: Lens, slopes: Sequence[Array], drawn_px: tuple[int, int]) -> Array:
-    """`(3, 3)` camera matrix of a drawing that shows some rays: the lens' own scale, unless they do not fit."""
-    low, high = reach(slopes)
-    size = np.array(drawn_px)
+def fit_camera_matrix(lens: Lens, grids: Sequence[FloatArray], size: tuple[int, int]) -> FloatArray:
+    """`(3, 3)` camera matrix of a rendered image that contains some rays, at the scale of the lens or smaller.
+
+    Args:
+        lens: Projection of the camera.
+        grids: `(rows, columns, 2)` normalized coordinates of the rays.
+        size: Width and height of the rendered image [px].
+    """
+    low, high = coordinate_range(grids)
+    size_px = np.array(size)
     focal = np.array(focal_and_centre(lens.K)[:2])
-    scale = min(1.0, float((size / ((high - low) * focal)).min()))
-    centre = 0.5 * size - 0.5 * scale * focal * (low + high)
+    scale = min(1.0, float((size_px / ((high - low) * focal)).min()))
+    centre = 0.5 * size_px - 0.5 * scale * focal * (low + high)
     if scale == 1.0:
-        # On the pixel grid of the image: what is not bent is not resampled.
-        own = lens.K[:2, 2]
-        centre = own + np.round(centre - own)
+        # On the pixel grid of the image, so that pixels without distortion are not interpolated.
+        principal_point = lens.K[:2, 2]
+        centre = principal_point + np.round(centre - principal_point)
     K = np.eye(3)
     K[0, 0], K[1, 1] = scale * focal
     K[:2, 2] = centre

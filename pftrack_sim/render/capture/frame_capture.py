@@ -1,0 +1,238 @@
+"""Frames with lens distortion, finite exposure and rolling shutter, composed of pinhole renderings.
+
+Where only the camera rotates, one rendered image holds all the light of the exposure, and each pixel is resampled along
+its ray at its time (`camera.remap`). Where people move or the camera travels, more passes are rendered, as many as the
+motion in the image requires (`pass_planner`):
+
+- bands of rows, where near scenery shifts during readout; moving bodies need none of these, as each of their parts is
+  rendered where it is when its row is exposed;
+- samples over the exposure, where anything shifts other than by camera rotation.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from pftrack_sim.camera.distortion import Lens
+from pftrack_sim.camera.pinhole import focal_and_centre, normalized_coordinates
+from pftrack_sim.camera.remap import RadianceAccumulator, RayGrid, inverse_ground_range, resample
+from pftrack_sim.camera.shake import CameraShake
+from pftrack_sim.camera.shutter import Shutter, solve_row_times
+from pftrack_sim.camera.trajectory import CameraTrajectory
+from pftrack_sim.core.errors import ParameterError, ScenarioError
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.render.backend import Renderer
+from pftrack_sim.render.capture.pass_planner import NEAREST_M, PassPlan, PassPlanner
+from pftrack_sim.render.capture.pose_history import PoseHistory
+from pftrack_sim.render.capture.render_pass import RenderPass, coordinate_range, fit_camera_matrix, rows_used
+from pftrack_sim.scenario import ResolvedScenario
+
+_SHAKE_MARGIN_PX = 6
+"""Margin of a rendered image for camera rotation within a frame; a larger rotation reduces its scale."""
+
+_LARGEST_RATIO = 1.6
+"""Largest size of a rendered image relative to the camera image; larger ones are rendered at a smaller scale."""
+
+_POSES_PER_FRAME = 9
+"""Instants within a frame between which camera poses are interpolated."""
+
+
+@dataclass(frozen=True, eq=False)
+class CapturedFrame:
+    """A captured frame and what the truth needs of its capture.
+
+    Attributes:
+        image: `(H, W, 3)` light on the sensor.
+        capture: The `FrameCapture`.
+        trajectory: Camera poses during the frame.
+        T_world_camera: `(4, 4)` camera pose at mid-exposure of the middle row.
+        T_world_people: `(P, 4, 4)` root poses at that instant.
+        body_positions: `(nbody, 3)` positions of all bodies at that instant [m].
+        mid_exposure_passes: Computes one render pass for each run of row bands, at the mid-exposure of each row. Must
+            be called before the next frame is recorded.
+    """
+
+    image: Image
+    capture: FrameCapture
+    trajectory: CameraTrajectory
+    T_world_camera: FloatArray
+    T_world_people: FloatArray
+    body_positions: FloatArray
+    mid_exposure_passes: Callable[[], list[RenderPass]]
+
+
+class FrameCapture:
+    """Captures the frames of one episode.
+
+    Args:
+        model: The rendered model.
+        lens: Projection of the camera.
+        shutter: Timing of the rows.
+        shake: Vibration of the camera mount.
+    """
+
+    def __init__(self, model: mujoco.MjModel, lens: Lens, shutter: Shutter, shake: CameraShake) -> None:
+        self.lens, self.shutter = lens, shutter
+        self.rays = RayGrid(lens)
+        self._shake = shake
+        self._planner = PassPlanner(model, lens, shutter, self.rays.bands)
+        self._scratch = mujoco.MjData(model)
+        self._history = PoseHistory(shutter.window_s)
+        self._instant_pass: RenderPass | None = None
+
+    @property
+    def render_size(self) -> tuple[int, int]:
+        """Width and height of the rendered images [px]."""
+        low, high = coordinate_range([self.rays.reproject(0, self.rays.bands, np.eye(4), np.eye(4))])
+        size = np.array(self.lens.size)
+        beyond = (high - low) * focal_and_centre(self.lens.K)[:2] - size
+        margin = np.ceil(0.5 * np.maximum(beyond, 0.0)) + (0 if self.shutter.instant else _SHAKE_MARGIN_PX)
+        width, height = (int(side) for side in np.minimum(size + 2 * margin, np.ceil(_LARGEST_RATIO * size)))
+        return width, height
+
+    def record(
+        self, data: mujoco.MjData, time_s: float, T_world_camera: FloatArray, T_world_people: FloatArray
+    ) -> None:
+        """Record the poses of a camera frame. Every frame is recorded in order, whether it is captured or not.
+
+        Args:
+            data: Positions at the time stamp, up to date.
+            time_s: Time stamp since the start of the episode.
+            T_world_camera: `(4, 4)` camera pose at the time stamp without camera shake.
+            T_world_people: `(P, 4, 4)` root poses at the time stamp.
+        """
+        self._time_s = time_s
+        self._history.append(data, time_s, T_world_camera, T_world_people)
+        self._scratch.light_xpos[:], self._scratch.light_xdir[:] = data.light_xpos, data.light_xdir
+
+    def capture(self, renderer: Renderer) -> CapturedFrame:
+        """Render and expose the frame recorded last.
+
+        Args:
+            renderer: Renderer of the model at `render_size`.
+        """
+        shutter, middle = self.shutter, self.shutter.middle_s
+        instants = np.linspace(-shutter.window_s, 0.0, _POSES_PER_FRAME) if shutter.window_s else np.zeros(1)
+        times = self._time_s + instants
+        poses = [self._shake.displace(pose, t) for pose, t in zip(self._history.cameras(instants), times, strict=True)]
+        self._trajectory = CameraTrajectory(instants, np.stack(poses))
+        self._row_times = self._solve_row_times()
+        if shutter.instant:
+            plan = PassPlan([0, self.rays.bands], 1, 1)
+        else:
+            plan = self._planner.plan(self._trajectory, self._history, self.scene_at(middle))
+        size = renderer.width_px, renderer.height_px
+        count = plan.samples * plan.rotations
+        accumulator = RadianceAccumulator(count, (self.lens.size[1], self.lens.size[0], 3))
+        offsets = shutter.exposure_s * ((np.arange(count) + 0.5) / count - 0.5)
+        passes: list[RenderPass] = []
+        for sample_offsets in offsets.reshape(plan.samples, plan.rotations):
+            for bands in itertools.pairwise(plan.edges):
+                render_pass = self._render_pass(bands, sample_offsets, size)
+                scene = self.scene_of(render_pass)
+                image = renderer.color(scene, render_pass.T_world_camera, render_pass.K, rows=render_pass.rows)
+                radiance = accumulator.decode(image)
+                for pixel_map in render_pass.pixel_maps:
+                    accumulator.add(self.rays.rows(*bands), resample(radiance, pixel_map))
+                passes.append(render_pass)
+
+        def mid_exposure_passes() -> list[RenderPass]:
+            if count == 1:
+                return passes
+            return [self._render_pass(bands, np.zeros(1), size) for bands in itertools.pairwise(plan.edges)]
+
+        return CapturedFrame(
+            accumulator.mean(),
+            self,
+            self._trajectory,
+            self._trajectory.at(middle),
+            self._history.people(middle),
+            self._history.bodies(middle),
+            mid_exposure_passes,
+        )
+
+    def scene_of(self, render_pass: RenderPass) -> mujoco.MjData:
+        """Scene of a render pass: every moving geom where it is when its row is exposed.
+
+        As the camera travels during the pass, moving geoms are displaced with it horizontally, so that feet stay on the
+        ground.
+        """
+        moving = self._history.moving
+        if moving.size == 0 or self.shutter.instant:
+            return self.scene_at(0.0)
+        first, last = self.shutter.row_s(self.rays.cell_px * np.array(render_pass.bands, dtype=np.float64))
+        when = np.clip(self._row_times, first, last) + render_pass.offset_s
+        self._history.write(self._scratch, when)
+        cameras = self._trajectory.positions(when)
+        # Points on the ground are displaced by the ray grid's map already.
+        rays = self._scratch.geom_xpos[moving] - cameras
+        share = 1.0 - np.clip(inverse_ground_range(rays, cameras), 0.0, 1.0)[:, None]
+        self._scratch.geom_xpos[moving, :2] += share * (render_pass.T_world_camera[:2, 3] - cameras[:, :2])
+        return self._scratch
+
+    def scene_at(self, when_s: float) -> mujoco.MjData:
+        """Scene at an instant of the frame."""
+        self._history.write(self._scratch, when_s)
+        return self._scratch
+
+    def _solve_row_times(self) -> FloatArray:
+        """`(moving,)` mid-exposure of the row on which the centre of each moving geom lies."""
+        trajectory, moving = self._trajectory, self._history.moving
+        if moving.size == 0 or self.shutter.readout_s == 0.0:
+            return np.full(moving.size, self.shutter.middle_s)
+        pixels = [
+            self.lens.to_pixels(normalized_coordinates(self._history.geoms(when)[0], pose, NEAREST_M))
+            for when, pose in trajectory.samples()
+        ]
+        times = solve_row_times(self.shutter, trajectory.sample_times_s, np.stack(pixels))
+        return np.where(np.isfinite(times), times, self.shutter.middle_s)
+
+    def _render_pass(self, bands: tuple[int, int], offsets_s: FloatArray, size: tuple[int, int]) -> RenderPass:
+        """Render pass for the light of some bands of rows at offsets from the mid-exposure of each row."""
+        if self._instant_pass is not None:
+            return replace(self._instant_pass, T_world_camera=self._trajectory.poses[0])
+        shutter, offset_s = self.shutter, float(offsets_s.mean())
+        first, last = bands
+        y_px = self.rays.y_px[first : last + 2]
+        pose = self._trajectory.at(float(shutter.row_s(0.5 * (y_px[0] + y_px[-1]))) + offset_s)
+        when = shutter.row_s(y_px) if shutter.readout_s else np.array(shutter.middle_s)
+        grids = [self.rays.reproject(first, last, self._trajectory.at(when + offset), pose) for offset in offsets_s]
+        K = fit_camera_matrix(self.lens, grids, size)
+        rows = rows_used(grids, K, size[1])
+        pixel_maps = tuple(self.rays.pixel_map(first, last, grid, K, rows.start) for grid in grids)
+        render_pass = RenderPass(bands, offset_s, pose, K, rows, pixel_maps)
+        if shutter.instant:
+            self._instant_pass = render_pass
+        return render_pass
+
+
+def make_frame_capture(
+    settings: ResolvedScenario, model: mujoco.MjModel, K: FloatArray, shake: CameraShake
+) -> FrameCapture | None:
+    """Frame capture of a scenario; None where each frame is taken at an instant through a pinhole.
+
+    Args:
+        settings: The resolved scenario.
+        model: The rendered model.
+        K: `(3, 3)` camera matrix [px].
+        shake: Vibration of the camera mount.
+
+    Raises:
+        ScenarioError: The lens is not invertible over the image.
+    """
+    axes, camera = settings.axes, settings.camera
+    shutter = Shutter(1e-3 * axes.blur.physical, 1e-3 * axes.rolling_shutter.physical, camera.height_px)
+    coefficients = axes.distortion.coefficients
+    if shutter.instant and not any(coefficients):
+        return None
+    try:
+        lens = Lens(K, coefficients, (camera.width_px, camera.height_px))
+    except ParameterError as error:
+        raise ScenarioError(repr(settings.title), [f"axes.distortion: {error}"]) from None
+    return FrameCapture(model, lens, shutter, shake)
