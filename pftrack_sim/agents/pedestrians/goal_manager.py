@@ -10,7 +10,6 @@ from enum import Enum, auto
 import numpy as np
 
 from pftrack_sim.agents.pedestrians.goal_sampler import GoalSampler
-from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.visibility_graph import ROUTE_CLEARANCE_M, VisibilityGraph
 from pftrack_sim.core.types import FloatArray, IntArray
 
@@ -25,22 +24,19 @@ _STUCK_M = 0.6
 
 
 class _Mode(Enum):
-    WANDER = auto()
-    """Walks from goal to goal."""
-    WAIT = auto()
-    """Stays at its waiting place, and returns to it when pushed away."""
-    WALK_AND_STOP = auto()
-    """Walks one route and stays at its end."""
+    WANDER = auto()  # Walks from goal to goal.
+    WAIT = auto()  # Stays at its waiting place, and returns to it when pushed away.
+    WALK_AND_STOP = auto()  # Walks one route and stays at its end.
 
 
 @dataclass
 class _Task:
-    """What one pedestrian does; `checked_m` is its position when it last made progress, at `progress_s`."""
+    """What one pedestrian does: mode, waypoints after the next, last progress, and when to give up the goal."""
 
     mode: _Mode = _Mode.WANDER
     waiting_m: FloatArray = field(default_factory=lambda: np.zeros(2))
-    remaining: list[FloatArray] = field(default_factory=list)
-    checked_m: FloatArray = field(default_factory=lambda: np.zeros(2))
+    waypoints: list[FloatArray] = field(default_factory=list[FloatArray])
+    progress_m: FloatArray = field(default_factory=lambda: np.zeros(2))
     progress_s: float = 0.0
     give_up_s: float = math.inf
 
@@ -49,8 +45,7 @@ class GoalManager:
     """Tasks and next waypoints of all pedestrians; the target's are never used.
 
     Args:
-        obstacles: Obstacle map of the place.
-        graph: Shortest routes over it.
+        graph: Shortest routes.
         sampler: Sampler of new goals.
         rngs: One generator per pedestrian after the target.
         near_target: `(P,)` whether half of a pedestrian's goals are near the target.
@@ -63,15 +58,13 @@ class GoalManager:
 
     def __init__(
         self,
-        obstacles: ObstacleMap,
         graph: VisibilityGraph,
         sampler: GoalSampler,
         rngs: Sequence[np.random.Generator],
         near_target: Sequence[bool],
     ) -> None:
         people = len(near_target)
-        self._obstacles, self._graph, self._sampler = obstacles, graph, sampler
-        self._rngs, self._near_target = rngs, near_target
+        self._graph, self._sampler, self._rngs, self._near_target = graph, sampler, rngs, near_target
         self.waypoint_m = np.zeros((2, people))
         self.desired_speed_m_s = np.zeros(people)
         self.walking_speed_m_s = np.zeros(people)
@@ -83,8 +76,7 @@ class GoalManager:
     def wait_at(self, person: int, waiting_m: FloatArray) -> None:
         """Stay at a `(2,)` waiting place."""
         self._tasks[person] = _Task(_Mode.WAIT, waiting_m)
-        self.waypoint_m[:, person] = waiting_m
-        self.desired_speed_m_s[person] = self.walking_speed_m_s[person]
+        self._set_route(person, waiting_m[None])
         self._arrival_radius_m[person] = -1.0
 
     def walk_to_sampled_goal(
@@ -109,22 +101,17 @@ class GoalManager:
         heading_rad: FloatArray,
         target_s_m: float,
     ) -> None:
-        """Advance waypoints and goals by one tick.
+        """Advance waypoints and goals of the reactive `columns` of the state by one tick that ends at `time_s`.
 
-        Args:
-            dt_s: Length of the tick.
-            time_s: Time at its end.
-            columns: Columns of the reactive pedestrians.
-            state: `(4, C)` x, y [m], vx, vy [m/s] of everything that moves.
-            heading_rad: `(P,)` headings of the pedestrians.
-            target_s_m: Arc length of the target on its path.
+        `state` `(4, C)` holds x, y [m], vx, vy [m/s], `heading_rad` `(P,)` headings, and `target_s_m` is the arc length
+        of the target.
         """
-        offset = self.waypoint_m[:, columns] - state[:2, columns]
-        arrived = np.hypot(offset[0], offset[1]) < self._arrival_radius_m[columns]
-        for person in columns[arrived].tolist():
+        gap = np.hypot(*(self.waypoint_m[:, columns] - state[:2, columns]))
+        for index in np.flatnonzero(gap < self._arrival_radius_m[columns]):
+            person = int(columns[index])
             task = self._tasks[person]
-            if task.remaining:
-                self.waypoint_m[:, person] = task.remaining.pop(0)
+            if task.waypoints:
+                self.waypoint_m[:, person] = task.waypoints.pop(0)
             elif task.mode is _Mode.WALK_AND_STOP:
                 self._stop(person)
             else:
@@ -137,50 +124,44 @@ class GoalManager:
             self._check_progress(person, time_s, state[:2, person].copy(), target_s_m)
 
     def _check_progress(self, person: int, time_s: float, position: FloatArray, target_s_m: float) -> None:
-        task = self._tasks[person]
-        if task.remaining and not self._obstacles.blocked(position, task.remaining[0], ROUTE_CLEARANCE_M)[0]:
+        task, obstacles = self._tasks[person], self._graph.obstacles
+        if task.waypoints and not obstacles.blocked(position, task.waypoints[0], ROUTE_CLEARANCE_M)[0]:
             # The waypoint after the next is in sight: skip the next.
-            self.waypoint_m[:, person] = task.remaining.pop(0)
+            self.waypoint_m[:, person] = task.waypoints.pop(0)
         if task.mode is _Mode.WAIT:
-            self._return_to_waiting_place(person, position)
+            if not task.waypoints:
+                # Back to the waiting place, around obstacles where necessary.
+                straight = not obstacles.blocked(position, task.waiting_m, 0.0)[0]
+                route = task.waiting_m[None] if straight else self._graph.shortest_route(position, task.waiting_m)
+                if route is not None:
+                    self._set_route(person, route)
             return
         if task.mode is _Mode.WALK_AND_STOP and self.desired_speed_m_s[person] == 0.0:
             return
-        if math.hypot(*(position - task.checked_m)) > _STUCK_M:
-            task.checked_m, task.progress_s = position, time_s
+        if math.hypot(*(position - task.progress_m)) > _STUCK_M:
+            task.progress_m, task.progress_s = position, time_s
         if time_s - task.progress_s > _STUCK_S or time_s > task.give_up_s:
             self.walk_to_sampled_goal(person, time_s, position, target_s_m)
-
-    def _return_to_waiting_place(self, person: int, position: FloatArray) -> None:
-        task = self._tasks[person]
-        if task.remaining:
-            return
-        if not self._obstacles.blocked(position, task.waiting_m, 0.0)[0]:
-            self.waypoint_m[:, person] = task.waiting_m
-            return
-        route = self._graph.shortest_route(position, task.waiting_m)
-        if route is not None:
-            self._start(person, route)
 
     def _assign(self, person: int, time_s: float, position: FloatArray, route: FloatArray | None) -> None:
         """Walk a route; with None, stay for a second and then sample a new goal."""
         task = self._tasks[person]
         if task.mode is _Mode.WAIT:
             task.mode = _Mode.WANDER
-        task.checked_m, task.progress_s = position.copy(), time_s
+        task.progress_m, task.progress_s = position.copy(), time_s
         if route is None:
             self.waypoint_m[:, person] = position
             self._stop(person)
             task.give_up_s = time_s + 1.0
             return
-        self._start(person, route)
+        self._set_route(person, route)
         length = float(np.hypot(*np.diff(np.vstack([position, route]), axis=0).T).sum())
         self._arrival_radius_m[person] = ARRIVAL_RADIUS_M
         task.give_up_s = time_s + 8.0 + 2.0 * length / self.walking_speed_m_s[person]
 
-    def _start(self, person: int, route: FloatArray) -> None:
+    def _set_route(self, person: int, route: FloatArray) -> None:
         self.waypoint_m[:, person] = route[0]
-        self._tasks[person].remaining = list(route[1:])
+        self._tasks[person].waypoints = list(route[1:])
         self.desired_speed_m_s[person] = self.walking_speed_m_s[person]
 
     def _stop(self, person: int) -> None:

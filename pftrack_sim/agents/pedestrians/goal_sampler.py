@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.oncoming import positions_away_from
 from pftrack_sim.agents.pedestrians.visibility_graph import ROUTE_CLEARANCE_M, VisibilityGraph
 from pftrack_sim.core.types import FloatArray
@@ -33,17 +32,16 @@ class GoalSampler:
 
     Args:
         layout: Bounds, and goals between which people walk; goals that are not free are ignored.
-        obstacles: Obstacle map of the layout.
-        graph: Shortest routes over it.
+        graph: Shortest routes over the layout's obstacle map.
         target_path: Path of the target.
     """
 
-    def __init__(self, layout: WalkableArea, obstacles: ObstacleMap, graph: VisibilityGraph, target_path: Path) -> None:
-        self._obstacles, self._graph, self._path = obstacles, graph, target_path
+    def __init__(self, layout: WalkableArea, graph: VisibilityGraph, target_path: Path) -> None:
+        self._obstacles, self._graph, self._path = graph.obstacles, graph, target_path
         self._bounds_m = layout.bounds_m
         self._low, self._high = np.array(layout.bounds_m[:2]), np.array(layout.bounds_m[2:])
         goals = np.asarray(layout.goals_m, dtype=np.float64).reshape(-1, 2)
-        self._goals_m = goals[obstacles.clearance_m(goals) >= ROUTE_CLEARANCE_M]
+        self._goals_m = goals[self._obstacles.clearance_m(goals) >= ROUTE_CLEARANCE_M]
         x, y, _ = target_path.at(0.0)
         self._path_start_m = np.array([float(x), float(y)])
 

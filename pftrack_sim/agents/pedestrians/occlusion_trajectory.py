@@ -72,6 +72,11 @@ class Crossing:
             raise ParameterError(f"a crossing needs 0 < depth < 1, got {self.depth:g}")
 
     @property
+    def start_s(self) -> float:
+        """Time at which the mover starts to move."""
+        return self.at_s - self.lead_s
+
+    @property
     def until_s(self) -> float:
         """Time at which the target's centre line is uncovered."""
         return self.at_s + self.duration_s
@@ -120,7 +125,7 @@ class OcclusionTrajectory:
         lateral = self._lateral_m(time_s)
         reference = (camera_m[0] + along * ux - lateral * uy, camera_m[1] + along * uy + lateral * ux)
         self._previous = self._reference
-        if self._previous is not None and dt_s > 0.0:
+        if self._previous is not None:
             x, y = self._previous
             self._reference_velocity = ((reference[0] - x) / dt_s, (reference[1] - y) / dt_s)
         self._reference = reference
@@ -218,7 +223,7 @@ def crossing_track(
     for index, (camera, target) in enumerate(zip(camera_m.tolist(), target_m.tolist(), strict=True)):
         time_s = start_s + index * dt_s
         trajectory.update(dt_s, time_s, camera, target)
-        if not trajectory.begun and index > 0 and time_s >= crossing.at_s - crossing.lead_s:
+        if not trajectory.begun and index > 0 and time_s >= crossing.start_s:
             # A mover that starts with the recording is already moving.
             trajectory.begin(dt_s, time_s, crossing.waiting_m, (0.0, 0.0) if index > 2 else None)
         track[index] = trajectory.position(time_s) if trajectory.begun else crossing.waiting_m

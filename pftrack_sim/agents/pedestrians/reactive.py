@@ -126,7 +126,7 @@ class ReactivePedestrians:
                 break
             state[:2, self.columns] = position + (wall_lack * away).sum(axis=2)
             moved = near_wall = True
-        if moved and dt_s > 0.0:
+        if moved:
             state[2:, self.columns] = (state[:2, self.columns] - start) / dt_s
 
 

@@ -1,28 +1,41 @@
-"""Pedestrians with a scripted part: they cross the line of sight or pass the target, and are reactive before and after.
+"""Pedestrians and carts that follow a script for a part of the episode.
 
-The script is followed in phase `SCRIPTED` only; in the other phases the pedestrian is one of the reactive ones.
+They read and write `(4,)` columns x, y [m], vx, vy [m/s] of the crowd's state. In all phases except `SCRIPTED`,
+pedestrians are moved as reactive ones.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from enum import Enum, auto
+from typing import NamedTuple
 
 import numpy as np
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians import avoidance, oncoming
+from pftrack_sim.agents.pedestrians import avoidance
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy, limited_step, outside_circle
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, OcclusionTrajectory
+from pftrack_sim.agents.pedestrians.oncoming import (
+    EXACT_LANE_M,
+    JOINING_M,
+    WALL_DISTANCE_M,
+    OncomingPass,
+    lane_position,
+)
 from pftrack_sim.core.types import FloatArray
 
-CROSSING_SPEED_LIMIT_M_S = 2.8
-"""A crossing pedestrian that would have to be faster is late."""
-
+_CROSSING_SPEED_LIMIT_M_S = 2.8
 _CROSSING_TARGET_DISTANCE_M = 0.55
 _CROSSING_ROBOT_DISTANCE_M = 0.7
-"""Least distances on the way to and from the crossing."""
+"""Limits of crossing pedestrians; the distances hold before and after the cover."""
+
+_CART_SPEED_LIMIT_M_S = 3.2
+_CART_BRAKING_M_S2 = 1.2
+_CART_WALL_DISTANCE_M = 0.5
+_CART_TARGET_DISTANCE_M = 0.85
+_CART_ROBOT_DISTANCE_M = 0.9
+_CART_YAW_TIME_CONSTANT_S = 0.25
 
 _ONCOMING_SPEED_LIMIT_M_S = 2.4
 _ONCOMING_ROBOT_DISTANCE_M = 0.75
@@ -37,165 +50,200 @@ _DETOUR = 1.3
 
 
 class Phase(Enum):
-    """Phases of a scripted pedestrian, in their order."""
+    """Phases of a script, in their order: waiting place, route to the script's start (oncoming only), script, after."""
 
     WAITING = auto()
-    """Stays at its waiting place."""
     APPROACHING = auto()
-    """Walks a route to where its script begins."""
     SCRIPTED = auto()
-    """Follows its script."""
     RELEASED = auto()
-    """Walks to goals of its own."""
+
+
+class Surroundings(NamedTuple):
+    """Positions x, y [m] on the ground at the end of a tick."""
+
+    camera_m: Xy
+    target_m: Xy
+    robot_m: Xy
 
 
 class CrossingPedestrian:
-    """A pedestrian that covers the line of sight from the camera to the target once.
+    """A pedestrian that covers the line of sight from the camera to the target once."""
 
-    Args:
-        crossing: Time and place of the crossing.
-        obstacles: Obstacle map of the place.
-
-    Attributes:
-        phase: `WAITING`, `SCRIPTED` or `RELEASED`.
-    """
+    phase: Phase
+    state: FloatArray
 
     def __init__(self, crossing: Crossing, obstacles: ObstacleMap) -> None:
-        self.crossing = crossing
-        self._obstacles = obstacles
-        self.reset()
+        self.crossing, self._obstacles = crossing, obstacles
 
-    def reset(self) -> None:
-        """Return to the waiting phase."""
-        self.phase = Phase.WAITING
-        self._trajectory = OcclusionTrajectory(self.crossing)
-        self._updates = 0
+    def reset(self, state: FloatArray) -> None:
+        """Wait at the position in `state`, which later updates read and write."""
+        self.state, self.phase = state, Phase.WAITING
+        self._trajectory, self._updates = OcclusionTrajectory(self.crossing), 0
 
-    def update(
-        self, dt_s: float, time_s: float, state: FloatArray, camera_m: Xy, target_m: Xy, robot_m: Sequence[float]
-    ) -> None:
-        """Advance the phase and, where scripted, the state by one tick.
-
-        Args:
-            dt_s: Length of the tick.
-            time_s: Time at its end.
-            state: `(4,)` x, y [m], vx, vy [m/s] of the pedestrian.
-            camera_m: Camera on the ground at the end of the tick.
-            target_m: Target then.
-            robot_m: Robot then.
-        """
+    def update(self, dt_s: float, time_s: float, around: Surroundings) -> None:
+        """Advance phase and state by one tick that ends at `time_s`."""
         if self.phase is Phase.RELEASED:
             return
         self._updates += 1
         crossing, trajectory = self.crossing, self._trajectory
-        x, y, vx, vy = state.tolist()
-        trajectory.update(dt_s, time_s, camera_m, target_m)
+        x, y, vx, vy = self.state.tolist()
+        trajectory.update(dt_s, time_s, around.camera_m, around.target_m)
         if self.phase is Phase.WAITING:
-            if time_s < crossing.at_s - crossing.lead_s:
+            if time_s < crossing.start_s:
                 return
             # A pedestrian that starts with the episode is already walking.
             trajectory.begin(dt_s, time_s, (x, y), None if self._updates <= 2 else (vx, vy))
             self.phase = Phase.SCRIPTED
         there = trajectory.position(time_s)
         if not crossing.at_s <= time_s <= crossing.until_s:
-            around = outside_circle(there, target_m, _CROSSING_TARGET_DISTANCE_M)
-            around = outside_circle(around, robot_m, _CROSSING_ROBOT_DISTANCE_M)
-            if time_s > crossing.until_s and dt_s > 0.0:
-                # After the cover its timing does not matter: it is released as soon as anything is in its way.
-                distances = self._obstacles.distances(state[:2, None])
-                velocity = np.array([[(there[0] - x) / dt_s], [(there[1] - y) / dt_s]])
-                if around != there or avoidance.wall_barrier_active(*distances, velocity):
-                    self.phase = Phase.RELEASED
-                    return
-            there = self._obstacles.pushed_out(around, avoidance.WALL_DISTANCE_M)
-            if trajectory.finished(time_s):
+            around_m = outside_circle(there, around.target_m, _CROSSING_TARGET_DISTANCE_M)
+            around_m = outside_circle(around_m, around.robot_m, _CROSSING_ROBOT_DISTANCE_M)
+            # After the cover timing does not matter: the pedestrian is released as soon as anything is in its way.
+            if trajectory.finished(time_s) or (time_s > crossing.until_s and self._blocked(dt_s, there, around_m)):
                 self.phase = Phase.RELEASED
                 return
-        _move(state, dt_s, there, CROSSING_SPEED_LIMIT_M_S)
+            there = self._obstacles.pushed_out(around_m, avoidance.WALL_DISTANCE_M)
+        _move(self.state, dt_s, there, _CROSSING_SPEED_LIMIT_M_S)
+
+    def _blocked(self, dt_s: float, there: Xy, around_m: Xy) -> bool:
+        """Whether the way to a position, `around_m` if target and robot are avoided, leads into something."""
+        position = self.state[:2, None]
+        velocity = (np.array(there)[:, None] - position) / dt_s
+        return around_m != there or avoidance.wall_barrier_active(*self._obstacles.distances(position), velocity)
+
+
+class Cart:
+    """An omnidirectional cart that covers the line of sight once, keeps its broad side towards the camera, and stops.
+
+    Attributes:
+        yaw_rad: Direction of the line of sight on which it faces the camera.
+    """
+
+    phase: Phase
+    state: FloatArray
+
+    def __init__(self, crossing: Crossing, obstacles: ObstacleMap) -> None:
+        self._crossing, self._obstacles = crossing, obstacles
+
+    def reset(self, state: FloatArray) -> None:
+        """Move to the waiting place; later updates read and write `state`."""
+        self.state, self.phase, self.yaw_rad = state, Phase.WAITING, 0.0
+        self._trajectory, self._first_update = OcclusionTrajectory(self._crossing), True
+        state[:] = (*self._crossing.waiting_m, 0.0, 0.0)
+
+    @property
+    def position_m(self) -> Xy:
+        """x, y [m], world frame."""
+        return float(self.state[0]), float(self.state[1])
+
+    def update(self, dt_s: float, time_s: float, around: Surroundings) -> None:
+        """Advance phase and state by one tick that ends at `time_s`."""
+        crossing, trajectory = self._crossing, self._trajectory
+        x, y, vx, vy = self.state.tolist()
+        trajectory.update(dt_s, time_s, around.camera_m, around.target_m)
+        if self.phase is Phase.WAITING and time_s >= crossing.start_s:
+            trajectory.begin(dt_s, time_s, (x, y), None if self._first_update else (vx, vy))
+            self.phase = Phase.SCRIPTED
+        (camera_x, camera_y), (target_x, target_y) = around.camera_m, around.target_m
+        sight_rad = math.atan2(target_y - camera_y, target_x - camera_x)
+        if self._first_update:
+            self.yaw_rad, self._first_update = sight_rad, False
+        if self.phase is Phase.WAITING:
+            return
+        if self.phase is Phase.SCRIPTED:
+            there = trajectory.position(time_s)
+            turn_rad = math.remainder(sight_rad - self.yaw_rad, 2.0 * math.pi)
+            self.yaw_rad += min(dt_s / _CART_YAW_TIME_CONSTANT_S, 1.0) * turn_rad
+        else:
+            speed = math.hypot(vx, vy)
+            share = max(speed - _CART_BRAKING_M_S2 * dt_s, 0.0) / speed if speed > 0.0 else 0.0
+            there = x + share * vx * dt_s, y + share * vy * dt_s
+        if not crossing.at_s <= time_s <= crossing.until_s:
+            there = outside_circle(there, around.target_m, _CART_TARGET_DISTANCE_M)
+            there = outside_circle(there, around.robot_m, _CART_ROBOT_DISTANCE_M)
+            there = self._obstacles.pushed_out(there, _CART_WALL_DISTANCE_M)
+        _move(self.state, dt_s, there, _CART_SPEED_LIMIT_M_S)
+        if trajectory.finished(time_s):
+            self.phase = Phase.RELEASED
 
 
 class OncomingPedestrian:
-    """A pedestrian that passes the target once.
-
-    Args:
-        oncoming_pass: Time and place of the pass.
-        path: Path of the target.
-        obstacles: Obstacle map of the place.
+    """A pedestrian that passes the target once, on the target's path.
 
     Attributes:
-        phase: `WAITING` and `APPROACHING` only with a waiting place; then `SCRIPTED`, `RELEASED`.
-        joining_m: `(2,)` position at which it joins the path after waiting.
+        joining_m: x, y of the point at which it joins the path after waiting [m].
     """
 
-    def __init__(self, oncoming_pass: oncoming.OncomingPass, path: Path, obstacles: ObstacleMap) -> None:
-        self._pass, self._path, self._obstacles = oncoming_pass, path, obstacles
-        speed, waiting_m = oncoming_pass.speed_m_s, oncoming_pass.waiting_m
-        self.speed_m_s = speed
-        joining = oncoming.lane_position(path, oncoming_pass.meeting_s_m + oncoming.JOINING_M, oncoming_pass.left_m)
-        self.joining_m = np.array(joining)
-        self._joining_s = self._leaving_s = -math.inf
-        if waiting_m is not None:
-            self._joining_s = oncoming_pass.at_s - oncoming.JOINING_M / speed
-            route_m = _DETOUR * math.hypot(joining[0] - waiting_m[0], joining[1] - waiting_m[1])
-            self._leaving_s = self._joining_s - route_m / speed - _START_S
-        self.phase = Phase.SCRIPTED
+    phase: Phase
+    state: FloatArray
 
-    def reset(self) -> tuple[tuple[float, float, float, float], float]:
-        """Return to the start; gives x, y [m], vx, vy [m/s] and the heading [rad] there."""
-        if self._pass.waiting_m is not None:
+    def __init__(self, plan: OncomingPass, path: Path, obstacles: ObstacleMap) -> None:
+        self._plan, self._path, self._obstacles = plan, path, obstacles
+        self.speed_m_s = plan.speed_m_s
+        self.joining_m = lane_position(path, plan.meeting_s_m + JOINING_M, plan.left_m)
+        self._leaving_s = self._joining_s = -math.inf
+        if plan.waiting_m is not None:
+            (x, y), (waiting_x, waiting_y) = self.joining_m, plan.waiting_m
+            self._joining_s = plan.at_s - JOINING_M / plan.speed_m_s
+            route_m = _DETOUR * math.hypot(x - waiting_x, y - waiting_y)
+            self._leaving_s = self._joining_s - route_m / plan.speed_m_s - _START_S
+
+    def reset(self, state: FloatArray) -> float:
+        """Move to the start and return the heading there [rad]; later updates read and write `state`."""
+        self.state = state
+        if self._plan.waiting_m is not None:
             self.phase = Phase.WAITING
-            x, y = self._pass.waiting_m
-            return (x, y, 0.0, 0.0), math.atan2(self.joining_m[1] - y, self.joining_m[0] - x)
+            x, y = self._plan.waiting_m
+            state[:] = (x, y, 0.0, 0.0)
+            return math.atan2(self.joining_m[1] - y, self.joining_m[0] - x)
         self.phase = Phase.SCRIPTED
         s = self._s_m(0.0)
         heading = float(self._path.at(s)[2]) + math.pi
-        x, y = self._obstacles.pushed_out(self._lane(s), oncoming.WALL_DISTANCE_M)
         speed = (s - self._s_m(1e-3)) / 1e-3
-        return (x, y, speed * math.cos(heading), speed * math.sin(heading)), heading
+        position = self._obstacles.pushed_out(self._lane(s), WALL_DISTANCE_M)
+        state[:] = (*position, speed * math.cos(heading), speed * math.sin(heading))
+        return heading
 
-    def update(self, dt_s: float, time_s: float, state: FloatArray, target_m: Xy, robot_m: Sequence[float]) -> None:
-        """Advance the phase and, where scripted, the state by one tick; arguments as in `CrossingPedestrian`."""
+    def update(self, dt_s: float, time_s: float, around: Surroundings) -> None:
+        """Advance phase and state by one tick that ends at `time_s`."""
         if self.phase is Phase.RELEASED:
             return
         if time_s < self._joining_s:
-            if self.phase is Phase.WAITING and time_s >= self._leaving_s:
+            if time_s >= self._leaving_s:
                 self.phase = Phase.APPROACHING
             return
         self.phase = Phase.SCRIPTED
-        s, meeting = self._s_m(time_s), self._pass.meeting_s_m
+        s, meeting = self._s_m(time_s), self._plan.meeting_s_m
         if s < meeting - 6.0 or s < -2.0:
             self.phase = Phase.RELEASED
             return
         there = self._lane(s)
-        if abs(s - meeting) > oncoming.EXACT_LANE_M:
-            there = self._obstacles.pushed_out(there, oncoming.WALL_DISTANCE_M)
-            there = outside_circle(there, target_m, abs(self._pass.left_m))
-        there = outside_circle(there, robot_m, _ONCOMING_ROBOT_DISTANCE_M)
-        _move(state, dt_s, there, _ONCOMING_SPEED_LIMIT_M_S)
+        if abs(s - meeting) > EXACT_LANE_M:
+            there = self._obstacles.pushed_out(there, WALL_DISTANCE_M)
+            there = outside_circle(there, around.target_m, abs(self._plan.left_m))
+        there = outside_circle(there, around.robot_m, _ONCOMING_ROBOT_DISTANCE_M)
+        _move(self.state, dt_s, there, _ONCOMING_SPEED_LIMIT_M_S)
 
     def _s_m(self, time_s: float) -> float:
         """Arc length on the target's path [m], falling with time."""
-        speed, at_s, meeting = self._pass.speed_m_s, self._pass.at_s, self._pass.meeting_s_m
-        begin_s = at_s - ((self._path.length_m - meeting) / speed + 0.5 * _START_S)
-        if begin_s <= 0.0 or self._pass.waiting_m is not None:
-            return meeting + speed * (at_s - time_s)
+        plan, speed = self._plan, self._plan.speed_m_s
+        begin_s = plan.at_s - ((self._path.length_m - plan.meeting_s_m) / speed + 0.5 * _START_S)
+        if begin_s <= 0.0 or plan.waiting_m is not None:
+            return plan.meeting_s_m + speed * (plan.at_s - time_s)
         # The path is too short to walk from the start of the episode: stand at its end, then take up speed.
         since_s = max(time_s - begin_s, 0.0)
         walked_s = since_s - 0.5 * _START_S if since_s > _START_S else 0.5 * since_s * since_s / _START_S
         return self._path.length_m - speed * walked_s
 
     def _lane(self, s_m: float) -> Xy:
-        left_m = self._pass.left_m
-        after = (self._pass.meeting_s_m - s_m - 0.5) / (oncoming.EXACT_LANE_M - 0.5)
-        after = min(max(after, 0.0), 1.0)
+        left_m = self._plan.left_m
+        after = min(max((self._plan.meeting_s_m - s_m - 0.5) / (EXACT_LANE_M - 0.5), 0.0), 1.0)
         extra_m = max(_ROBOT_LANE_M - abs(left_m), 0.0) * after * after * (3.0 - 2.0 * after)
-        return oncoming.lane_position(self._path, s_m, math.copysign(abs(left_m) + extra_m, left_m))
+        return lane_position(self._path, s_m, math.copysign(abs(left_m) + extra_m, left_m))
 
 
 def _move(state: FloatArray, dt_s: float, there: Xy, speed_limit_m_s: float) -> None:
-    """Step from the `(4,)` state towards a position, within a speed limit."""
+    """Step towards a position, within a speed limit."""
     x, y = state[:2].tolist()
     there = limited_step((x, y), there, speed_limit_m_s * dt_s)
-    if dt_s > 0.0:
-        state[2:] = ((there[0] - x) / dt_s, (there[1] - y) / dt_s)
-    state[:2] = there
+    state[:] = (*there, (there[0] - x) / dt_s, (there[1] - y) / dt_s)

@@ -72,8 +72,8 @@ class TargetWalk:
         self._speed_m_s = min(self._walking_speed_m_s, math.sqrt(2.0 * DECELERATION_M_S2 * self._path.length_m))
         self._update_state()
 
-    def update(self, dt_s: float, robot: FloatArray | None) -> None:
-        """Walk for one tick; `robot` is its `(4,)` x, y [m], vx, vy [m/s], or None."""
+    def update(self, dt_s: float, robot: FloatArray) -> None:
+        """Walk for one tick; `robot` is its `(4,)` x, y [m], vx, vy [m/s]."""
         left_m = max(self._path.length_m - self.s_m, 0.0)
         # The highest speed from which a constant deceleration after this tick still ends at the end of the path.
         step = DECELERATION_M_S2 * dt_s
@@ -89,11 +89,10 @@ class TargetWalk:
         speed = min(desired, stopping, self._speed_m_s + max_step)
         if self._axis.on and speed < self._speed_m_s - max_step:
             speed = min(self._speed_m_s - max_step, stopping)
-        if robot is not None:
-            # Braking is limited: the target may come close to a robot that cuts in.
-            speed = max(min(speed, self._speed_behind(robot)), min(self._speed_m_s - MAX_BRAKING_M_S2 * dt_s, speed))
+        # Braking is limited: the target may come close to a robot that cuts in.
+        speed = max(min(speed, self._speed_behind(robot)), min(self._speed_m_s - MAX_BRAKING_M_S2 * dt_s, speed))
         slowest = 0.0 if desired >= 0.0 and self._speed_m_s >= 0.0 else max(desired, -self.s_m / dt_s)
-        self._speed_m_s = min(max(speed, slowest), left_m / dt_s if dt_s > 0.0 else 0.0)
+        self._speed_m_s = min(max(speed, slowest), left_m / dt_s)
         self.s_m += self._speed_m_s * dt_s
         self._update_state()
 

@@ -22,7 +22,7 @@ class VisibilityGraph:
     """Shortest walks over one obstacle map, at `ROUTE_CLEARANCE_M` from obstacles."""
 
     def __init__(self, obstacles: ObstacleMap) -> None:
-        self._obstacles = obstacles
+        self.obstacles = obstacles
         corners = obstacles.grown_corners(ROUTE_CLEARANCE_M + 0.03)
         self._nodes = corners[obstacles.clearance_m(corners) >= ROUTE_CLEARANCE_M]
         self._edges: dict[int, FloatArray] = {}
@@ -69,10 +69,10 @@ class VisibilityGraph:
     def _lengths(self, start: FloatArray, ends: FloatArray, margin_m: float | FloatArray) -> FloatArray:
         """`(N,)` lengths of the straight walks to `(N, 2)` ends [m]; infinite where blocked."""
         lengths = np.hypot(*(ends - start).T)
-        lengths[self._obstacles.blocked(start, ends, margin_m)] = np.inf
+        lengths[self.obstacles.blocked(start, ends, margin_m)] = np.inf
         return lengths
 
     def _margins(self, *points: FloatArray) -> FloatArray:
         """`(F,)` clearances [m], reduced where one of the points is nearer to a rectangle, so that it can get away."""
-        margins = self._obstacles.margins_reaching(np.array(points)).min(axis=0)
+        margins = self.obstacles.margins_reaching(np.array(points)).min(axis=0)
         return np.clip(margins - 0.01, 0.0, ROUTE_CLEARANCE_M)

@@ -13,6 +13,7 @@ from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 
 TICK_S = 1.0 / 60.0
+FAR_M = (1e3, 1e3)
 PATH_M = ((0.0, 0.0), (6.0, 0.0), (10.0, 0.6), (18.0, -0.4))
 TARGET = model.Target(path_m=PATH_M)
 
@@ -117,7 +118,7 @@ def test_target_is_exactly_on_its_path_whoever_is_about_and_stops_gently() -> No
     assert crowd.speeds_m_s[0] == pytest.approx(TARGET.speed_m_s)
     travelled = []
     for tick in range(1200):
-        crowd.tick(TICK_S, (tick + 1) * TICK_S, None, None)
+        crowd.tick(TICK_S, (tick + 1) * TICK_S, FAR_M, FAR_M)
         travelled.append(crowd.target_s_m)
         x, y, heading = path.at(crowd.target_s_m)
         assert np.abs(crowd.positions_m[0] - (float(x), float(y))).max() <= 1e-9
@@ -132,11 +133,11 @@ def test_target_is_exactly_on_its_path_whoever_is_about_and_stops_gently() -> No
 def test_target_waits_for_a_robot_in_its_way_and_goes_on() -> None:
     crowd = crowd_of(FIELD, 0, 0)
     for tick in range(600):
-        crowd.tick(TICK_S, tick * TICK_S, (4.0, 0.1), None)
+        crowd.tick(TICK_S, tick * TICK_S, (4.0, 0.1), FAR_M)
     assert 0.5 <= np.linalg.norm(crowd.positions_m[0] - (4.0, 0.1)) <= 1.5
     assert crowd.speeds_m_s[0] < 0.02
     for tick in range(300):
-        crowd.tick(TICK_S, tick * TICK_S, (4.0, 3.0), None)
+        crowd.tick(TICK_S, tick * TICK_S, (4.0, 3.0), FAR_M)
     assert crowd.speeds_m_s[0] == pytest.approx(TARGET.speed_m_s)
 
 
@@ -148,7 +149,7 @@ def test_arrays_are_frozen_and_names_are_in_order() -> None:
         assert not array.flags.writeable
     before = crowd.positions_m
     kept = before.copy()
-    crowd.tick(TICK_S, TICK_S, None, None)
+    crowd.tick(TICK_S, TICK_S, FAR_M, FAR_M)
     assert np.array_equal(before, kept)
 
 
@@ -166,7 +167,7 @@ def test_on_laps_each_passer_meets_the_target_once() -> None:
     crowd = Crowd(layout, target, path, model.Distractors(count=0), (), 0, oncoming=passings)
     places = [crowd.positions_m]
     for tick in range(round(60.0 / TICK_S)):
-        crowd.tick(TICK_S, (tick + 1) * TICK_S, None, None)
+        crowd.tick(TICK_S, (tick + 1) * TICK_S, FAR_M, FAR_M)
         places.append(crowd.positions_m)
     walked = np.array(places)
     for person, one in enumerate(passings, start=1):
