@@ -65,8 +65,8 @@ class DryRun:
     def until(self, time_s: float) -> DryRun:
         """The part up to the first sample after a time."""
         count = max(2, int(np.searchsorted(self.times_s, time_s, side="right")) + 1)
-        arrays = (self.times_s, self.camera_m, self.target_m, self.robot_m)
-        return DryRun(*(array[:count] for array in arrays), self.target_height_m)
+        times, camera, target, robot = self.times_s, self.camera_m, self.target_m, self.robot_m
+        return DryRun(times[:count], camera[:count], target[:count], robot[:count], self.target_height_m)
 
     def at(self, times_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Camera `(N, 3)` and target `(N, 2)` at given times, linearly interpolated."""
@@ -78,7 +78,8 @@ class DryRun:
 
     def _interpolated(self, times_s: ArrayLike, track: FloatArray) -> FloatArray:
         times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
-        return np.stack([np.interp(times, self.times_s, column) for column in track.T], axis=1)
+        columns: list[FloatArray] = [np.interp(times, self.times_s, column) for column in track.T]
+        return np.stack(columns, axis=1)
 
 
 def dry_run(

@@ -18,8 +18,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.occluders.carts import CartSize, axis_occluders, cart_names
 from pftrack_sim.scene.occluders.static import Placement, occluder_names
 from pftrack_sim.simulation.dry_run import DryRun
-from pftrack_sim.simulation.occlusion.carts import cart_height_m, plan_axis_crossing
-from pftrack_sim.simulation.occlusion.crossing import plan_walker
+from pftrack_sim.simulation.occlusion.moving import cart_height_m, plan_axis_crossing, plan_crossing
 from pftrack_sim.simulation.occlusion.static import plan_static
 
 AFTER_S = 3.0
@@ -96,7 +95,7 @@ def _plan_occluders(settings: ResolvedScenario, plan: Plan, run: DryRun, problem
         occluder, name = occluders[index], names[index]
         try:
             if name is None:
-                crossings.append(plan_walker(occluder, run, layout, f"occluders.{index}"))
+                crossings.append(plan_crossing(occluder, run, layout, f"occluders.{index}"))
             else:
                 placement = plan_static(occluder, run, layout, f"occluders.{index}")
                 placements[name] = placement

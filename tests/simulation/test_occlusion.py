@@ -18,8 +18,8 @@ from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.simulation.dry_run import DryRun
-from pftrack_sim.simulation.occlusion.crossing import plan_walker
 from pftrack_sim.simulation.occlusion.line_of_sight import covered_by_box, covered_by_person, spans
+from pftrack_sim.simulation.occlusion.moving import plan_crossing
 from pftrack_sim.simulation.occlusion.static import plan_static
 
 TICK_S = 1.0 / 60.0
@@ -53,7 +53,7 @@ def camera_of(kind: str, rng: np.random.Generator) -> Camera:
     return camera
 
 
-def rehearsal_of(camera: Camera, duration_s: float = 14.0) -> DryRun:
+def dry_run_of(camera: Camera, duration_s: float = 14.0) -> DryRun:
     path, times = Path(PATH_M), np.arange(round(duration_s / TICK_S)) * TICK_S
     s = np.minimum(TARGET.speed_m_s * times, path.length_m)
     x, y, _ = path.at(s)
@@ -97,19 +97,19 @@ def hidden_share(placement: Placement, camera: np.ndarray, target: np.ndarray) -
 def test_standing_things_cover_when_asked_and_stand_in_nobodys_way(kind: str) -> None:
     for seed in range(56):
         rng = np.random.default_rng(seed)
-        rehearsal = rehearsal_of(camera_of(("still", "beside")[seed % 2], rng))
+        run = dry_run_of(camera_of(("still", "beside")[seed % 2], rng))
         asked = occluder_of(kind, rng)
-        found = plan_static(asked, rehearsal, HALL)
+        found = plan_static(asked, run, HALL)
         frames = slice(None, None, 2)
-        camera, target = rehearsal.camera_m[frames, :2], rehearsal.target_m[frames]
+        camera, target = run.camera_m[frames, :2], run.target_m[frames]
         covered = covered_by_box(camera, target, found.centre_m, found.half_m, found.yaw_rad)
-        assert_in_time(covered, rehearsal.times_s[frames], asked)
+        assert_in_time(covered, run.times_s[frames], asked)
         alone = ObstacleMap(WalkableArea((-99.0, -99.0, 99.0, 99.0), (found.footprint("it"),), ()))
-        assert alone.clearance_m(rehearsal.target_m).min() >= 0.45
-        assert alone.clearance_m(rehearsal.robot_m).min() >= 0.5
+        assert alone.clearance_m(run.target_m).min() >= 0.45
+        assert alone.clearance_m(run.robot_m).min() >= 0.5
         assert ObstacleMap(HALL).clearance_m(found.centre_m)[0] > 0.0
-        middle = np.argmin(np.abs(rehearsal.times_s - asked.at_s - 0.5 * asked.duration_s))
-        share = hidden_share(found, rehearsal.camera_m[middle, :2], rehearsal.target_m[middle])
+        middle = np.argmin(np.abs(run.times_s - asked.at_s - 0.5 * asked.duration_s))
+        share = hidden_share(found, run.camera_m[middle, :2], run.target_m[middle])
         assert abs(share - (1.0 if kind == "pillar" else asked.share)) <= 0.05
 
 
@@ -117,32 +117,32 @@ def test_straight_behind_the_target_no_standing_thing_helps() -> None:
     times = np.arange(600) * TICK_S
     target = np.stack([1.2 * times, 0.0 * times], axis=1)
     camera = np.c_[target - (3.0, 0.0), np.full(600, CAMERA_Z_M)]
-    rehearsal = DryRun.of(times, camera, target, None, HEIGHT_M)
+    run = DryRun.of(times, camera, target, None, HEIGHT_M)
     asked = model.Occluder(kind="pillar", at_s=3.0)
     with pytest.raises(ParameterError, match=r"occluders\[1\].*walker"):
-        plan_static(asked, rehearsal, HALL, "occluders[1]")
+        plan_static(asked, run, HALL, "occluders[1]")
 
 
 def test_an_occlusion_after_the_end_says_so() -> None:
-    rehearsal = rehearsal_of(camera_of("still", np.random.default_rng(0)), 5.0)
+    run = dry_run_of(camera_of("still", np.random.default_rng(0)), 5.0)
     for kind in ("wall", "walker"):
         asked = occluder_of(kind, np.random.default_rng(0)).model_copy(update={"at_s": 4.5, "duration_s": 3.0})
         with pytest.raises(ParameterError, match=re.escape("end at 7.5 s")):
-            (plan_walker if kind == "walker" else plan_static)(asked, rehearsal, HALL)
+            (plan_crossing if kind == "walker" else plan_static)(asked, run, HALL)
 
 
 def test_a_place_that_is_taken_names_a_time_that_works() -> None:
     rng = np.random.default_rng(3)
-    rehearsal = rehearsal_of(camera_of("still", rng))
+    run = dry_run_of(camera_of("still", rng))
     asked = model.Occluder(kind="pillar", at_s=4.0, duration_s=0.5)
-    free = plan_static(asked, rehearsal, HALL)
+    free = plan_static(asked, run, HALL)
     shelf = Footprint("shelf", free.centre_m, (0.8, 4.0), free.yaw_rad)
     taken = WalkableArea(HALL.bounds_m, (shelf,), HALL.goals_m)
     with pytest.raises(ParameterError, match="something already stands there") as caught:
-        plan_static(asked, rehearsal, taken)
+        plan_static(asked, run, taken)
     suggestion = re.search(r"use at_s = ([\d.]+)", str(caught.value))
     assert suggestion is not None
-    plan_static(asked.model_copy(update={"at_s": float(suggestion[1])}), rehearsal, taken)
+    plan_static(asked.model_copy(update={"at_s": float(suggestion[1])}), run, taken)
 
 
 @pytest.mark.parametrize("kind", ["still", "beside", "trail"])
@@ -152,7 +152,7 @@ def test_walkers_cover_when_asked_and_walk_like_people(kind: str) -> None:
         rng = np.random.default_rng(seed)
         camera, asked = camera_of(kind, rng), occluder_of("walker", rng)
         duration_s = asked.at_s + asked.duration_s + 1.5
-        crossing = plan_walker(asked, rehearsal_of(camera, duration_s + 1.0), HALL)
+        crossing = plan_crossing(asked, dry_run_of(camera, duration_s + 1.0), HALL)
         crowd = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=1), (crossing,), seed)
         assert crowd.names == ("target", "distractor-1", "crosser-1")
         cameras, positions = [], []
@@ -179,7 +179,7 @@ def test_a_walker_is_in_time_for_a_camera_that_went_elsewhere(seed: int) -> None
     rng = np.random.default_rng(seed)
     camera = camera_of("trail", rng)
     asked = model.Occluder(kind="walker", at_s=6.0, duration_s=1.0)
-    crossing = plan_walker(asked, rehearsal_of(camera), HALL)
+    crossing = plan_crossing(asked, dry_run_of(camera), HALL)
     drift = rng.uniform(-0.5, 0.5, 2)
     crowd = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=0), (crossing,), seed)
     cameras, positions = [], []

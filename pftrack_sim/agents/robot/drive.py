@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration, RangeFinder
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGES
-from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scene.layout import owner_name, pose_matrix
 from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD, TRACK_M, WHEEL_RADIUS_M
@@ -65,8 +65,8 @@ class Drive:
         self._motors = np.array([model.actuator(f"robot/{name}").id for name in motors])
         names = ("wheel-speed-left", "wheel-speed-right", "gyro", "accelerometer", "pan", "tilt")
         sensors = [int(model.sensor(f"robot/{name}").id) for name in names]
-        slices = [np.arange(model.sensor_dim[sensor]) + int(model.sensor_adr[sensor]) for sensor in sensors]
-        self._sensors: IntArray = np.concatenate(slices)
+        first, size = model.sensor_adr, model.sensor_dim
+        self._sensors = np.array([int(first[i]) + k for i in sensors for k in range(int(size[i]))])
         self._sensor_scale = np.ones(len(self._sensors))
         self._sensor_scale[:2] = self._calibration.left_radius_m, self._calibration.right_radius_m
         self._free = int(model.joint("robot/free").qposadr[0])
@@ -197,7 +197,7 @@ class Drive:
         if contacts.size == 0:
             return None
         first, second = pairs[contacts[np.argmin(data.contact.dist[contacts])]]
-        return self._owners[second if self._own_geoms[first] else first]
+        return self._owners[int(second if self._own_geoms[first] else first)]
 
     def _current_odometry(self, data: mujoco.MjData) -> Odometry:
         left, right = data.qpos[self._joints[:2]].tolist()

@@ -1,1 +1,1 @@
-"""Planning of occluders: where they stand, and how pedestrians and carts cross the line of sight."""
+"""Planning of occluders: static ones, and pedestrians and carts that cross the line of sight."""

@@ -1,7 +1,7 @@
-"""Whether the line of sight to the target's centre line is covered, seen from above.
+"""Whether something covers the line of sight to the target's centre line, in plan view.
 
-The target's centre line is upright, so whether it is behind an upright thing is a question of the ground plan: does
-the straight line from the camera to the target's centre cross the thing's footprint?
+The target's centre line is vertical: an upright thing covers it where the straight line from the camera to the target
+crosses the thing's footprint.
 """
 
 from __future__ import annotations
@@ -9,49 +9,50 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pftrack_sim.core.types import BoolArray, FloatArray
 
 
-def covered_by_box(
-    camera_m: Array, target_m: Array, centre_m: Sequence[float] | Array, half_m: Sequence[float] | Array, yaw_rad: float
-) -> NDArray[np.bool_]:
-    """Whether a standing box comes between camera and target.
+def line_in_box(
+    start: FloatArray, end: FloatArray, centre_m: Sequence[float] | FloatArray, half_m: Sequence[float], yaw_rad: float
+) -> tuple[FloatArray, FloatArray]:
+    """Shares of the ways from start to end `(T, 2)` at which the infinite lines enter and leave a box, `(T,)` each.
 
-    Args:
-        camera_m: `(T, 2)` camera on the ground.
-        target_m: `(T, 2)` target's centre on the ground.
-        centre_m: `(2,)` the box's centre.
-        half_m: `(2,)` half sizes along the box's axes.
-        yaw_rad: Angle of its first axis to the world's x.
-
-    Returns:
-        `(T,)`.
+    A line misses the box where it leaves before it enters.
     """
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     axes = np.array([(cos, -sin), (sin, cos)])
-    start = (camera_m - np.asarray(centre_m)) @ axes
-    step = (target_m - camera_m) @ axes
+    local = (start - np.asarray(centre_m)) @ axes
+    step = (end - start) @ axes
     step = np.where(np.abs(step) < 1e-12, 1e-12, step)
-    middle, reach = -start / step, np.abs(np.asarray(half_m) / step)
-    enter = np.maximum((middle - reach).max(axis=1), 0.0)
-    leave = np.minimum((middle + reach).min(axis=1), 1.0)
-    return enter <= leave
+    middle, reach = -local / step, np.abs(np.asarray(half_m) / step)
+    return (middle - reach).max(axis=1), (middle + reach).min(axis=1)
 
 
-def covered_by_person(camera_m: Array, target_m: Array, person_m: Array, half_width_m: float) -> NDArray[np.bool_]:
-    """Whether a person comes between camera and target.
+def covered_by_box(
+    camera_m: FloatArray,
+    target_m: FloatArray,
+    centre_m: Sequence[float] | FloatArray,
+    half_m: Sequence[float],
+    yaw_rad: float,
+) -> BoolArray:
+    """`(T,)` whether a static box is between camera and target.
 
     Args:
         camera_m: `(T, 2)` camera on the ground.
         target_m: `(T, 2)` target's centre on the ground.
-        person_m: `(T, 2)` where the person stands.
-        half_width_m: Half of the person's width, as seen.
-
-    Returns:
-        `(T,)`.
+        centre_m: `(2,)` centre of the box.
+        half_m: `(2,)` half sizes along the box's axes.
+        yaw_rad: Angle of its first axis to the world's x.
     """
+    enter, leave = line_in_box(camera_m, target_m, centre_m, half_m, yaw_rad)
+    return np.maximum(enter, 0.0) <= np.minimum(leave, 1.0)
+
+
+def covered_by_person(
+    camera_m: FloatArray, target_m: FloatArray, person_m: FloatArray, half_width_m: float
+) -> BoolArray:
+    """`(T,)` whether a person at `(T, 2)` of a given apparent half width is between camera and target `(T, 2)`."""
     sight = target_m - camera_m
     distance = np.maximum(np.hypot(*sight.T), 1e-9)
     offset = person_m - camera_m
@@ -60,7 +61,7 @@ def covered_by_person(camera_m: Array, target_m: Array, person_m: Array, half_wi
     return (np.abs(across) <= half_width_m) & (along > 0.0) & (along < distance)
 
 
-def spans(covered: NDArray[np.bool_], times_s: Array) -> list[tuple[float, float]]:
-    """When the line of sight is covered: first and last covered time of each unbroken span."""
+def spans(covered: BoolArray, times_s: FloatArray) -> list[tuple[float, float]]:
+    """First and last covered time of each uninterrupted occlusion."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], covered, [False]]).astype(np.int8)))
     return [(float(times_s[a]), float(times_s[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
