@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pftrack_sim.scene.places.materials import emissive, facade, shop_front, texture
+from pftrack_sim.scene.places.materials import texture
 from pftrack_sim.scene.places.meshes import ALL_FACES, SIDES, Prop, TexturedMesh, box, quad
 
 _WIDTH_M = 12.0
@@ -26,8 +26,8 @@ def house(
     """A front of three shops and upper floors, 12 m wide from x = 0, that faces -y at y = 0.
 
     Args:
-        kind: Upper floors, see `materials.facade`.
-        shop: Shop fronts, see `materials.shop_front`.
+        kind: Upper floors: `"brick"`, `"cream"`, `"rose"` or `"office"`.
+        shop: Image of the shops, 0 to 3.
         awning: Texture of the awnings over the shop windows; None for no awnings.
         balconies: Whether the first floor has balconies.
         storeys: Floors above the shops, 1 to 3.
@@ -38,12 +38,12 @@ def house(
     height = _STOREY_HEIGHT_M * storeys
     top = _SHOP_HEIGHT_M + height
     shop_cells, wall_cells = ((12, 3), (8, 3)) if fine else ((1, 1), (1, 1))
-    wall = quad(facade(kind), (0, 0, _SHOP_HEIGHT_M), (_WIDTH_M, 0, 0), (0, 0, height), wall_cells)
+    wall = quad(texture(f"facade-{kind}"), (0, 0, _SHOP_HEIGHT_M), (_WIDTH_M, 0, 0), (0, 0, height), wall_cells)
     # Fewer storeys show the lower part of the image.
     v = wall.uv[:, 1]
     shown = v.min() + (v - v.min()) * storeys / 3.0
     meshes = [
-        quad(shop_front(shop), (0, 0, 0), (_WIDTH_M, 0, 0), (0, 0, _SHOP_HEIGHT_M), shop_cells),
+        quad(texture(f"shops-{shop}"), (0, 0, 0), (_WIDTH_M, 0, 0), (0, 0, _SHOP_HEIGHT_M), shop_cells),
         replace(wall, uv=np.column_stack([wall.uv[:, 0], shown])),
         box(stone, (0.5 * _WIDTH_M, -0.1, _SHOP_HEIGHT_M + 0.12), (_WIDTH_M, 0.3, 0.24), ALL_FACES),
         box(stone, (0.5 * _WIDTH_M, -0.2, top), (_WIDTH_M, 0.6, 0.36), ALL_FACES),
@@ -93,16 +93,16 @@ def _lit_windows(rng: np.random.Generator, storeys: int) -> Prop:
         left = index * shop_width
         if rng.random() < 0.62:
             for start in (0.04, 0.616):
-                display = emissive("display", int(rng.integers(4)))
+                display = texture(f"display-{rng.integers(4)}")
                 corner = (left + start * shop_width, -0.03, 0.46)
                 meshes.append(quad(display, corner, (0.33 * shop_width, 0, 0), (0, 0, 2.1)))
         if rng.random() < 0.4:
-            neon = emissive("neon", int(rng.integers(4)))
+            neon = texture(f"neon-{rng.integers(4)}")
             meshes.append(box(neon, (left + 0.5 * shop_width, -0.5, 3.1), (0.9, 0.9, 0.62), ("-y", "+x", "-x")))
     for storey in range(storeys):
         for column in range(4):
             if rng.random() < 0.28:
                 x, z = (column + 0.5) * _WIDTH_M / 4.0, _SHOP_HEIGHT_M + _STOREY_HEIGHT_M * storey + 0.72
-                window = emissive("window", int(rng.integers(4)))
+                window = texture(f"window-{rng.integers(4)}")
                 meshes.append(quad(window, (x - 0.55, -0.03, z), (1.1, 0, 0), (0, 0, 1.5)))
     return tuple(meshes)

@@ -9,24 +9,10 @@ import numpy as np
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
-from pftrack_sim.scene.places.indoor_props import (
-    bookcase,
-    ceiling_panel,
-    couch,
-    door,
-    exit_sign,
-    extinguisher,
-    framed_poster,
-    lockers,
-    low_table,
-    narrow_bench,
-    potted_plant,
-    radiator,
-    vending_machine,
-)
+from pftrack_sim.scene.places.catalogue import load_prop
+from pftrack_sim.scene.places.indoor import framed_poster, lockers, numbered_door, potted_plant
 from pftrack_sim.scene.places.materials import texture, tiling
 from pftrack_sim.scene.places.meshes import Prop, box, quad, translated
-from pftrack_sim.scene.places.outdoor_props import litter_bin
 
 _WEST, _EAST, _HALF_WIDTH, _CEILING = -6.0, 38.0, 1.75, 2.8
 _LOBBY_WEST, _LOBBY_EAST, _LOBBY_HALF_WIDTH = 14.0, 21.0, 4.25
@@ -69,7 +55,7 @@ def _add_floor_and_ceiling(builder: PlaceBuilder) -> None:
     panels = [(float(x), 0.0) for x in np.arange(_WEST + 1.5, _EAST, 2.333)]
     panels += [(x, y) for x in (_LOBBY_WEST + 1.2, _LOBBY_EAST - 1.2) for y in (-2.9, 2.9)]
     for x, y in panels:
-        meshes += translated(ceiling_panel(), x, y, _CEILING)
+        meshes += translated(load_prop("ceiling-panel"), x, y, _CEILING)
     builder.add("ceiling", meshes, casts_shadow=False)
 
 
@@ -107,14 +93,14 @@ def _add_doors(builder: PlaceBuilder) -> None:
     leaves = ("door-wood", "door-window", "door-wood", "door-red")
     for index, x in enumerate(_DOORS_X):
         for row, side, yaw, shift in _SIDES:
-            prop = door(leaves[(index + int(side < 0)) % 4], index)
+            prop = numbered_door(leaves[(index + int(side < 0)) % 4], index)
             position = (x + shift, side * _HALF_WIDTH)
             builder.add(f"door-{row}-{index + 1}", prop, position, yaw, casts_shadow=False)
     for name, x, yaw in (("east", _EAST, -0.5 * np.pi), ("west", _WEST, 0.5 * np.pi)):
         for half, y in (("left", 0.5), ("right", -0.5)):
-            builder.add(f"door-{name}-{half}", door("door-window"), (x, y), yaw, casts_shadow=False)
+            builder.add(f"door-{name}-{half}", load_prop("door", leaf="door-window"), (x, y), yaw, casts_shadow=False)
     for index, x in enumerate((_LOBBY_WEST - 1.0, _LOBBY_EAST + 1.0, 35.0)):
-        builder.add(f"exit-sign-{index + 1}", exit_sign(), (x, 0.0, _CEILING - 0.55), casts_shadow=False)
+        builder.add(f"exit-sign-{index + 1}", load_prop("exit-sign"), (x, 0.0, _CEILING - 0.55), casts_shadow=False)
 
 
 def _add_wall_props(builder: PlaceBuilder) -> None:
@@ -132,9 +118,9 @@ def _add_wall_props(builder: PlaceBuilder) -> None:
             offset = float(rng.uniform(-0.35, 0.35))
             builder.add(f"poster-{number}", prop, (x + offset, y), yaw, casts_shadow=False)
             if (index + (side > 0)) % 2:
-                builder.add(f"radiator-{number}", radiator(), (x, y), yaw)
+                builder.add(f"radiator-{number}", load_prop("radiator"), (x, y), yaw)
             else:
-                builder.add(f"extinguisher-{number}", extinguisher(), (x + 1.15, y), yaw, casts_shadow=False)
+                builder.add(f"extinguisher-{number}", load_prop("extinguisher"), (x + 1.15, y), yaw, casts_shadow=False)
 
 
 def _add_fixed_props(builder: PlaceBuilder) -> None:
@@ -143,7 +129,7 @@ def _add_fixed_props(builder: PlaceBuilder) -> None:
         prop, yaw = lockers(paint), 0.0 if side > 0 else np.pi
         builder.add(f"lockers-{index + 1}", prop, (x, side * (_HALF_WIDTH - 0.19)), yaw, bounding_box(prop))
     north, south = _LOBBY_HALF_WIDTH, -_LOBBY_HALF_WIDTH
-    machine, case = vending_machine(), bookcase()
+    machine, case = load_prop("vending-machine"), load_prop("bookcase")
     builder.add("vending-machine", machine, (_LOBBY_EAST - 0.8, north - 0.42), collider=bounding_box(machine))
     builder.add("bookcase", case, (_LOBBY_WEST + 1.0, south + 0.2), np.pi, collider=bounding_box(case))
     for index, (x, y, yaw) in enumerate(((_LOBBY_X, north, 0.0), (_LOBBY_X + 0.9, south, np.pi))):
@@ -158,7 +144,7 @@ def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     north, south = _LOBBY_HALF_WIDTH, -_LOBBY_HALF_WIDTH
 
     def random_couch() -> Prop:
-        return couch(str(rng.choice(("fabric-blue", "fabric-red", "fabric-green"))))
+        return load_prop("couch", cloth=str(rng.choice(("fabric-blue", "fabric-red", "fabric-green"))))
 
     def plant(x: float, y: float, height: float) -> LooseProp:
         prop = potted_plant(rng, height)
@@ -169,14 +155,14 @@ def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     return [
         LooseProp("couch", (_LOBBY_X - 0.3, north - 0.45, 0.0), random_couch()),
         LooseProp("couch", (_LOBBY_X + 0.9, south + 0.45, np.pi), random_couch()),
-        LooseProp("table", (_LOBBY_X - 0.3, north - 1.25, 0.0), low_table()),
+        LooseProp("table", (_LOBBY_X - 0.3, north - 1.25, 0.0), load_prop("low-table")),
         plant(_LOBBY_WEST + 0.45, north - 0.5, 1.6),
         plant(_LOBBY_EAST - 0.5, south + 0.5, 1.4),
         plant(_LOBBY_WEST + 0.4, -2.55, 1.2),
         plant(-5.5, 1.3, 1.5),
         plant(37.5, -1.3, 1.6),
-        LooseProp("bin", (_LOBBY_EAST - 1.8, north - 0.4, 0.0), litter_bin()),
-        LooseProp("bin", (13.2, -1.45, 0.0), litter_bin()),
-        LooseProp("bench", (9.4, 1.5, 0.0), narrow_bench()),
-        LooseProp("bench", (31.2, 1.5, 0.0), narrow_bench()),
+        LooseProp("bin", (_LOBBY_EAST - 1.8, north - 0.4, 0.0), load_prop("litter-bin")),
+        LooseProp("bin", (13.2, -1.45, 0.0), load_prop("litter-bin")),
+        LooseProp("bench", (9.4, 1.5, 0.0), load_prop("narrow-bench")),
+        LooseProp("bench", (31.2, 1.5, 0.0), load_prop("narrow-bench")),
     ]

@@ -1,12 +1,13 @@
 """Textures and materials of the places, by name.
 
-A face shows a tiling texture (`tiling("paving")`) or one region of a texture atlas (`texture("steel")`, `poster(3)`).
+A face shows a tiling texture (`tiling("paving")`) or one region of a texture atlas (`texture("steel")`).
 `assets/draw_textures.py` draws the images. Materials whose name starts with "glow" emit light; those that start with
 "glow-lamp" follow the brightness of the lamps.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import TypeAlias
@@ -72,7 +73,7 @@ _TILINGS = {
     "cladding": TilingTexture("cladding", 2.0, 2.0),
 }
 
-# Row by row, in the order of `assets/parts.py`.
+# Names of the cells of each atlas, row by row, as `assets/draw_textures.py` draws them.
 _PARTS = (
     "wood-light", "wood-dark", "wood-green", "wood-plain", "steel", "steel-dark", "steel-blue", "paint-orange",
     "paint-red", "paint-yellow", "hazard", "rubber", "chrome", "white", "paint-silver", "paint-blue",
@@ -84,9 +85,25 @@ _PARTS = (
     "books", "magazines", "clock", "door-wood", "door-window", "door-red", "fruit", "sign-exit",
     "sign-stop", "sign-parking", "sign-aisle", "slats", "paint-green", "paint-maroon", "paint-black", "paint-cream",
 )  # fmt: skip
-
-_FACADES = ("brick", "cream", "rose", "office")
+_EMISSIVE = (*(f"{kind}-{k}" for kind in ("window", "display", "neon") for k in range(4)),
+             "lamp-panel", "lamp-warm", "lamp-cold", "rear-light")  # fmt: skip
 CARTONS = (*(name for name in _PARTS if name.startswith("carton")), "wrapped")
+
+
+def _regions(atlas: str, columns: int, rows: int, names: Iterable[str]) -> dict[str, AtlasRegion]:
+    return {
+        name: AtlasRegion("glow-lamp" if name.startswith("lamp") else atlas, k % columns, k // columns, columns, rows)
+        for k, name in enumerate(names)
+    }
+
+
+_REGIONS = {
+    **_regions("parts", 8, 8, _PARTS),
+    **_regions("glow", 4, 4, _EMISSIVE),
+    **_regions("posters", 4, 4, (f"poster-{k}" for k in range(16))),
+    **_regions("facades", 2, 2, ("facade-brick", "facade-cream", "facade-rose", "facade-office")),
+    **_regions("shops", 1, 4, (f"shops-{k}" for k in range(4))),
+}
 
 
 def tiling(name: str) -> TilingTexture:
@@ -95,35 +112,13 @@ def tiling(name: str) -> TilingTexture:
 
 
 def texture(name: str) -> AtlasRegion:
-    """A texture for furniture, from the atlas `parts`: `"steel"`, `"wood-dark"`, `"carton-label"`, ..."""
-    row, column = divmod(_PARTS.index(name), 8)
-    return AtlasRegion("parts", column, row, 8, 8)
+    """A texture from an atlas.
 
-
-def poster(index: int) -> AtlasRegion:
-    """One of 16 posters; 7 and 15 are notice boards."""
-    row, column = divmod(index % 16, 4)
-    return AtlasRegion("posters", column, row, 4, 4)
-
-
-def facade(kind: str) -> AtlasRegion:
-    """12 m x 9 m of upper floors: `"brick"`, `"cream"`, `"rose"` or `"office"`."""
-    row, column = divmod(_FACADES.index(kind), 2)
-    return AtlasRegion("facades", column, row, 2, 2)
-
-
-def shop_front(index: int) -> AtlasRegion:
-    """12 m x 3.6 m of ground floor with three shops; one of 4."""
-    return AtlasRegion("shops", 0, index % 4, 1, 4)
-
-
-def emissive(kind: str, index: int = 0) -> AtlasRegion:
-    """Texture that emits light: `"window"`, `"display"`, `"neon"` (4 each), `"panel"`, `"warm"`, `"cold"`, `"red"`."""
-    rows = {"window": 0, "display": 1, "neon": 2}
-    if kind in rows:
-        return AtlasRegion("glow", index % 4, rows[kind], 4, 4)
-    material = "glow" if kind == "red" else "glow-lamp"
-    return AtlasRegion(material, ("panel", "warm", "cold", "red").index(kind), 3, 4, 4)
+    Surfaces of props (`"steel"`, `"carton-label"`, ...), 16 posters (`"poster-3"`; 7 and 15 are notice boards), house
+    fronts (`"facade-brick"`: 12 m x 9 m of upper floors; `"shops-2"`: 12 m x 3.6 m of ground floor) and what emits
+    light (`"window-1"`, `"display-0"`, `"neon-3"`, `"lamp-warm"`, `"rear-light"`).
+    """
+    return _REGIONS[name]
 
 
 # Colours that multiply grey images.

@@ -9,24 +9,20 @@ from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box, sun_direction
 from pftrack_sim.scene.places.buildings import house
+from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import add_skybox, tiling
 from pftrack_sim.scene.places.meshes import quad
-from pftrack_sim.scene.places.outdoor_props import (
+from pftrack_sim.scene.places.outdoor import (
     advertising_column,
-    bench,
-    bollard,
+    bicycle_stand,
     fountain,
     hedge,
-    kiosk,
     lamp_post,
-    litter_bin,
     parasol_table,
-    parking_sign,
     planter,
     signboard,
     tree,
 )
-from pftrack_sim.scene.places.vehicles import bicycle_stand, car, van
 
 BOUNDS = (-6.0, -15.0, 30.0, 15.0)
 GOALS = ((-4.5, 5.0), (-4.0, -12.5), (-4.0, 13.0), (9.0, 13.4), (28.5, 12.5), (28.5, 1.0), (28.5, -12.5),
@@ -95,10 +91,10 @@ def _add_side_street(builder: PlaceBuilder) -> None:
         left, right = house("office", 3, storeys=2), house("rose", 1, balconies=True, storeys=2)
         builder.add(f"far-house-{index + 4}", left, (x - 2.0, 6.5), casts_shadow=False)
         builder.add(f"far-house-{index + 6}", right, (x + 10.0, -6.5), np.pi, casts_shadow=False)
-    builder.add("car-1", car("paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
-    builder.add("car-2", car("paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
-    builder.add("car-3", car("paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
-    builder.add("van-1", van(), (34.1, -9.5), -0.5 * np.pi)
+    builder.add("car-1", load_prop("car", paint="paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
+    builder.add("car-2", load_prop("car", paint="paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
+    builder.add("car-3", load_prop("car", paint="paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
+    builder.add("van-1", load_prop("van"), (34.1, -9.5), -0.5 * np.pi)
     for index, position in enumerate(_FAR_TREES):
         prop = tree(rng, 6.5, "leaves-light" if index % 2 else "leaves-dark", lobes=1)
         builder.add(f"far-tree-{index + 1}", prop, position, casts_shadow=False)
@@ -110,13 +106,13 @@ def _add_fixed_props(builder: PlaceBuilder) -> None:
         prop = tree(rng, 5.6 + 0.5 * (index % 3), "leaves-light" if index % 3 == 1 else "leaves-dark")
         builder.add(f"tree-{index + 1}", prop, position, collider=(0.68, 0.68, 2.2))
     builder.add("fountain", fountain(), (20.0, -4.6), collider=(1.65, 1.65, 1.2))
-    builder.add("kiosk", kiosk(), (20.6, 9.3), collider=(1.75, 1.6, 2.8))
+    builder.add("kiosk", load_prop("kiosk"), (20.6, 9.3), collider=(1.75, 1.6, 2.8))
     column = advertising_column(int(builder.rng.integers(16)))
     builder.add("advertising-column", column, (11.0, -3.6), collider=(0.7, 0.7, 3.2))
     for index, (x, y, yaw) in enumerate(_LAMP_POSTS):
         builder.add(f"lamp-post-{index + 1}", lamp_post(0.9), (x, y), yaw, collider=(0.14, 0.14, 4.6))
     for index in (0, 1, 2, 3, 5, 6, 7):
-        builder.add(f"bollard-{index + 1}", bollard(), (30.8, -7.0 + 2.0 * index), casts_shadow=False)
+        builder.add(f"bollard-{index + 1}", load_prop("bollard"), (30.8, -7.0 + 2.0 * index), casts_shadow=False)
     for index, (x, y, length) in enumerate(((18.0, 14.6, 5.0), (25.0, -14.6, 4.0), (1.5, -14.6, 5.0))):
         builder.add(f"hedge-{index + 1}", hedge(length), (x, y), collider=(0.5 * length, 0.35, 1.1))
 
@@ -125,19 +121,22 @@ def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     def any_of(*names: str) -> str:
         return str(rng.choice(names))
 
-    items = [LooseProp("bench", pose, bench(any_of("wood-light", "wood-green", "wood-dark"))) for pose in _BENCHES]
+    items = [
+        LooseProp("bench", pose, load_prop("bench", wood=any_of("wood-light", "wood-green", "wood-dark")))
+        for pose in _BENCHES
+    ]
     for pose in _PLANTERS:
         flowers = any_of("flowers-red", "flowers-yellow", "leaves-light")
         items.append(LooseProp("planter", pose, planter(rng, flowers)))
     for x, y in _TABLES:
         table = parasol_table(rng, any_of("awning-sand", "awning-red", "awning-green", "awning-blue"))
         items.append(LooseProp("table", (x, y, 0.0), table, (1.15, 1.15, bounding_box(table)[2])))
-    items += [LooseProp("bin", (x, y, 0.0), litter_bin()) for x, y in _LITTER_BINS]
+    items += [LooseProp("bin", (x, y, 0.0), load_prop("litter-bin")) for x, y in _LITTER_BINS]
     return [
         *items,
         LooseProp("bicycles", (4.6, 12.9, 0.5 * np.pi), bicycle_stand(rng, 5)),
         LooseProp("bicycles", (24.0, -12.6, 0.0), bicycle_stand(rng, 4)),
-        LooseProp("sign", (27.9, 10.4, 0.0), parking_sign()),
+        LooseProp("sign", (27.9, 10.4, 0.0), load_prop("parking-sign")),
         LooseProp("board", (8.6, 4.6, 0.3), signboard(int(rng.integers(16)))),
         LooseProp("board", (15.6, -2.9, -0.4), signboard(int(rng.integers(16)))),
     ]

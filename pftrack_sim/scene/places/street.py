@@ -8,18 +8,10 @@ from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
 from pftrack_sim.scene.places.buildings import house
+from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import add_skybox, texture, tiling
 from pftrack_sim.scene.places.meshes import quad
-from pftrack_sim.scene.places.outdoor_props import (
-    advertising_column,
-    bench,
-    bus_shelter,
-    lamp_post,
-    litter_bin,
-    signboard,
-    tree,
-)
-from pftrack_sim.scene.places.vehicles import CAR_PAINTS, bicycle_stand, car, van
+from pftrack_sim.scene.places.outdoor import advertising_column, bicycle_stand, lamp_post, signboard, tree
 
 _WEST, _EAST, _KERB, _FRONT = -10.0, 44.0, 3.0, 7.8
 BOUNDS = (-8.0, -7.2, 42.0, 7.2)
@@ -30,6 +22,9 @@ GOALS = ((-6.5, 5.6), (-6.5, -5.6), (-6.5, 0.5), (7.5, 6.3), (16.5, 6.3), (12.0,
 _LAMPS = ((0.5, 1.0), (10.5, 1.0), (20.5, 1.0), (30.5, 1.0), (5.5, -1.0), (25.5, -1.0))
 _UNLIT_LAMPS = ((-7.0, 1.0), (40.5, 1.0), (15.5, -1.0), (36.0, -1.0), (-4.5, -1.0))
 """Lamp posts without a light source, far from where people walk: OpenGL has eight lights."""
+
+_CAR_PAINTS = ("paint-silver", "paint-blue", "paint-red", "paint-green", "paint-maroon", "paint-black", "paint-cream",
+               "white")  # fmt: skip
 
 # Kind, shop front, awning.
 _NORTH = (("brick", 0, "awning-red"), ("cream", 1, None), ("rose", 2, "awning-green"), ("office", 3, None),
@@ -99,11 +94,14 @@ def _add_houses(builder: PlaceBuilder) -> None:
 def _add_parked_cars(builder: PlaceBuilder) -> None:
     """Add cars along the southern kerb, with random paint, and one at each end of the street."""
     for index, x in enumerate((-3.0, 3.2, 9.4, 20.4, 27.0, 33.4, 39.0)):
-        prop = van() if index == 4 else car(str(builder.rng.choice(CAR_PAINTS)), rear_lights=index == 2)
+        prop = load_prop("van") if index == 4 else load_prop("car", paint=str(builder.rng.choice(_CAR_PAINTS)))
+        if index == 2:
+            prop += load_prop("rear-lights")
         yaw = np.pi if index % 3 == 1 else 0.0
         builder.add(f"car-{index + 1}", prop, (x, -_KERB + 1.1), yaw, bounding_box(prop))
+    far_car = load_prop("car", paint="paint-red") + load_prop("rear-lights")
     for index, position in enumerate(((50.0, -1.8), (-18.0, 1.8))):
-        builder.add(f"far-car-{index + 1}", car("paint-red", rear_lights=True), position, casts_shadow=False)
+        builder.add(f"far-car-{index + 1}", far_car, position, casts_shadow=False)
 
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
@@ -115,12 +113,12 @@ def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
         LooseProp("tree", (13.0, -4.2, 0.0), tree(rng, 5.6), trunk),
         LooseProp("tree", (31.0, -4.2, 0.0), tree(rng, 5.2), trunk),
         LooseProp("tree", (0.8, -4.2, 0.0), tree(rng, 5.3, "leaves-light"), trunk),
-        LooseProp("shelter", (20.0, -6.2, np.pi), bus_shelter(), (1.5, 0.65, 2.35)),
-        LooseProp("bench", (10.0, 7.1, 0.0), bench("wood-dark")),
-        LooseProp("bench", (29.5, 7.1, 0.0), bench("wood-green")),
-        LooseProp("bench", (5.0, -7.0, np.pi), bench("wood-dark")),
-        LooseProp("bin", (8.5, 7.2, 0.0), litter_bin()),
-        LooseProp("bin", (24.0, -7.1, 0.0), litter_bin()),
+        LooseProp("shelter", (20.0, -6.2, np.pi), load_prop("bus-shelter"), (1.5, 0.65, 2.35)),
+        LooseProp("bench", (10.0, 7.1, 0.0), load_prop("bench", wood="wood-dark")),
+        LooseProp("bench", (29.5, 7.1, 0.0), load_prop("bench", wood="wood-green")),
+        LooseProp("bench", (5.0, -7.0, np.pi), load_prop("bench", wood="wood-dark")),
+        LooseProp("bin", (8.5, 7.2, 0.0), load_prop("litter-bin")),
+        LooseProp("bin", (24.0, -7.1, 0.0), load_prop("litter-bin")),
         LooseProp("board", (4.2, 7.0, 0.1), signboard(int(rng.integers(16)))),
         LooseProp("board", (19.6, 7.0, -0.1), signboard(int(rng.integers(16)))),
         LooseProp("bicycles", (35.5, 6.5, 0.5 * np.pi), bicycle_stand(rng, 3)),

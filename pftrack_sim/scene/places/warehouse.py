@@ -7,21 +7,10 @@ import numpy as np
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
-from pftrack_sim.scene.places.indoor_props import (
-    carton_stack,
-    door,
-    drums,
-    extinguisher,
-    framed_poster,
-    high_bay_lamp,
-    pallet_pile,
-    rack,
-    steel_pillar,
-    trolley,
-)
+from pftrack_sim.scene.places.catalogue import load_prop
+from pftrack_sim.scene.places.indoor import carton_stack, drums, framed_poster, pallet_pile, rack, trolley
 from pftrack_sim.scene.places.materials import AtlasRegion, texture, tiling
 from pftrack_sim.scene.places.meshes import ALL_FACES, Prop, TexturedMesh, box, quad
-from pftrack_sim.scene.places.vehicles import forklift
 
 BOUNDS = (-5.0, -12.0, 33.0, 12.0)
 GOALS = ((-3.6, 2.2), (-3.6, -2.2), (-3.8, 7.2), (-3.8, -7.2), (5.6, 7.2), (13.6, 7.7), (21.6, -7.2), (13.6, -7.2),
@@ -40,10 +29,10 @@ def build_warehouse(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     """Build the warehouse; the sun does not reach it."""
     _add_floor_and_roof(builder)
     for index, (x, y) in enumerate((*_LAMPS, *_UNLIT_LAMPS)):
-        builder.add(f"high-bay-{index + 1}", high_bay_lamp(), (x, y, _ROOF - 1.3), casts_shadow=False)
+        builder.add(f"high-bay-{index + 1}", load_prop("high-bay-lamp"), (x, y, _ROOF - 1.3), casts_shadow=False)
     _add_walls(builder)
     for index, x in enumerate(_PILLARS_X):
-        builder.add(f"pillar-{index + 1}", steel_pillar(_ROOF), (x, 0.0), collider=(0.23, 0.23, _ROOF))
+        builder.add(f"pillar-{index + 1}", load_prop("steel-pillar"), (x, 0.0), collider=(0.23, 0.23, _ROOF))
     _add_racks(builder)
     builder.add_loose(_loose_props(builder.rng), (0.12, 0.18, 0.1))
     builder.add_main_light("lamp-above", (0.22, 0.42, -1.0), (0.27, 0.27, 0.26), (14.0, 0.0, 21.0))
@@ -83,11 +72,7 @@ def _stripe(paint: AtlasRegion, x: float, y: float, length: float, width: float)
 def _add_walls(builder: PlaceBuilder) -> None:
     """Add the walls, and gates, doors and signs at both ends."""
     x, y, east, west = 0.5 * (_LEFT + _RIGHT), 0.5 * (_LOW + _HIGH), -0.5 * np.pi, 0.5 * np.pi
-    gate = (
-        box(texture("radiator"), (0, -0.03, 1.7), (3.6, 0.08, 3.4), ("-y", "+x", "-x", "+z")),
-        *(box(texture("hazard"), (s * 1.95, -0.08, 1.7), (0.25, 0.2, 3.4)) for s in (-1, 1)),
-        box(texture("paint-yellow"), (0, -0.08, 3.55), (4.15, 0.2, 0.3), ALL_FACES),
-    )
+    gate = load_prop("gate")
     for name, prop, position, yaw in (
         ("wall-north", _wall(_LENGTH), (x, _HIGH), 0.0),
         ("wall-south", _wall(_LENGTH), (x, _LOW), np.pi),
@@ -96,13 +81,13 @@ def _add_walls(builder: PlaceBuilder) -> None:
         ("gate-1", gate, (_RIGHT, 3.2), east),
         ("gate-2", gate, (_RIGHT, -4.2), east),
         ("gate-3", gate, (_LEFT, 3.0), west),
-        ("door-east", door("door-red"), (_RIGHT, -0.4), east),
-        ("door-west", door("door-window"), (_LEFT, -1.2), west),
+        ("door-east", load_prop("door", leaf="door-red"), (_RIGHT, -0.4), east),
+        ("door-west", load_prop("door", leaf="door-window"), (_LEFT, -1.2), west),
         *(
             (f"poster-{k + 1}", framed_poster(int(builder.rng.integers(16)), 1.1, 1.4, 1.0), (_RIGHT, poster_y), east)
             for k, poster_y in enumerate((-1.9, 8.0, -8.6))
         ),
-        ("extinguisher", extinguisher(), (_RIGHT, 0.8), east),
+        ("extinguisher", load_prop("extinguisher"), (_RIGHT, 0.8), east),
     ):
         builder.add(name, prop, position, yaw, casts_shadow=False)
 
@@ -131,7 +116,7 @@ def _add_racks(builder: PlaceBuilder) -> None:
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     return [
-        LooseProp("forklift", (13.6, 5.0, 0.5 * np.pi), forklift()),
+        LooseProp("forklift", (13.6, 5.0, 0.5 * np.pi), load_prop("forklift")),
         LooseProp("stack", (5.6, -5.0, 0.5 * np.pi), carton_stack(rng, 3)),
         LooseProp("stack", (29.6, -10.6, 0.0), carton_stack(rng, 4)),
         LooseProp("stack", (29.8, 5.2, 0.5 * np.pi), carton_stack(rng, 3)),

@@ -1,14 +1,21 @@
-"""Street furniture of pavements and squares. The origin of each prop is on the ground in its middle."""
+"""Props of pavements and squares that are not fixed in the catalogue. The origin is on the ground in the middle."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
 import numpy as np
 
-from pftrack_sim.scene.places.materials import emissive, poster, texture
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scene.places.catalogue import load_prop
+from pftrack_sim.scene.places.materials import texture
 from pftrack_sim.scene.places.meshes import (
     ALL_FACES,
     SIDES,
     Prop,
+    TexturedMesh,
     box,
     cylinder,
     quad,
@@ -16,17 +23,6 @@ from pftrack_sim.scene.places.meshes import (
     rough_ellipsoid,
     translated,
 )
-
-
-def bench(wood: str) -> Prop:
-    """A park bench, 1.8 m along x, with its back at +y."""
-    slat, iron = texture(wood), texture("steel-dark")
-    return (
-        *(box(slat, (0, -0.18 + 0.14 * k, 0.44), (1.8, 0.12, 0.04), ALL_FACES) for k in range(3)),
-        *(box(slat, (0, 0.24 + 0.02 * k, 0.60 + 0.15 * k), (1.8, 0.03, 0.11), ALL_FACES) for k in range(2)),
-        *(box(iron, (x, 0.02, 0.21), (0.06, 0.48, 0.42)) for x in (-0.75, 0.75)),
-        *(box(iron, (x, 0.28, 0.60), (0.06, 0.04, 0.44)) for x in (-0.75, 0.75)),
-    )
 
 
 def tree(rng: np.random.Generator, height: float, leaves: str = "leaves-dark", lobes: int = 3) -> Prop:
@@ -69,30 +65,13 @@ def hedge(length: float) -> Prop:
     )
 
 
-def litter_bin() -> Prop:
-    """A round litter bin."""
-    return (
-        cylinder(texture("paint-green"), (0, 0, 0.08), 0.23, 0.75, 10, 0.26),
-        cylinder(texture("steel-dark"), (0, 0, 0.83), 0.28, 0.07, 10),
-        cylinder(texture("steel-dark"), (0, 0, 0), 0.16, 0.08, 8),
-    )
-
-
-def bollard() -> Prop:
-    """An iron bollard."""
-    return (
-        cylinder(texture("steel-dark"), (0, 0, 0), 0.09, 0.85, 8, 0.07),
-        cylinder(texture("chrome"), (0, 0, 0.68), 0.082, 0.06, 8),
-    )
-
-
 def advertising_column(first: int) -> Prop:
     """A round column, 3.2 m tall, with two rows of six posters from index `first` on."""
     angle, green, radius = np.linspace(0.0, 2.0 * np.pi, 7), texture("paint-green"), 0.62
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(7)])
     sheets = [
         quad(
-            poster(first + 3 * row + k),
+            texture(f"poster-{(first + 3 * row + k) % 16}"),
             radius * ring[k] + (0.0, 0.0, 0.5 + 1.1 * row),
             radius * (ring[k + 1] - ring[k]),
             (0, 0, 1.1),
@@ -105,28 +84,6 @@ def advertising_column(first: int) -> Prop:
         *sheets,
         cylinder(green, (0, 0, 2.7), 0.78, 0.16, 12),
         cylinder(green, (0, 0, 2.86), 0.7, 0.5, 12, 0.1),
-    )
-
-
-def kiosk() -> Prop:
-    """A newspaper stand, 3.2 x 2.2 m, that opens towards -y under an awning."""
-    awning, magazines, half_x, half_y = texture("awning-red"), texture("magazines"), 1.6, 1.1
-    return (
-        box(texture("paint-green"), (0, 0, 1.3), (2 * half_x, 2 * half_y, 2.6)),
-        box(texture("steel-dark"), (0, 0, 2.7), (3.5, 2.5, 0.2), ALL_FACES),
-        box(texture("paint-black"), (0, 0, 0.05), (3.3, 2.3, 0.1)),
-        box(texture("wood-dark"), (0, -half_y - 0.2, 0.95), (2.8, 0.4, 0.08), ALL_FACES),
-        quad(magazines, (-1.4, -half_y - 0.02, 1.05), (2.8, 0, 0), (0, 0, 1.1)),
-        quad(texture("fruit"), (-1.4, -half_y - 0.62, 0.55), (2.8, 0, 0), (0, 0.5, 0.32)),
-        box(texture("slats"), (0, -half_y - 0.34, 0.28), (2.8, 0.5, 0.5)),
-        quad(awning, (-1.7, -half_y - 1.1, 2.25), (3.4, 0, 0), (0, 1.1, 0.4)),
-        quad(awning, (1.7, -half_y - 1.1, 2.24), (-3.4, 0, 0), (0, 1.1, 0.4)),
-        *(
-            quad(poster(4 + k), (s * (half_x + 0.02), s * -0.75, 0.8), (0, s * 1.5, 0), (0, 0, 1.5))
-            for k, s in enumerate((1, -1))
-        ),
-        quad(magazines, (half_x - 0.2, half_y + 0.02, 0.5), (-2.8, 0, 0), (0, 0, 1.6)),
-        box(texture("paint-yellow"), (0, -half_y - 0.05, 2.95), (2.6, 0.08, 0.36)),
     )
 
 
@@ -149,19 +106,8 @@ def parasol_table(rng: np.random.Generator, cloth: str) -> Prop:
     ]
     for k in range(4):
         yaw = 0.5 * np.pi * k + float(rng.uniform(-0.3, 0.3))
-        meshes += translated(rotated(_chair(), yaw), 0.82 * np.sin(yaw), -0.82 * np.cos(yaw))
+        meshes += translated(rotated(load_prop("chair"), yaw), 0.82 * np.sin(yaw), -0.82 * np.cos(yaw))
     return tuple(meshes)
-
-
-def _chair() -> Prop:
-    """A chair with its back at -y."""
-    fabric, iron = texture("fabric-red"), texture("steel-dark")
-    return (
-        box(fabric, (0, 0, 0.45), (0.42, 0.42, 0.05), ALL_FACES),
-        box(fabric, (0, -0.2, 0.74), (0.42, 0.03, 0.34), ALL_FACES),
-        *(box(iron, (x, y, 0.22), (0.03, 0.03, 0.44)) for x in (-0.19, 0.19) for y in (-0.19, 0.19)),
-        *(box(iron, (x, -0.2, 0.6), (0.03, 0.03, 0.5)) for x in (-0.19, 0.19)),
-    )
 
 
 def lamp_post(reach: float) -> Prop:
@@ -172,16 +118,7 @@ def lamp_post(reach: float) -> Prop:
         cylinder(iron, (0, 0, 0.7), 0.06, height - 0.7, 8, 0.045),
         box(iron, (0, 0.5 * reach, height), (0.07, reach, 0.07), ALL_FACES),
         box(iron, (0, reach, height), (0.3, 0.62, 0.1)),
-        box(emissive("warm"), (0, reach, height - 0.08), (0.24, 0.52, 0.08), ALL_FACES),
-    )
-
-
-def parking_sign() -> Prop:
-    """A road sign that faces -x."""
-    return (
-        cylinder(texture("steel"), (0, 0, 0), 0.035, 2.6, 6),
-        quad(texture("sign-parking"), (-0.045, 0.3, 2.0), (0, -0.6, 0), (0, 0, 0.6)),
-        quad(texture("steel"), (0.045, -0.3, 2.0), (0, 0.6, 0), (0, 0, 0.6)),
+        box(texture("lamp-warm"), (0, reach, height - 0.08), (0.24, 0.52, 0.08), ALL_FACES),
     )
 
 
@@ -198,21 +135,58 @@ def fountain() -> Prop:
     )
 
 
+@cache
+def bicycle(paint: str) -> Prop:
+    """A bicycle. Its tyres are rings: the background is visible through the wheels."""
+    frame, chrome = texture(paint), texture("chrome")
+    meshes: list[TexturedMesh] = []
+    for x in (-0.52, 0.52):
+        meshes += _tyre(np.array([x, 0.0, 0.34]))
+        meshes.append(box(chrome, (x, 0, 0.34), (0.012, 0.012, 0.6), ALL_FACES))
+        meshes.append(box(chrome, (x, 0, 0.34), (0.6, 0.012, 0.012), ALL_FACES))
+    for (x0, z0), (x1, z1) in (
+        ((-0.52, 0.34), (0.0, 0.36)), ((0.0, 0.36), (0.42, 0.82)), ((-0.2, 0.84), (0.42, 0.82)),
+        ((0.0, 0.36), (-0.22, 0.92)), ((-0.52, 0.34), (-0.2, 0.84)), ((0.52, 0.34), (0.40, 0.98)),
+    ):  # fmt: skip
+        along = np.array([x1 - x0, 0.0, z1 - z0])
+        across = 0.035 * np.array([-along[2], 0.0, along[0]]) / np.linalg.norm(along)
+        meshes += [quad(frame, (x0, -0.018, z0), along, across), quad(frame, (x1, 0.018, z1), -along, across)]
+    meshes.append(box(texture("rubber"), (-0.23, 0, 0.95), (0.26, 0.12, 0.05), ALL_FACES))
+    meshes.append(box(chrome, (0.36, 0, 1.0), (0.05, 0.56, 0.03), ALL_FACES))
+    return tuple(meshes)
+
+
+def _tyre(hub: FloatArray) -> Prop:
+    """A flat ring in the plane of x and z, visible from both sides."""
+    meshes: list[TexturedMesh] = []
+    angles = np.linspace(0.0, 2.0 * np.pi, 13)
+    for angle, next_angle in pairwise(angles):
+        for side in (-1, 1):
+            ends = (angle, next_angle) if side < 0 else (next_angle, angle)
+            (inner, other), (outer, _) = (
+                [np.array([np.cos(t), 0.0, np.sin(t)]) * radius for t in ends] for radius in (0.29, 0.34)
+            )
+            corner = hub + np.array([0.0, 0.015 * side, 0.0]) + inner
+            mesh = quad(texture("rubber"), corner, other - inner, outer - inner)
+            # The quad faces the plane of the hub; reversed, it faces outwards.
+            outwards = np.tile([0.0, float(side), 0.0], (4, 1))
+            meshes.append(replace(mesh, normals=outwards, faces=np.ascontiguousarray(mesh.faces[:, ::-1])))
+    return tuple(meshes)
+
+
+def bicycle_stand(rng: np.random.Generator, count: int) -> Prop:
+    """Bicycles side by side along y, each leaning on a hoop."""
+    paints = ("paint-red", "paint-blue", "paint-green", "paint-silver", "paint-black", "paint-yellow")
+    steel = texture("steel")
+    meshes: list[TexturedMesh] = []
+    for k in range(count):
+        y = 0.75 * (k - 0.5 * (count - 1))
+        meshes += translated(bicycle(str(rng.choice(paints))), float(rng.uniform(-0.1, 0.1)), y)
+        meshes += [box(steel, (x, y + 0.2, 0.4), (0.05, 0.05, 0.8)) for x in (-0.3, 0.3)]
+        meshes.append(box(steel, (0, y + 0.2, 0.8), (0.65, 0.05, 0.05), ALL_FACES))
+    return tuple(meshes)
+
+
 def signboard(index: int) -> Prop:
-    """An A-board, 0.8 x 1.2 m, with posters that face -y and +y."""
-    return (
-        quad(poster(index), (-0.4, -0.24, 0.08), (0.8, 0, 0), (0, 0.2, 1.12)),
-        quad(poster(index + 3), (0.4, 0.24, 0.08), (-0.8, 0, 0), (0, -0.2, 1.12)),
-        *(box(texture("wood-dark"), (s * 0.42, 0, 0.62), (0.04, 0.3, 1.24)) for s in (-1, 1)),
-    )
-
-
-def bus_shelter() -> Prop:
-    """A roof on three posts over a bench, with a lit advertisement."""
-    iron = texture("steel-dark")
-    return (
-        box(iron, (0, 0, 2.3), (3.0, 1.3, 0.1), ALL_FACES),
-        *(box(iron, (x, 0.55, 1.15), (0.08, 0.08, 2.3)) for x in (-1.4, 0.0, 1.4)),
-        *bench("wood-dark"),
-        quad(emissive("display", 3), (-0.045, -0.6, 0.6), (0, 1.1, 0), (0, 0, 1.5)),
-    )
+    """An A-board with posters `index` and `index + 3`."""
+    return load_prop("signboard", front=f"poster-{index}", back=f"poster-{(index + 3) % 16}")
