@@ -17,10 +17,10 @@ class Towards:
     def __init__(self, *, turn: float = 1.5, drive: float = 4.0) -> None:
         self._turn, self._drive = turn, drive
 
-    def reset(self, rig: RobotParameters) -> None:
+    def reset(self, robot: RobotParameters) -> None:
         """An episode begins: how high a person of 1.72 m is in the image at the wanted distance."""
-        self._size = np.array(rig.image_size)
-        self._height_px = 1.72 * rig.focal_px / rig.distance_m
+        self._size = np.array(robot.image_size)
+        self._height_px = 1.72 * robot.focal_px / robot.distance_m
 
     def act(self, estimate: Estimate, proprio: Any) -> Any:
         """Forward, turn, pan, tilt, in [-1, 1]; a left turn is positive."""

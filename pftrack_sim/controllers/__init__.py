@@ -1,10 +1,6 @@
-"""Controllers: what a tracker says in, robot commands out. They never see the world or the truth."""
+"""Controllers: estimates of a tracker in, robot commands out. They get neither the world nor the ground truth."""
 
-from pftrack_sim.controllers.avoiding import Avoiding
 from pftrack_sim.controllers.base import Controller, RobotParameters
 from pftrack_sim.controllers.registry import describe, make, names
-from pftrack_sim.controllers.searching import Searching
-from pftrack_sim.controllers.servo import Servo
-from pftrack_sim.controllers.still import Still
 
-__all__ = ["Avoiding", "Controller", "RobotParameters", "Searching", "Servo", "Still", "describe", "make", "names"]
+__all__ = ["Controller", "RobotParameters", "describe", "make", "names"]

@@ -1,4 +1,4 @@
-"""What every controller is, and what it is told about the robot that it drives."""
+"""Interface of controllers, and the robot parameters that they get."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate
+from pftrack_sim.core.types import FloatArray
 
 
 @dataclass(frozen=True)
 class RobotParameters:
-    """The robot as its data sheet has it, and the task: what a controller may know beforehand.
+    """Data sheet of the robot, and its task: what a controller may know beforehand.
 
     Attributes:
         image_size: Width, height [px].
         fovy_rad: Vertical field of view.
         rate_hz: Frames per second.
-        max_speed_m_s: A command of 1 forward means this.
-        max_turn_rad_s: A command of 1 turn means this.
-        max_pan_rad_s: A command of 1 pan means this.
-        max_tilt_rad_s: A command of 1 tilt means this.
-        distance_m: Wanted distance to the target.
+        max_speed_m_s: Forward speed of a command of 1.
+        max_turn_rad_s: Turn rate of a command of 1.
+        max_pan_rad_s: Pan rate of a command of 1.
+        max_tilt_rad_s: Tilt rate of a command of 1.
+        distance_m: Desired distance to the target.
 
     Raises:
         ParameterError: A number that is not positive and finite, or a field of view of 180 degrees or more.
@@ -45,18 +46,18 @@ class RobotParameters:
         numbers |= {"image width": self.image_size[0], "image height": self.image_size[1]}
         for key, value in numbers.items():
             if not is_positive(value):
-                raise ParameterError(f"rig: {key} must be a positive number, got {value!r}")
+                raise ParameterError(f"robot parameters: {key} must be a positive number, got {value!r}")
         if self.fovy_rad >= math.pi:
-            raise ParameterError(f"rig: fovy_rad must be below pi, got {self.fovy_rad!r}")
+            raise ParameterError(f"robot parameters: fovy_rad must be below pi, got {self.fovy_rad!r}")
 
     @property
-    def limits(self) -> NDArray[np.float64]:
-        """`(4,)` fastest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
+    def limits(self) -> FloatArray:
+        """`(4,)` greatest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
         return np.array([self.max_speed_m_s, self.max_turn_rad_s, self.max_pan_rad_s, self.max_tilt_rad_s])
 
     @property
     def frame_s(self) -> float:
-        """Time from one frame to the next."""
+        """Time between frames."""
         return 1.0 / self.rate_hz
 
     @property
@@ -67,18 +68,18 @@ class RobotParameters:
 
 @runtime_checkable
 class Controller(Protocol):
-    """An estimate and the robot's own senses in, a command out, once a frame."""
+    """Maps an estimate and the robot's proprioception to a command, once per frame."""
 
-    def reset(self, rig: RobotParameters) -> None:
-        """Forget everything from before: an episode begins, on this robot."""
+    def reset(self, robot: RobotParameters) -> None:
+        """Reset all state at the start of an episode on this robot."""
         ...
 
-    def act(self, estimate: Estimate, proprio: NDArray[Any]) -> NDArray[np.float64]:
+    def act(self, estimate: Estimate, proprio: NDArray[Any]) -> FloatArray:
         """The command until the next frame.
 
         Args:
-            estimate: What the tracker says of this frame.
-            proprio: `(n,)` as `pftrack_sim.core.proprioception.PROPRIO_NAMES` says.
+            estimate: The tracker's estimate in this frame.
+            proprio: `(n,)` in the order of `pftrack_sim.core.proprioception.PROPRIO_NAMES`.
 
         Returns:
             `(4,)` forward speed, turn rate, pan rate, tilt rate, in [-1, 1] of the robot's limits.
@@ -86,10 +87,19 @@ class Controller(Protocol):
         ...
 
 
-def is_lost(estimate: Estimate, least_confidence: float) -> bool:
-    """Whether there is nothing to go by: the tracker is unsure, reports an occlusion, or gives an empty box."""
+class DistanceController(Controller, Protocol):
+    """A controller that estimates the distance to the target."""
+
+    @property
+    def distance_m(self) -> float | None:
+        """Distance by the last box; None while the target is lost."""
+        ...
+
+
+def is_lost(estimate: Estimate, min_confidence: float) -> bool:
+    """Whether the tracker is unsure, reports an occlusion, or returns an empty box."""
     _, _, width, height = estimate.box.tolist()
-    return estimate.occluded or estimate.confidence < least_confidence or width <= 0.0 or height <= 0.0
+    return estimate.occluded or estimate.confidence < min_confidence or width <= 0.0 or height <= 0.0
 
 
 def is_positive(value: object) -> bool:

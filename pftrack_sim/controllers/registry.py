@@ -8,23 +8,40 @@ from __future__ import annotations
 
 from typing import Any
 
-from pftrack_sim.controllers.avoiding import Avoiding
-from pftrack_sim.controllers.base import Controller
-from pftrack_sim.controllers.searching import Searching
-from pftrack_sim.controllers.servo import Servo
-from pftrack_sim.controllers.still import Still
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.controllers.base import Controller, RobotParameters
+from pftrack_sim.controllers.obstacle_avoidance import ObstacleAvoidance
+from pftrack_sim.controllers.target_search import TargetSearch
+from pftrack_sim.controllers.visual_servo import VisualServo
 from pftrack_sim.core.errors import ControllerError
 from pftrack_sim.core.plugins import BuiltIn, Registry
+from pftrack_sim.core.records import Estimate
+from pftrack_sim.core.types import FloatArray
 
 GROUP = "pftrack_sim.controllers"
 
 
-def _servo(*, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2) -> Searching:
-    return Searching(Servo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence))
+class Still:
+    """Stands still and looks ahead."""
+
+    def reset(self, robot: RobotParameters) -> None:
+        """See `Controller.reset`."""
+
+    def act(self, estimate: Estimate, proprio: NDArray[Any]) -> FloatArray:
+        """`(4,)` zeros."""
+        return np.zeros(4)
 
 
-def _servo_avoid(*, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2) -> Avoiding:
-    return Avoiding(_servo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence))
+def _servo(*, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2) -> TargetSearch:
+    return TargetSearch(VisualServo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence))
+
+
+def _servo_avoid(
+    *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2
+) -> ObstacleAvoidance:
+    return ObstacleAvoidance(_servo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence))
 
 
 _REGISTRY = Registry[Controller](
@@ -34,34 +51,17 @@ _REGISTRY = Registry[Controller](
     interface=Controller,
     methods=("reset", "act"),
     builtin={
-        "servo": BuiltIn(_servo, "visual servoing by the box; searches where the target left when it is lost"),
-        "servo-avoid": BuiltIn(_servo_avoid, "as servo, and avoids obstacles by the range finder"),
+        "servo": BuiltIn(_servo, "visual servoing by the box, with a search when the target is lost"),
+        "servo-avoid": BuiltIn(_servo_avoid, "servo with obstacle avoidance by the range finder"),
         "still": BuiltIn(Still, "stands still and looks ahead"),
     },
 )
-
-
-def names() -> list[str]:
-    """All names that `make` knows, sorted: built-in and installed."""
-    return _REGISTRY.names()
-
-
-def describe(name: str) -> str:
-    """Description of a controller in one line; raises UnknownNameError."""
-    return _REGISTRY.describe(name)
+names = _REGISTRY.names
+describe = _REGISTRY.describe
 
 
 def make(name: str, **params: Any) -> Controller:
-    """Make a new controller.
-
-    Args:
-        name: One of `names()`, or `package.module:factory`.
-        params: Parameters of the controller.
-
-    Raises:
-        UnknownNameError: No such controller.
-        ParameterError: An unknown parameter, or a value that is not allowed.
-        ControllerError: A third-party factory cannot be loaded, fails, or makes something else.
+    """Make a new controller; see `Registry.make` for names, parameters and errors.
 
     >>> make("still").act(None, None).tolist()
     [0.0, 0.0, 0.0, 0.0]

@@ -68,21 +68,13 @@ _REGISTRY = Registry[Tracker](
     methods=("init", "update"),
     builtin={name: BuiltIn(partial(_make_builtin, module, name), text) for name, (module, text) in _BUILTIN.items()},
 )
-
-
-def names() -> list[str]:
-    """All names that `make` knows, sorted: built-in and installed."""
-    return _REGISTRY.names()
+names = _REGISTRY.names
+describe = _REGISTRY.describe
 
 
 def is_builtin(name: str) -> bool:
     """Whether a tracker belongs to this package; others run in a process of their own by default."""
     return name in _BUILTIN
-
-
-def describe(name: str) -> str:
-    """Description of a tracker in one line; raises UnknownNameError."""
-    return _REGISTRY.describe(name)
 
 
 def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) -> Tracker:

@@ -8,10 +8,10 @@ from pftrack_sim.controllers import RobotParameters
 from pftrack_sim.controllers.registry import GROUP
 from pftrack_sim.core.errors import ControllerError, ParameterError, UnknownNameError
 
-THIS = "controller_strangers"
+THIS = "third_party_controllers"
 
 
-def test_a_factory_by_its_place():
+def test_a_factory_by_its_path():
     controller = controllers.make(f"{THIS}:Spinner", rate=0.5)
     assert controller.act(None, None).tolist() == [0.0, 0.5, 0.0, 0.0]
 
@@ -27,17 +27,17 @@ def test_a_factory_by_its_place():
         (f"{THIS}:nothing", "made a dict without reset and act"),
     ],
 )
-def test_what_is_wrong_with_a_stranger_s_is_said(name: str, says: str):
+def test_errors_of_third_party_factories_are_reported(name: str, says: str):
     with pytest.raises(ControllerError, match=says):
         controllers.make(name)
 
 
-def test_a_stranger_s_parameters_are_checked_too():
+def test_parameters_of_third_party_factories_are_checked():
     with pytest.raises(ParameterError, match="did you mean 'rate'"):
         controllers.make(f"{THIS}:Spinner", rat=0.5)
 
 
-def test_installed_ones_are_listed_and_cannot_take_our_names(monkeypatch: pytest.MonkeyPatch):
+def test_installed_controllers_are_listed_and_cannot_take_builtin_names(monkeypatch: pytest.MonkeyPatch):
     from importlib.metadata import EntryPoint
 
     points = [EntryPoint("spinner", f"{THIS}:Spinner", GROUP), EntryPoint("servo", f"{THIS}:Spinner", GROUP)]
@@ -45,30 +45,30 @@ def test_installed_ones_are_listed_and_cannot_take_our_names(monkeypatch: pytest
     assert "spinner" in controllers.names()
     assert "spinner" in controllers.describe("spinner").lower()
     assert controllers.make("spinner").act(None, None)[1] == 1.0
-    assert type(controllers.make("servo")).__name__ == "Searching"
+    assert type(controllers.make("servo")).__name__ == "TargetSearch"
 
 
-def test_unknown():
+def test_unknown_names_are_refused():
     with pytest.raises(UnknownNameError, match="did you mean 'servo-avoid'"):
         controllers.make("servo-avoidd")
     with pytest.raises(UnknownNameError):
-        controllers.describe("nobody")
+        controllers.describe("missing")
 
 
 @pytest.mark.parametrize(
     "wrong",
     [{"fovy_rad": math.pi}, {"rate_hz": 0.0}, {"max_speed_m_s": math.nan}, {"image_size": (0, 480)}],
 )
-def test_an_impossible_rig_is_refused(wrong: dict):
-    with pytest.raises(ParameterError, match="rig"):
+def test_invalid_robot_parameters_are_refused(wrong: dict):
+    with pytest.raises(ParameterError, match="robot parameters"):
         RobotParameters(**wrong)
 
 
 def test_commands_change_no_faster_than_the_base_can():
     controller = controllers.make("servo")
-    rig = RobotParameters(rate_hz=20.0, max_speed_m_s=2.0)
-    controller.reset(rig)
-    from pftrack_sim.controllers.servo import ACCELERATION
+    robot = RobotParameters(rate_hz=20.0, max_speed_m_s=2.0)
+    controller.reset(robot)
+    from pftrack_sim.controllers.visual_servo import ACCELERATION
     from pftrack_sim.core.proprioception import PROPRIO_NAMES
     from pftrack_sim.core.records import Estimate
 
@@ -77,5 +77,5 @@ def test_commands_change_no_faster_than_the_base_can():
     for _ in range(100):
         box = np.concatenate([rng.uniform(0, 500, 2), rng.uniform(20, 300, 2)])
         now = controller.act(Estimate(box), np.zeros(len(PROPRIO_NAMES)))
-        assert (np.abs(now - last) * rig.limits * rig.rate_hz <= ACCELERATION + 1e-9).all()
+        assert (np.abs(now - last) * robot.limits * robot.rate_hz <= ACCELERATION + 1e-9).all()
         last = now

@@ -1,6 +1,6 @@
-"""The inside of a tracker's process: make it, then answer frame by frame until the other side hangs up.
+"""Child process of an isolated tracker: make the tracker, then serve requests until the connection is closed.
 
-Answers go out as JSON, never pickled: a stranger's object must not be able to run code on the other side.
+Replies are JSON, never pickled, so that objects of third-party code cannot run code in the parent process.
 """
 
 from __future__ import annotations
@@ -20,83 +20,78 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim import trackers
-from pftrack_sim.core.records import Estimate, Tracker
+from pftrack_sim.core.records import Tracker
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
 
 MAX_PARTICLES = 10_000
-"""More are not sent: they are for drawing only."""
+"""Number of particles sent, which are for drawing only."""
 
 
-def serve(orders: Connection, noise: Connection, memory_limit_mb: float) -> None:
-    """Run a tracker until told to stop. The target of the process.
+def serve(requests: Connection, output: Connection, memory_limit_mb: float) -> None:
+    """Serve a tracker until the parent closes the connection. Target function of the process.
 
     Args:
-        orders: Where questions come from and answers go.
-        noise: Where everything goes that is printed.
-        memory_limit_mb: Memory that the tracker may take; 0 is no limit.
+        requests: Connection for requests and replies.
+        output: Connection for everything printed.
+        memory_limit_mb: Memory limit of the tracker; 0 is no limit.
     """
-    _detach(noise)
+    _detach(output)
     tracker: Tracker | None = None
     shared: SharedMemory | None = None
     while True:
         try:
-            order: dict[str, Any] = json.loads(orders.recv_bytes())
+            request: dict[str, Any] = json.loads(requests.recv_bytes())
         except (EOFError, OSError):
-            # Nobody is left to talk to; a tracker's threads or exit handlers must not keep the process alive.
+            # The parent is gone: exit without waiting for threads or exit handlers of the tracker.
             os._exit(0)
-        if shared is None or ("memory" in order and shared.name != order["memory"]):
-            shared = SharedMemory(order["memory"]) if "memory" in order else None
+        if shared is None or ("memory" in request and shared.name != request["memory"]):
+            shared = SharedMemory(request["memory"]) if "memory" in request else None
         try:
             if tracker is None:
                 _limit_memory(memory_limit_mb)
-                tracker = trackers.make(order["name"], seed=order["seed"], preset=order["preset"], **order["params"])
+                options = {"seed": request["seed"], "preset": request["preset"], **request["params"]}
+                tracker = trackers.make(request["name"], **options)
                 reply: dict[str, Any] = {"needs_truth": isinstance(tracker, trackers.NeedsTruth)}
             else:
                 assert shared is not None
-                reply = _answer(tracker, order, shared)
-        except BaseException as error:  # noqa: BLE001 - sys.exit and the like are a stranger's mistakes too
-            reply = {"error": _told(error, memory_limit_mb), "kind": type(error).__name__}
-        orders.send_bytes(json.dumps(reply).encode())
+                reply = _call(tracker, request, shared)
+        except BaseException as error:  # noqa: BLE001 - third-party code may call sys.exit
+            text = f"{type(error).__name__}: {error}"[:500]
+            limit = f" (memory limit {memory_limit_mb:g} MB)" if isinstance(error, MemoryError) else ""
+            reply = {"error": text + limit}
+        requests.send_bytes(json.dumps(reply).encode())
 
 
-def _answer(tracker: Tracker, order: dict[str, Any], shared: SharedMemory) -> dict[str, Any]:
-    shape = tuple(order["shape"])
-    original = np.ndarray(shape, dtype=np.uint8, buffer=shared.buf)
-    given = original.copy()
-    if order["truth"] is not None and isinstance(tracker, trackers.NeedsTruth):
-        tracker.receive_truth(np.array(order["truth"]))
-    began = time.perf_counter()
-    if order["do"] == "init":
-        tracker.init(given, np.array(order["box"]))
-        ms = (time.perf_counter() - began) * 1e3
-        check_unmodified(given, original)
+def _call(tracker: Tracker, request: dict[str, Any], shared: SharedMemory) -> dict[str, Any]:
+    """Call `init` or `update` and return the reply, with the time taken [ms]."""
+    original = np.ndarray(tuple(request["shape"]), dtype=np.uint8, buffer=shared.buf)
+    image = original.copy()
+    if request["truth"] is not None and isinstance(tracker, trackers.NeedsTruth):
+        tracker.receive_truth(np.array(request["truth"]))
+    start_s = time.perf_counter()
+    if request["command"] == "init":
+        tracker.init(image, np.array(request["box"]))
+        ms = (time.perf_counter() - start_s) * 1e3
+        check_unmodified(image, original)
         return {"ms": ms}
-    said = tracker.update(given)
-    ms = (time.perf_counter() - began) * 1e3
-    return {"ms": ms, **_as_json(checked_estimate(said, given, original))}
-
-
-def _as_json(said: Estimate) -> dict[str, Any]:
-    particles = None if said.particles is None else said.particles[:MAX_PARTICLES].tolist()
+    output = tracker.update(image)
+    ms = (time.perf_counter() - start_s) * 1e3
+    estimate = checked_estimate(output, image, original)
     return {
-        "box": said.box.tolist(),
-        "confidence": said.confidence,
-        "occluded": said.occluded,
-        "particles": particles,
+        "ms": ms,
+        "box": estimate.box.tolist(),
+        "confidence": estimate.confidence,
+        "occluded": estimate.occluded,
+        "particles": None if estimate.particles is None else estimate.particles[:MAX_PARTICLES].tolist(),
     }
 
 
-def _told(error: BaseException, memory_limit_mb: float) -> str:
-    text = f"{type(error).__name__}: {error}"[:500]
-    return f"{text} (memory limit {memory_limit_mb:g} MB)" if isinstance(error, MemoryError) else text
-
-
-def _detach(noise: Connection) -> None:
-    """No terminal, no signals from it, no core files; what is printed goes to whoever listens."""
-    sys.stdin = open(os.devnull)  # noqa: SIM115 - for as long as the process lives
+def _detach(output: Connection) -> None:
+    """Disconnect from terminal, keyboard signals and core files; redirect standard output and error."""
+    sys.stdin = open(os.devnull)  # noqa: SIM115 - open for the lifetime of the process
     for stream in (1, 2):
-        os.dup2(noise.fileno(), stream)
-    noise.close()
+        os.dup2(output.fileno(), stream)
+    output.close()
     faulthandler.enable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setsid"):
@@ -106,7 +101,7 @@ def _detach(noise: Connection) -> None:
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        # A tracker that holds the interpreter's lock for ever notices nothing: the kernel ends it with its parent.
+        # The kernel ends this process with its parent (PR_SET_PDEATHSIG), even one that holds the GIL.
         ctypes.CDLL(None, use_errno=True).prctl(1, int(signal.SIGKILL))
 
 
@@ -117,6 +112,6 @@ def _limit_memory(limit_mb: float) -> None:
 
     with open("/proc/self/status", encoding="ascii") as status:
         used_kb = next(int(line.split()[1]) for line in status if line.startswith("VmData:"))
-    # Not the address space: accelerator libraries reserve far more of that than they use.
+    # Data segment, not address space: accelerator libraries reserve far more address space than they use.
     limit = used_kb * 1024 + int(limit_mb * 1024 * 1024)
     resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))

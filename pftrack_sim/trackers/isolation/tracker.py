@@ -1,4 +1,4 @@
-"""The outside of a tracker's process: it looks like a tracker, and turns every misdeed into one exception."""
+"""Parent side of an isolated tracker: the tracker interface, with every failure as one exception type."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.trackers.isolation.child import serve
 
 _MAX_REPLY_BYTES = 16 * 1024 * 1024
-_KEPT_NOISE_BYTES = 2000
+_MAX_OUTPUT_BYTES = 2000
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a tracker in a process of its own may take.
+    """Limits of an isolated tracker.
 
     Attributes:
         frame_s: Time for one frame.
-        memory_mb: Memory on top of what Python takes; 0 is no limit. Held on Linux only.
-        make_s: Time for being made, with all that is imported and loaded for it.
+        memory_mb: Memory besides Python's own; 0 is no limit. Enforced on Linux only.
+        make_s: Time for making the tracker, including imports and model files.
     """
 
     frame_s: float = 60.0
@@ -40,33 +40,31 @@ class Limits:
 
     def __post_init__(self) -> None:
         if not self.frame_s > 0 or not self.memory_mb >= 0:
-            raise ParameterError(
-                "the time limit must be > 0 s and the memory limit >= 0 MB, "
-                f"got {self.frame_s:g} and {self.memory_mb:g}"
-            )
+            given = f"{self.frame_s:g} and {self.memory_mb:g}"
+            raise ParameterError(f"the time limit must be > 0 s and the memory limit >= 0 MB, got {given}")
 
 
 class TrackerFault(Exception):
-    """What a tracker did wrong, in one line."""
+    """Failure of a tracker, in one line."""
 
 
 class IsolatedTracker:
-    """A tracker that runs in a process of its own; fresh, so that nothing is left over from other episodes.
+    """A tracker in a new process of its own, without state from earlier episodes.
 
-    It is made while the caller goes on: only the first question waits for it.
+    The tracker is made concurrently: only the first call waits for it.
 
     Args:
         name: For `trackers.make`.
         seed: Root seed of the episode.
-        preset: Its preset.
-        params: Its parameters.
-        limits: What it may take.
+        preset: Preset.
+        params: Parameters.
+        limits: Limits.
 
     Raises:
         RunError: This process may not start others.
 
     Attributes:
-        took_ms: Time that it took for the last frame, measured beside it: without the way there and back.
+        took_ms: Time of the last call, measured in the child process.
     """
 
     def __init__(self, name: str, *, seed: int, preset: str, params: dict[str, Any], limits: Limits) -> None:
@@ -76,9 +74,10 @@ class IsolatedTracker:
         self._shape: tuple[int, ...] = ()
         self._truth: list[float] | None = None
         context = _context()
-        self._orders, theirs = context.Pipe()
-        self._noise, noise = context.Pipe(duplex=False)
-        self._process = context.Process(target=serve, args=(theirs, noise, limits.memory_mb), daemon=True)
+        self._requests, child_requests = context.Pipe()
+        self._output, child_output = context.Pipe(duplex=False)
+        arguments = (child_requests, child_output, limits.memory_mb)
+        self._process = context.Process(target=serve, args=arguments, daemon=True)
         try:
             self._process.start()
         except AssertionError:
@@ -86,121 +85,117 @@ class IsolatedTracker:
                 "a daemon process may not start the process of a tracker: start Dask workers with --no-nanny, "
                 "or with DASK_DISTRIBUTED__WORKER__DAEMON=False"
             ) from None
-        theirs.close()
-        noise.close()
-        self._heard = bytearray()
-        self._heard_bytes = 0
-        self._listener = threading.Thread(target=self._listen, args=(self._noise,), daemon=True)
-        self._listener.start()
+        child_requests.close()
+        child_output.close()
+        self._printed = bytearray()
+        self._printed_bytes = 0
+        self._reader = threading.Thread(target=self._read_output, args=(self._output,), daemon=True)
+        self._reader.start()
         self._needs_truth: bool | None = None
-        # What goes wrong here is told when it is first asked something.
+        # Failures here are reported by the first call.
         with contextlib.suppress(OSError):
-            order = {"do": "make", "name": name, "seed": seed, "preset": preset, "params": params}
-            self._orders.send_bytes(json.dumps(order).encode())
+            self._send({"name": name, "seed": seed, "preset": preset, "params": params})
 
     @property
     def needs_truth(self) -> bool:
-        """Whether it asks for the truth; waits until it is made, and raises Misbehaviour when it cannot be."""
+        """Whether the tracker implements `NeedsTruth`; waits until it is made and raises TrackerFault if it fails."""
         self.wait_until_made()
         return bool(self._needs_truth)
 
     def wait_until_made(self) -> None:
-        """Wait until it can be asked; raises Misbehaviour when it cannot be made."""
+        """Wait until the tracker is made; raises TrackerFault if it fails."""
         if self._needs_truth is None:
             try:
-                self._needs_truth = bool(self._reply(self._limits.make_s).get("needs_truth"))
+                self._needs_truth = bool(self._receive(self._limits.make_s).get("needs_truth"))
             except TrackerFault as error:
                 raise TrackerFault(f"could not be made: {error}") from None
 
     def receive_truth(self, box: ArrayLike) -> None:
-        """The target's true box in the frame to come, for a tracker that `needs_truth`."""
-        self._truth = [float(number) for number in np.asarray(box)]
+        """Pass on the target's true box in the next frame, for a tracker that `needs_truth`."""
+        self._truth = [float(value) for value in np.asarray(box)]
 
     def init(self, image: Image, box: ArrayLike) -> None:
-        """As `Tracker.init`; raises Misbehaviour."""
-        self._show(image)
-        self._ask({"do": "init", "box": [float(number) for number in np.asarray(box)], **self._frame()})
+        """As `Tracker.init`; raises TrackerFault."""
+        self._call("init", image, box=[float(value) for value in np.asarray(box)])
 
     def update(self, image: Image) -> Estimate:
-        """As `Tracker.update`; raises Misbehaviour."""
-        self._show(image)
-        said = self._ask({"do": "update", **self._frame()})
+        """As `Tracker.update`; raises TrackerFault."""
+        reply = self._call("update", image)
         try:
-            return Estimate(
-                np.array(said["box"], dtype=np.float64), said["confidence"], said["occluded"], said["particles"]
-            )
+            box = np.array(reply["box"], dtype=np.float64)
+            return Estimate(box, reply["confidence"], reply["occluded"], reply["particles"])
         except (KeyError, TypeError, ValueError, BoxError) as error:
             raise TrackerFault(f"its answer cannot be read: {error}") from None
 
     @property
     def printed(self) -> str | None:
-        """The beginning of what it printed, or None."""
-        if not self._heard_bytes:
+        """The beginning of the tracker's standard output and error, or None."""
+        if not self._printed_bytes:
             return None
-        text = bytes(self._heard).decode(errors="replace").strip()
-        more = self._heard_bytes - len(self._heard)
+        text = bytes(self._printed).decode(errors="replace").strip()
+        more = self._printed_bytes - len(self._printed)
         return f"{text} [and {more} bytes more]" if more else text
 
     def close(self) -> None:
-        """End the process and everything it started. Closing twice is fine."""
+        """End the process and its children. May be called twice."""
         pid = self._process.pid
         if pid is not None:
-            # It leads a session of its own, with whatever it started in it. Its leader may be gone before its group.
+            # The process leads its own session; the leader may end before its group.
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 if hasattr(os, "killpg") and os.getpgid(pid) == pid:
                     os.killpg(pid, signal.SIGKILL)
         self._process.kill()
         self._process.join()
-        self._orders.close()
-        self._listener.join(1.0)
-        if not self._listener.is_alive():
-            self._noise.close()
+        self._requests.close()
+        self._reader.join(1.0)
+        if not self._reader.is_alive():
+            self._output.close()
+        self._free_image()
+
+    def _free_image(self) -> None:
         if self._shared is not None:
             self._shared.close()
             self._shared.unlink()
             self._shared = None
 
-    def _frame(self) -> dict[str, Any]:
-        assert self._shared is not None
-        return {"memory": self._shared.name, "shape": self._shape, "truth": self._truth}
-
-    def _show(self, image: Image) -> None:
+    def _call(self, command: str, image: Image, **arguments: Any) -> dict[str, Any]:
+        """Send an image and a command, and return the reply."""
         if self._shared is None or self._shape != image.shape:
-            if self._shared is not None:
-                self._shared.close()
-                self._shared.unlink()
+            self._free_image()
             self._shared = SharedMemory(create=True, size=image.nbytes)
             self._shape = image.shape
-        # Memory of its own for each tracker: nothing that one does to it can reach another.
+        # One shared memory per tracker: a tracker cannot modify the image of another.
         np.ndarray(image.shape, dtype=np.uint8, buffer=self._shared.buf)[:] = image
-
-    def _ask(self, order: dict[str, Any]) -> dict[str, Any]:
         self.wait_until_made()
+        frame = {"memory": self._shared.name, "shape": self._shape, "truth": self._truth}
         try:
-            self._orders.send_bytes(json.dumps(order).encode())
+            self._send({"command": command, **arguments, **frame})
         except OSError:
-            raise TrackerFault(self._how_it_ended()) from None
-        return self._reply(self._limits.frame_s)
+            raise TrackerFault(self._exit_reason()) from None
+        return self._receive(self._limits.frame_s)
 
-    def _reply(self, limit_s: float) -> dict[str, Any]:
+    def _send(self, request: dict[str, Any]) -> None:
+        self._requests.send_bytes(json.dumps(request).encode())
+
+    def _receive(self, limit_s: float) -> dict[str, Any]:
         try:
-            if not self._orders.poll(limit_s):
+            if not self._requests.poll(limit_s):
                 raise TrackerFault(f"no answer within {limit_s:g} s")
-            answer: object = json.loads(self._orders.recv_bytes(_MAX_REPLY_BYTES))
+            message: object = json.loads(self._requests.recv_bytes(_MAX_REPLY_BYTES))
         except (EOFError, OSError):
-            raise TrackerFault(self._how_it_ended()) from None
+            raise TrackerFault(self._exit_reason()) from None
         except ValueError as error:
             raise TrackerFault(f"its answer cannot be read: {error}") from None
-        if not isinstance(answer, dict):
+        if not isinstance(message, dict):
             raise TrackerFault("its answer cannot be read")
-        reply = cast("dict[str, Any]", answer)
+        reply = cast("dict[str, Any]", message)
         if "error" in reply:
             raise TrackerFault(str(reply["error"]))
-        took = reply.get("ms", 0.0)
-        self.took_ms = float(took) if isinstance(took, (int, float)) else 0.0
+        ms = reply.get("ms", 0.0)
+        self.took_ms = float(ms) if isinstance(ms, (int, float)) else 0.0
         return reply
 
-    def _how_it_ended(self) -> str:
+    def _exit_reason(self) -> str:
         self._process.join(5.0)
         code = self._process.exitcode
         if code is None:
@@ -209,40 +204,38 @@ class IsolatedTracker:
             return f"its process was ended by {signal.Signals(-code).name}"
         return f"its process ended with exit code {code}"
 
-    def _listen(self, noise: Connection) -> None:
+    def _read_output(self, output: Connection) -> None:
         while True:
             try:
-                some = os.read(noise.fileno(), 65536)
+                text = os.read(output.fileno(), 65536)
             except OSError:
                 return
-            if not some:
+            if not text:
                 return
-            self._heard_bytes += len(some)
-            room = _KEPT_NOISE_BYTES - len(self._heard)
-            self._heard += some[: max(room, 0)]
+            self._printed_bytes += len(text)
+            self._printed += text[: max(_MAX_OUTPUT_BYTES - len(self._printed), 0)]
 
 
 def try_make(name: str, *, preset: str, params: dict[str, Any], limits: Limits) -> None:
-    """Make a tracker once, to tell mistakes in its name, preset or parameters before anything is run.
+    """Make a tracker once, to report errors in its name, preset or parameters before a run.
 
     Raises:
-        TrackerError: It cannot be made, and why.
+        TrackerError: It cannot be made.
     """
     tracker = IsolatedTracker(name, seed=0, preset=preset, params=params, limits=limits)
     try:
         tracker.wait_until_made()
     except TrackerFault as error:
         text = str(error).removeprefix("could not be made: ")
-        # What our own registry says is plain already.
-        for known in ("TrackerError: ", "ParameterError: ", "UnknownNameError: "):
-            text = text.removeprefix(known)
+        for prefix in ("TrackerError: ", "ParameterError: ", "UnknownNameError: "):
+            text = text.removeprefix(prefix)  # messages of this package need no type
         raise TrackerError(text if name in text else f"tracker {name!r} could not be made: {text}") from None
     finally:
         tracker.close()
 
 
 def _context() -> Any:
-    """Forks of one clean process where the system can: fresh ones at a hundredth of the price of a new interpreter."""
+    """A fork server where available: forks of one clean process cost a hundredth of a new interpreter."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

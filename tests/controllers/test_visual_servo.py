@@ -7,7 +7,8 @@ import pytest
 from playground import SIZE, Playground
 
 from pftrack_sim import controllers
-from pftrack_sim.controllers import Controller, RobotParameters, Servo
+from pftrack_sim.controllers import Controller, RobotParameters
+from pftrack_sim.controllers.visual_servo import VisualServo
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES
 from pftrack_sim.core.records import Estimate
@@ -75,7 +76,7 @@ def test_commands_are_four_numbers_within_one():
     ],
 )
 def test_unsure_fades_out(lost: Estimate):
-    controller = Servo()
+    controller = VisualServo()
     senses = np.zeros(len(PROPRIO_NAMES))
     before = controller.act(Estimate(np.array([200.0, 100.0, 40.0, 120.0])), senses)
     first = controller.act(lost, senses)

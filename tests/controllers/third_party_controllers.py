@@ -1,4 +1,4 @@
-"""A third party's controllers, good and bad."""
+"""Third-party controllers, valid and invalid."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ NUMBER = 3
 
 
 class Spinner:
-    """A spinner turns on the spot."""
+    """Turns on the spot."""
 
     def __init__(self, rate: float = 1.0) -> None:
         self.rate = rate
 
-    def reset(self, rig) -> None:
+    def reset(self, robot) -> None:
         pass
 
     def act(self, estimate, proprio) -> np.ndarray:

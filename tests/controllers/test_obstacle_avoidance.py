@@ -6,7 +6,7 @@ from playground import SIZE, Playground
 
 from pftrack_sim import controllers
 from pftrack_sim.controllers import Controller, RobotParameters
-from pftrack_sim.controllers.avoiding import BRAKE_M_S2, HULL_M
+from pftrack_sim.controllers.obstacle_avoidance import BRAKE_M_S2, HULL_M
 
 
 def made(name: str = "servo-avoid") -> Controller:

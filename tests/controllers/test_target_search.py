@@ -6,7 +6,7 @@ from playground import SIZE, Playground
 
 from pftrack_sim import controllers
 from pftrack_sim.controllers import Controller, RobotParameters
-from pftrack_sim.controllers.searching import BEYOND_RAD, LOOK_S, PATIENCE_S, Searching
+from pftrack_sim.controllers.target_search import LOOK_S, OVERSHOOT_RAD, PATIENCE_S, TargetSearch
 
 
 def servo() -> Controller:
@@ -22,7 +22,7 @@ def test_it_looks_first_to_the_side_where_the_target_left(side: float):
     before = world.heading + world.pan
     world.play(controller, PATIENCE_S + LOOK_S, sure=False)
     turned = world.heading + world.pan - before
-    assert 0.6 * BEYOND_RAD < side * turned < 1.8 * BEYOND_RAD
+    assert 0.6 * OVERSHOOT_RAD < side * turned < 1.8 * OVERSHOOT_RAD
     # The base has come after the head.
     assert side * world.heading > math.radians(10.0)
 
@@ -40,14 +40,14 @@ def test_who_walks_behind_the_robot_s_back_is_found_again(side: float):
 
 def test_the_sweep_goes_round_at_a_rate_at_which_something_can_still_be_seen():
     times = np.arange(0.0, 40.0, 1.0 / 30.0)
-    swing = np.array([Searching.swing_rad(float(one)) for one in times])
+    swing = np.array([TargetSearch.sweep_rad(float(one)) for one in times])
     assert swing.max() > math.radians(170.0)
     assert swing.min() < -math.radians(170.0)
     early = times < LOOK_S + 9.0
     rate = np.abs(np.diff(swing[early & (times > LOOK_S)])) * 30.0
     assert rate.max() < math.radians(120.0)
     # It begins where it looked: no jump.
-    assert abs(Searching.swing_rad(LOOK_S) - BEYOND_RAD) < 1e-9
+    assert abs(TargetSearch.sweep_rad(LOOK_S) - OVERSHOOT_RAD) < 1e-9
 
 
 def test_it_never_drives_without_a_target():

@@ -1,0 +1,179 @@
+"""Obstacle avoidance by the range finder."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.controllers.base import DistanceController, RobotParameters
+from pftrack_sim.controllers.visual_servo import TURN_S
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
+from pftrack_sim.core.records import Estimate
+from pftrack_sim.core.types import BoolArray, FloatArray
+
+HULL_M = 0.245
+"""Radius of the robot seen from above."""
+
+MARGIN_M = 0.2
+"""Desired clearance beside the hull; a gap is open if it is wider than the hull with this on both sides."""
+
+MIN_CLEARANCE_M = 0.06
+"""Clearance below which the robot does not drive on."""
+
+HORIZON_M = 2.2
+"""Obstacles farther than this are ignored: at 1.25 m/s they are almost two seconds ahead."""
+
+TARGET_CLEAR_M = 0.7
+"""An obstacle this close in front of the target is the target."""
+
+BRAKE_M_S2 = 0.8
+"""Deceleration for which the speed is chosen: two thirds of the base's greatest."""
+
+REACTION_S = 0.15
+"""Delay of the brakes."""
+
+HYSTERESIS_RAD = math.radians(25.0)
+"""A chosen side is kept unless the other is better by this."""
+
+MEMORY_M = 12.0
+"""Scans are kept until the robot has driven this far: odometry drifts with distance, not with time."""
+
+_SCAN_M = 0.15
+_SCAN_RAD = math.radians(15.0)
+"""A scan is kept whenever the robot has moved or turned this far since the last."""
+
+_DIRECTIONS_RAD = np.deg2rad(np.linspace(-100.0, 100.0, 81))
+
+
+class ObstacleAvoidance:
+    """Changes forward speed and turn rate of another controller around obstacles; pan and tilt stay.
+
+    A vector field histogram over the beams (Ulrich and Borenstein 1998, "VFH+: reliable obstacle avoidance for fast
+    mobile robots", ICRA): a beam that ends at range d blocks the directions within asin((hull + margin) / d) of it. The
+    open direction nearest to the pan angle is taken. The speed is such that the robot could stop before whatever its
+    hull would hit straight ahead: v <= sqrt(2 a gap + (a t)^2) - a t, with deceleration a and reaction time t.
+
+    The range finder does not cover the back: backwards the same holds for the scans of the last `MEMORY_M`, stored in
+    the odometry frame.
+
+    Args:
+        inner: Controller of the undisturbed motion.
+    """
+
+    def __init__(self, inner: DistanceController) -> None:
+        self._inner = inner
+        self.reset(RobotParameters())
+
+    def reset(self, robot: RobotParameters) -> None:
+        """See `Controller.reset`."""
+        self._inner.reset(robot)
+        self._limits = robot.limits
+        self._detour_rad: float | None = None
+        self._scans: deque[_Scan] = deque()
+        self._driven_m = 0.0
+        self._last_m: FloatArray | None = None
+
+    def act(self, estimate: Estimate, proprio: NDArray[Any]) -> FloatArray:
+        """See `Controller.act`."""
+        command = self._inner.act(estimate, proprio)
+        forward, turn = float(command[0] * self._limits[0]), float(command[1] * self._limits[1])
+        ranges = np.asarray(proprio[RANGES], dtype=np.float64)
+        pan = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
+        target = self._inner.distance_m
+        reach = HORIZON_M if target is None else min(HORIZON_M, max(target - TARGET_CLEAR_M, HULL_M + MARGIN_M))
+        if forward > 0.02:
+            direction = self._choose_direction(pan, ranges, reach)
+            if direction is None:
+                forward, turn = 0.0, math.copysign(0.5, turn if self._detour_rad is None else self._detour_rad)
+            elif abs(math.remainder(direction - pan, 2.0 * math.pi)) > 1e-9:
+                turn = direction / TURN_S
+                forward = max(math.cos(direction), 0.0) * forward
+            ahead, aside = ranges * np.cos(RANGE_ANGLES_RAD), np.abs(ranges * np.sin(RANGE_ANGLES_RAD))
+            forward = min(forward, _safe_speed(ahead, aside))
+        else:
+            self._detour_rad = None
+        self._remember(proprio, ranges)
+        if forward < 0.0:
+            forward = max(forward, -_safe_speed(*self._behind(proprio)))
+        changed = np.clip(np.array([forward, turn]) / self._limits[:2], -1.0, 1.0)
+        return np.concatenate([changed, command[2:]])
+
+    def _choose_direction(self, goal_rad: float, ranges: FloatArray, reach_m: float) -> float | None:
+        """The goal [rad] if it is open, else the open direction nearest to it; None if all are blocked."""
+        if _open(np.array([goal_rad]), ranges, reach_m)[0]:
+            self._detour_rad = None
+            return goal_rad
+        candidates = _DIRECTIONS_RAD[_open(_DIRECTIONS_RAD, ranges, reach_m)]
+        if not candidates.size:
+            return None
+        cost = np.abs(candidates - goal_rad)
+        if self._detour_rad is not None:
+            cost = cost + HYSTERESIS_RAD * (np.sign(candidates - goal_rad) != np.sign(self._detour_rad - goal_rad))
+        self._detour_rad = float(candidates[np.argmin(cost)])
+        return self._detour_rad
+
+    def _remember(self, proprio: NDArray[Any], ranges: FloatArray) -> None:
+        """Store the end points of the beams in the odometry frame."""
+        x, y, heading = (float(value) for value in proprio[:3])
+        position = np.array([x, y])
+        self._driven_m += 0.0 if self._last_m is None else float(np.hypot(*(position - self._last_m)))
+        self._last_m = position
+        hits = ranges < RANGE_M
+        angles = heading + RANGE_ANGLES_RAD[hits]
+        points = np.stack([x + ranges[hits] * np.cos(angles), y + ranges[hits] * np.sin(angles)])
+        # While the robot hardly moves, the newest scan replaces the last one, as people move on.
+        if len(self._scans) > 1 and self._scans[-1].is_near(self._scans[-2]):
+            self._scans.pop()
+        self._scans.append(_Scan(self._driven_m, heading, points))
+        while self._scans[0].driven_m < self._driven_m - MEMORY_M:
+            self._scans.popleft()
+
+    def _behind(self, proprio: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
+        """`(N,)` distances behind the axle and `(N,)` lateral distances of the stored points there [m]."""
+        x, y, heading = (float(value) for value in proprio[:3])
+        dx, dy = np.concatenate([scan.points_m for scan in self._scans], axis=1) - np.array([[x], [y]])
+        behind = -(dx * math.cos(heading) + dy * math.sin(heading))
+        aside = np.abs(dy * math.cos(heading) - dx * math.sin(heading))
+        return behind[behind > 0.0], aside[behind > 0.0]
+
+
+@dataclass(frozen=True)
+class _Scan:
+    driven_m: float
+    heading_rad: float
+    points_m: FloatArray  # (2, N) in the odometry frame
+
+    def is_near(self, other: _Scan) -> bool:
+        """Whether the robot has hardly moved between the two."""
+        turned = math.remainder(self.heading_rad - other.heading_rad, 2.0 * math.pi)
+        return abs(self.driven_m - other.driven_m) < _SCAN_M and abs(turned) < _SCAN_RAD
+
+
+def _open(directions_rad: FloatArray, ranges: FloatArray, reach_m: float) -> BoolArray:
+    """Which of the `(N,)` directions no beam within reach blocks."""
+    near = ranges < reach_m
+    blocked_rad = np.arcsin(np.minimum((HULL_M + MARGIN_M) / np.maximum(ranges[near], 1e-3), 1.0))
+    blocked = np.abs(RANGE_ANGLES_RAD[near] - directions_rad[:, None]) < blocked_rad
+    return ~np.any(blocked, axis=1)
+
+
+def _safe_speed(ahead: FloatArray, aside: FloatArray) -> float:
+    """Greatest speed from which the robot stops before its hull hits a point [m/s].
+
+    Args:
+        ahead: `(N,)` distance of the points along the direction of travel, from the axle [m].
+        aside: `(N,)` lateral distance [m].
+    """
+    radius = HULL_M + MIN_CLEARANCE_M
+    hit = aside < radius
+    if not hit.any():
+        return math.inf
+    # The round hull touches a point off its middle line later.
+    gap = float((ahead[hit] - np.sqrt(radius**2 - aside[hit] ** 2)).min())
+    lag = BRAKE_M_S2 * REACTION_S
+    return math.sqrt(2.0 * BRAKE_M_S2 * max(gap, 0.0) + lag * lag) - lag

@@ -1,0 +1,145 @@
+"""Image-based visual servoing: follow a person by the box of a tracker."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.controllers.base import RobotParameters, is_lost, is_positive
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.proprioception import PROPRIO_INDEX
+from pftrack_sim.core.records import Estimate
+from pftrack_sim.core.types import FloatArray
+
+GAZE_S = 0.25
+"""Time constant of the head; the phase margin is 67 degrees with 0.1 s of delay in vision and motors."""
+
+TURN_S = 0.8
+"""Time constant of the base under the head: three times the head's, which decouples the two loops."""
+
+DISTANCE_S = 1.2
+"""Time constant of the distance: an error of 1 m commands 0.8 m/s, which the base reaches within 0.7 s."""
+
+SPEED_S = 1.0
+"""Time constant of the low-pass on the target's speed: the box's height oscillates twice per second with the gait."""
+
+MAX_TARGET_SPEED_M_S = 2.5
+"""Bound of the estimated target speed (anti-windup)."""
+
+COAST_S = 0.6
+"""Time constant with which all motion decays while the target is lost."""
+
+REVERSE_SHARE = 0.4
+"""Greatest backward speed, as a share of the greatest forward speed."""
+
+ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
+"""Rate limit of the command: forward [m/s^2], turn, pan, tilt [rad/s^2], which the base can follow and which keeps the
+mast upright."""
+ACCELERATION.setflags(write=False)
+
+_EDGE_PX = 1.5
+
+
+class VisualServo:
+    """Centres the box with pan and tilt, turns the base after the head, and drives to the desired distance.
+
+    Every axis is a first-order servo, error over time constant (Chaumette and Hutchinson 2006, "Visual servo control,
+    part I", IEEE Robotics and Automation Magazine; the features are the box's centre and height):
+
+        pan rate  = bearing of the box's centre off the optical axis / GAZE_S - turn rate measured by the gyro
+        tilt rate = elevation of the box's centre off the optical axis / GAZE_S
+        turn rate = pan angle / TURN_S
+        forward   = cos(pan) (target's speed away from the robot + (distance - desired distance) / DISTANCE_S)
+
+    The gains follow from the robot. An error e with de/dt = -e / T and a delay d has the phase margin pi/2 - d / T:
+    the head's delay of 0.1 s and T = 0.25 s give 67 degrees. The base turns under the head, which compensates its turn:
+    T = 0.8 s keeps it a factor of three slower. A first-order servo would lag behind a walker of speed u by u T; the
+    estimated speed of the target is fed forward instead. It is the only integrated quantity: it is bounded, and frozen
+    while the box is unreliable, against windup.
+
+    The distance follows from the box's height and an assumed body height. A box cut by the top or bottom of the image
+    is too low: it may decrease the distance, but not increase it. While the target is lost (`is_lost`) the last command
+    decays.
+
+    Args:
+        distance_m: Desired distance; None takes that of the task.
+        person_m: Assumed body height.
+        least_confidence: Confidence below which the tracker counts as unsure, in [0, 1].
+
+    Raises:
+        ParameterError: A distance or height that is not positive and finite, or a confidence outside [0, 1].
+    """
+
+    def __init__(
+        self, *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2
+    ) -> None:
+        for key, value in {"distance_m": distance_m, "person_m": person_m}.items():
+            if not (is_positive(value) or (key == "distance_m" and value is None)):
+                raise ParameterError(f"servo: {key} must be a positive number, got {value!r}")
+        if least_confidence != 0.0 and not (is_positive(least_confidence) and least_confidence <= 1.0):
+            raise ParameterError(f"servo: least_confidence must be in [0, 1], got {least_confidence!r}")
+        self._own_distance_m = distance_m
+        self._person_m = float(person_m)
+        self.least_confidence = float(least_confidence)
+        self.reset(RobotParameters())
+
+    def reset(self, robot: RobotParameters) -> None:
+        """See `Controller.reset`."""
+        self._robot = robot
+        self._desired_m = robot.distance_m if self._own_distance_m is None else self._own_distance_m
+        self._limits = robot.limits
+        self._max_step = ACCELERATION * robot.frame_s / self._limits
+        self._command = np.zeros(4)
+        self.distance_m: float | None = None
+        """Distance by the last box; None while the target is lost."""
+        self._target_speed_m_s = 0.0
+
+    def act(self, estimate: Estimate, proprio: NDArray[Any]) -> FloatArray:
+        """See `Controller.act`."""
+        if is_lost(estimate, self.least_confidence):
+            self.distance_m = None
+            self._command = self._command * math.exp(-self._robot.frame_s / COAST_S)
+            return self._command.copy()
+        _, y, _, h = estimate.box.tolist()
+        bearing, elevation = box_direction(estimate, self._robot)
+        pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
+        yaw_rate = float(proprio[PROPRIO_INDEX["gyro_z_rad_s"]])
+        speed = 0.5 * float(proprio[PROPRIO_INDEX["wheel_left_m_s"]] + proprio[PROPRIO_INDEX["wheel_right_m_s"]])
+        distance = self._estimate_distance(y, h, speed * math.cos(pan + bearing))
+        forward = max(0.0, math.cos(pan)) * (self._target_speed_m_s + (distance - self._desired_m) / DISTANCE_S)
+        forward = max(forward, -REVERSE_SHARE * float(self._limits[0]))
+        rates = np.array([forward, pan / TURN_S, bearing / GAZE_S - yaw_rate, elevation / GAZE_S])
+        wanted = np.clip(rates / self._limits, -1.0, 1.0)
+        self._command = self._command + np.clip(wanted - self._command, -self._max_step, self._max_step)
+        return self._command.copy()
+
+    def _estimate_distance(self, y_px: float, h_px: float, approach_m_s: float) -> float:
+        """Distance to the person [m]; also updates the estimated speed of the target.
+
+        Args:
+            y_px: Top of the box.
+            h_px: Height of the box.
+            approach_m_s: The robot's speed towards the person.
+        """
+        distance = self._robot.focal_px * self._person_m / h_px
+        last, frame_s = self.distance_m, self._robot.frame_s
+        cut = y_px < _EDGE_PX or y_px + h_px > self._robot.image_size[1] - _EDGE_PX
+        if last is not None and cut:
+            distance = min(distance, last)
+        elif last is not None:
+            gain = 1.0 - math.exp(-frame_s / SPEED_S)
+            self._target_speed_m_s += gain * ((distance - last) / frame_s + approach_m_s - self._target_speed_m_s)
+            self._target_speed_m_s = min(max(self._target_speed_m_s, -MAX_TARGET_SPEED_M_S), MAX_TARGET_SPEED_M_S)
+        self.distance_m = distance
+        return distance
+
+
+def box_direction(estimate: Estimate, robot: RobotParameters) -> tuple[float, float]:
+    """Bearing (left positive) and elevation (up positive) of a box's centre off the optical axis [rad]."""
+    x, y, w, h = estimate.box.tolist()
+    width_px, height_px = robot.image_size
+    bearing = -math.atan2(x + 0.5 * w - 0.5 * width_px, robot.focal_px)
+    return bearing, -math.atan2(y + 0.5 * h - 0.5 * height_px, robot.focal_px)
