@@ -141,7 +141,7 @@ def cast_color(arrays: SceneArrays, visible: Any, cameras: Any, size: tuple[int,
     return np.array(image.numpy(), dtype=np.uint8).reshape(arrays.worlds, height, width, 3)
 
 
-def cast_ids(arrays: SceneArrays, bvh: Any, cameras: Any, rect: PixelRect) -> tuple[wp.array, wp.array]:
+def cast_ids(arrays: SceneArrays, bvh: Any, cameras: Any, rect: PixelRect) -> tuple[Any, Any]:
     """`(n, h * w)` geoms (entries of `arrays`, -1 for none) and inverse depths of a rectangle's pixels."""
     shape = arrays.worlds, rect.width * rect.height
     ids, inverse_depth = wp.full(shape, -1, dtype=int), wp.zeros(shape, dtype=float)

@@ -4,8 +4,8 @@ MuJoCo Warp's ready-made rendering kernel is not used: it compiles the number of
 code (a compilation per scene, and no schedules of lights), has no geoms without a shadow, and casts whole images only.
 """
 
-# Warp evaluates annotations, so that they stay unquoted; a type checker cannot read them.
-# pyright: reportInvalidTypeForm=false, reportPrivateUsage=false, reportGeneralTypeIssues=false
+# Warp evaluates annotations, so that they stay unquoted; a type checker can neither read nor infer these types.
+# pyright: basic, reportInvalidTypeForm=false, reportPrivateUsage=false, reportGeneralTypeIssues=false
 # pyright: reportIndexIssue=false, reportCallIssue=false, reportArgumentType=false, reportOperatorIssue=false
 # pyright: reportAssignmentType=false, reportAttributeAccessIssue=false, reportPrivateImportUsage=false
 
