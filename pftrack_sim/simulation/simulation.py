@@ -156,7 +156,7 @@ class Simulation:
         if captured is None:
             people = self._truth.observe(world.data, self._camera_pose(), image, world.time_s, world.root_poses())
         else:
-            people = self._truth.observe_taken(captured, image, world.time_s)
+            people = self._truth.observe_captured(captured, image, world.time_s)
         image.setflags(write=False)
         self._frame = Frame(self._index, world.time_s, image, people[0], people)
         return self._frame

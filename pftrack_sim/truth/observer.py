@@ -1,13 +1,14 @@
-"""Exact truth of everyone in view, frame by frame: boxes, visibility, who covers whom, poses, motion, light."""
+"""Exact truth of all people in view, frame by frame."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import cv2
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.camera import shapes
 from pftrack_sim.camera.extents import Bodies
@@ -18,32 +19,31 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.records import Image, State, Truth
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.scene.layout import PEOPLE_GROUP, owner_name
-from pftrack_sim.truth.silhouettes import Silhouette, Silhouettes, pixels_around
-from pftrack_sim.truth.tracing import Traced, trace
-
-Array = NDArray[np.float64]
+from pftrack_sim.truth.projection import Projection, project_people
+from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder
 
 _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
 
 
 class TruthObserver:
-    """Truth of the people of one model; remembers the previous frame, for their motion in the image.
+    """Truth of the people of one model; keeps the boxes of the last frame, for the image motion.
 
     A person is every geom of the people's group on bodies named `"<name>/..."`, one of them `"<name>/pelvis"`.
 
     Args:
-        model: The model the renderer draws.
+        model: The rendered model.
         people: Names, the target's first.
-        renderer: Draws ids; it is bound to the model.
+        renderer: Renderer bound to the model.
         K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
-        size: Width and height of the images, where the renderer draws them with a margin; None: what it draws.
+        size: Width and height of the images, where those of the renderer have a margin; None: the renderer's.
 
     Raises:
-        ParameterError: No people, a name without a pelvis or without geoms, or a camera matrix that is none.
+        ParameterError: No people, a person without a pelvis or visible geoms, or an invalid camera matrix.
     """
 
     def __init__(
@@ -56,43 +56,29 @@ class TruthObserver:
     ) -> None:
         if not people:
             raise ParameterError("truth needs the name of at least one person, the target's first")
-        self._renderer = renderer
         self._size = size if size is not None else (renderer.width_px, renderer.height_px)
         self._K = camera_matrix(K, *self._size)
         self._people = tuple(people)
-        self._owners = [owner_name(model.body(body).name) for body in range(model.nbody)]
-        self._body_of_geom = np.array(model.geom_bodyid, dtype=np.intp)
-        person_of = {name: index for index, name in enumerate(self._people)}
-        of_body = np.array([person_of.get(owner, -1) for owner in self._owners], dtype=np.intp)
-        in_group = np.asarray(model.geom_group) == PEOPLE_GROUP
-        person_of_geom = np.where(in_group & renderer.visible_geoms, of_body[self._body_of_geom], -1)
+        owners = np.array([owner_name(model.body(body).name) for body in range(model.nbody)])
+        self._owners = owners[model.geom_bodyid]
+        in_group = (np.asarray(model.geom_group) == PEOPLE_GROUP) & renderer.visible_geoms
+        geoms = [np.flatnonzero(in_group & (self._owners == name)) for name in self._people]
         self._pelvis = np.array([_pelvis(model, name) for name in self._people], dtype=np.intp)
-        geoms = [np.flatnonzero(person_of_geom == person) for person in range(len(self._people))]
-        for name, own in zip(self._people, geoms, strict=True):
-            if own.size == 0:
-                raise ParameterError(f"{name!r} has no visible geoms of group {PEOPLE_GROUP} to be seen by")
-        self._geoms = np.concatenate(geoms)
-        self._bodies = Bodies([[_shape(model, int(geom)) for geom in own] for own in geoms])
+        for name, ids in zip(self._people, geoms, strict=True):
+            if ids.size == 0:
+                raise ParameterError(f"{name!r} has no visible geoms of group {PEOPLE_GROUP}")
+        bodies = Bodies([[_shape(model, int(geom)) for geom in ids] for ids in geoms])
+        self._finder = SilhouetteFinder(model, renderer, geoms, bodies)
         self._outlines: Outlines | None = None
-        self._silhouettes = Silhouettes(model, person_of_geom, renderer.visible_geoms)
-        self._previous: Array | None = None
-
-    def reset(self) -> None:
-        """Forget the previous frame."""
-        self._previous = None
+        self._centres: FloatArray | None = None
 
     def observe(
-        self,
-        data: mujoco.MjData,
-        T_world_camera: ArrayLike,
-        image: Image,
-        time_s: float,
-        T_world_people: ArrayLike,
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, image: Image, time_s: float, T_world_people: ArrayLike
     ) -> tuple[Truth, ...]:
-        """Truth of the next frame.
+        """Truth of the next frame, taken at an instant through a pinhole.
 
         Args:
-            data: Positions at the instant of the frame, up to date.
+            data: Positions at the time of the frame, up to date.
             T_world_camera: `(4, 4)` camera pose, OpenCV axes.
             image: `(H, W, 3)` the frame, for its luminance.
             time_s: Time of the frame since the start of the episode.
@@ -100,45 +86,38 @@ class TruthObserver:
                 x forward, z up.
 
         Returns:
-            The target, then everyone else with a pixel inside the image (covered or not), in the order of the people.
+            The target, then all others with an amodal pixel in the image, in the order of the people.
 
         Raises:
             ParameterError: Poses or an image of the wrong shape.
         """
         pose = np.asarray(T_world_camera, dtype=np.float64)
         self._check(image, T_world_people)
-        limbs = data.geom_xpos[self._geoms], data.geom_xmat[self._geoms].reshape(-1, 3, 3)
-        amodal, depths = self._bodies.boxes(*limbs, pose, self._K, self._renderer.near_m)
-        rects = {
-            person: rect for person, box in enumerate(amodal) if (rect := pixels_around(box, self._size)) is not None
-        }
-        lowest = self._bodies.lowest(*limbs)
-        found = self._silhouettes.find(self._renderer, data, pose, self._K, rects, depths[:, 1], lowest)
-        everybody = Traced(amodal, amodal, found)
-        return self._written(everybody, image, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
+        amodal, silhouettes = self._finder.find(data, pose, self._K)
+        projection = Projection(amodal, amodal, silhouettes)
+        return self._truths(projection, image, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
 
-    def observe_taken(self, taken: CapturedFrame, image: Image, time_s: float) -> tuple[Truth, ...]:
-        """Truth of the next frame, taken by an `FrameCapture`: with a lens, over an exposure, row by row.
+    def observe_captured(self, captured: CapturedFrame, image: Image, time_s: float) -> tuple[Truth, ...]:
+        """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
 
         Args:
-            taken: How it was taken.
+            captured: The captured frame.
             image: `(H, W, 3)` the frame, for its luminance.
-            time_s: Time of the frame since the start of the episode.
+            time_s: Time stamp of the frame since the start of the episode.
 
         Returns:
-            As `observe`; poses and distances are those at mid-exposure of the middle row.
+            As `observe`.
 
         Raises:
             ParameterError: Poses or an image of the wrong shape.
         """
-        self._check(image, taken.T_world_people)
+        roots = captured.T_world_people
+        self._check(image, roots)
         if self._outlines is None:
-            self._outlines = Outlines(self._bodies.shapes)
-        everybody = trace(taken, self._renderer, self._bodies, self._outlines, self._geoms, self._silhouettes)
-        distortion = taken.capture.lens.coefficients
-        return self._written(
-            everybody, image, time_s, taken.T_world_camera, taken.T_world_people, taken.body_positions, distortion
-        )
+            self._outlines = Outlines(self._finder.bodies.shapes)
+        projection = project_people(captured, self._finder, self._outlines)
+        pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
+        return self._truths(projection, image, time_s, pose, roots, captured.body_positions, distortion)
 
     def _check(self, image: Image, T_world_people: ArrayLike) -> None:
         people, shape = len(self._people), np.shape(T_world_people)
@@ -148,40 +127,50 @@ class TruthObserver:
         if image.shape != (height, width, 3):
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
 
-    def _written(
+    def _truths(
         self,
-        everybody: Traced,
+        projection: Projection,
         image: Image,
         time_s: float,
-        pose: Array,
+        pose: FloatArray,
         T_world_people: ArrayLike,
-        bodies: Array,
-        distortion: Array,
+        body_positions: FloatArray,
+        distortion: FloatArray,
     ) -> tuple[Truth, ...]:
-        """The records, from boxes and pixels."""
+        """Truth of all people from their boxes and silhouettes."""
         width, height = self._size
-        amodal, found = everybody.amodal, everybody.found
         roots = np.asarray(T_world_people, dtype=np.float64)
-        motion = self._motion(amodal)
-        distance = np.linalg.norm(bodies[self._pelvis] - pose[:3, 3], axis=1)
+        motion = self._image_motion(projection.amodal_boxes)
+        distance = np.linalg.norm(body_positions[self._pelvis] - pose[:3, 3], axis=1)
         truths: list[Truth] = []
-        for person, name in enumerate(self._people):
-            silhouette = found.get(person)
+        for person, (name, amodal) in enumerate(zip(self._people, projection.amodal_boxes, strict=True)):
+            silhouette = projection.silhouettes.get(person)
             inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None else 0
             if person and not inside:
                 continue
-            seen = _Seen(silhouette, inside, image)
+            state: State = "occluded" if inside else "out_of_view"
+            visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")
+            if silhouette is not None and silhouette.visible.any():
+                state = "visible"
+                rect, visible = silhouette.rect, silhouette.visible.view(np.uint8)
+                left, top, *visible_size = cv2.boundingRect(visible)
+                visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)
+                fraction = int(np.count_nonzero(visible)) / inside
+                luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
+            box, truncation = _clipped(amodal, width, height)
+            if not inside:
+                box[2:] = 0.0
             truths.append(
                 Truth(
                     name=name,
-                    box=_box_inside(amodal[person], width, height, empty=not inside),
-                    amodal_box=amodal[person],
-                    visible_box=seen.box,
-                    swept_box=everybody.swept[person],
-                    visible_fraction=seen.fraction,
-                    truncation=_truncation(amodal[person], width, height),
-                    state=seen.state,
-                    occluders=self._names(silhouette),
+                    box=box,
+                    amodal_box=amodal,
+                    visible_box=visible_box,
+                    swept_box=projection.swept_boxes[person],
+                    visible_fraction=fraction,
+                    truncation=truncation,
+                    state=state,
+                    occluders=self._occluders(silhouette),
                     distance_m=float(distance[person]),
                     T_world_camera=pose,
                     T_world_target=roots[person],
@@ -189,60 +178,37 @@ class TruthObserver:
                     distortion=distortion,
                     time_s=float(time_s),
                     image_motion_px=float(motion[person]),
-                    luminance=seen.luminance,
+                    luminance=luminance,
                 )
             )
         return tuple(truths)
 
-    def _motion(self, amodal: Array) -> Array:
-        """`(P,)` displacement of the boxes' centres since the last frame [px]; remembers this one."""
+    def _image_motion(self, amodal: FloatArray) -> FloatArray:
+        """`(P,)` displacement of the box centres since the last frame [px]; stores the centres for the next."""
         centres = amodal[:, :2] + 0.5 * amodal[:, 2:]
-        previous, self._previous = self._previous, centres
+        previous, self._centres = self._centres, centres
         return np.zeros(len(centres)) if previous is None else np.linalg.norm(centres - previous, axis=1)
 
-    def _names(self, silhouette: Silhouette | None) -> tuple[str, ...]:
-        """Who covers a person, most pixels first; by name where equal."""
-        covering = silhouette.covering() if silhouette is not None else np.empty(0, dtype=np.int32)
-        if covering.size == 0:
+    def _occluders(self, silhouette: Silhouette | None) -> tuple[str, ...]:
+        """Names of what occludes a person, by number of pixels, then by name."""
+        if silhouette is None:
             return ()
-        counts: dict[str, int] = {}
-        geoms, pixels = np.unique(covering, return_counts=True)
-        for geom, count in zip(geoms, pixels, strict=True):
-            owner = self._owners[self._body_of_geom[geom]]
-            counts[owner] = counts.get(owner, 0) + int(count)
+        counts = Counter[str](self._owners[silhouette.occluding_geoms()].tolist())
         return tuple(sorted(counts, key=lambda owner: (-counts[owner], owner)))
-
-
-class _Seen:
-    """What can be told of a person from pixels."""
-
-    def __init__(self, silhouette: Silhouette | None, inside: int, image: Image) -> None:
-        self.box = boxes.NO_BOX
-        self.fraction = 0.0
-        self.luminance = float("nan")
-        self.state: State = "occluded" if inside else "out_of_view"
-        if silhouette is None or not silhouette.visible.any():
-            return
-        rect, visible = silhouette.rect, silhouette.visible.view(np.uint8)
-        left, top, width, height = cv2.boundingRect(visible)
-        self.box = np.array([rect.left + left, rect.top + top, width, height], dtype=np.float64)
-        self.fraction = int(np.count_nonzero(visible)) / inside
-        self.luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
-        self.state = "visible"
 
 
 def _pelvis(model: mujoco.MjModel, name: str) -> int:
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{name}/pelvis")
     if body < 0:
-        raise ParameterError(f"no body '{name}/pelvis' in the model: {name!r} is nobody")
+        raise ParameterError(f"the model has no body '{name}/pelvis'")
     return body
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> Shape:
-    """The shape of a geom in its own frame.
+    """Shape of a geom in its own frame.
 
     Raises:
-        ParameterError: A plane or height field: nobody consists of these.
+        ParameterError: A geom type without a finite convex shape (plane, height field).
     """
     kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), np.asarray(model.geom_size[geom])
     match kind:
@@ -264,19 +230,9 @@ def _shape(model: mujoco.MjModel, geom: int) -> Shape:
             raise ParameterError(f"geom {model.geom(geom).name!r} of a person has type {kind.name}, which has no box")
 
 
-def _box_inside(amodal: Array, width_px: int, height_px: int, *, empty: bool) -> Array:
-    """The amodal box clipped to the image; of no size for a person without a pixel inside."""
+def _clipped(amodal: FloatArray, width_px: int, height_px: int) -> tuple[FloatArray, float]:
+    """Amodal box clipped to the image, and the share of its area outside; an empty box and 1 behind the camera."""
     if not np.isfinite(amodal).all():
-        return np.zeros(4)
-    box = boxes.clip(amodal, width_px, height_px)
-    if empty:
-        box[2:] = 0.0
-    return box
-
-
-def _truncation(amodal: Array, width_px: int, height_px: int) -> float:
-    """Share of the amodal box's area outside the image; 1 when nothing is in front of the camera."""
-    whole = boxes.area(amodal)
-    if whole == 0.0:
-        return 1.0
-    return min(1.0, max(0.0, 1.0 - boxes.area(boxes.clip(amodal, width_px, height_px)) / whole))
+        return np.zeros(4), 1.0
+    box, area = boxes.clip(amodal, width_px, height_px), boxes.area(amodal)
+    return box, min(1.0, max(0.0, 1.0 - boxes.area(box) / area)) if area > 0.0 else 1.0

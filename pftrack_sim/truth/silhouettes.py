@@ -1,146 +1,153 @@
-"""Who covers whom: everyone's whole outline in pixels, and what of it shows.
+"""Amodal and visible silhouettes of people, from segmentations of a rendered image.
 
-Everyone, and whatever of the scenery could come between the camera and someone, is drawn in layers: those who cannot
-cover each other together, the others apart. So everybody's whole outline is in one layer. Comparing nearness between
-the layers, pixel by pixel, then tells what a picture of everything shows; and each thing was drawn only once.
+People, and the scenery that could lie between the camera and them, are rendered in layers: people whose boxes do not
+intersect share a layer, so that each person's amodal silhouette is complete in one layer. Comparing the depth of the
+layers pixel by pixel gives the visible silhouettes; every geom is rendered only once.
 """
 
 from __future__ import annotations
 
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.camera.extents import Bodies
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, bounding_rect
 from pftrack_sim.render.culling import Bounds
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """One person's outline.
+    """Silhouette of one person.
 
     Attributes:
-        rect: The part of the image it lies in.
+        rect: Rectangle of the image that contains it.
         amodal: `(h, w)` pixels of the whole person.
-        visible: `(h, w)` those that show.
-        top: `(h, w)` geom ids of what shows on the person's pixels; anything elsewhere.
+        visible: `(h, w)` pixels that show the person.
+        top: `(h, w)` ids of the geoms in front, valid on the amodal pixels.
     """
 
     rect: PixelRect
-    amodal: NDArray[np.bool_]
-    visible: NDArray[np.bool_]
+    amodal: BoolArray
+    visible: BoolArray
     top: NDArray[np.int32]
 
-    def covering(self) -> NDArray[np.int32]:
-        """Geom ids on the person's pixels that do not show."""
+    def occluding_geoms(self) -> NDArray[np.int32]:
+        """Geom id on each amodal pixel that is not visible."""
         return self.top[self.amodal & ~self.visible]
 
 
-class Silhouettes:
-    """Finds silhouettes in the frames of one model.
+class SilhouetteFinder:
+    """Finds the people of one model in rendered images.
 
     Args:
         model: The model.
-        person_of_geom: `(ngeom,)` index of the person each geom belongs to, -1 for everything else.
-        visible_geoms: `(ngeom,)` which geoms are drawn at all.
+        renderer: Renderer bound to the model.
+        geoms: Visible geoms of each person.
+        bodies: Their shapes, in the same order.
     """
 
-    def __init__(self, model: mujoco.MjModel, person_of_geom: NDArray[np.intp], visible_geoms: NDArray[np.bool_]):
-        people = int(person_of_geom.max(initial=-1)) + 1
+    def __init__(self, model: mujoco.MjModel, renderer: Renderer, geoms: Sequence[IntArray], bodies: Bodies) -> None:
+        self.renderer, self.bodies = renderer, bodies
+        self.geoms = np.concatenate(geoms)
+        """Geom ids of all parts of `bodies`."""
+        self._geoms_of = geoms
         # One more entry than geoms: id -1, no geom, reads the last one.
-        self._masks = np.zeros((people, model.ngeom + 1), dtype=np.bool_)
-        for person in range(people):
-            self._masks[person, :-1] = (person_of_geom == person) & visible_geoms
-        self._limbs = [np.flatnonzero(mask) for mask in self._masks]
-        self._others = np.flatnonzero((person_of_geom < 0) & visible_geoms)
+        self._masks = np.zeros((len(geoms), model.ngeom + 1), dtype=np.bool_)
+        for mask, ids in zip(self._masks, geoms, strict=True):
+            mask[ids] = True
+        self._scenery = np.flatnonzero(renderer.visible_geoms & ~self._masks[:, :-1].any(axis=0))
         self._bounds = Bounds(model)
 
+    def poses(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
+        """`(S, 3)` positions [m] and `(S, 3, 3)` rotations of the parts."""
+        return data.geom_xpos[self.geoms], data.geom_xmat[self.geoms].reshape(-1, 3, 3)
+
     def find(
-        self,
-        renderer: Renderer,
-        data: mujoco.MjData,
-        T_world_camera: Array,
-        K: Array,
-        rects: dict[int, PixelRect],
-        farthest_m: Array,
-        lowest_m: Array,
-    ) -> dict[int, Silhouette]:
-        """Silhouettes of the people who may be in the image.
+        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, people: Container[int] | None = None
+    ) -> tuple[FloatArray, dict[int, Silhouette]]:
+        """Find people in a rendered image.
 
         Args:
-            renderer: Draws ids.
             data: Positions.
             T_world_camera: `(4, 4)` camera pose.
             K: `(3, 3)` camera matrix [px].
-            rects: By person, the part of the image that holds every pixel of the person.
-            farthest_m: `(P,)` depth of each person's farthest point.
-            lowest_m: `(P,)` height of each person's lowest point.
+            people: Indices of the people to find; None finds all.
 
         Returns:
-            By person, those of `rects`.
+            `(P, 4)` amodal boxes of all people [px], NaN for those behind the camera; silhouettes by person, of those
+            who may have pixels in the image.
         """
+        renderer, poses = self.renderer, self.poses(data)
+        boxes, depths = self.bodies.boxes(*poses, T_world_camera, K, renderer.near_m)
+        rects: dict[int, PixelRect] = {}
+        for person, box in enumerate(boxes):
+            rect = pixels_around(box, (renderer.width_px, renderer.height_px))
+            if rect is not None and (people is None or person in people):
+                rects[person] = rect
         if not rects:
-            return {}
-        people = sorted(rects)
-        covers = self._bounds.may_occlude(
+            return boxes, {}
+        found = list(rects)
+        may_occlude = self._bounds.may_occlude(
             data,
             T_world_camera,
             K,
-            self._others,
-            [self._limbs[person] for person in people],
-            [rects[person] for person in people],
-            farthest_m[people],
-            lowest_m[people],
+            self._scenery,
+            [self._geoms_of[person] for person in found],
+            [rects[person] for person in found],
+            depths[found, 1],
+            self.bodies.lowest(*poses)[found],
             renderer.near_m,
         )
-        scenery = self._others[covers.any(axis=1)]
-        covered = [people[column] for column in np.flatnonzero(covers.any(axis=0))]
+        occluders = self._scenery[may_occlude.any(axis=1)]
+        occluded = [found[column] for column in np.flatnonzero(may_occlude.any(axis=0))]
         layers: list[Segmentation] = []
         layer_of: dict[int, Segmentation] = {}
-        for index, group in enumerate(_apart(rects, covered)):
+        for index, group in enumerate(_disjoint_groups(rects, occluded)):
             shown = np.logical_or.reduce(self._masks[group, :-1], axis=0)
             wanted = [rects[person] for person in group]
-            if index == 0 and scenery.size:
-                shown[scenery] = True
-                wanted += [rects[person] for person in covered]
+            if index == 0 and occluders.size:
+                shown[occluders] = True
+                wanted += [rects[person] for person in occluded]
             layer = renderer.ids(data, T_world_camera, K, geoms=shown, rect=bounding_rect(wanted))
             layers.append(layer)
             layer_of.update(dict.fromkeys(group, layer))
-        return {person: self._silhouette(person, rects[person], layer_of[person], layers) for person in people}
+        return boxes, {person: self._combine(person, rects[person], layer_of[person], layers) for person in found}
 
-    def _silhouette(self, person: int, rect: PixelRect, own: Segmentation, layers: list[Segmentation]) -> Silhouette:
-        rows, columns = rect.relative_to(own.rect).slices
-        ids, nearness = own.ids[rows, columns], own.inverse_depth[rows, columns]
+    def _combine(self, person: int, rect: PixelRect, layer: Segmentation, layers: list[Segmentation]) -> Silhouette:
+        """Combine the layer of a person with all others by depth."""
+        rows, columns = rect.relative_to(layer.rect).slices
+        ids, inverse_depth = layer.ids[rows, columns], layer.inverse_depth[rows, columns]
         amodal = self._masks[person].take(ids)
-        top, best = ids, nearness
-        for layer in layers:
-            if layer is own or not layer.rect.intersects(rect):
+        top, nearest = ids, inverse_depth
+        for other in layers:
+            if other is layer or not other.rect.intersects(rect):
                 continue
-            common = rect.intersection(layer.rect)
-            theirs = common.relative_to(layer.rect).slices
-            here = common.relative_to(rect).slices
-            other_ids, other = layer.ids[theirs], layer.inverse_depth[theirs]
-            closer = amodal[here] & ((other > best[here]) | ((other == best[here]) & (other_ids > top[here])))
-            if closer.any():
+            common = rect.intersection(other.rect)
+            there, here = common.relative_to(other.rect).slices, common.relative_to(rect).slices
+            other_ids, other_depth = other.ids[there], other.inverse_depth[there]
+            # On equal depth the larger id is in front, as in every layer.
+            tied_in_front = (other_depth == nearest[here]) & (other_ids > top[here])
+            in_front = amodal[here] & ((other_depth > nearest[here]) | tied_in_front)
+            if in_front.any():
                 if top is ids:
-                    top, best = ids.copy(), nearness.copy()
-                top[here][closer] = other_ids[closer]
-                best[here][closer] = other[closer]
-        hidden = amodal & (top != ids)
-        return Silhouette(rect, amodal, amodal & ~hidden, top)
+                    top, nearest = ids.copy(), inverse_depth.copy()
+                top[here][in_front] = other_ids[in_front]
+                nearest[here][in_front] = other_depth[in_front]
+        return Silhouette(rect, amodal, amodal & (top == ids), top)
 
 
-def pixels_around(box: Array, size: tuple[int, int], margin_px: int = 1) -> PixelRect | None:
-    """The pixels of an image that a body may touch; None when there are none.
+def pixels_around(box: FloatArray, size: tuple[int, int], margin_px: int = 1) -> PixelRect | None:
+    """Rectangle of the pixels that a body may touch; None if there are none in the image.
 
     Args:
-        box: `(4,)` its amodal box [px].
+        box: `(4,)` amodal box of the body [px].
         size: Width and height of the image [px].
-        margin_px: Pixels around the box that the body could still touch: one, for a rounded triangle.
+        margin_px: Pixels around the box that the body may touch; 1 covers the rounding of triangles.
     """
     if not np.isfinite(box).all():
         return None
@@ -151,20 +158,19 @@ def pixels_around(box: Array, size: tuple[int, int], margin_px: int = 1) -> Pixe
     return PixelRect(x0, y0, x1 - x0, y1 - y0) if x0 < x1 and y0 < y1 else None
 
 
-def _apart(rects: dict[int, PixelRect], covered: list[int]) -> list[list[int]]:
-    """Split people into groups within which nobody covers anybody.
+def _disjoint_groups(rects: dict[int, PixelRect], occluded: list[int]) -> list[list[int]]:
+    """Split people into groups whose rectangles do not intersect.
 
     Args:
-        rects: By person, where in the image it is.
-        covered: The people whom scenery may cover.
+        rects: Rectangle of each person.
+        occluded: People whom scenery may occlude.
 
     Returns:
-        Groups of people whose rectangles do not meet; the first has none of the covered, for scenery to be drawn with,
-        and may be empty if there are covered people.
+        The groups. The first has none of the occluded people, as the scenery is rendered with it; it may be empty.
     """
-    groups: list[list[int]] = [[]] if covered else []
-    for person in sorted(rects):
-        for group in groups[1:] if person in covered else groups:
+    groups: list[list[int]] = [[]] if occluded else []
+    for person in rects:
+        for group in groups[1:] if person in occluded else groups:
             if not any(rects[person].intersects(rects[other]) for other in group):
                 group.append(person)
                 break

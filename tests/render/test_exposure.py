@@ -78,7 +78,7 @@ class Studio:
         time_s = self.frames * FRAME_S
         self.capture.record(self.data, time_s, pose, root)
         taken = self.capture.capture(self.renderer)
-        (truth,) = self.truth.observe_taken(taken, taken.image, time_s)
+        (truth,) = self.truth.observe_captured(taken, taken.image, time_s)
         self.frames += 1
         return Frame(self.frames - 1, time_s, taken.image, truth, (truth,))
 
@@ -254,7 +254,7 @@ def test_visible_pixels_are_those_that_each_row_sees_at_its_own_instant(studio, 
         pose = facing(0.9 * moved, (0.5 * moved, 0.8 * moved, height_m))
         capture.record(room.data, room.frames * FRAME_S, pose, np.eye(4)[None])
         taken = capture.capture(renderer)
-        (truth,) = room.truth.observe_taken(taken, taken.image, room.frames * FRAME_S)
+        (truth,) = room.truth.observe_captured(taken, taken.image, room.frames * FRAME_S)
         room.frames += 1
     # Row by row: the whole scene as it was just then, looked at along each pixel's ray.
     K_wide = np.array(K)
