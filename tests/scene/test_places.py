@@ -19,12 +19,12 @@ SHIPPED = ("plaza-walk", "corridor", "warehouse", "street-night")
 
 
 @cache
-def furnished(
+def built_place(
     kind: str, seed: int = 0, clutter: float = 1.0, shadows: bool = True
 ) -> tuple[mujoco.MjModel, WalkableArea]:
     spec = mujoco.MjSpec()
-    layout = places.add_place(spec, Place(kind=kind, clutter=clutter), Lights(shadows=shadows), stream(seed, "place"))
-    return spec.compile(), layout
+    area = places.add_place(spec, Place(kind=kind, clutter=clutter), Lights(shadows=shadows), stream(seed, "place"))
+    return spec.compile(), area
 
 
 def body_poses(model: mujoco.MjModel) -> dict[str, np.ndarray]:
@@ -35,18 +35,18 @@ def body_poses(model: mujoco.MjModel) -> dict[str, np.ndarray]:
 
 
 def distance_m(footprint: Footprint, point: np.ndarray) -> float:
-    """From a point to the edge of a footprint; 0 inside."""
+    """Distance from a point to the edge of a footprint; 0 inside."""
     cosine, sine = np.cos(footprint.yaw_rad), np.sin(footprint.yaw_rad)
     dx, dy = point - np.array(footprint.centre_m)
     own = np.abs([cosine * dx + sine * dy, -sine * dx + cosine * dy])
     return float(np.linalg.norm(np.maximum(own - footprint.half_m, 0.0)))
 
 
-def clearance_m(layout: WalkableArea, point: np.ndarray) -> float:
-    return min(distance_m(footprint, point) for footprint in layout.footprints)
+def clearance_m(area: WalkableArea, point: np.ndarray) -> float:
+    return min(distance_m(footprint, point) for footprint in area.footprints)
 
 
-def along(points: np.ndarray, step_m: float = 0.1) -> np.ndarray:
+def resampled(points: np.ndarray, step_m: float = 0.1) -> np.ndarray:
     """Points every `step_m` on a polyline."""
     pieces = []
     for a, b in pairwise(points):
@@ -56,14 +56,14 @@ def along(points: np.ndarray, step_m: float = 0.1) -> np.ndarray:
 
 
 def robot_track(settings: ResolvedScenario) -> np.ndarray:
-    """Roughly where the robot drives: behind the target on its path, or beside it."""
+    """Approximate track of the robot: behind the target on its path, or beside it."""
     path = np.array(settings.target.path_m)
     first = (path[1] - path[0]) / np.linalg.norm(path[1] - path[0])
     route = settings.robot.route
     if route.kind == "trail":
-        return along(np.vstack([path[0] - route.distance_m * first, path]))
+        return resampled(np.vstack([path[0] - route.distance_m * first, path]))
     assert route.kind == "beside"
-    track = along(path)
+    track = resampled(path)
     heading = np.gradient(track, axis=0)
     heading /= np.linalg.norm(heading, axis=1, keepdims=True)
     right = np.column_stack([heading[:, 1], -heading[:, 0]])
@@ -72,19 +72,19 @@ def robot_track(settings: ResolvedScenario) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [0, 1, 7])
-def test_place_compiles_within_its_budget(kind: str, seed: int) -> None:
-    model, _ = furnished(kind, seed)
+def test_place_compiles_within_its_triangle_budget(kind: str, seed: int) -> None:
+    model, _ = built_place(kind, seed)
     drawn = [index for index in range(model.ngeom) if model.geom_group[index] != HIDDEN_GROUP]
     meshes = [index for index in drawn if model.geom_type[index] == mujoco.mjtGeom.mjGEOM_MESH]
     triangles = sum(int(model.mesh_facenum[model.geom_dataid[index]]) for index in meshes)
     assert model.ngeom < 250
     assert 2_000 < triangles < 30_000
-    assert model.nq == 0, "scenery stands still: qpos is the robot's alone"
+    assert model.nq == 0, "scenery has no joints"
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_same_seed_gives_the_same_model(kind: str) -> None:
-    first, _ = furnished(kind, 3)
+    first, _ = built_place(kind, 3)
     spec = mujoco.MjSpec()
     places.add_place(spec, Place(kind=kind), Lights(), stream(3, "place"))
     second = spec.compile()
@@ -93,8 +93,8 @@ def test_same_seed_gives_the_same_model(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_fixed_does_not_vary_with_the_seed(kind: str) -> None:
-    bare = [furnished(kind, seed, clutter=0.0) for seed in (0, 1, 2)]
+def test_fixed_props_do_not_depend_on_the_seed(kind: str) -> None:
+    bare = [built_place(kind, seed, clutter=0.0) for seed in (0, 1, 2)]
     poses = [body_poses(model) for model, _ in bare]
     fixed = {
         name
@@ -106,33 +106,33 @@ def test_what_is_fixed_does_not_vary_with_the_seed(kind: str) -> None:
         assert poses[0].keys() == other.keys()
         for name in fixed:
             np.testing.assert_allclose(poses[0][name], other[name], rtol=0, atol=1e-12)
-    assert bare[0][1] == bare[1][1] == bare[2][1], "with no loose furniture the layout is the place's own"
+    assert bare[0][1] == bare[1][1] == bare[2][1], "without loose props the area does not depend on the seed"
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_loose_things_vary_with_the_seed_and_clutter_thins_them_out(kind: str) -> None:
-    full, half, none = (furnished(kind, 0, clutter)[1] for clutter in (1.0, 0.5, 0.0))
+def test_loose_props_depend_on_the_seed_and_clutter_sets_their_share(kind: str) -> None:
+    full, half, none = (built_place(kind, 0, clutter)[1] for clutter in (1.0, 0.5, 0.0))
     assert len(none.footprints) < len(half.footprints) < len(full.footprints)
-    assert full.footprints != furnished(kind, 1)[1].footprints
+    assert full.footprints != built_place(kind, 1)[1].footprints
     names = [footprint.name for footprint in full.footprints]
     everywhere = {footprint.name: footprint for footprint in full.footprints}
     for footprint in half.footprints:
-        assert footprint == everywhere[footprint.name], "thinning out moves nothing that stays"
+        assert footprint == everywhere[footprint.name], "a smaller share does not move the remaining props"
     assert len(set(names)) == len(names)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
-def test_layout_is_walkable(kind: str, seed: int) -> None:
-    model, layout = furnished(kind, seed)
-    left, low, right, high = layout.bounds_m
+def test_goals_are_walkable(kind: str, seed: int) -> None:
+    model, area = built_place(kind, seed)
+    left, low, right, high = area.bounds_m
     bodies = body_poses(model)
-    assert len(layout.goals_m) >= 8
-    for goal in np.array(layout.goals_m):
+    assert len(area.goals_m) >= 8
+    for goal in np.array(area.goals_m):
         assert left + 0.4 <= goal[0] <= right - 0.4
         assert low + 0.4 <= goal[1] <= high - 0.4
-        assert clearance_m(layout, goal) >= 0.35, goal
-    for footprint in layout.footprints:
+        assert clearance_m(area, goal) >= 0.35, goal
+    for footprint in area.footprints:
         assert footprint.name in bodies
         assert footprint.height_m > 0.0
         np.testing.assert_allclose(bodies[footprint.name][:2], footprint.centre_m, rtol=0, atol=1e-9)
@@ -140,22 +140,22 @@ def test_layout_is_walkable(kind: str, seed: int) -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5])
-def test_shipped_paths_keep_clear_of_what_stands_there(name: str, seed: int) -> None:
+def test_shipped_paths_of_target_and_robot_keep_clear_of_obstacles(name: str, seed: int) -> None:
     settings = scenario.load(name).resolve(seed)
-    _, layout = furnished(settings.place.kind, seed)
-    left, low, right, high = layout.bounds_m
+    _, area = built_place(settings.place.kind, seed)
+    left, low, right, high = area.bounds_m
     path = np.array(settings.target.path_m)
-    walked = along(path)
+    walked = resampled(path)
     heading = path[1] - path[0]
-    assert abs(np.arctan2(heading[1], heading[0])) < 0.15, "paths begin along +x, the way the robot faces"
+    assert abs(np.arctan2(heading[1], heading[0])) < 0.15, "paths begin along +x, the heading of the robot at start"
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     assert length >= settings.target.speed_m_s * settings.duration_s, "the target walks until the end"
     for track, margin in ((walked, 0.6), (robot_track(settings), 0.5)):
         assert (track[:, 0].min(), track[:, 1].min()) >= (left, low)
         assert track[:, 0].max() <= right - 0.5
         assert track[:, 1].max() <= high - 0.5
-        nearest = min(track, key=lambda point: clearance_m(layout, point))
-        assert clearance_m(layout, nearest) >= margin, nearest
+        nearest = min(track, key=lambda point: clearance_m(area, point))
+        assert clearance_m(area, nearest) >= margin, nearest
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -166,8 +166,8 @@ def test_shipped_scenarios_resolve_for_every_seed(name: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_geom_belongs_to_a_named_body_and_collides_as_agreed(kind: str) -> None:
-    model, layout = furnished(kind)
+def test_every_geom_has_a_named_body_and_collision_bits(kind: str) -> None:
+    model, area = built_place(kind)
     plane = model.geom("ground/plane")
     assert model.geom_type[plane.id] == mujoco.mjtGeom.mjGEOM_PLANE
     assert model.body(model.geom_bodyid[plane.id]).name == "ground"
@@ -177,7 +177,7 @@ def test_every_geom_belongs_to_a_named_body_and_collides_as_agreed(kind: str) ->
         body = int(model.geom_bodyid[index])
         assert body > 0
         assert model.body(body).name
-        assert "/" not in model.body(body).name, "a slash marks a part of a person or of the robot"
+        assert "/" not in model.body(body).name, "a slash marks a part of a person or the robot"
         bits = (int(model.geom_contype[index]), int(model.geom_conaffinity[index]))
         if model.geom_group[index] == HIDDEN_GROUP:
             assert bits == (1, 2)
@@ -185,18 +185,18 @@ def test_every_geom_belongs_to_a_named_body_and_collides_as_agreed(kind: str) ->
             assert model.geom_group[index] == SCENERY_GROUP
             assert bits == (0, 0)
     solid = {model.body(int(model.geom_bodyid[index])).name for index in np.flatnonzero(model.geom_contype == 1)}
-    assert {footprint.name for footprint in layout.footprints} <= solid
+    assert {footprint.name for footprint in area.footprints} <= solid
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_people_stand_on_what_is_drawn(kind: str) -> None:
-    model, layout = furnished(kind)
+def test_drawn_ground_is_at_height_zero(kind: str) -> None:
+    model, area = built_place(kind)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     seen = np.array([1, 0, 0, 0, 0, 0], np.uint8)
     hit = np.zeros(1, np.int32)
-    for x, y in layout.goals_m:
-        # Off the goal by a little: a ray along the edge of two triangles may slip between them.
+    for x, y in area.goals_m:
+        # Slightly beside the goal: a ray along the edge of two triangles may pass between them.
         below = mujoco.mj_ray(
             model, data, np.array([x + 0.013, y + 0.017, 1.0]), np.array([0.0, 0.0, -1.0]), seen, 1, -1, hit, None
         )
@@ -204,14 +204,14 @@ def test_people_stand_on_what_is_drawn(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_view_is_closed_all_round(kind: str) -> None:
-    model, layout = furnished(kind)
+def test_every_horizontal_ray_hits_something_drawn(kind: str) -> None:
+    model, area = built_place(kind)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     seen = np.array([1, 0, 0, 0, 0, 0], np.uint8)
     hit = np.zeros(1, np.int32)
     turn = np.deg2rad(np.arange(0.0, 360.0, 3.0))
-    for x, y in layout.goals_m[:6]:
+    for x, y in area.goals_m[:6]:
         for angle in turn:
             ray = np.array([np.cos(angle), np.sin(angle), 0.0])
             far = mujoco.mj_ray(model, data, np.array([x, y, 1.25]), ray, seen, 1, -1, hit, None)
@@ -219,13 +219,13 @@ def test_the_view_is_closed_all_round(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_lights_fit_the_renderer(kind: str) -> None:
-    model, _ = furnished(kind)
+def test_number_of_lights_and_shadows(kind: str) -> None:
+    model, _ = built_place(kind)
     names = [model.light(index).name for index in range(model.nlight)]
     assert all(name.startswith("light/") for name in names)
     assert 1 <= model.nlight <= 7, "OpenGL has eight, and the headlight is one of them"
     assert int(model.light_castshadow.sum()) == 1
-    assert int(furnished(kind, shadows=False)[0].light_castshadow.sum()) == 0
+    assert int(built_place(kind, shadows=False)[0].light_castshadow.sum()) == 0
     head = model.vis.headlight
     assert head.diffuse.max() == 0.0
     assert head.ambient.min() > 0.0
@@ -233,7 +233,7 @@ def test_lights_fit_the_renderer(kind: str) -> None:
     assert ("light/sun" in names) == (kind == "plaza")
 
 
-def test_sun_stands_where_the_scenario_says() -> None:
+def test_sun_direction_follows_the_scenario() -> None:
     spec = mujoco.MjSpec()
     lights = Lights(sun_azimuth_deg=90.0, sun_elevation_deg=30.0)
     places.add_place(spec, Place(kind="plaza"), lights, stream(0, "place"))

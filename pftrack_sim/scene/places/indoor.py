@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from pftrack_sim.scene.places.catalogue import load_prop
@@ -98,16 +100,12 @@ def _goods(rng: np.random.Generator, length: float, depth: float) -> Prop:
         x += wide + float(rng.uniform(0.0, 0.12))
 
 
-_ON_PALLET = [(x, y) for x in (-0.29, 0.29) for y in (-0.195, 0.195)]
-"""Centres of the cartons of one layer."""
-
-
 def carton_stack(rng: np.random.Generator, layers: int) -> Prop:
     """A pallet with cartons of several kinds and an incomplete top layer."""
     meshes = list(load_prop("pallet"))
     common = str(rng.choice(CARTONS))
     for layer in range(layers):
-        for x, y in _ON_PALLET:
+        for x, y in product((-0.29, 0.29), (-0.195, 0.195)):
             if layer == layers - 1 and rng.random() < 0.35:
                 continue
             carton = common if rng.random() < 0.6 else str(rng.choice(CARTONS))
@@ -124,10 +122,9 @@ def drums(rng: np.random.Generator) -> Prop:
     """Four oil drums."""
     paints = ("paint-blue", "paint-red", "paint-green", "steel-blue", "paint-yellow")
     meshes: list[TexturedMesh] = []
-    for x in (-0.32, 0.32):
-        for y in (-0.32, 0.32):
-            meshes.append(cylinder(texture(str(rng.choice(paints))), (x, y, 0), 0.29, 0.88, 12))
-            meshes.append(cylinder(texture("steel-dark"), (x, y, 0.42), 0.297, 0.04, 12))
+    for x, y in product((-0.32, 0.32), repeat=2):
+        meshes.append(cylinder(texture(str(rng.choice(paints))), (x, y, 0), 0.29, 0.88, 12))
+        meshes.append(cylinder(texture("steel-dark"), (x, y, 0.42), 0.297, 0.04, 12))
     return tuple(meshes)
 
 

@@ -15,11 +15,11 @@ from pftrack_sim.scene.robot import CAMERA
     ("height_m", "tilt_deg", "mount"),
     [(0.3, 0.0, "front"), (1.25, 0.0, "left"), (1.25, -30.0, "right"), (1.6, 20.0, "front"), (3.0, 0.0, "left")],
 )
-def test_stands_level_with_the_optical_centre_at_its_height(lab: Callable, height_m, tilt_deg, mount, degree):
+def test_robot_at_rest_is_level_with_the_camera_at_its_height(lab: Callable, height_m, tilt_deg, mount, degree):
     world = lab(height_m=height_m, tilt_deg=tilt_deg, mount=mount, degree=degree)
     rest = world.run(2.0)
     assert np.abs(rest[:, 5] - height_m).max() < 0.01
-    assert np.ptp(rest[:, 5]) < 1e-5  # no bounce: it is put down as it stands
+    assert np.ptp(rest[:, 5]) < 1e-5  # starts at equilibrium
     assert np.abs(rest[:, 6] - math.radians(tilt_deg)).max() < math.radians(0.2)
     assert np.abs(rest[:, 7]).max() < math.radians(0.2)
     up = world.data.body("robot/base").xmat.reshape(3, 3)[:, 2]
@@ -30,7 +30,7 @@ def test_stands_level_with_the_optical_centre_at_its_height(lab: Callable, heigh
 
 
 @pytest.mark.parametrize("steps", [9, 16])
-def test_upright_and_bounded_under_wild_commands(lab: Callable, steps: int):
+def test_robot_stays_upright_under_random_commands(lab: Callable, steps: int):
     world = lab(steps=steps)
     rng = np.random.default_rng(4)
     for _ in range(120):
@@ -42,7 +42,7 @@ def test_upright_and_bounded_under_wild_commands(lab: Callable, steps: int):
     assert not world.data.warning.number.any()
 
 
-def test_tall_mast_survives_hard_turns(lab: Callable):
+def test_robot_with_a_tall_mast_stays_upright_in_hard_turns(lab: Callable):
     world = lab(height_m=3.0)
     for turn in (1.6, -1.6, 1.6, -1.6):
         world.run(1.5, forward=1.6, turn=turn)
@@ -50,35 +50,35 @@ def test_tall_mast_survives_hard_turns(lab: Callable):
     assert world.data.body("robot/base").xmat[8] > math.cos(math.radians(10.0))
 
 
-def test_only_simple_parts_collide_and_only_with_others(lab: Callable):
+def test_robot_geoms_collide_only_with_scenery_and_people(lab: Callable):
     model = lab().model
-    mine = np.array([model.body(body).name.startswith("robot/") for body in model.geom_bodyid])
-    solid = model.geom_contype != 0
-    assert (model.geom_contype[mine & solid] == 2).all()
-    assert (model.geom_conaffinity[mine & solid] == 5).all()
-    assert set(model.geom_group[mine]) == {ROBOT_GROUP, HIDDEN_ROBOT_GROUP}
-    assert (model.geom_conaffinity[mine & ~solid] == 0).all()
+    on_robot = np.array([model.body(body).name.startswith("robot/") for body in model.geom_bodyid])
+    colliding = model.geom_contype != 0
+    assert (model.geom_contype[on_robot & colliding] == 2).all()
+    assert (model.geom_conaffinity[on_robot & colliding] == 5).all()
+    assert set(model.geom_group[on_robot]) == {ROBOT_GROUP, HIDDEN_ROBOT_GROUP}
+    assert (model.geom_conaffinity[on_robot & ~colliding] == 0).all()
 
 
 @pytest.mark.parametrize("mount", ["front", "left", "right"])
 @pytest.mark.parametrize(("fovy_deg", "tilt_deg"), [(50.0, 0.0), (100.0, 0.0), (50.0, -45.0), (50.0, 45.0)])
-def test_camera_does_not_see_the_robot_at_rest(lab: Callable, mount, fovy_deg, tilt_deg):
+def test_robot_is_out_of_the_camera_s_view_at_rest(lab: Callable, mount, fovy_deg, tilt_deg):
     world = lab(mount=mount, fovy_deg=fovy_deg, tilt_deg=tilt_deg)
     model, data = world.model, world.data
     T = world.drive.camera_pose(data)
     half = math.tan(math.radians(fovy_deg) / 2)
-    drawn = np.zeros(6, dtype=np.uint8)
-    drawn[[0, ROBOT_GROUP]] = 1
+    visible_groups = np.zeros(6, dtype=np.uint8)
+    visible_groups[[0, ROBOT_GROUP]] = 1
     hit = np.zeros(1, dtype=np.int32)
     for u in np.linspace(-4 / 3, 4 / 3, 41) * half:
         for v in np.linspace(-1, 1, 31) * half:
             ray = T[:3, :3] @ np.array([u, v, 1.0])
-            mujoco.mj_ray(model, data, T[:3, 3], ray, drawn, 1, -1, hit)
+            mujoco.mj_ray(model, data, T[:3, 3], ray, visible_groups, 1, -1, hit)
             owner = model.body(model.geom_bodyid[hit[0]]).name if hit[0] >= 0 else "nothing"
             assert not owner.startswith("robot/"), owner
 
 
-def test_field_of_view_is_the_camera_s(lab: Callable):
+def test_camera_has_the_field_of_view_of_the_scenario(lab: Callable):
     assert lab(fovy_deg=63.0).model.camera(CAMERA).fovy == pytest.approx(63.0)
 
 
