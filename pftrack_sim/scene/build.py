@@ -14,8 +14,7 @@ from pftrack_sim.scene import places
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.occluders.carts import CartSize, add_carts, axis_occluders, cart_names
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
-from pftrack_sim.scene.people.person import Person, add_person
-from pftrack_sim.scene.people.sampling import sample_people
+from pftrack_sim.scene.people.person import Person, add_person, sample_people
 from pftrack_sim.scene.robot import add_robot
 
 NEAR_M = 0.05

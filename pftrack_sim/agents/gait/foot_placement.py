@@ -17,27 +17,22 @@ from pftrack_sim.agents.gait.kinematics import wrapped
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 
-SIDES = np.array([1.0, -1.0])
-"""Sign of y of the left and the right side."""
+SIDES = np.array([1.0, -1.0])  # sign of y of the left and the right side
 
 _PHASE_OFFSETS = np.array([0.0, 0.5])
 _VELOCITY_TIME_CONSTANT_S = 0.07
 _TURN_TIME_CONSTANT_S = 0.12
-_MAX_ACCELERATION_M_S2 = 3.5
-"""Limit of the smoothed velocity's change: feet do not jump when the body stops at once."""
-_AT_REST_M_S = 0.06
-_CATCH_UP_GAIN = 2.5
-"""Relative increase of the stride frequency per phase by which a foot lags behind, as at a start."""
+_MAX_ACCELERATION_M_S2 = 3.5  # of the smoothed velocity: feet do not jump when the body stops at once
+_CATCH_UP_GAIN = 2.5  # relative increase of the stride frequency per phase by which a foot lags, as at a start
 _TOLERATED_LAG = 0.06
 _RUN_TRANSITION_S = 0.5
-_ROLLING_STANCE = 0.56
-"""Stance fraction for which a runner's foot roll is computed; it is played back faster."""
-_SETTLING_HZ = 0.85
-"""Stride frequency at which feet are brought together at rest."""
+_ROLLING_STANCE = 0.56  # stance fraction for which a runner's foot roll is computed; it is played back faster
+_SETTLING_HZ = 0.85  # stride frequency at which feet are brought together near rest
 _SETTLING_BELOW_M_S = 0.28
+_AT_REST_M_S = 0.06
+# Limits of a foot's distance [m] and angle [rad] from its place at rest: to come to rest, and to remain at rest.
 _SETTLED = np.array([[0.035], [0.30]])
 _UNSETTLED = np.array([[0.085], [0.50]])
-"""Limits of a foot's distance [m] and angle [rad] from its place at rest: to come to rest, and to remain at rest."""
 
 
 class FootPlacement:

@@ -31,22 +31,16 @@ _PELVIS, _TORSO, _HEAD = 0, 1, 2
 _UPPER_ARMS, _FOREARMS, _THIGHS, _SHANKS, _FEET = (slice(start, start + 2) for start in range(3, 13, 2))
 
 _GRAVITY = 9.81
-_HEIGHT_SOFTNESS_M = 0.003
-"""Scale of the smooth minimum that limits the height of the pelvis to the reach of the legs."""
-_PELVIS_YAW, _PELVIS_ROLL = np.radians(4.5), np.radians(3.5)
-"""Amplitudes at natural speed."""
+_HEIGHT_SOFTNESS_M = 0.003  # scale of the smooth minimum that limits the pelvis to the reach of the legs
+_PELVIS_YAW, _PELVIS_ROLL = np.radians(4.5), np.radians(3.5)  # amplitudes at natural speed
 _LEAN_PER_SPEED = np.radians(1.8)
 _HEAD_PITCH = np.radians(2.0)
-_IDLE_AMPLITUDES = np.radians([[0.6], [4.0]])
-"""Of the chest's pitch (breathing) and of the head's yaw (looking around)."""
-_CROUCH_DEPTH = 0.46
-"""Lowering of the pelvis in a full crouch, relative to the length of the leg."""
-_CROUCH_BACK = 0.38
-"""Backward shift of the pelvis in a full crouch, relative to the length of the thigh."""
+_IDLE_AMPLITUDES = np.radians([[0.6], [4.0]])  # of the chest's pitch (breathing) and the head's yaw (looking around)
+_CROUCH_DEPTH = 0.46  # lowering of the pelvis in a full crouch, in leg lengths
+_CROUCH_BACK = 0.38  # backward shift of the pelvis in a full crouch, in thigh lengths
 _CROUCH_LEAN, _CROUCH_SHOULDER, _CROUCH_ELBOW = 0.55, 0.7, 0.35
 _RUNNING_ELBOW = np.radians(62.0)
-_SHOULDERS_BACK = 0.008
-"""Shoulder joints behind the base of the neck, in statures."""
+_SHOULDERS_BACK = 0.008  # shoulder joints behind the base of the neck, in statures
 
 
 class Gait:

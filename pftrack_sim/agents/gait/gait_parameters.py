@@ -17,11 +17,10 @@ _MAX_SPEED_M_S = 2.6
 _STEP_M_S = 0.04
 _SPEEDS_M_S = np.arange(0.0, _MAX_SPEED_M_S + 1.5 * _STEP_M_S, _STEP_M_S)
 
-_MID_STANCE = 0.245
-"""Phase at which a walker's body is above the ankle of the flat foot."""
+_MID_STANCE = 0.245  # phase at which a walker's body is above the ankle of the flat foot
+# Below a half there are flight phases (Novacheck, "The biomechanics of running", Gait and Posture 7:77, 1998: 39 % at
+# 3.2 m/s).
 RUN_STANCE_FRACTION = 0.37
-"""Stance of a runner as a fraction of the stride; below a half there are flight phases (Novacheck, "The biomechanics of
-running", Gait and Posture 7:77, 1998: 39 % at 3.2 m/s)."""
 
 
 class GaitParameters(NamedTuple):
@@ -62,40 +61,20 @@ def stride_length(speed_m_s: ArrayLike, height_m: ArrayLike) -> FloatArray:
     return np.asarray(height * (60.0 / 64.8) * np.maximum(np.asarray(speed_m_s) / height, 1e-4) ** 0.43)
 
 
-def _stance_fraction(speed_m_s: FloatArray) -> FloatArray:
-    """Stance as a fraction of the stride: 62 % at natural speed, less when faster.
-
-    A linear fit to Murray et al., American Journal of Physical Medicine 45:8 (1966), and Murray et al., Acta
-    Orthopaedica Scandinavica 55 (1984).
-    """
-    return np.clip(0.70 - 0.06 * speed_m_s, 0.55, 0.70)
-
-
-def _lateral_sway(speed_m_s: FloatArray) -> FloatArray:
-    """Amplitude of the trunk's sway towards the foot in stance [m].
-
-    Half of the 7.0 cm peak to peak at 0.7 m/s and 3.9 cm at 1.6 m/s that Orendurff et al. measured, Journal of
-    Rehabilitation Research and Development 41:829 (2004); it vanishes with the speed.
-    """
-    return np.clip(0.0471 - 0.0172 * speed_m_s, 0.012, 0.035) * _moving(speed_m_s)
-
-
-def _vertical_travel(speed_m_s: FloatArray) -> FloatArray:
-    """Vertical travel of the pelvis, peak to peak [m]: 2.7 cm at 0.7 m/s, 4.8 cm at 1.6 m/s (Orendurff et al. 2004)."""
-    return np.clip(0.0111 + 0.0232 * speed_m_s, 0.0, 0.075) * _moving(speed_m_s)
-
-
-def _moving(speed_m_s: FloatArray) -> FloatArray:
-    """Smooth step from 0 at rest to 1 at 0.4 m/s."""
-    share = np.clip(speed_m_s / 0.4, 0.0, 1.0)
-    return share * share * (3.0 - 2.0 * share)
-
-
 def walking_table(anatomy: Anatomy) -> FloatArray:
     """`(S, 9)` lookup table of all parameters but the last, at `S` speeds, for `walking_parameters`."""
     speed = _SPEEDS_M_S
     stride = stride_length(speed, anatomy.height_m)
-    stance = _stance_fraction(speed)
+    # Linear fit to Murray et al., American Journal of Physical Medicine 45:8 (1966), and Murray et al., Acta
+    # Orthopaedica Scandinavica 55 (1984): 62 % at natural speed.
+    stance = np.clip(0.70 - 0.06 * speed, 0.55, 0.70)
+    # Smooth step from 0 at rest to 1 at 0.4 m/s.
+    moving = np.clip(speed / 0.4, 0.0, 1.0)
+    moving = moving * moving * (3.0 - 2.0 * moving)
+    # Orendurff et al., Journal of Rehabilitation Research and Development 41:829 (2004), at 0.7 m/s and 1.6 m/s: 7.0 cm
+    # and 3.9 cm of lateral, 2.7 cm and 4.8 cm of vertical travel of the trunk, peak to peak.
+    sway = np.clip(0.0471 - 0.0172 * speed, 0.012, 0.035) * moving
+    vertical_travel = np.clip(0.0111 + 0.0232 * speed, 0.0, 0.075) * moving
     heel_strike, toe_off = heel_strike_pitch(speed), toe_off_pitch(speed)
     leg = anatomy.thigh_m + anatomy.shank_m
     reach = 0.9995 * MAX_EXTENSION * leg
@@ -111,11 +90,11 @@ def walking_table(anatomy: Anatomy) -> FloatArray:
     )
     upright = anatomy.ankle_m + 0.9976 * leg
     low = np.minimum(low, upright)
-    high = np.minimum(low + np.maximum(_vertical_travel(speed), 0.80 * (upright - low)), upright)
+    high = np.minimum(low + np.maximum(vertical_travel, 0.80 * (upright - low)), upright)
     # Slow walkers hardly pitch their feet and lift them higher instead.
     clearance = anatomy.height_m * (0.011 + 0.014 * np.exp(-speed / 0.4))
-    amplitude = stride / stride_length(1.3, anatomy.height_m) * _moving(speed)
-    return np.stack([stride, stance, heel_strike, toe_off, low, high, clearance, _lateral_sway(speed), amplitude], 1)
+    amplitude = stride / stride_length(1.3, anatomy.height_m) * moving
+    return np.stack([stride, stance, heel_strike, toe_off, low, high, clearance, sway, amplitude], 1)
 
 
 def walking_parameters(tables: FloatArray, speed_m_s: FloatArray) -> GaitParameters:

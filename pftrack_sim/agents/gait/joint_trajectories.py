@@ -28,10 +28,8 @@ _THIGH = (23, 22, 20, 16, 11.5, 7, 2.5, -2, -6.5, -11, -14.5, -15.5, -12, -4, 6,
 _KNEE = (5, 11, 16, 18, 17.5, 15, 12, 9, 7.5, 8.5, 13, 22, 37, 53, 62, 61.5, 51, 33, 15, 5)
 _ANKLE = (0, -4, -5, -2, 2, 4.5, 6.5, 8, 9.5, 10, 8, 1.5, -10, -18, -15, -8, -3, 0, 1, 1)
 
-_FOOT_FLAT = 0.13
-"""Phase at which the foot is flat after heel strike."""
-_HEEL_RISE = 0.30
-"""Phase at which the heel starts to leave the ground."""
+_FOOT_FLAT = 0.13  # phase at which the foot is flat after heel strike
+_HEEL_RISE = 0.30  # phase at which the heel starts to leave the ground
 
 
 def _fourier_basis(phase: FloatArray) -> FloatArray:
@@ -71,15 +69,12 @@ def elbow_angles(phase: FloatArray, amplitude: FloatArray) -> FloatArray:
 
 
 def rolled_ankle(pitch: FloatArray, ankle_m: FloatArray | float, sole: Sole) -> tuple[FloatArray, FloatArray]:
-    """Position of the ankle of a foot that rolls on the ground.
+    """Ankle of a foot that rolls on the ground: x ahead of the flat foot's ankle, and height above the ground [m].
 
     Args:
         pitch: Angle of the foot, toes up positive [rad].
         ankle_m: Height of the ankle above the sole.
         sole: Arcs of the sole.
-
-    Returns:
-        x ahead of the ankle of the flat foot, and height above the ground [m].
     """
     heel_x, heel_radius, toe_x, toe_radius = sole
     centre = np.where(pitch > 0.0, heel_x, toe_x)
@@ -125,14 +120,7 @@ def toe_off_pitch(speed_m_s: FloatArray) -> FloatArray:
 def stance_pitch(
     phase: FloatArray, stance_fraction: FloatArray, heel_strike_rad: FloatArray, toe_off_rad: FloatArray
 ) -> FloatArray:
-    """Pitch of a foot in stance, toes up positive [rad]: down from heel strike, flat, up to toe-off.
-
-    Args:
-        phase: Fraction of the cycle since heel strike.
-        stance_fraction: Phase at toe-off.
-        heel_strike_rad: Toes-up angle at heel strike.
-        toe_off_rad: Heel-up angle at toe-off.
-    """
+    """Pitch of a foot in stance, toes up positive [rad]: down from heel strike, flat, heel up to toe-off."""
     down = np.maximum(1.0 - phase / _FOOT_FLAT, 0.0)
     up = np.minimum(np.maximum((phase - _HEEL_RISE) / (stance_fraction - _HEEL_RISE), 0.0), 1.0)
     return heel_strike_rad * down**1.5 - toe_off_rad * up**2.7
@@ -141,12 +129,7 @@ def stance_pitch(
 def swing_motion(
     progress: FloatArray, heel_strike_rad: FloatArray, toe_off_rad: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Motion of a foot in swing, from the published joint angles.
-
-    Args:
-        progress: 0 at toe-off, 1 at heel strike.
-        heel_strike_rad: Toes-up angle at heel strike.
-        toe_off_rad: Heel-up angle at toe-off.
+    """Motion of a foot in swing, by progress from 0 at toe-off to 1 at heel strike.
 
     Returns:
         Fraction of the way to the next foothold, pitch [rad], and height of the sole's lowest point relative to its

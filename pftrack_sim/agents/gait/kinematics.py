@@ -9,8 +9,7 @@ import numpy as np
 
 from pftrack_sim.core.types import FloatArray
 
-MAX_EXTENSION = 0.9982
-"""Longest reach of a leg relative to the sum of its links: knees never lock."""
+MAX_EXTENSION = 0.9982  # longest reach of a leg relative to the sum of its links: knees never lock
 
 # Not scipy.spatial.transform.Rotation: its rounding differs in the last bit, which would change frames and truth, and
 # `from_euler` takes 5 times as long for ten people.
@@ -41,20 +40,18 @@ def quaternions(rotations: FloatArray) -> FloatArray:
 
     Of the four candidates, one per component as divisor, the one with the largest divisor is taken (Shepperd 1978).
     """
-    r = rotations
-    xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
-    candidates = np.empty((*xx.shape, 4, 4))
-    candidates[..., 0, 0] = 1.0 + xx + yy + zz
-    candidates[..., 1, 1] = 1.0 + xx - yy - zz
-    candidates[..., 2, 2] = 1.0 - xx + yy - zz
-    candidates[..., 3, 3] = 1.0 - xx - yy + zz
-    candidates[..., 0, 1] = candidates[..., 1, 0] = r[..., 2, 1] - r[..., 1, 2]
-    candidates[..., 0, 2] = candidates[..., 2, 0] = r[..., 0, 2] - r[..., 2, 0]
-    candidates[..., 0, 3] = candidates[..., 3, 0] = r[..., 1, 0] - r[..., 0, 1]
-    candidates[..., 1, 2] = candidates[..., 2, 1] = r[..., 0, 1] + r[..., 1, 0]
-    candidates[..., 1, 3] = candidates[..., 3, 1] = r[..., 0, 2] + r[..., 2, 0]
-    candidates[..., 2, 3] = candidates[..., 3, 2] = r[..., 1, 2] + r[..., 2, 1]
-    flat = candidates.reshape(-1, 4, 4)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotations, (-2, -1), (0, 1))
+    wx, wy, wz = zy - yz, xz - zx, yx - xy
+    x_y, x_z, y_z = xy + yx, xz + zx, yz + zy
+    candidates = np.array(
+        [
+            [1.0 + xx + yy + zz, wx, wy, wz],
+            [wx, 1.0 + xx - yy - zz, x_y, x_z],
+            [wy, x_y, 1.0 - xx + yy - zz, y_z],
+            [wz, x_z, y_z, 1.0 - xx - yy + zz],
+        ]
+    )
+    flat = np.moveaxis(candidates, (0, 1), (-2, -1)).reshape(-1, 4, 4)
     largest = flat[:, (0, 1, 2, 3), (0, 1, 2, 3)].argmax(axis=1)
     chosen = flat[np.arange(len(flat)), largest]
     chosen = chosen / np.sqrt((chosen * chosen).sum(axis=1))[:, None]
@@ -75,7 +72,7 @@ def wrapped(angle: FloatArray) -> FloatArray:
 def leg_inverse_kinematics(
     hips: FloatArray, ankles: FloatArray, knee_directions: FloatArray, thighs_m: FloatArray, shanks_m: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Knee positions and rotations of thighs and shanks for given hips and ankles.
+    """Knees `(..., 3)` [m], and rotations `(..., 3, 3)` of thighs and shanks: z up along the bone, x to the bent knee.
 
     Args:
         hips: `(..., 3)` hip joints [m].
@@ -83,10 +80,6 @@ def leg_inverse_kinematics(
         knee_directions: `(..., 3)` unit vectors towards which knees bend.
         thighs_m: `(...)` lengths.
         shanks_m: `(...)` lengths.
-
-    Returns:
-        Knees `(..., 3)`, and rotations `(..., 3, 3)` of thighs and of shanks: z up along the bone, x towards the bend
-        of the knee.
     """
     way = ankles - hips
     distance = np.sqrt((way * way).sum(axis=-1))

@@ -108,10 +108,12 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
     drawn_height = float(np.clip(rng.normal(1.65 if feminine else 1.77, 0.065), 1.48, 2.02))
     spread = np.clip(rng.normal(0.0, 1.0, 12), -2.2, 2.2)
     girth = float(np.clip(rng.normal(1.0, 0.085), 0.88, 1.22))
-    tone, shade = rng.random(2).tolist()
+    tone, shade = rng.random(), rng.random()
+    tones = range(len(_SKIN_TONES))
+    skin = rgb([np.interp(tone * tones[-1], tones, channel) for channel in zip(*_SKIN_TONES, strict=True)])
     # Light hair is rare with dark skin; the last colour is grey.
     shares = (0.22, 0.22, 0.19, 0.13, 0.09, 0.06, 0.03, 0.06) if tone < 0.55 else (0.60, 0.28, 0.04, 0, 0, 0, 0, 0.08)
-    index = int((np.cumsum(np.array(shares)) <= 0.999 * shade).sum())
+    index = int(np.count_nonzero(np.cumsum(np.array(shares)) <= 0.999 * shade))
     hair = rgb(np.array(_HAIR_COLOURS[index]) + rng.integers(-8, 9))
     style_drawn, beard_drawn = rng.random(), rng.random()
 
@@ -141,7 +143,7 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
         hand_m=height * 0.105 * (1.0 + 0.02 * spread[10]),
         girth=girth,
         figure=figure,
-        skin=_interpolated_tone(tone),
+        skin=skin,
         hair=hair,
         hair_style=_hair_style(feminine, float(style_drawn)),
         beard=0.0 if feminine else float(np.clip(2.2 * beard_drawn - 1.0, 0.0, 1.0)),
@@ -159,11 +161,3 @@ def _hair_style(feminine: bool, drawn: float) -> HairStyle:
         if drawn < 0.0:
             return style
     return styles[0][0]
-
-
-def _interpolated_tone(drawn: float) -> Colour:
-    """Skin tone at a fraction in [0, 1) of the way through `_SKIN_TONES`."""
-    position = drawn * (len(_SKIN_TONES) - 1)
-    index = min(int(position), len(_SKIN_TONES) - 2)
-    first, second = np.array(_SKIN_TONES[index : index + 2])
-    return rgb(first + (position - index) * (second - first))

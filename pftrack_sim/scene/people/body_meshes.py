@@ -15,11 +15,7 @@ from pftrack_sim.scene.people.outfit import Outfit
 from pftrack_sim.scene.people.texture_atlas import BOTTOM, SHOES, TOP, cloth_mesh, skin_mesh
 
 _FRONT_COLUMN = 256.0
-_SLEEVE_COLUMN = 96.0
-"""Sleeves show cloth from beside the chest, outside the print."""
-
-_CUFF = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])
-"""Factors on the last cross-section of a garment that give the ring inside its hem."""
+_SLEEVE_COLUMN = 96.0  # sleeves show cloth from beside the chest, outside the print
 
 
 def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
@@ -83,7 +79,7 @@ def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
         return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, 0.02, length_m=0.32 * h)
     garment = garment[:7]
     garment[5:, 3:] += 0.004 * h
-    shorts = superellipse_rings(np.concatenate([garment, garment[-1:] * _CUFF]), 10)
+    shorts = superellipse_rings(np.concatenate([garment, garment[-1:] * (1, 1, 1, 0.5, 0.5, 0.5)]), 10)
     leg = skin_mesh(superellipse_rings(skin[5:], 10))
     return merged([cloth_mesh(shorts, BOTTOM, _FRONT_COLUMN, 0.02, length_m=0.28 * h), leg])
 

@@ -17,10 +17,8 @@ from pftrack_sim.scene.people.outfit import Garment, Outfit, Pattern
 
 GarmentName: TypeAlias = Literal["top", "bottom", "shoes"]
 
-PIXEL_M = 0.00215
-"""Size of a cloth pixel on the body [m]."""
+PIXEL_M = 0.00215  # size of a cloth pixel on the body
 _SIZES: dict[GarmentName, tuple[int, int]] = {"top": (232, 512), "bottom": (150, 512), "shoes": (48, 96)}
-"""Height and width of each garment's texture [px]."""
 _FOLD_DEPTH: dict[GarmentName, float] = {"top": 0.075, "bottom": 0.085, "shoes": 0.04}
 
 
@@ -86,15 +84,7 @@ def _bands(position_px: FloatArray, repeat_px: float, half_px: float) -> FloatAr
 def _accent_share(
     pattern: Pattern, down: FloatArray, around: FloatArray, repeat_px: float, rng: np.random.Generator
 ) -> FloatArray:
-    """`(h, w)` share of the accent colour in [0, 1].
-
-    Args:
-        pattern: Name of the pattern.
-        down: `(h, w)` rows below the top of the texture [px].
-        around: `(h, w)` columns from the front [px].
-        repeat_px: Repeat of the pattern [px].
-        rng: Draws the print and the block.
-    """
+    """`(h, w)` share of the accent colour in [0, 1], by rows from the top and columns from the front `(h, w)` [px]."""
     match pattern:
         case "plain":
             return np.zeros_like(down)

@@ -26,8 +26,7 @@ _SKULL = profile(
     ),
 )
 # fmt: on
-_NOSE = {5: 0.0135, 6: 0.0085}
-"""Offset of the front vertex, by ring."""
+_NOSE = {5: 0.0135, 6: 0.0085}  # offset of the front vertex, by ring
 _EYE_RING = 7
 
 
@@ -81,14 +80,7 @@ def _hair(style: HairStyle) -> list[TriangleMesh]:
 
 
 def _scalp_cover(style: HairStyle, thickness: float, flare: float, region: Region = HAIR) -> TriangleMesh:
-    """Hair or a cap offset from the skull, thickest at the crown and thin at its edge.
-
-    Args:
-        style: Hair style; sets the edge.
-        thickness: Offset above the crown [statures].
-        flare: Additional offset, growing towards the back and the edge [statures].
-        region: Region of the atlas.
-    """
+    """Hair or a cap offset from the skull, thickest at the crown; `flare` adds to it towards the back and the edge."""
     angle = ring_angles(_RING_POINTS)
     edge = np.full(_RING_POINTS, 0.108) if style == "cap" else hairline(style, angle)
     share = np.array([0.0, 0.12, 0.30, 0.54, 0.79, 1.0, 1.02])

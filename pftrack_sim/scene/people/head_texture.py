@@ -15,12 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
 
-HEAD_SIZE = (112, 256)
-"""Height and width of the texture [px]."""
-
-_TOP_Z, _BOTTOM_Z = 0.165, -0.025
-"""Heights that the first and the last row show."""
-
+HEAD_SIZE = (112, 256)  # height and width of the texture [px]
+_TOP_Z, _BOTTOM_Z = 0.165, -0.025  # heights that the first and the last row show
 _OVERSAMPLING = 2
 
 

@@ -35,15 +35,9 @@ class TriangleMesh:
 def profile(
     *, z: ArrayLike, x: ArrayLike, front: ArrayLike, back: ArrayLike, side: ArrayLike, y: ArrayLike = 0.0
 ) -> FloatArray:
-    """`(R, 6)` table of `R` cross-sections for `superellipse_rings`; a scalar holds for all of them.
+    """`(R, 6)` table of `R` cross-sections for `superellipse_rings`: z, x, y, front, back, side.
 
-    Args:
-        z: Height.
-        x: Position of the centre ahead of the z axis.
-        front: Half-axis to the front.
-        back: Half-axis to the back.
-        side: Half-axis to either side.
-        y: Position of the centre to the left of the z axis.
+    `x`, `y`, `z` is the centre; `front`, `back` and `side` are half-axes. A scalar holds for all cross-sections.
     """
     return np.stack(np.broadcast_arrays(*(np.asarray(column, float) for column in (z, x, y, front, back, side))), 1)
 
@@ -106,26 +100,6 @@ def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
     length = np.sqrt((normals * normals).sum(axis=1, keepdims=True))
     normals = np.where(length > 1e-12, normals / np.maximum(length, 1e-12), (0.0, 0.0, 1.0))
     return TriangleMesh(vertices, normals, pixels.reshape(-1, 2).astype(float), faces.astype(np.int32))
-
-
-def arc_length_columns(rings: FloatArray, pixel_m: float, front_column: float) -> FloatArray:
-    """`(R, N + 1)` texture columns proportional to the arc length from the front.
-
-    All rings share one girth, so that vertical lines of a pattern run straight from ring to ring.
-
-    Args:
-        rings: `(R, N, 3)` points [m].
-        pixel_m: Width of a texture pixel on the body [m].
-        front_column: Column at the front.
-    """
-    closed = np.concatenate([rings, rings[:, :1]], axis=1)
-    step = np.sqrt((np.diff(closed, axis=1) ** 2).sum(axis=2))
-    arc = np.concatenate([np.zeros((len(rings), 1)), np.cumsum(step, axis=1)], axis=1)
-    girth = arc[:, -1:]
-    share = np.where(girth > 1e-9, arc / np.maximum(girth, 1e-9), np.linspace(0.0, 1.0, arc.shape[1]))
-    shared_girth = float(np.quantile(girth, 0.7))
-    front = rings.shape[1] // 2
-    return front_column + (share - share[:, front : front + 1]) * shared_girth / pixel_m
 
 
 def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:

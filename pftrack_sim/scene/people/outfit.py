@@ -21,10 +21,9 @@ from pftrack_sim.scene.people.anatomy import Colour, rgb
 
 Pattern: TypeAlias = Literal["plain", "stripes", "pinstripes", "checks", "print", "block", "dots"]
 
-_COLOUR_SIGMA = 13.0
-"""Standard deviation of a cloth's pixel values through folds and pattern [8-bit units]."""
+_COLOUR_SIGMA = 13.0  # standard deviation of a cloth's pixel values through folds and pattern [8-bit units]
+# RGB distance of main colours from which two garments count as clearly different.
 _DISSIMILAR_DISTANCE = {"top": 110.0, "bottom": 70.0, "shoes": 40.0}
-"""RGB distance of main colours from which two garments count as clearly different."""
 
 # Colours and their relative frequencies.
 # fmt: off
@@ -55,9 +54,7 @@ class Garment:
     """One piece of clothing.
 
     Attributes:
-        colour: Main colour.
         accent: Colour of the pattern; of the sole for shoes.
-        pattern: Pattern drawn in the accent colour.
         scale_m: Repeat of the pattern [m].
         texture_seed: Seed of the folds and of the print's shape.
     """
@@ -74,9 +71,6 @@ class Outfit:
     """Clothes of one person.
 
     Attributes:
-        top: Shirt, pullover or jacket.
-        bottom: Trousers or shorts.
-        shoes: Shoes.
         long_sleeves: Sleeves reach the wrist; else they end above the elbow.
         long_legs: Trousers reach the ankle; else they end above the knee.
         open_front: A row of buttons runs down the front.

@@ -1,17 +1,19 @@
-"""A person in the model: 13 mocap bodies with a textured mesh each, and hidden capsules that collide with robots."""
+"""People of an episode: sampling by appearance similarity to the target, and their bodies in the model."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import mujoco
 
+from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people import body_meshes
-from pftrack_sim.scene.people.anatomy import Anatomy
+from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.head_mesh import head_mesh
 from pftrack_sim.scene.people.mesh import TriangleMesh, mirrored
-from pftrack_sim.scene.people.outfit import Outfit
+from pftrack_sim.scene.people.outfit import Outfit, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
 
 _PAIRED_PARTS = {
@@ -32,12 +34,11 @@ The frame of a part is at its upper joint (pelvis: midway between the hip joints
 x forward, y left, z up when standing.
 """
 
+# Collision bits: people collide with robots only.
 PEOPLE_CONTYPE = 4
 PEOPLE_CONAFFINITY = 2
-"""Collision bits: people collide with robots only."""
 
-UNPOSED_Z_M = -5.0
-"""Height of parts before the first pose is written: below the ground, out of the robot's way."""
+UNPOSED_Z_M = -5.0  # height of parts before the first pose is written: below the ground, out of the robot's way
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,59 @@ class Person:
     name: str
     anatomy: Anatomy
     outfit: Outfit
+
+
+def sample_people(
+    seed: int,
+    target_height_m: float,
+    distractor_count: int,
+    distractor_similarity: float,
+    crosser_similarities: Sequence[float],
+    passer_similarities: Sequence[float] = (),
+) -> tuple[Person, ...]:
+    """Sample the target and all other people; random streams are per person, so adding one changes no other.
+
+    Args:
+        seed: Root seed of the episode.
+        target_height_m: Stature of the target [m].
+        distractor_count: Number of pedestrians that walk about.
+        distractor_similarity: Appearance similarity of distractors to the target, in clothes, height and girth, from 0
+            to 1 (the same clothes and body).
+        crosser_similarities: Similarity of each pedestrian that crosses the line of sight.
+        passer_similarities: Similarity of each pedestrian that passes close by the target.
+
+    Returns:
+        `target`, `distractor-1`.., `crosser-1`.., `passer-1`...
+
+    Raises:
+        ParameterError: A similarity is outside [0, 1], or the height is not between 1.2 and 2.3 m.
+    """
+    target = Person(
+        "target",
+        sample_anatomy(stream(seed, "anatomy", "target"), target_height_m),
+        sample_outfit(stream(seed, "clothes", "target")),
+    )
+    roles = {
+        "distractor": [distractor_similarity] * distractor_count,
+        "crosser": crosser_similarities,
+        "passer": passer_similarities,
+    }
+    others = [
+        _similar_person(seed, f"{role}-{number}", target, similarity)
+        for role, similarities in roles.items()
+        for number, similarity in enumerate(similarities, start=1)
+    ]
+    return (target, *others)
+
+
+def _similar_person(seed: int, name: str, target: Person, similarity: float) -> Person:
+    outfit = similar_outfit(stream(seed, "clothes", name), target.outfit, similarity)
+    if similarity == 1.0:
+        return Person(name, target.anatomy, outfit)
+    independent = sample_anatomy(stream(seed, "anatomy", name))
+    height = independent.height_m + similarity * (target.anatomy.height_m - independent.height_m)
+    girth = independent.girth + similarity * (target.anatomy.girth - independent.girth)
+    return Person(name, replace(sample_anatomy(stream(seed, "anatomy", name), height), girth=girth), outfit)
 
 
 def part_meshes(person: Person) -> dict[str, TriangleMesh]:
@@ -64,7 +118,7 @@ def part_meshes(person: Person) -> dict[str, TriangleMesh]:
 
 
 def add_person(spec: mujoco.MjSpec, person: Person) -> None:
-    """Add the 13 mocap bodies of a person to the world body.
+    """Add the 13 mocap bodies of a person to the world body, each with one textured mesh.
 
     Visual geoms are in `PEOPLE_GROUP` and never collide; capsules in `HIDDEN_GROUP` collide with robots.
     """

@@ -15,11 +15,10 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy, Colour
 from pftrack_sim.scene.people.cloth_texture import PIXEL_M, cloth_texture
 from pftrack_sim.scene.people.head_texture import HEAD_SIZE, paint_head
-from pftrack_sim.scene.people.mesh import TriangleMesh, arc_length_columns, lofted_mesh
+from pftrack_sim.scene.people.mesh import TriangleMesh, lofted_mesh
 from pftrack_sim.scene.people.outfit import Outfit
 
-ATLAS_SIZE = 512
-"""Height and width of the atlas [px]."""
+ATLAS_SIZE = 512  # height and width [px]
 
 
 class Region(NamedTuple):
@@ -76,7 +75,7 @@ def cloth_mesh(
     length_m: float | None = None,
     first_row: float = 0.0,
 ) -> TriangleMesh:
-    """A mesh that shows cloth without stretching it around the body.
+    """A mesh that shows cloth; texture columns are proportional to the arc length from the front.
 
     Args:
         rings: `(R, N, 3)` points [m].
@@ -86,8 +85,16 @@ def cloth_mesh(
         length_m: Length [m] over which the region's rows are stretched; None keeps the scale of the cloth.
         first_row: Row of the region at `top_m`.
     """
+    closed = np.concatenate([rings, rings[:, :1]], axis=1)
+    step = np.sqrt((np.diff(closed, axis=1) ** 2).sum(axis=2))
+    arc = np.concatenate([np.zeros((len(rings), 1)), np.cumsum(step, axis=1)], axis=1)
+    girth = arc[:, -1:]
+    share = np.where(girth > 1e-9, arc / np.maximum(girth, 1e-9), np.linspace(0.0, 1.0, arc.shape[1]))
+    front = rings.shape[1] // 2
+    # All rings share one girth, so that vertical lines of a pattern run straight from ring to ring.
+    columns = front_column + (share - share[:, front : front + 1]) * float(np.quantile(girth, 0.7)) / PIXEL_M
+    columns = np.clip(columns, 1.0, region.width - 1.0)
     pixel_m = PIXEL_M if length_m is None else length_m / region.height
-    columns = np.clip(arc_length_columns(rings, PIXEL_M, front_column), 1.0, region.width - 1.0)
     rows = np.clip(first_row + (top_m - rings[..., 2]) / pixel_m, 1.0, region.height - 1.0)
     rows = np.concatenate([rows, rows[:, :1]], axis=1)
     return lofted_mesh(rings, np.stack([region.column + columns, region.row + rows], axis=-1))
