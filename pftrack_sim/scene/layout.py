@@ -1,22 +1,22 @@
-"""What a place tells the people and the robot about itself: where one can walk, what stands in the way."""
+"""Walkable area of a place, and the names and groups that scene, truth and rendering agree on."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pftrack_sim.core.types import FloatArray
 
 SCENERY_GROUP = 0
 PEOPLE_GROUP = 1
 ROBOT_GROUP = 2
 HIDDEN_GROUP = 3
 HIDDEN_ROBOT_GROUP = 4
-"""MuJoCo geom groups. Hidden geoms collide and are never drawn; the others are drawn. The robot's own have a group of
-their own: its range finder looks at all the others."""
+"""MuJoCo geom groups. Hidden geoms collide and are not drawn; those of the robot are ignored by its range finder."""
 
 SKY = "sky"
-"""Name of the material whose emission is the brightness of the sky's picture: light changes it, renderers read it."""
+"""Name of the material whose emission is the brightness of the sky's texture."""
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,11 @@ class Footprint:
     """An upright box that people walk around: an oriented rectangle on the ground.
 
     Attributes:
-        name: Name of the body that stands there.
+        name: Name of its body.
         centre_m: x, y, world frame.
         half_m: Half sizes along its own axes.
         yaw_rad: Angle of its first axis to the world's x.
-        height_m: How tall it is.
+        height_m: Its height.
     """
 
     name: str
@@ -44,8 +44,8 @@ class WalkableArea:
 
     Attributes:
         bounds_m: x_min, y_min, x_max, y_max of the area people stay in.
-        footprints: What stands in it.
-        goals_m: Points that strangers walk between (free of footprints).
+        footprints: Obstacles in it.
+        goals_m: Goals of pedestrians, free of obstacles.
     """
 
     bounds_m: tuple[float, float, float, float]
@@ -54,14 +54,11 @@ class WalkableArea:
 
 
 def owner_name(body_name: str) -> str:
-    """Who a body belongs to: the part before the first slash ("target/left-shank" -> "target").
-
-    Bodies of scenery carry a plain readable name ("pillar-3"); people and the robot put their parts behind a slash.
-    """
+    """Name of the person or thing that a body belongs to: "target/left-shank" -> "target", "pillar-3" -> "pillar-3"."""
     return body_name.split("/", 1)[0]
 
 
-def pose_matrix(position_m: NDArray[np.float64], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+def pose_matrix(position_m: FloatArray, rotation: FloatArray) -> FloatArray:
     """`(4, 4)` pose from a `(3,)` position [m] and a `(3, 3)` rotation."""
     pose = np.eye(4)
     pose[:3, :3] = rotation

@@ -1,7 +1,7 @@
-"""Light that changes during an episode: sun, sky and lamps follow the scenario's schedule.
+"""Time-varying light: sun, sky and lamps follow the scenario's schedule.
 
 Rendered values are display-coded. A change of the light by EV stops multiplies the luminance of the scene by 2**EV,
-hence the coded values, and with them every light's colour, by 2**(EV / 2.2).
+hence the coded values, and with them the colour of every light, by 2**(EV / 2.2).
 """
 
 from __future__ import annotations
@@ -17,19 +17,16 @@ from pftrack_sim.scenario.axes import LightAxis
 from pftrack_sim.scenario.model import LightRamp, Lights, LightStep
 from pftrack_sim.scene.layout import SKY
 
-Group: TypeAlias = Literal["all", "sun", "lamps"]
+LightGroup: TypeAlias = Literal["all", "sun", "lamps"]
 
-_LAMP = "light/lamp"
-_SHINING = "glow-lamp"
+_LAMP_LIGHT = "light/lamp"
+_LAMP_MATERIAL = "glow-lamp"
 
 
-def ev(lights: Lights, time_s: float, group: Group) -> float:
-    """Stops of light of one group at one time, relative to the place's own light.
+def ev(lights: Lights, time_s: float, group: LightGroup) -> float:
+    """Stops of light of a group at a time, relative to the place's own light.
 
-    Args:
-        lights: The scenario's lights; the stops of its changes add up.
-        time_s: Time since the start of the episode.
-        group: `"sun"` and `"lamps"` follow changes of their own and of `"all"`; `"all"` only those of `"all"`.
+    `"sun"` and `"lamps"` follow the changes of their group and of `"all"`, `"all"` only the latter; changes add up.
     """
     changes = [change for change in lights.schedule if change.lights in ("all", group)]
     return lights.ev + sum(change.ev * _progress(change, time_s) for change in changes)
@@ -43,17 +40,16 @@ def _progress(change: LightStep | LightRamp, time_s: float) -> float:
 
 
 class Lighting:
-    """Sets the lights of a model as the schedule has them.
+    """Sets the lights of a compiled model.
 
-    What the model held when this was made is the base; every call starts from it, so calls may come in any order and
-    `restore` leaves the model as it was found. Lights named "light/lamp..." and materials named "glow-lamp..." are
-    lamps; every other light is sun. The light from everywhere (the headlight's ambient part) and the sky's picture go
-    with the sun or moon, or with the lamps where there are only lamps: it is lamplight thrown back by the walls then.
+    Lights named "light/lamp..." and materials named "glow-lamp..." are lamps; every other light is sun. Ambient light
+    (the headlight's) and the sky's texture belong to the sun or moon; where there are only lamps, they belong to the
+    lamps, as their light is reflected by the walls. Every call starts from the model's original light.
 
     Args:
         model: The compiled scene.
         lights: The scenario's lights.
-        axis: Stress axis that comes on top; its colour is the camera's business.
+        axis: Stress axis on top; its colour is applied by the camera.
         rng: Draws the phase of the flicker.
     """
 
@@ -68,49 +64,39 @@ class Lighting:
         self._flicker_rad = 2.0 * math.pi * rng.random() if rng is not None else 0.0
         self._model = model
         self._lights = lights
-        names = [model.light(index).name for index in range(model.nlight)]
-        self._is_lamp = np.array([name.startswith(_LAMP) for name in names], dtype=bool)
-        self._sky_group: Group = "lamps" if len(names) > 0 and bool(self._is_lamp.all()) else "sun"
-        self._shining = np.array(
-            [model.material(index).name.startswith(_SHINING) for index in range(model.nmat)], dtype=bool
-        )
-        self._is_sky = np.array([model.material(index).name == SKY for index in range(model.nmat)], dtype=bool)
+        materials = [model.material(index).name for index in range(model.nmat)]
+        self._is_lamp = np.array([model.light(i).name.startswith(_LAMP_LIGHT) for i in range(model.nlight)], dtype=bool)
+        self._only_lamps = model.nlight > 0 and bool(self._is_lamp.all())
+        self._is_lamp_material = np.array([name.startswith(_LAMP_MATERIAL) for name in materials], dtype=bool)
+        self._is_sky = np.array([name == SKY for name in materials], dtype=bool)
         self._diffuse = model.light_diffuse.copy()
         self._ambient = model.light_ambient.copy()
         self._specular = model.light_specular.copy()
         self._emission = model.mat_emission.copy()
-        self._sky = np.array(model.vis.headlight.ambient)
+        self._headlight = np.array(model.vis.headlight.ambient)
 
-    def apply(self, time_s: float, walked_m: float = 0.0, exposure_ev: float = 0.0) -> None:
+    def apply(self, time_s: float, target_s_m: float = 0.0, exposure_ev: float = 0.0) -> None:
         """Set the model's lights.
 
         Args:
             time_s: Since the start of the episode.
-            walked_m: How far the target has come along its path, for pools of lamp light.
-            exposure_ev: Stops by which the camera exposes longer. They act on everything that shines, and here rather
-                than on the drawn frame, so that what is too bright for one exposure has its details in another.
+            target_s_m: Arc length of the target along its path, for pools of lamp light.
+            exposure_ev: Stops by which the camera exposes longer. They are applied to everything that emits light, and
+                not to the rendered frame, so that details that are saturated at one exposure are visible at another.
         """
-        added = {"sun": exposure_ev, "lamps": exposure_ev}
+        sun = lamps = exposure_ev
         if self._axis is not None:
-            stops = self._axis.ev(time_s, walked_m, self._flicker_rad)
-            added = {key: one + stops * (self._axis.lights in ("all", key)) for key, one in added.items()}
-        sun = gain(ev(self._lights, time_s, "sun") + added["sun"])
-        self._set(sun, gain(ev(self._lights, time_s, "lamps") + added["lamps"]), gain(exposure_ev))
-
-    def restore(self) -> None:
-        """Give the model back the light it had."""
-        self._set(1.0, 1.0, 1.0)
-
-    def _set(self, sun: float, lamps: float, signs: float) -> None:
+            stops = self._axis.ev(time_s, target_s_m, self._flicker_rad)
+            sun += stops * (self._axis.lights in ("all", "sun"))
+            lamps += stops * (self._axis.lights in ("all", "lamps"))
+        sun_gain = gain(ev(self._lights, time_s, "sun") + sun)
+        lamp_gain = gain(ev(self._lights, time_s, "lamps") + lamps)
+        sky_gain = lamp_gain if self._only_lamps else sun_gain
         model = self._model
-        factor = np.where(self._is_lamp, lamps, sun)[:, None]
-        model.light_diffuse[:] = self._diffuse * factor
-        model.light_ambient[:] = self._ambient * factor
-        model.light_specular[:] = self._specular * factor
-        model.mat_emission[:] = self._emission * np.where(
-            self._shining, lamps, np.where(self._is_sky, self._sky_brightness(sun, lamps), signs)
-        )
-        model.vis.headlight.ambient[:] = self._sky * self._sky_brightness(sun, lamps)
-
-    def _sky_brightness(self, sun: float, lamps: float) -> float:
-        return lamps if self._sky_group == "lamps" else sun
+        light_gains = np.where(self._is_lamp, lamp_gain, sun_gain)[:, None]
+        model.light_diffuse[:] = self._diffuse * light_gains
+        model.light_ambient[:] = self._ambient * light_gains
+        model.light_specular[:] = self._specular * light_gains
+        material_gains = np.where(self._is_sky, sky_gain, gain(exposure_ev))
+        model.mat_emission[:] = self._emission * np.where(self._is_lamp_material, lamp_gain, material_gains)
+        model.vis.headlight.ambient[:] = self._headlight * sky_gain

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.robot.robot import Robot
-from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.simulation.stepping import scene_state, step_physics
 
@@ -33,34 +32,6 @@ class DryRun:
     target_m: FloatArray
     robot_m: FloatArray
     target_height_m: float
-
-    @classmethod
-    def of(
-        cls,
-        times_s: ArrayLike,
-        camera_m: ArrayLike,
-        target_m: ArrayLike,
-        robot_m: ArrayLike | None,
-        target_height_m: float,
-    ) -> DryRun:
-        """A checked, read-only dry run; without `robot_m` the robot is below its camera.
-
-        Raises:
-            ParameterError: The shapes do not match, or the times do not rise.
-        """
-        times, camera = np.array(times_s, dtype=np.float64), np.array(camera_m, dtype=np.float64)
-        target = np.array(target_m, dtype=np.float64)
-        robot = camera[:, :2].copy() if robot_m is None else np.array(robot_m, dtype=np.float64)
-        count = len(times)
-        shapes = (camera.shape, target.shape, robot.shape)
-        if count < 2 or shapes != ((count, 3), (count, 2), (count, 2)) or (np.diff(times) <= 0.0).any():
-            raise ParameterError(
-                f"a dry run needs rising times (T,), T >= 2, camera (T, 3), target (T, 2) and robot (T, 2); "
-                f"got {times.shape} and {', '.join(map(str, shapes))}"
-            )
-        for array in (times, camera, target, robot):
-            array.setflags(write=False)
-        return cls(times, camera, target, robot, float(target_height_m))
 
     def until(self, time_s: float) -> DryRun:
         """The part up to the first sample after a time."""
@@ -105,10 +76,10 @@ def dry_run(
         state = scene_state(data, clock.time_s(len(states)), robot, crowd)
         crowd.tick(clock.tick_s, state.time_s, state.robot_pose[:2], state.T_world_camera[:2, 3])
         states.append(replace(state, target_m=crowd.positions_m[0], target_s_m=crowd.target_s_m))
-    return DryRun.of(
-        [state.time_s for state in states],
-        [state.T_world_camera[:3, 3] for state in states],
-        [state.target_m for state in states],
-        [state.robot_pose[:2] for state in states],
+    return DryRun(
+        np.array([state.time_s for state in states]),
+        np.array([state.T_world_camera[:3, 3] for state in states]),
+        np.array([state.target_m for state in states]),
+        np.array([state.robot_pose[:2] for state in states]),
         target_height_m,
     )

@@ -39,6 +39,7 @@ class Card:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
+        self.neutral = Lighting(self.model, model.Lights())
         self.renderer = Rasteriser(self.model, WIDTH, HEIGHT)
 
     def draw(self, pose: np.ndarray = FACING) -> np.ndarray:
@@ -52,7 +53,7 @@ class Card:
         for index in range(frames):
             lighting.apply(index / RATE_HZ, 0.0, sensor.settle(index / RATE_HZ))
             means.append(linear(sensor.expose(self.draw(), index / RATE_HZ)))
-        lighting.restore()
+        self.neutral.apply(0.0)
         return np.array(means)
 
 
@@ -76,7 +77,7 @@ def test_luminance_follows_stops(card: Card, what: str):
         lighting = Lighting(card.model, model.Lights(ev=stops))
         lighting.apply(0.0)
         measured = np.log2(linear(card.draw(pose)) @ LUMINANCE / base)
-        lighting.restore()
+        card.neutral.apply(0.0)
         assert measured == pytest.approx(stops, abs=0.05)
     assert linear(card.draw(pose)) @ LUMINANCE == base
     np.testing.assert_array_equal(card.model.tex_data, before)

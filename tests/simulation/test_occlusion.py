@@ -58,7 +58,7 @@ def dry_run_of(camera: Camera, duration_s: float = 14.0) -> DryRun:
     s = np.minimum(TARGET.speed_m_s * times, path.length_m)
     x, y, _ = path.at(s)
     places = np.array([camera(t, one) for t, one in zip(times.tolist(), s.tolist(), strict=True)])
-    return DryRun.of(times, np.c_[places, np.full(len(times), CAMERA_Z_M)], np.stack([x, y], axis=1), None, HEIGHT_M)
+    return DryRun(times, np.c_[places, np.full(len(times), CAMERA_Z_M)], np.stack([x, y], axis=1), places, HEIGHT_M)
 
 
 def occluder_of(kind: str, rng: np.random.Generator) -> model.Occluder:
@@ -117,7 +117,7 @@ def test_straight_behind_the_target_no_standing_thing_helps() -> None:
     times = np.arange(600) * TICK_S
     target = np.stack([1.2 * times, 0.0 * times], axis=1)
     camera = np.c_[target - (3.0, 0.0), np.full(600, CAMERA_Z_M)]
-    run = DryRun.of(times, camera, target, None, HEIGHT_M)
+    run = DryRun(times, camera, target, camera[:, :2], HEIGHT_M)
     asked = model.Occluder(kind="pillar", at_s=3.0)
     with pytest.raises(ParameterError, match=r"occluders\[1\].*walker"):
         plan_static(asked, run, HALL, "occluders[1]")

@@ -1,4 +1,4 @@
-"""What occluders are made of: concrete, brick and crate wood, drawn in memory."""
+"""Procedural textures of static occluders: concrete, brick and crate wood."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.core.types import FloatArray
+
 Image = NDArray[np.uint8]
 
 
 def concrete(size_px: int = 256) -> Image:
-    """`(size, size, 3)` one metre of shuttered concrete: blotches, grain, and the marks of what it was cast in."""
+    """`(size, size, 3)` one metre of concrete: blotches, grain, and the marks of its formwork."""
     rng = np.random.default_rng(11)
     grain = rng.normal(0.0, 5.0, (size_px, size_px))
     blotches = cv2.resize(rng.normal(0.0, 9.0, (12, 12)), (size_px, size_px), interpolation=cv2.INTER_CUBIC)
@@ -62,5 +64,5 @@ def crate(size_px: int = 128) -> Image:
     return _tint(level, (1.0, 0.8, 0.55))
 
 
-def _tint(level: NDArray[np.float64], rgb: tuple[float, float, float]) -> Image:
+def _tint(level: FloatArray, rgb: tuple[float, float, float]) -> Image:
     return np.clip(level[..., None] * np.array(rgb), 0, 255).astype(np.uint8)
