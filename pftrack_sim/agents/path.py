@@ -1,4 +1,4 @@
-"""Smooth paths on the ground: straight lines joined by arcs, by arc length."""
+"""Paths on the ground: straight lines joined by arcs, parametrised by arc length."""
 
 from __future__ import annotations
 
@@ -7,25 +7,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.types import FloatArray, IntArray
 
-Numbers = NDArray[np.float64]
-
-CORNER_M = 1.5
-"""Radius of a rounded corner where there is room for it."""
-
+_CORNER_M = 1.5
 _FAR_M = 1e6
-_SHORTEST_M = 1e-6
-
+_MIN_LENGTH_M = 1e-6
 _REVERSAL_RAD = 3.0
-"""A corner sharper than this has no arc."""
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """A line or an arc: where it starts, how long it is, how it bends."""
+    """A line or an arc."""
 
     x: float
     y: float
@@ -33,51 +28,48 @@ class _Piece:
     length: float
     curvature: float
 
+    def end(self) -> tuple[float, float, float]:
+        """x, y and heading of its end."""
+        half = 0.5 * self.length * self.curvature
+        chord = self.length * float(np.sinc(half / np.pi))
+        heading = self.heading + half
+        return self.x + chord * math.cos(heading), self.y + chord * math.sin(heading), heading + half
+
 
 class Path:
     """A polyline with rounded corners, parametrised by arc length `s` [m].
 
-    Every corner becomes the arc that touches both sides, of radius `corner_m` or as large as half the shorter side
-    allows, so the path stays inside the corners and has a continuous heading. Before `s = 0` and beyond `s = length_m`
-    it goes on straight. A corner that turns back (by 3 rad or more) turns on the spot.
+    Every corner is replaced by the arc that is tangent to both sides, of radius `corner_m`, or smaller where it would
+    take more than half of a side. Corners of 3 rad or more stay sharp. The path extends straight before `s = 0` and
+    beyond `s = length_m`.
 
     Args:
-        points_m: `(N, 2)` points x, y [m], world frame, at least two different ones. Repeated points are dropped.
+        points_m: `(N, 2)` points x, y [m], world frame, at least two different ones; repeated points are dropped.
         corner_m: Radius of the corners; 0 leaves them sharp.
 
     Raises:
-        ParameterError: Not points, or fewer than two different ones.
+        ParameterError: `points_m` is not of this shape, not finite, or has fewer than two different points.
     """
 
-    def __init__(self, points_m: ArrayLike, corner_m: float = CORNER_M) -> None:
+    def __init__(self, points_m: ArrayLike, corner_m: float = _CORNER_M) -> None:
         self._corners = _distinct(points_m)
         self._corner_m = corner_m
         inner = tuple(_pieces(self._corners, corner_m))
         self.length_m = float(sum(piece.length for piece in inner))
-        """Length from the first point to the last."""
-        first, last = inner[0], inner[-1]
-        end_x, end_y, end_heading = _along(last, last.length)
-        # What comes before the start is counted backwards from it: no digits are lost to a far away beginning.
+        first = inner[0]
+        # The extension before the start has its origin at s = 0, so that no digits are lost to a far origin.
         before = _Piece(first.x, first.y, first.heading, _FAR_M, 0.0)
-        pieces = (before, *inner, _Piece(end_x, end_y, end_heading, _FAR_M, 0.0))
-        self._origin = np.cumsum([0.0, 0.0, *(piece.length for piece in inner)])
+        pieces = (before, *inner, _Piece(*inner[-1].end(), _FAR_M, 0.0))
+        self._origin: FloatArray = np.cumsum([0.0, 0.0, *(piece.length for piece in inner)])
         self._starts = np.concatenate([[-_FAR_M], self._origin[1:]])
-        self._x, self._y, self._heading, self._length, self._curvature = np.array(
-            [(piece.x, piece.y, piece.heading, piece.length, piece.curvature) for piece in pieces]
-        ).T
+        table: FloatArray = np.array([(p.x, p.y, p.heading, p.length, p.curvature) for p in pieces]).T
+        self._x, self._y, self._heading, self._length, self._curvature = table
 
-    def at(self, s_m: ArrayLike) -> tuple[Numbers, Numbers, Numbers]:
-        """Position and heading.
-
-        Args:
-            s_m: Arc lengths [m], any shape; negative is before the start.
-
-        Returns:
-            x, y [m] and heading [rad], each of the shape of `s_m`; the heading has no jumps of 2 pi.
-        """
+    def at(self, s_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y [m] and heading [rad, without jumps of 2 pi] at arc lengths, each of the shape of `s_m`."""
         s, piece = self._locate(s_m)
         run, heading, bend = s - self._origin[piece], self._heading[piece], self._curvature[piece]
-        # Chord of an arc: length run * sinc(half the turn), along the mean heading; exact for lines too.
+        # Chord of an arc: length run * sinc(half the turn), along the mean heading; also exact for lines.
         half = 0.5 * run * bend
         chord = run * np.sinc(half / np.pi)
         return (
@@ -86,18 +78,17 @@ class Path:
             heading + 2.0 * half,
         )
 
-    def curvature(self, s_m: ArrayLike) -> Numbers:
-        """Change of heading per length [rad/m], of the shape of `s_m`; positive bends to the left."""
+    def curvature(self, s_m: ArrayLike) -> FloatArray:
+        """Curvature [1/m] at arc lengths, of the shape of `s_m`; positive turns left."""
         return self._curvature[self._locate(s_m)[1]]
 
     def project(self, xy_m: ArrayLike, near_s_m: float | None = None, within_m: float = 2.0) -> float:
-        """The arc length of the nearest point of the path.
+        """Arc length of the point of the path that is nearest to `(2,)` x, y [m].
 
         Args:
-            xy_m: `(2,)` x, y [m].
-            near_s_m: Look only around this arc length, for paths that come back to where they have been; None looks
-                everywhere.
-            within_m: How far around.
+            xy_m: The point.
+            near_s_m: Search only around this arc length, for paths that cross themselves; None searches everywhere.
+            within_m: Half width of that search.
         """
         x, y = (float(v) for v in np.asarray(xy_m, dtype=np.float64))
         low, high = (-_FAR_M, _FAR_M) if near_s_m is None else (near_s_m - within_m, near_s_m + within_m)
@@ -105,84 +96,73 @@ class Path:
         ends = np.minimum(self._starts + self._length, high)
         kept = np.flatnonzero(starts <= ends)
         s = np.clip(self._nearest(x, y)[kept], starts[kept], ends[kept])
-        # On an arc the nearest end is not always the clipped one: its two ends are candidates too.
+        # On an arc, the nearer end is not always the one to which s was clipped.
         s = np.concatenate([s, starts[kept], ends[kept]])
         px, py, _ = self.at(s)
         return float(s[np.argmin((px - x) ** 2 + (py - y) ** 2)])
 
     def offset(self, left_m: float) -> Path:
-        """The path beside this one, `left_m` to the left (negative: right).
-
-        Its corners are those of the shifted sides, no sharper than twice the offset away, rounded as here.
-        """
+        """The parallel path `left_m` to the left (negative: right), with mitred, then rounded corners."""
         if left_m == 0.0:
             return self
         sides = np.diff(self._corners, axis=0)
         sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
         normals = np.stack([-sides[:, 1], sides[:, 0]], axis=1)
-        # Mitre: along the bisector, longer by 1 / cos(half the turn); bounded where the path nearly turns back.
+        # Mitre: along the bisector, longer by 1 / cos(half the turn), up to twice the offset.
         bisectors = normals[:-1] + normals[1:]
         squared = np.maximum(0.5 * (bisectors**2).sum(axis=1, keepdims=True), 0.5)
         shifted = self._corners + left_m * np.concatenate([normals[:1], bisectors / squared, normals[-1:]])
-        # A side shorter than the inside of its corners would run backwards: it shrinks to a point.
+        # A side that is shorter than the inside of its corners would be reversed: it shrinks to a point.
         for index in np.flatnonzero((np.diff(shifted, axis=0) * sides).sum(axis=1) <= 0.0):
             shifted[index : index + 2] = shifted[index : index + 2].mean(axis=0)
         return Path(shifted, self._corner_m)
 
-    def _locate(self, s_m: ArrayLike) -> tuple[Numbers, NDArray[np.intp]]:
+    def _locate(self, s_m: ArrayLike) -> tuple[FloatArray, IntArray]:
         s = np.asarray(s_m, dtype=np.float64)
         return s, np.clip(np.searchsorted(self._starts, s, side="right") - 1, 0, len(self._starts) - 1)
 
-    def _nearest(self, x: float, y: float) -> Numbers:
-        """Arc length of the nearest point of each piece's unbounded line or full circle."""
+    def _nearest(self, x: float, y: float) -> FloatArray:
+        """Arc length of the nearest point of each piece, extended to a line or a full circle."""
         dx, dy = x - self._x, y - self._y
         cos, sin = np.cos(self._heading), np.sin(self._heading)
         ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
         bend = self._curvature
         arc = bend != 0.0
         safe = np.where(arc, bend, 1.0)
-        # Angle about the centre of the circle (0, 1 / bend), counted from the start of the arc.
-        turned = np.arctan2(safe * ahead, 1.0 - safe * left)
+        # Angle about the centre of the circle (0, 1 / bend), from the start of the arc.
+        turned: FloatArray = np.arctan2(safe * ahead, 1.0 - safe * left)
         return self._origin + np.where(arc, turned / safe, ahead)
 
 
-def _distinct(points_m: ArrayLike) -> Numbers:
-    points = np.array(points_m, dtype=np.float64)
+def _distinct(points_m: ArrayLike) -> FloatArray:
+    points: FloatArray = np.array(points_m, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-        raise ParameterError(f"a path needs points of shape (N, 2) with finite x, y in metres, got {points_m!r}")
+        raise ParameterError(f"a path needs finite points x, y [m] of shape (N, 2), got {points_m!r}")
     kept = [0]
     for index in range(1, len(points)):
-        if np.hypot(*(points[index] - points[kept[-1]])) > _SHORTEST_M:
+        if math.dist(points[index], points[kept[-1]]) > _MIN_LENGTH_M:
             kept.append(index)
     if len(kept) < 2:
         raise ParameterError(f"a path needs at least two different points, got {points.tolist()}")
     return points[kept]
 
 
-def _pieces(points: Numbers, corner_m: float) -> Iterable[_Piece]:
-    """Lines and arcs from the first point to the last."""
+def _pieces(points: FloatArray, corner_m: float) -> Iterable[_Piece]:
     sides = np.diff(points, axis=0)
     lengths = np.hypot(sides[:, 0], sides[:, 1])
     headings = np.unwrap(np.arctan2(sides[:, 1], sides[:, 0]))
     turns = np.diff(headings)
-    # How much of both sides each corner takes: the tangent length of its arc, at most half a side.
+    # Length of both sides that each corner replaces: the tangent length of its arc, at most half a side.
     tangents = np.where(np.abs(turns) < _REVERSAL_RAD, np.tan(0.5 * np.abs(turns)), 0.0)
     room = 0.5 * np.minimum(lengths[:-1], lengths[1:])
     taken = np.concatenate([[0.0], np.minimum(corner_m * tangents, room), [0.0]])
     for index, (length, heading) in enumerate(zip(lengths, headings, strict=True)):
         cut, straight = taken[index], length - taken[index] - taken[index + 1]
         x, y = points[index] + cut * sides[index] / length
-        if straight > _SHORTEST_M:
+        if straight > _MIN_LENGTH_M:
             yield _Piece(float(x), float(y), float(heading), float(straight), 0.0)
-        if index < len(turns) and taken[index + 1] > _SHORTEST_M:
+        if index < len(turns) and taken[index + 1] > _MIN_LENGTH_M:
             x, y = points[index + 1] - taken[index + 1] * sides[index] / length
             radius = float(taken[index + 1] / tangents[index])
             turn = float(turns[index])
             yield _Piece(float(x), float(y), float(heading), radius * abs(turn), math.copysign(1.0 / radius, turn))
-
-
-def _along(piece: _Piece, run: float) -> tuple[float, float, float]:
-    half = 0.5 * run * piece.curvature
-    chord = run * float(np.sinc(half / np.pi))
-    heading = piece.heading + half
-    return piece.x + chord * math.cos(heading), piece.y + chord * math.sin(heading), heading + half

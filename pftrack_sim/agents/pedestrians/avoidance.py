@@ -1,12 +1,11 @@
 """Collision avoidance between pedestrians: a social force, and barriers on the velocity.
 
-The social force predicts collisions (Zanlungo, Ikeda and Kanda, "Social force model with explicit collision
-prediction", EPL 93, 2011): the exponential repulsion of Helbing and Molnar (1995) acts between the predicted positions
-of closest approach. The barriers limit the rate at which a distance may shrink to a share of the room that is left, so
-that the distance never falls below its minimum.
+The social force (Zanlungo, Ikeda and Kanda, "Social force model with explicit collision prediction", EPL 93, 2011) is
+the repulsion of Helbing and Molnar (1995) between the predicted positions of closest approach. The barriers let a
+distance shrink only at a rate proportional to the room left, so that it never falls below its minimum.
 
-All functions are vectorised over `M` reactive pedestrians and their `N` neighbours: the same `M`, then everything that
-does not react (the target, scripted pedestrians, the robot, carts). Vectors have their x and y on the first axis.
+The functions are vectorised over `M` reactive pedestrians and their `N` neighbours: the same `M`, then everything that
+does not react. Vectors have their x and y on the first axis.
 """
 
 from __future__ import annotations
@@ -55,8 +54,8 @@ class Neighbours(NamedTuple):
     Attributes:
         state: `(4, N)` x, y [m], vx, vy [m/s], world frame; the first `M` columns are the reactive pedestrians.
         extra_m: `(N,)` distance to keep in addition to that from a person.
-        weight: `(N,)` factor of the social force: `NON_REACTIVE_WEIGHT` or 1.
-        share: `(N,)` share of a correction that the reactive pedestrian makes: 1, or 0.5 if the neighbour reacts too.
+        weight: `(N,)` factor of the social force: 1, or `NON_REACTIVE_WEIGHT`.
+        share: `(N,)` share of a correction that the reactive pedestrian makes: 0.5, or 1 for non-reactive ones.
         self_offset_m: `(M, N)` sentinel distance where a pedestrian meets itself, else 0.
     """
 

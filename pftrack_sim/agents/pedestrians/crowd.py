@@ -118,8 +118,7 @@ class Crowd:
             ("passers", len(self._oncoming)),
         )
         rngs = [stream(self._seed, kind, i) for kind, count in counts for i in range(count)]
-        near_target = [0 < person <= self._distractors.count for person in range(self._robot_column)]
-        self._goals = GoalManager(self._graph, self._sampler, rngs, near_target)
+        self._goals = GoalManager(self._graph, self._sampler, rngs, self._distractors.count)
         self._target.reset()
         self._store_target()
         occupied = [self._state[:2, 0].copy()]

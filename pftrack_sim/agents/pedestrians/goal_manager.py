@@ -42,13 +42,13 @@ class _Task:
 
 
 class GoalManager:
-    """Tasks and next waypoints of all pedestrians; the target's are never used.
+    """Tasks and next waypoints of all pedestrians; those of column 0, the target, are never used.
 
     Args:
         graph: Shortest routes.
         sampler: Sampler of new goals.
         rngs: One generator per pedestrian after the target.
-        near_target: `(P,)` whether half of a pedestrian's goals are near the target.
+        distractors: Number of distractors, columns 1..: half of their goals are near the target.
 
     Attributes:
         waypoint_m: `(2, P)` next waypoints.
@@ -57,14 +57,10 @@ class GoalManager:
     """
 
     def __init__(
-        self,
-        graph: VisibilityGraph,
-        sampler: GoalSampler,
-        rngs: Sequence[np.random.Generator],
-        near_target: Sequence[bool],
+        self, graph: VisibilityGraph, sampler: GoalSampler, rngs: Sequence[np.random.Generator], distractors: int
     ) -> None:
-        people = len(near_target)
-        self._graph, self._sampler, self._rngs, self._near_target = graph, sampler, rngs, near_target
+        people = 1 + len(rngs)
+        self._graph, self._sampler, self._rngs, self._distractors = graph, sampler, rngs, distractors
         self.waypoint_m = np.zeros((2, people))
         self.desired_speed_m_s = np.zeros(people)
         self.walking_speed_m_s = np.zeros(people)
@@ -83,7 +79,7 @@ class GoalManager:
         self, person: int, time_s: float, position_m: FloatArray, target_s_m: float, heading_rad: float | None = None
     ) -> None:
         """Walk to a goal drawn from the pedestrian's own stream; rather ahead if a heading is given."""
-        near_s_m = target_s_m if self._near_target[person] else None
+        near_s_m = target_s_m if person <= self._distractors else None
         route = self._sampler.route_to_goal(self._rngs[person - 1], position_m.copy(), heading_rad, near_s_m)
         self._assign(person, time_s, position_m, route)
 
@@ -93,17 +89,11 @@ class GoalManager:
         self._assign(person, time_s, position_m, route_m)
 
     def update(
-        self,
-        dt_s: float,
-        time_s: float,
-        columns: IntArray,
-        state: FloatArray,
-        heading_rad: FloatArray,
-        target_s_m: float,
+        self, dt_s: float, time_s: float, columns: IntArray, state: FloatArray, heading: FloatArray, target_s_m: float
     ) -> None:
         """Advance waypoints and goals of the reactive `columns` of the state by one tick that ends at `time_s`.
 
-        `state` `(4, C)` holds x, y [m], vx, vy [m/s], `heading_rad` `(P,)` headings, and `target_s_m` is the arc length
+        `state` `(4, C)` holds x, y [m], vx, vy [m/s], `heading` `(P,)` [rad], and `target_s_m` is the arc length
         of the target.
         """
         gap = np.hypot(*(self.waypoint_m[:, columns] - state[:2, columns]))
@@ -115,7 +105,7 @@ class GoalManager:
             elif task.mode is _Mode.WALK_AND_STOP:
                 self._stop(person)
             else:
-                self.walk_to_sampled_goal(person, time_s, state[:2, person], target_s_m, float(heading_rad[person]))
+                self.walk_to_sampled_goal(person, time_s, state[:2, person], target_s_m, float(heading[person]))
         self._since_check_s += dt_s
         if self._since_check_s + 1e-9 >= _CHECK_PERIOD_S:
             self._since_check_s = 0.0

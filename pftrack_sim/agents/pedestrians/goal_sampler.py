@@ -28,13 +28,7 @@ _NEAR_TARGET_PROBABILITY = 0.5
 
 
 class GoalSampler:
-    """Free positions of a layout, and routes to them.
-
-    Args:
-        layout: Bounds, and goals between which people walk; goals that are not free are ignored.
-        graph: Shortest routes over the layout's obstacle map.
-        target_path: Path of the target.
-    """
+    """Free positions of a layout, and routes to them; goals of the layout that are not free are ignored."""
 
     def __init__(self, layout: WalkableArea, graph: VisibilityGraph, target_path: Path) -> None:
         self._obstacles, self._graph, self._path = graph.obstacles, graph, target_path
@@ -76,16 +70,9 @@ class GoalSampler:
     def route_to_goal(
         self, rng: np.random.Generator, position_m: FloatArray, heading_rad: float | None, target_s_m: float | None
     ) -> FloatArray | None:
-        """A route to a sampled goal.
+        """A `(K, 2)` route from a `(2,)` position to a sampled goal; None when no goal was reachable.
 
-        Args:
-            rng: The pedestrian's stream.
-            position_m: `(2,)` start.
-            heading_rad: Goals ahead of this heading are preferred; None for no preference.
-            target_s_m: Arc length of the target: half of the goals are ahead of it; None for no such goals.
-
-        Returns:
-            `(K, 2)` waypoints; None when no goal was reachable.
+        With a heading, goals ahead are preferred. With the target's arc length, half of the goals are ahead of it.
         """
         for attempt in range(16):
             goal = self._sampled_goal(rng, target_s_m)
@@ -105,16 +92,9 @@ class GoalSampler:
     def route_off_line_of_sight(
         self, position_m: FloatArray, velocity_m_s: FloatArray, camera_m: FloatArray, target_m: FloatArray
     ) -> FloatArray | None:
-        """A route straight on, as far as it does not stay between camera and target.
+        """A `(K, 2)` route rather straight on that leads out of the line of sight; None when no goal was reachable.
 
-        Args:
-            position_m: `(2,)` start.
-            velocity_m_s: `(2,)` velocity of the pedestrian.
-            camera_m: `(K, 2)` predicted camera positions at `PREDICTION_TIMES_S`.
-            target_m: `(K, 2)` predicted target positions.
-
-        Returns:
-            `(K, 2)` waypoints; None when no goal was reachable.
+        Camera and target are `(T, 2)` predicted positions at `PREDICTION_TIMES_S`, position and velocity `(2,)`.
         """
         angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
         around = position_m + 8.0 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -134,15 +114,9 @@ class GoalSampler:
         return self._first_route(position_m, [goal for goal in best if self._free(goal)])
 
     def route_aside(self, position_m: FloatArray, heading_rad: float, others_m: FloatArray) -> FloatArray | None:
-        """A route to a goal far from the target's path, rather ahead than behind.
+        """A `(K, 2)` route to a goal away from the target's path and from `(N, 2)` others, rather ahead than behind.
 
-        Args:
-            position_m: `(2,)` start.
-            heading_rad: Heading of the pedestrian.
-            others_m: `(N, 2)` positions of the others.
-
-        Returns:
-            `(K, 2)` waypoints; None when no goal was reachable.
+        None when no goal was reachable.
         """
         goals = positions_away_from(self._path, self._obstacles, self._bounds_m)
         nearest_m = np.hypot(*(goals[:, None] - others_m).transpose(2, 0, 1)).min(axis=1)

@@ -1,9 +1,8 @@
 """Trajectory of a pedestrian or a cart that covers the line of sight from the camera to the target at a given time.
 
-The trajectory is defined in the moving frame of the line of sight, which is only known while the episode runs: during
-the cover, the mover stays at a share of the distance and moves across the line of sight, from one half width on one
-side to one half width on the other. The approach and the exit join this part with continuous position, velocity and
-acceleration.
+It is defined in the frame of the line of sight, which is known only while the episode runs: during the cover, the mover
+stays at a share of the distance and moves across the line of sight, from one half width on one side to one half width
+on the other. Approach and exit join this part with continuous position, velocity and acceleration.
 """
 
 from __future__ import annotations
@@ -89,8 +88,7 @@ class Crossing:
     def lateral_m(self, before_s: float) -> float:
         """Offset from the line of sight during the cover, at `before_s` before its middle; an odd function.
 
-        It goes from one half width to the other with `rate_m_s` at both ends: a power of the time left, the smoothest
-        monotonic curve with these ends, and a linear part, so that the mover never stands still.
+        It is a power of the time, with `rate_m_s` at both ends, and a linear part, so that the mover never stands.
         """
         half_s = 0.5 * self.duration_s
         steepness = self.rate_m_s * half_s / self.half_width_m
@@ -131,13 +129,9 @@ class OcclusionTrajectory:
         self._reference = reference
 
     def begin(self, dt_s: float, time_s: float, position_m: Xy, velocity_m_s: Xy | None) -> None:
-        """Start to move, after `update` at the same time.
+        """Start to move in the tick of the last `update`.
 
-        Args:
-            dt_s: Length of the tick.
-            time_s: Time at its end.
-            position_m: Position of the mover at its beginning.
-            velocity_m_s: Its velocity then; None for that of the reference.
+        Position and velocity are those at the beginning of the tick; None for the velocity of the reference.
         """
         start = self._previous or self._reference
         if start is None:
@@ -182,8 +176,7 @@ class OcclusionTrajectory:
                 return crossing.side * (half - rate * (time_s - crossing.at_s))
             return crossing.side * crossing.lateral_m(-over_s - 0.5 * crossing.duration_s)
         if math.isnan(self._exit_rate_m_s):
-            # At the end of the cover the velocity is that of the line of sight plus `rate` across it; the exit rate
-            # makes the speed in the world that of walking.
+            # The speed at the end of the cover includes `rate`; the exit rate makes it that of walking.
             speed = math.hypot(*self._reference_velocity)
             self._exit_rate_m_s = min(max(rate + _WALKING_SPEED_M_S - speed, 0.55), 1.4)
         x = min(over_s / _EXIT_RAMP_S, 1.0)
@@ -206,17 +199,9 @@ def _point_on_sight(depth: float, camera_m: Xy, target_m: Xy) -> tuple[float, fl
 def crossing_track(
     crossing: Crossing, start_s: float, dt_s: float, camera_m: FloatArray, target_m: FloatArray
 ) -> FloatArray:
-    """Positions of a mover over recorded camera and target positions.
+    """`(K, 2)` positions of a mover [m] until its crossing is finished, NaN afterwards.
 
-    Args:
-        crossing: Time and place of the crossing.
-        start_s: Time of the first sample.
-        dt_s: Time between samples.
-        camera_m: `(K, 2)` camera on the ground.
-        target_m: `(K, 2)` target on the ground.
-
-    Returns:
-        `(K, 2)` positions until the crossing is finished, NaN afterwards [m].
+    Camera and target are `(K, 2)` recorded positions on the ground at `start_s`, `start_s + dt_s`, ...
     """
     trajectory = OcclusionTrajectory(crossing)
     track = np.full((len(camera_m), 2), np.nan)

@@ -61,7 +61,7 @@ def plan_oncoming_pass(
     name: str,
     waiting_places_m: ArrayLike = (),
 ) -> OncomingPass:
-    """Plan a pass on the side with more room.
+    """Plan a pass at `distance_m` from the target, on the side with more room.
 
     Args:
         at_s: Time of the pass.
@@ -72,7 +72,7 @@ def plan_oncoming_pass(
         target_s_at: Arc length of the target at a time.
         side: Preferred side: 1 is left of the target's path, -1 right.
         name: Name in error messages.
-        waiting_places_m: `(N, 2)` places away from the path that are free.
+        waiting_places_m: `(N, 2)` free places away from the path.
 
     Raises:
         ParameterError: There is no room on either side.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.core.types import FloatArray
@@ -30,8 +31,7 @@ _PAUSE_S = 0.6
 _MAX_WALKING_SPEED_M_S = 2.2
 
 
-@dataclass(frozen=True)
-class _Command:
+class _Command(NamedTuple):
     """Desired speed along the path (negative: backwards), heading relative to it, and posture."""
 
     speed_m_s: float
@@ -43,11 +43,6 @@ class _Command:
 class TargetWalk:
     """The target walks along its path, slows down to a stop at its end, and waits for a robot in its way.
 
-    Args:
-        path: Its path.
-        speed_m_s: Its walking speed, also at the start.
-        axis: Its manoeuvres.
-
     Attributes:
         s_m: Arc length on the path.
         state: x, y [m] and vx, vy [m/s].
@@ -57,18 +52,14 @@ class TargetWalk:
     """
 
     def __init__(self, path: Path, speed_m_s: float, axis: TargetAxis) -> None:
-        self._path = path
-        self._axis = axis
-        self._walking_speed_m_s = speed_m_s
-        if axis.on:
-            faster_m_s = min(speed_m_s + axis.severity * axis.faster_m_s, _MAX_WALKING_SPEED_M_S)
-            self._walking_speed_m_s = max(faster_m_s, speed_m_s)
+        self._path, self._axis = path, axis
+        faster_m_s = axis.severity * axis.faster_m_s if axis.on else 0.0
+        self._walking_speed_m_s = max(min(speed_m_s + faster_m_s, _MAX_WALKING_SPEED_M_S), speed_m_s)
         self.reset()
 
     def reset(self) -> None:
         """Return to the start of the path."""
-        self.s_m, self.crouch, self.running = 0.0, 0.0, False
-        self._facing_rad, self._time_s = 0.0, 0.0
+        self.s_m, self.crouch, self.running, self._facing_rad, self._time_s = 0.0, 0.0, False, 0.0, 0.0
         self._speed_m_s = min(self._walking_speed_m_s, math.sqrt(2.0 * DECELERATION_M_S2 * self._path.length_m))
         self._update_state()
 
@@ -103,17 +94,14 @@ class TargetWalk:
 
     def _command(self) -> _Command:
         axis = self._axis
-        walk = _Command(self._walking_speed_m_s)
-        if not math.isfinite(axis.every_s):
-            return walk
-        begin_s, number = axis.at_s, 0
-        while self._time_s >= begin_s:
-            name = axis.manoeuvres[number % len(axis.manoeuvres)]
+        begin_s = axis.at_s if math.isfinite(axis.every_s) else math.inf
+        for name in itertools.cycle(axis.manoeuvres):
+            if self._time_s < begin_s:
+                break
             if self._time_s < begin_s + MANOEUVRE_DURATIONS_S[name]:
                 return self._manoeuvre(name, self._time_s - begin_s)
             begin_s += max(axis.every_s, MANOEUVRE_DURATIONS_S[name] + _PAUSE_S)
-            number += 1
-        return walk
+        return _Command(self._walking_speed_m_s)
 
     def _manoeuvre(self, name: str, since_s: float) -> _Command:
         if name == "run":

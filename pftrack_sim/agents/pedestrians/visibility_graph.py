@@ -1,7 +1,7 @@
 """Shortest walks around obstacles.
 
 A visibility graph over the corners of the grown footprints (Lozano-Perez and Wesley, 1979), searched with A*. The edges
-of a corner are computed when the search first expands it and are then kept, so that unused corners cost nothing.
+of a corner are computed, and kept, when the search first expands it.
 """
 
 from __future__ import annotations
@@ -28,11 +28,7 @@ class VisibilityGraph:
         self._edges: dict[int, FloatArray] = {}
 
     def shortest_route(self, start_m: ArrayLike, goal_m: ArrayLike) -> FloatArray | None:
-        """The shortest route from `(2,)` start to `(2,)` goal.
-
-        Returns:
-            `(K, 2)` waypoints without the start, the goal last; None when there is no route.
-        """
+        """`(K, 2)` waypoints from a `(2,)` start (excluded) to a `(2,)` goal (included); None without a route."""
         start, goal = np.asarray(start_m, dtype=np.float64), np.asarray(goal_m, dtype=np.float64)
         from_start = self._lengths(start, np.vstack([self._nodes, goal]), self._margins(start, goal))
         if np.isfinite(from_start[-1]):

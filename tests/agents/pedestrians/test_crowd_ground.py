@@ -43,7 +43,7 @@ def test_distance_and_direction_lead_to_the_surface(seed: int) -> None:
     assert np.array_equal(ground.clearance_m(points) < 0.0, inside(layout, points))
     distance, away = ground.distances(points.T)
     assert np.abs(np.hypot(*away) - 1.0).max() <= 1e-9
-    for thing in range(ground.count):
+    for thing in range(distance.shape[1]):
         step = distance[:, thing, None]
         foot = points - step * away[:, :, thing].T
         assert np.abs(ground.distances(foot.T)[0][:, thing]).max() <= 1e-6
