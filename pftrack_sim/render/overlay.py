@@ -1,8 +1,8 @@
-"""What is true and what trackers say, drawn over a frame for people to look at.
+"""Ground truth and estimates drawn over a frame.
 
-The truth is white: dashed around the whole body, solid around what shows. Each tracker has a colour of its own, from
-a palette that colour-blind people can tell apart (Okabe and Ito, "Color Universal Design", 2008), and is dashed while
-it holds the target to be covered.
+Truth is white: dashed for the amodal box, solid for the visible box. Each tracker has a colour of a palette that
+colour-blind people can tell apart (Okabe and Ito, "Color Universal Design", 2008); its box is dashed while it reports
+the target as occluded.
 """
 
 from __future__ import annotations
@@ -10,15 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import cycle
 from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Frame, Image, Truth
+from pftrack_sim.core.types import FloatArray
 
 Colour = tuple[int, int, int]
 
@@ -37,24 +38,16 @@ _WHITE: Colour = (255, 255, 255)
 _GREY: Colour = (190, 190, 190)
 _SHADE: Colour = (20, 20, 20)
 _PANEL_OPACITY = 0.62
-_MAX_DOTS = 400
+_MAX_PARTICLES = 400
 _MIN_LABEL_HEIGHT_PX = 200
-"""Images lower than this have no room for names beside the legend."""
+"""Lower images have no room for the names of other people."""
 
-_MENTIONED_FROM = 0.98
-"""A cover that takes less than the rest, a sole in the grass, is not worth a word."""
+_OCCLUDERS_BELOW = 0.98
+"""Visible fraction below which occluders are named: grass over a sole is not."""
 
 
 def draw_frame(frame: Frame, estimates: Mapping[str, Estimate]) -> Image:
-    """A frame with its truth and what was said of it.
-
-    Args:
-        frame: The frame; its image stays as it is.
-        estimates: By name, in the order of their colours.
-
-    Returns:
-        A new `(H, W, 3)` uint8 image.
-    """
+    """Draw the truth and the estimates of a frame; see `draw_boxes`."""
     return draw_boxes(frame.image, frame.truth, estimates, people=frame.people)
 
 
@@ -66,202 +59,184 @@ def draw_boxes(
     people: Sequence[Truth] = (),
     particles: bool = True,
 ) -> Image:
-    """Boxes, a legend with overlaps, and a line about the target's state.
+    """Draw boxes, a legend with overlaps, and a line with the target's state.
 
     Args:
-        image: `(H, W, 3)` uint8 RGB; stays as it is.
+        image: `(H, W, 3)` uint8 RGB; not modified.
         truth: The target.
-        estimates: By name, in the order of their colours.
-        people: Others to mark; the target among them is passed over.
-        particles: Whether the centres of an estimate's particles are dotted.
+        estimates: By tracker name, in the order of their colours.
+        people: Other people to mark; the target among them is ignored.
+        particles: Whether the centres of an estimate's particles are drawn.
 
     Returns:
         A new `(H, W, 3)` uint8 image.
     """
-    canvas = np.array(image, dtype=np.uint8, order="C")
-    style = _Style(canvas)
+    canvas = _Canvas(image)
     others = [person for person in people if person.name != truth.name]
     for person in others:
-        _outline(canvas, person.amodal_box, _GREY, 1, style.dash)
-    _labels(canvas, style, others, truth)
+        canvas.outline(person.amodal_box, _GREY, 1, dashed=True)
+    canvas.labels(others, truth)
     if particles:
-        for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
-            _dots(canvas, estimate.particles, colour)
-    _outline(canvas, truth.amodal_box, _WHITE, 1, style.dash)
-    _outline(canvas, truth.visible_box, _WHITE, 1, None)
-    for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
-        _outline(canvas, estimate.box, colour, style.line, style.dash if estimate.occluded else None)
-    _legend(canvas, style, truth.box if truth.scored else None, estimates)
-    _footer(canvas, style, truth)
-    return canvas
+        canvas.particles(estimates)
+    canvas.outline(truth.amodal_box, _WHITE, 1, dashed=True)
+    canvas.outline(truth.visible_box, _WHITE, 1)
+    canvas.estimates(estimates)
+    canvas.legend(truth.box if truth.scored else None, estimates)
+    canvas.caption(*_state(truth))
+    return canvas.image
 
 
 def draw_recorded(
     image: Image, truth: Box, estimates: Mapping[str, Estimate], *, caption: str = "", particles: bool = True
 ) -> Image:
-    """Boxes over a frame of a recorded sequence, of which nothing is known but a box.
+    """Draw boxes over a frame of a recorded sequence, whose only truth is an annotated box.
 
     Args:
-        image: `(H, W, 3)` uint8 RGB; stays as it is.
-        truth: `(4,)` the box drawn by hand [px]; NaN where there is none.
-        estimates: By name, in the order of their colours.
+        image: `(H, W, 3)` uint8 RGB; not modified.
+        truth: `(4,)` the annotated box [px]; NaN where there is none.
+        estimates: By tracker name, in the order of their colours.
         caption: A line at the bottom.
-        particles: Whether the centres of an estimate's particles are dotted.
+        particles: Whether the centres of an estimate's particles are drawn.
 
     Returns:
         A new `(H, W, 3)` uint8 image.
     """
-    canvas = np.array(image, dtype=np.uint8, order="C")
-    style = _Style(canvas)
+    canvas = _Canvas(image)
     if particles:
-        for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
-            _dots(canvas, estimate.particles, colour)
-    _outline(canvas, truth, _WHITE, 1, None)
-    for colour, estimate in zip(_colours(len(estimates)), estimates.values(), strict=True):
-        _outline(canvas, estimate.box, colour, style.line, style.dash if estimate.occluded else None)
-    _legend(canvas, style, truth if np.isfinite(truth).all() else None, estimates)
+        canvas.particles(estimates)
+    canvas.outline(truth, _WHITE, 1)
+    canvas.estimates(estimates)
+    canvas.legend(truth if np.isfinite(truth).all() else None, estimates)
     if caption:
-        _caption(canvas, style, caption)
-    return canvas
+        canvas.caption(caption)
+    return canvas.image
 
 
-class _Style:
-    """Sizes that suit the image."""
+class _Canvas:
+    """A copy of an image, with line and text sizes that suit its height."""
 
     def __init__(self, image: Image) -> None:
-        height = image.shape[0]
-        self.text = int(min(20, max(9, round(height / 34))))
-        self.line = 2 if height >= 200 else 1
-        self.dash = max(3, height // 80)
-        self.pad = max(2, self.text // 3)
-        self.row = self.text + self.pad
+        self.image = np.array(image, dtype=np.uint8, order="C")
+        self.height, self.width = self.image.shape[:2]
+        self._text_px = int(min(20, max(9, round(self.height / 34))))
+        self._line_px = 2 if self.height >= 200 else 1
+        self._dash_px = max(3, self.height // 80)
+        self._pad_px = max(2, self._text_px // 3)
+        self._row_px = self._text_px + self._pad_px
+
+    def estimates(self, estimates: Mapping[str, Estimate]) -> None:
+        for colour, estimate in zip(cycle(PALETTE), estimates.values(), strict=False):
+            self.outline(estimate.box, colour, self._line_px, dashed=estimate.occluded)
+
+    def outline(self, box: FloatArray, colour: Colour, width: int, *, dashed: bool = False) -> None:
+        """Draw the edge of a box [px], with a dark line outside it for contrast; a box with NaN is not drawn."""
+        if not np.isfinite(box).all() or boxes.area(box) == 0.0:
+            return
+        # Clipped: far corners would overflow OpenCV's integers and cost very many dashes.
+        low = np.maximum(box[:2], -1e3)
+        high = np.minimum(box[:2] + box[2:], (self.width + 1e3, self.height + 1e3))
+        x0, y0 = (math.floor(v) for v in low)
+        x1, y1 = (math.ceil(v) - 1 for v in high)
+        if x1 < 0 or y1 < 0 or x0 >= self.width or y0 >= self.height:
+            return
+        cv2.rectangle(self.image, (x0 - 1, y0 - 1), (x1 + 1, y1 + 1), _SHADE, 1)
+        if not dashed:
+            for inset in range(width):
+                cv2.rectangle(self.image, (x0 + inset, y0 + inset), (x1 - inset, y1 - inset), colour, 1)
+            return
+        dash = self._dash_px
+        for x in range(x0, x1 + 1, 2 * dash):
+            for y in (y0, y1 - width + 1):
+                self._fill(x, y, min(dash, x1 + 1 - x), width, colour)
+        for y in range(y0, y1 + 1, 2 * dash):
+            for x in (x0, x1 - width + 1):
+                self._fill(x, y, width, min(dash, y1 + 1 - y), colour)
+
+    def particles(self, estimates: Mapping[str, Estimate]) -> None:
+        """Draw a pixel at the centre of each particle's box."""
+        for colour, estimate in zip(cycle(PALETTE), estimates.values(), strict=False):
+            if estimate.particles is None or len(estimate.particles) == 0:
+                continue
+            states = estimate.particles[:: math.ceil(len(estimate.particles) / _MAX_PARTICLES)]
+            centres = states[:, :2] + 0.5 * states[:, 2:]
+            size = (self.width, self.height)
+            inside = np.isfinite(centres).all(axis=1) & (centres >= 0).all(axis=1) & (centres < size).all(axis=1)
+            columns, rows = np.floor(centres[inside]).astype(np.intp).T
+            self.image[rows, columns] = colour
+
+    def labels(self, people: Sequence[Truth], target: Truth) -> None:
+        """Write names above the boxes of other people, nearest first, where neither a name nor the target is."""
+        if self.height < _MIN_LABEL_HEIGHT_PX:
+            return
+        size = self._text_px - 1
+        x0, y0, width, height = target.box
+        placed: list[tuple[int, int, int]] = []
+        for person in sorted(people, key=lambda person: person.distance_m):
+            if not np.isfinite(person.amodal_box).all():
+                continue
+            x, y = math.ceil(person.amodal_box[0]), math.floor(person.amodal_box[1]) - self._pad_px
+            right = x + _text_width(person.name, size) + self._pad_px
+            free = all(abs(y - row) > self._row_px or right < left or x > end for left, end, row in placed)
+            off_target = x > x0 + width or right < x0 or y < y0 or y - size > y0 + height
+            if free and off_target and x >= 0 and right <= self.width and size <= y < self.height:
+                placed.append((x, right, y))
+                self._darken(x - 1, y - size + 1, right - x, size + self._pad_px - 1)
+                self._write(person.name, x + 1, y, _GREY, size)
+
+    def legend(self, truth: Box | None, estimates: Mapping[str, Estimate]) -> None:
+        """Top left: each tracker's colour, name and overlap with the truth."""
+        pad, text, swatch = self._pad_px, self._text_px, 2 * self._text_px
+        name_width = max(_text_width(name, text) for name in ("truth", *estimates))
+        number_width = _text_width("0.00", text) + pad if estimates else 0
+        panel_width = swatch + name_width + number_width + 4 * pad
+        self._darken(0, 0, panel_width, (1 + len(estimates)) * self._row_px + pad)
+        base = self._row_px - pad // 3
+        self._line(pad, text, base - text // 3, 1, _WHITE, dashed=True)
+        self._line(pad + text, text, base - text // 3, 1, _WHITE)
+        self._write("truth", swatch + 2 * pad, base, _WHITE, text)
+        for (name, estimate), colour in zip(estimates.items(), cycle(PALETTE), strict=False):
+            base += self._row_px
+            self._line(pad, swatch, base - text // 3, self._line_px, colour, dashed=estimate.occluded)
+            self._write(name, swatch + 2 * pad, base, _WHITE, text)
+            overlap = f"{boxes.iou(estimate.box, truth):.2f}" if truth is not None else "-"
+            self._write(overlap, panel_width - pad - _text_width(overlap, text), base, colour, text)
+
+    def caption(self, *parts: str) -> None:
+        """Bottom left: as many parts as fit, at least the first."""
+        count = len(parts)
+        while count > 1 and _text_width("   ".join(parts[:count]), self._text_px) > self.width - 2 * self._pad_px:
+            count -= 1
+        text = "   ".join(parts[:count])
+        top = self.height - self._row_px - self._pad_px // 2
+        self._darken(0, top, _text_width(text, self._text_px) + 2 * self._pad_px, self.height - top)
+        self._write(text, self._pad_px, self.height - self._pad_px, _WHITE, self._text_px)
+
+    def _line(self, x: int, length: int, y: int, width: int, colour: Colour, *, dashed: bool = False) -> None:
+        dash = self._dash_px if dashed else length
+        for start in range(x, x + length, 2 * dash):
+            self._fill(start, y - width // 2, min(dash, x + length - start), width, colour)
+
+    def _fill(self, x: int, y: int, width: int, height: int, colour: Colour) -> None:
+        cv2.rectangle(self.image, (x, y), (x + width - 1, y + height - 1), colour, cv2.FILLED)
+
+    def _darken(self, x: int, y: int, width: int, height: int) -> None:
+        area = self.image[max(y, 0) : y + height, max(x, 0) : x + width]
+        area[:] = (area * (1.0 - _PANEL_OPACITY)).astype(np.uint8)
+
+    def _write(self, text: str, x: int, y: int, colour: Colour, size: int) -> None:
+        cv2.putText(self.image, text, (x, y), colour, _font(), size, 500)
 
 
-def _colours(count: int) -> list[Colour]:
-    return [PALETTE[index % len(PALETTE)] for index in range(count)]
-
-
-def _outline(canvas: Image, box: NDArray[np.float64], colour: Colour, width: int, dash: int | None) -> None:
-    """The edge of a box with a dark shade along it, so that it shows on any background.
-
-    Args:
-        canvas: Drawn on.
-        box: `(4,)` [px]; NaN draws nothing.
-        colour: Of the edge.
-        width: Of the edge [px].
-        dash: Length of dashes and gaps [px]; None is solid.
-    """
-    if not np.isfinite(box).all() or boxes.area(box) == 0.0:
-        return
-    height, width_px = canvas.shape[:2]
-    # Far corners would overflow OpenCV's integers, and dashing along kilometres takes for ever.
-    low = np.maximum(box[:2], -1e3)
-    high = np.minimum(box[:2] + box[2:], (width_px + 1e3, height + 1e3))
-    x0, y0 = (math.floor(v) for v in low)
-    x1, y1 = (math.ceil(v) - 1 for v in high)
-    if x1 < 0 or y1 < 0 or x0 >= width_px or y0 >= height:
-        return
-    cv2.rectangle(canvas, (x0 - 1, y0 - 1), (x1 + 1, y1 + 1), _SHADE, 1)
-    if dash is None:
-        for inset in range(width):
-            cv2.rectangle(canvas, (x0 + inset, y0 + inset), (x1 - inset, y1 - inset), colour, 1)
-        return
-    for start in range(x0, x1 + 1, 2 * dash):
-        for y in (y0, y1 - width + 1):
-            cv2.rectangle(canvas, (start, y), (min(start + dash - 1, x1), y + width - 1), colour, cv2.FILLED)
-    for start in range(y0, y1 + 1, 2 * dash):
-        for x in (x0, x1 - width + 1):
-            cv2.rectangle(canvas, (x, start), (x + width - 1, min(start + dash - 1, y1)), colour, cv2.FILLED)
-
-
-def _dots(canvas: Image, particles: NDArray[np.float64] | None, colour: Colour) -> None:
-    """A pixel at the centre of each particle's box."""
-    if particles is None or len(particles) == 0:
-        return
-    step = math.ceil(len(particles) / _MAX_DOTS)
-    centres = particles[::step, :2] + 0.5 * particles[::step, 2:]
-    height, width = canvas.shape[:2]
-    inside = np.isfinite(centres).all(axis=1) & (centres >= 0).all(axis=1) & (centres < (width, height)).all(axis=1)
-    columns, rows = np.floor(centres[inside]).astype(np.intp).T
-    canvas[rows, columns] = colour
-
-
-def _labels(canvas: Image, style: _Style, people: Sequence[Truth], target: Truth) -> None:
-    """Names above the boxes of other people, nearest first, where there is room for them beside the target."""
-    height, width = canvas.shape[:2]
-    size = style.text - 1
-    x0, y0, *extent = target.box
-    taken: list[tuple[int, int, int]] = []
-    for person in sorted(people, key=lambda one: one.distance_m):
-        if height < _MIN_LABEL_HEIGHT_PX or not np.isfinite(person.amodal_box).all():
-            continue
-        x, y = math.ceil(person.amodal_box[0]), math.floor(person.amodal_box[1]) - style.pad
-        right = x + _width(person.name, size) + style.pad
-        free = all(abs(y - row) > style.row or right < left or x > end for left, end, row in taken)
-        aside = x > x0 + extent[0] or right < x0 or y < y0 or y - size > y0 + extent[1]
-        if free and aside and x >= 0 and right <= width and size <= y < height:
-            taken.append((x, right, y))
-            _darken(canvas, x - 1, y - size + 1, right - x, size + style.pad - 1)
-            _write(canvas, person.name, (x + 1, y), _GREY, size)
-
-
-def _legend(canvas: Image, style: _Style, truth: Box | None, estimates: Mapping[str, Estimate]) -> None:
-    """Top left: a line per tracker with its colour, name and overlap with the truth, where there is one."""
-    rows: list[tuple[str, str, Colour, int | None]] = [("truth", "", _WHITE, None)]
-    for (name, estimate), colour in zip(estimates.items(), _colours(len(estimates)), strict=True):
-        overlap = f"{boxes.iou(estimate.box, truth):.2f}" if truth is not None else "-"
-        rows.append((name, overlap, colour, style.dash if estimate.occluded else None))
-    swatch = 2 * style.text
-    name_width = max(_width(name, style.text) for name, *_ in rows)
-    number_width = _width("0.00", style.text) + style.pad if estimates else 0
-    panel = (swatch + name_width + number_width + 4 * style.pad, len(rows) * style.row + style.pad)
-    _darken(canvas, 0, 0, *panel)
-    for index, (name, overlap, colour, dash) in enumerate(rows):
-        base = (index + 1) * style.row - style.pad // 3
-        middle = base - style.text // 3
-        if name == "truth" and index == 0:
-            half = swatch // 2
-            _line(canvas, style.pad, half, middle, 1, colour, style.dash)
-            _line(canvas, style.pad + half, half, middle, 1, colour, None)
-        else:
-            _line(canvas, style.pad, swatch, middle, style.line, colour, dash)
-        _write(canvas, name, (swatch + 2 * style.pad, base), _WHITE, style.text)
-        right = panel[0] - style.pad - _width(overlap, style.text) if overlap else 0
-        if overlap:
-            _write(canvas, overlap, (right, base), colour, style.text)
-
-
-def _footer(canvas: Image, style: _Style, truth: Truth) -> None:
-    """Bottom: time, how much of the target shows, and what covers it; as much of it as fits."""
+def _state(truth: Truth) -> list[str]:
+    """Time, visibility, distance and occluders of the target."""
     if truth.state == "visible":
-        shows = f"{100 * truth.visible_fraction:.0f} % visible"
+        visibility = f"{100 * truth.visible_fraction:.0f} % visible"
     else:
-        shows = truth.state.replace("_", " ")
-    parts = [f"{truth.time_s:.1f} s", shows, f"{truth.distance_m:.1f} m"]
-    if truth.occluders and truth.visible_fraction < _MENTIONED_FROM:
+        visibility = truth.state.replace("_", " ")
+    parts = [f"{truth.time_s:.1f} s", visibility, f"{truth.distance_m:.1f} m"]
+    if truth.occluders and truth.visible_fraction < _OCCLUDERS_BELOW:
         parts.append("behind " + ", ".join(truth.occluders[:2]))
-    room = canvas.shape[1] - 2 * style.pad
-    while len(parts) > 1 and _width("   ".join(parts), style.text) > room:
-        parts.pop()
-    _caption(canvas, style, "   ".join(parts))
-
-
-def _caption(canvas: Image, style: _Style, text: str) -> None:
-    top = canvas.shape[0] - style.row - style.pad // 2
-    _darken(canvas, 0, top, _width(text, style.text) + 2 * style.pad, canvas.shape[0] - top)
-    _write(canvas, text, (style.pad, canvas.shape[0] - style.pad), _WHITE, style.text)
-
-
-def _line(canvas: Image, x: int, length: int, y: int, width: int, colour: Colour, dash: int | None) -> None:
-    step, piece = (2 * dash, dash) if dash is not None else (length, length)
-    for start in range(x, x + length, step):
-        end = min(start + piece, x + length) - 1
-        cv2.rectangle(canvas, (start, y - width // 2), (end, y - width // 2 + width - 1), colour, cv2.FILLED)
-
-
-def _darken(canvas: Image, x: int, y: int, width: int, height: int) -> None:
-    area = canvas[max(y, 0) : y + height, max(x, 0) : x + width]
-    area[:] = (area * (1.0 - _PANEL_OPACITY)).astype(np.uint8)
+    return parts
 
 
 @lru_cache(maxsize=1)
@@ -269,12 +244,8 @@ def _font() -> Any:
     return cv2.FontFace("sans")
 
 
-def _write(canvas: Image, text: str, at: tuple[int, int], colour: Colour, size: int) -> None:
-    cv2.putText(canvas, text, at, colour, _font(), size, 500)
-
-
 @lru_cache(maxsize=256)
-def _width(text: str, size: int) -> int:
+def _text_width(text: str, size: int) -> int:
     """Width of a text [px]."""
     x, _, width, _ = cv2.getTextSize((10_000, 100), text, (0, 0), _font(), size, 500)
     return max(0, x + width)

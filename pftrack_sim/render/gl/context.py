@@ -13,7 +13,7 @@ import ctypes
 import importlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -65,7 +65,7 @@ class GLContext:
 
     def __init__(self, context: Any, info: OpenGLInfo) -> None:
         self.info = info
-        self._context = context
+        self._context: Any = context
         self._pid = os.getpid()
 
     @property
@@ -79,7 +79,7 @@ class GLContext:
         return not self.closed and self._pid == os.getpid()
 
     @contextmanager
-    def current(self) -> Iterator[None]:
+    def current(self) -> Generator[None]:
         """Make it current in this thread, and restore the thread's previous context at the end.
 
         Raises:
@@ -218,7 +218,7 @@ def _loads(file_name: str) -> bool:
 
 
 @contextmanager
-def _environment(variables: dict[str, str]) -> Iterator[None]:
+def _environment(variables: dict[str, str]) -> Generator[None]:
     """Set environment variables and restore them afterwards."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)

@@ -40,8 +40,11 @@ class ModelScene:
         self._color = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._color.flags[mujoco.mjtRndFlag.mjRND_FOG] = fog
         self._color_geoms = list(self._color.geoms)
-        self._ids_model: mujoco.MjModel | None = None
-        self._ids = mujoco.MjvScene()
+        # Segmentations hide geoms by their group, in a copy of the model: several threads may share the caller's.
+        self._ids_model = copy.copy(model)
+        self._ids = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
+        self._ids.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True
+        self._ids.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
         self._sky = _Sky(model)
 
     def color_scene(
@@ -57,12 +60,6 @@ class ModelScene:
         self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int], geoms: BoolArray
     ) -> tuple[mujoco.MjvScene, NDArray[np.int32]]:
         """What a segmentation shows, and the geom id of each colour code: -1 of code 0."""
-        if self._ids_model is None:
-            # Geoms are hidden by their group, in a copy of the model: several threads may share the caller's.
-            self._ids_model = copy.copy(self._model)
-            self._ids = mujoco.MjvScene(self._model, self._model.ngeom + _SPARE_GEOMS)
-            self._ids.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True
-            self._ids.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
         self._ids_model.geom_group[:] = np.where(geoms, SCENERY_GROUP, _NEVER_DRAWN_GROUP)
         self._compose(self._ids, self._ids_model, data, T_world_camera, K, size)
         order = np.flatnonzero(geoms)

@@ -1,5 +1,8 @@
 """Batched ray casting: n worlds with different models, cameras, people and lights drawn in one call."""
 
+# Warp is only partly typed.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,8 @@
 """Color images and segmentations of one model by MuJoCo Warp's ray caster, from any camera pose."""
 
+# Warp is only partly typed.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import math
@@ -107,7 +110,7 @@ class Raycaster(RendererBase):
 
 
 def make_cameras(
-    T_world_camera: ArrayLike, K: Sequence[ArrayLike | float], size: tuple[int, int], near_m: float, far_m: float
+    T_world_camera: Any, K: Sequence[ArrayLike | float], size: tuple[int, int], near_m: float, far_m: float
 ) -> Any:
     """Cameras of n worlds, for the kernels.
 

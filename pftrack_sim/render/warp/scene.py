@@ -1,5 +1,8 @@
 """The geoms, meshes, materials, textures and lights of n worlds, concatenated into arrays on the device."""
 
+# Warp is only partly typed.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence
