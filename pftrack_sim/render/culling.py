@@ -16,7 +16,8 @@ from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect
 
 _BOUNDED_TYPES = [
-    int(mujoco.mjtGeom[f"mjGEOM_{name}"]) for name in ("SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}"))
+    for name in ("SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
 ]
 """Types of geoms that lie inside their `geom_aabb`."""
 
