@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -19,8 +20,27 @@ from numpy.typing import NDArray
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.types import FloatArray
 
+Codes: TypeAlias = NDArray[np.uint8]
+"""`(H, W, C)` pixel codes."""
+
 ROWS = 48
 COLUMNS = 24
+
+
+class BinTables(NamedTuple):
+    """A `BinLayout` as the kernels need it.
+
+    Attributes:
+        weights: `(rows, columns)` weight of each point.
+        spans: `(rows, 2)` first point of each row with a weight, and one after the last.
+        first_bins: `(rows, columns)` first bin of each point's cell.
+        bin_count: Bins per channel and cell.
+    """
+
+    weights: NDArray[np.int32]
+    spans: NDArray[np.int64]
+    first_bins: NDArray[np.uintp]
+    bin_count: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,18 +62,14 @@ class BinLayout:
     bin_count: int
 
     @cached_property
-    def first_bins(self) -> NDArray[np.uintp]:
-        """`(rows, columns)` first bin of each point's cell."""
-        return self.cells.astype(np.uintp) * np.uintp(self.channel_count * self.bin_count)
-
-    @cached_property
-    def spans(self) -> NDArray[np.int64]:
-        """`(rows, 2)` first point of each row with a weight, and one after the last."""
-        columns = self.weights.shape[1]
+    def tables(self) -> BinTables:
+        """Derived tables."""
         first = np.argmax(self.weights > 0, axis=1)
-        last = columns - np.argmax(np.flip(self.weights, axis=1) > 0, axis=1)
+        last = self.weights.shape[1] - np.argmax(np.flip(self.weights, axis=1) > 0, axis=1)
         empty = self.weights.max(axis=1) == 0
-        return np.where(empty[:, None], 0, np.stack([first, last], axis=1)).astype(np.int64)
+        spans = np.where(empty[:, None], 0, np.stack([first, last], axis=1)).astype(np.int64)
+        first_bins = self.cells.astype(np.uintp) * np.uintp(self.channel_count * self.bin_count)
+        return BinTables(self.weights, spans, first_bins, self.bin_count)
 
     @cached_property
     def total(self) -> float:
@@ -105,7 +121,7 @@ def _kernel_layout(weights: NDArray[np.int64], channel_count: int, bin_count: in
     return BinLayout(least.astype(np.int32), np.zeros(weights.shape, np.int64), 1, channel_count, bin_count)
 
 
-def histogram(codes: NDArray[np.uint8], box: Box, layout: BinLayout) -> FloatArray:
+def histogram(codes: Codes, box: Box, layout: BinLayout) -> FloatArray:
     """Normalised histogram of one box.
 
     Args:
@@ -120,12 +136,12 @@ def histogram(codes: NDArray[np.uint8], box: Box, layout: BinLayout) -> FloatArr
     return counts / max(int(counts.sum()), 1)
 
 
-def histograms(codes: NDArray[np.uint8], boxes: FloatArray, layout: BinLayout) -> FloatArray:
+def histograms(codes: Codes, boxes: FloatArray, layout: BinLayout) -> FloatArray:
     """Histograms of `(N, 4)` boxes: `(N, layout.size)`, each summing to the share of its weight inside the image."""
     return _counts(codes, boxes, layout) / layout.total
 
 
-def similarities(codes: NDArray[np.uint8], boxes: FloatArray, layout: BinLayout, model: FloatArray) -> FloatArray:
+def similarities(codes: Codes, boxes: FloatArray, layout: BinLayout, model: FloatArray) -> FloatArray:
     """Bhattacharyya similarity sum(sqrt(p q)) of every box with a model.
 
     Points outside the image match nothing: a box with half its weight outside reaches sqrt(1/2) at most.
@@ -140,58 +156,60 @@ def similarities(codes: NDArray[np.uint8], boxes: FloatArray, layout: BinLayout,
         `(N,)` similarities in [0, 1].
     """
     out = np.empty(len(boxes))
-    offsets, counts = np.empty(layout.weights.shape[1], np.uintp), np.empty(layout.size, np.int32)
-    root = np.sqrt(model / layout.total)
-    tables = (layout.weights, layout.spans, layout.first_bins, layout.bin_count)
-    _compare(codes, boxes, *tables, root, offsets, counts, out)
+    _compare(codes, boxes, layout.tables, np.sqrt(model / layout.total), out)
     return np.minimum(out, 1.0, out=out)
 
 
-def _counts(codes: NDArray[np.uint8], boxes: FloatArray, layout: BinLayout) -> NDArray[np.int32]:
+def _counts(codes: Codes, boxes: FloatArray, layout: BinLayout) -> NDArray[np.int32]:
     """`(N, layout.size)` weighted counts of `(N, 4)` boxes."""
     out = np.zeros((len(boxes), layout.size), np.int32)
-    offsets = np.empty(layout.weights.shape[1], np.uintp)
-    _count_all(codes, boxes, layout.weights, layout.spans, layout.first_bins, layout.bin_count, offsets, out)
+    _count_all(codes, boxes, layout.tables, out)
     return out
 
 
 @njit(nogil=True, cache=True)
-def _count_all(
-    codes: NDArray[np.uint8],
-    boxes: NDArray[np.float64],
-    weights: NDArray[np.int32],
-    spans: NDArray[np.int64],
-    first_bins: NDArray[np.uintp],
-    bins: int,
-    offsets: NDArray[np.uintp],
-    out: NDArray[np.int32],
-) -> None:
-    """Add the counts of every box to `out`; nothing is allocated."""
+def _count_all(codes: Codes, boxes: FloatArray, tables: BinTables, out: NDArray[np.int32]) -> None:
+    """Add the counts of every box to `out`."""
+    offsets = np.empty(tables.weights.shape[1], np.uintp)
     for n in range(boxes.shape[0]):
-        _count(codes, boxes[n], weights, spans, first_bins, bins, offsets, out[n])
+        _count(codes, boxes[n], tables, offsets, out[n])
+
+
+@njit(nogil=True, cache=True)
+def _compare(codes: Codes, boxes: FloatArray, tables: BinTables, root_model: FloatArray, out: FloatArray) -> None:
+    """Fill `out` with sum(sqrt(counts) * root_model) of every box."""
+    offsets = np.empty(tables.weights.shape[1], np.uintp)
+    counts = np.empty(root_model.size, np.int32)
+    for n in range(boxes.shape[0]):
+        counts[:] = 0
+        _count(codes, boxes[n], tables, offsets, counts)
+        out[n] = _affinity(counts, root_model)
+
+
+# Reassociation lets the square roots be vectorised.
+@njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _affinity(counts: NDArray[np.int32], root_model: FloatArray) -> float:
+    total = 0.0
+    for k in range(counts.size):
+        total += np.sqrt(np.float64(counts[k])) * root_model[k]
+    return total
 
 
 @njit(nogil=True, cache=True)
 def _count(
-    codes: NDArray[np.uint8],
-    box: NDArray[np.float64],
-    weights: NDArray[np.int32],
-    spans: NDArray[np.int64],
-    first_bins: NDArray[np.uintp],
-    bins: int,
-    offsets: NDArray[np.uintp],
-    out: NDArray[np.int32],
+    codes: Codes, box: FloatArray, tables: BinTables, offsets: NDArray[np.uintp], out: NDArray[np.int32]
 ) -> None:
     """Add the counts of one box to `out`; `offsets` is scratch for the image columns of the points.
 
     Unsigned indices spare a test for negative ones at every access, and unrolled loops over one or three channels are
     faster: together they halve the time.
     """
+    weights, spans, first_bins = tables.weights, tables.spans, tables.first_bins
     x, y, w, h = box[0], box[1], box[2], box[3]
     height, width, channels = codes.shape
     rows, columns = weights.shape
     flat = codes.reshape(-1)
-    stride, one = np.uintp(bins), np.uintp(1)
+    stride, one = np.uintp(tables.bin_count), np.uintp(1)
     left, right = columns, 0
     for j in range(columns):
         column = int(np.floor(x + (j + 0.5) * w / columns))
@@ -214,33 +232,3 @@ def _count(
             else:
                 for c in range(channels):
                     out[first + np.uintp(c) * stride + np.uintp(flat[at + np.uintp(c)])] += weight
-
-
-# Reassociation lets the square roots be vectorised.
-@njit(nogil=True, cache=True, fastmath={"reassoc"})
-def _affinity(counts: NDArray[np.int32], root_model: NDArray[np.float64]) -> float:
-    """sum(sqrt(counts) * root_model)."""
-    total = 0.0
-    for k in range(counts.size):
-        total += np.sqrt(np.float64(counts[k])) * root_model[k]
-    return total
-
-
-@njit(nogil=True, cache=True)
-def _compare(
-    codes: NDArray[np.uint8],
-    boxes: NDArray[np.float64],
-    weights: NDArray[np.int32],
-    spans: NDArray[np.int64],
-    first_bins: NDArray[np.uintp],
-    bins: int,
-    root_model: NDArray[np.float64],
-    offsets: NDArray[np.uintp],
-    counts: NDArray[np.int32],
-    out: NDArray[np.float64],
-) -> None:
-    """Fill `out` with sum(sqrt(counts) * root_model) of every box; nothing is allocated."""
-    for n in range(boxes.shape[0]):
-        counts[:] = 0
-        _count(codes, boxes[n], weights, spans, first_bins, bins, offsets, counts)
-        out[n] = _affinity(counts, root_model)

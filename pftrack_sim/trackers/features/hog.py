@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from pftrack_sim.core.types import FloatArray
+
+Floats: TypeAlias = NDArray[np.float32]
 
 COLUMNS = 16
 ROWS = 24
@@ -39,37 +42,19 @@ def hog(grey: NDArray[np.uint8], boxes: FloatArray) -> FloatArray:
         uniform box.
     """
     out = np.empty((len(boxes), SIZE))
-    padded = COLUMNS + 2 * _BLUR_PX
-    patch = np.empty((ROWS + 2 * _BLUR_PX, padded), np.float32)
-    column_sums = np.empty(padded, np.float32)
-    smooth = np.empty((ROWS + 2, COLUMNS + 2), np.float32)
-    magnitudes, sectors = np.empty(COLUMNS, np.float32), np.empty(COLUMNS, np.int32)
-    lefts, rights = np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.uintp)
-    shares, line = np.empty(COLUMNS, np.float32), np.empty(grey.shape[1], np.float32)
-    levels = grey.astype(np.float32)
-    _describe(levels, boxes, patch, column_sums, smooth, lefts, rights, shares, line, magnitudes, sectors, out)
+    _describe(grey.astype(np.float32), boxes, out)
     return out
 
 
 @njit(nogil=True, cache=True)
-def _describe(
-    grey: NDArray[np.float32],
-    boxes: NDArray[np.float64],
-    patch: NDArray[np.float32],
-    column_sums: NDArray[np.float32],
-    smooth: NDArray[np.float32],
-    lefts: NDArray[np.uintp],
-    rights: NDArray[np.uintp],
-    shares: NDArray[np.float32],
-    line: NDArray[np.float32],
-    magnitudes: NDArray[np.float32],
-    sectors: NDArray[np.int32],
-    out: NDArray[np.float64],
-) -> None:
-    """Fill `out`; the other arrays are scratch, and nothing is allocated.
-
-    Inner loops apply the same operations to every column of a row, so that they are vectorised.
-    """
+def _describe(grey: Floats, boxes: FloatArray, out: FloatArray) -> None:
+    """Fill `out`. Inner loops apply the same operations to every column of a row, so that they are vectorised."""
+    patch = np.empty((ROWS + 2 * _BLUR_PX, COLUMNS + 2 * _BLUR_PX), np.float32)
+    smooth = np.empty((ROWS + 2, COLUMNS + 2), np.float32)
+    column_sums = np.empty(COLUMNS + 2 * _BLUR_PX, np.float32)
+    line = np.empty(grey.shape[1], np.float32)
+    lefts, rights, shares = np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.float32)
+    magnitudes, sectors = np.empty(COLUMNS, np.float32), np.empty(COLUMNS, np.int32)
     for n in range(boxes.shape[0]):
         _resize(grey, boxes[n], lefts, rights, shares, line, patch)
         _blur(patch, column_sums, smooth)
@@ -83,13 +68,13 @@ def _describe(
 
 @njit(nogil=True, cache=True)
 def _resize(
-    grey: NDArray[np.float32],
-    box: NDArray[np.float64],
+    grey: Floats,
+    box: FloatArray,
     lefts: NDArray[np.uintp],
     rights: NDArray[np.uintp],
-    shares: NDArray[np.float32],
-    line: NDArray[np.float32],
-    patch: NDArray[np.float32],
+    shares: Floats,
+    line: Floats,
+    patch: Floats,
 ) -> None:
     """Resize a box into the middle of `patch`, and replicate its border."""
     x, y, w, h = box[0], box[1], box[2], box[3]
@@ -121,7 +106,7 @@ def _resize(
 
 
 @njit(nogil=True, cache=True)
-def _blur(patch: NDArray[np.float32], column_sums: NDArray[np.float32], smooth: NDArray[np.float32]) -> None:
+def _blur(patch: Floats, column_sums: Floats, smooth: Floats) -> None:
     """Blur `patch`, columns first, into the middle of `smooth`, and replicate its border."""
     four, six, scale = np.float32(4), np.float32(6), np.float32(1 / 256)
     for i in range(ROWS):
@@ -139,9 +124,7 @@ def _blur(patch: NDArray[np.float32], column_sums: NDArray[np.float32], smooth: 
 
 
 @njit(nogil=True, cache=True)
-def _gradients(
-    smooth: NDArray[np.float32], magnitudes: NDArray[np.float32], sectors: NDArray[np.int32], out: NDArray[np.float64]
-) -> None:
+def _gradients(smooth: Floats, magnitudes: Floats, sectors: NDArray[np.int32], out: FloatArray) -> None:
     """Add the gradient magnitudes of `smooth` to their cells and directions."""
     out[:] = 0.0
     tangent = np.float32(_TANGENT)
@@ -165,7 +148,7 @@ def _gradients(
 
 # Reassociation lets the sum be vectorised.
 @njit(nogil=True, cache=True, fastmath={"reassoc"})
-def _sum(values: NDArray[np.float64]) -> float:
+def _sum(values: FloatArray) -> float:
     total = 0.0
     for k in range(values.size):
         total += values[k]

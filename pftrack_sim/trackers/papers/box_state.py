@@ -36,5 +36,6 @@ def noise_scales(state: FloatArray, unit: NoiseUnit) -> tuple[float, float, floa
 def clip_states(states: FloatArray, image: Image, min_size: float | FloatArray) -> None:
     """Clip `(N, 4+)` states in place: centres to the image, sizes to `min_size` [px] and twice the image."""
     height_px, width_px = image.shape[:2]
-    states[:, :2] = np.clip(states[:, :2], 0.0, (width_px, height_px))
-    states[:, 2:4] = np.clip(states[:, 2:4], min_size, (2.0 * width_px, 2.0 * height_px))
+    low, high = np.zeros(4), np.array([width_px, height_px, 2.0 * width_px, 2.0 * height_px])
+    low[2:] = min_size
+    np.clip(states[:, :4], low, high, out=states[:, :4])
