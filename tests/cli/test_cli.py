@@ -1,19 +1,52 @@
 """The command line as a person types it: right and wrong."""
 
+import contextlib
+import io
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import cv2
 import numpy as np
 import pytest
 
+from pftrack_sim.cli import main
+
 SMALL = ["--set", "camera.width_px=96", "--set", "camera.height_px=72", "--set", "duration_s=0.5"]
 
 
-def pftrack_sim(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    code = "import sys; from pftrack_sim.cli import main; sys.argv[0] = 'pftrack-sim'; main()"
-    return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, cwd=cwd)
+@dataclass
+class Done:
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def pftrack_sim(*arguments: str, cwd: Path | None = None) -> Done:
+    """Run a command in this process: a new one would spend seconds on imports."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    with (
+        patch.object(sys, "argv", ["pftrack-sim", *arguments]),
+        patch.object(sys, "path", list(sys.path)),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        contextlib.chdir(cwd or Path.cwd()),
+    ):
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+    return Done(code, out.getvalue(), err.getvalue())
+
+
+def test_the_installed_command_prints_one_line_and_exits_with_2():
+    command = Path(sys.executable).with_name("pftrack-sim")
+    done = subprocess.run([command, "bench", "plaza-wlk"], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "did you mean 'plaza-walk'" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def sequence(folder: Path, count: int = 12) -> Path:
