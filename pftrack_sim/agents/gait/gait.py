@@ -22,7 +22,7 @@ from pftrack_sim.agents.gait.kinematics import (
     rotation_matrices,
 )
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.people.person import PARTS
 
@@ -50,6 +50,9 @@ class Gait:
         anatomies: Bodies.
         rngs: One generator per person, for individual step width, arm swing, posture and start phase.
 
+    Attributes:
+        feet: Gait phase and poses of the feet.
+
     Raises:
         ParameterError: The numbers of bodies and generators differ.
     """
@@ -63,7 +66,7 @@ class Gait:
         height, girth, hip_half, shoulder_half, upper_arm = np.array(
             [(b.height_m, b.girth, b.hip_half_m, b.shoulder_half_m, b.upper_arm_m) for b in anatomies]
         ).T
-        self._feet = FootPlacement(
+        self.feet = FootPlacement(
             anatomies,
             toe_out_rad=np.radians(7.0 + 2.5 * normal[0]),
             walk_half_m=hip_half * (0.56 + 0.08 * normal[1]),
@@ -76,10 +79,8 @@ class Gait:
         self._idle_phase = 2.0 * np.pi * uniform[2:4]
 
         # Offsets of joints in the frames of their parents.
-        self._thigh, self._shank = (
-            np.array([[b.thigh_m] for b in anatomies]),
-            np.array([[b.shank_m] for b in anatomies]),
-        )
+        self._thigh = np.array([[b.thigh_m] for b in anatomies])
+        self._shank = np.array([[b.shank_m] for b in anatomies])
         self._waist = np.array([[0.0, 0.0, b.pelvis_m] for b in anatomies])
         self._neck = np.array([[0.0, 0.0, b.torso_m] for b in anatomies])
         self._hips, self._shoulders, self._elbows = np.zeros((3, people, 2, 3))
@@ -110,16 +111,11 @@ class Gait:
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)
         self._crouch = np.zeros(len(self._headings))
-        self._feet.reset(self._positions, self._headings, np.asarray(speeds_m_s, dtype=float))
+        self.feet.reset(self._positions, self._headings, np.asarray(speeds_m_s, dtype=float))
         self._pose: tuple[FloatArray, FloatArray] | None = None
 
     def advance(
-        self,
-        dt_s: float,
-        positions_m: ArrayLike,
-        headings_rad: ArrayLike,
-        crouching: ArrayLike = 0.0,
-        running: ArrayLike = False,
+        self, dt_s: float, positions_m: ArrayLike, headings_rad: ArrayLike, crouching: ArrayLike, running: ArrayLike
     ) -> None:
         """Follow the people to their present positions.
 
@@ -127,19 +123,14 @@ class Gait:
             dt_s: Time since the last call.
             positions_m: `(P, 2)` on the ground.
             headings_rad: `(P,)` directions people face; need not be wrapped.
-            crouching: `(P,)` or one value: 0 for upright, 1 for a full crouch.
-            running: `(P,)` or one value: whether a person runs instead of walking.
+            crouching: `(P,)` 0 for upright, 1 for a full crouch.
+            running: `(P,)` whether a person runs instead of walking.
         """
         self._time_s += dt_s
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)
-        self._crouch = np.broadcast_to(np.array(crouching, dtype=float), self._headings.shape)
-        self._feet.advance(
-            dt_s,
-            self._positions,
-            self._headings,
-            np.broadcast_to(np.asarray(running, dtype=bool), self._headings.shape),
-        )
+        self._crouch = np.array(crouching, dtype=float)
+        self.feet.advance(dt_s, self._positions, self._headings, np.asarray(running, dtype=bool))
         self._pose = None
 
     def poses(self) -> tuple[FloatArray, FloatArray]:
@@ -161,16 +152,6 @@ class Gait:
         poses[:, :2, 3] = self._part_poses()[0][:, _PELVIS, :2]
         return poses
 
-    @property
-    def in_stance(self) -> BoolArray:
-        """`(P, 2)` whether the left and the right foot are on the ground."""
-        return self._feet.in_stance
-
-    @property
-    def phases(self) -> FloatArray:
-        """`(P,)` gait phase: fraction of the stride since the left heel strike, in [0, 1)."""
-        return self._feet.phase
-
     def _part_poses(self) -> tuple[FloatArray, FloatArray]:
         """Positions and rotations of all parts, computed on the first request after `reset` or `advance`."""
         if self._pose is None:
@@ -178,15 +159,16 @@ class Gait:
         return self._pose
 
     def _compute_pose(self) -> tuple[FloatArray, FloatArray]:
-        feet, headings = self._feet, self._headings
+        """Positions `(P, 13, 3)` [m] and rotations `(P, 13, 3, 3)` of all parts."""
+        feet, headings = self.feet, self._headings
         positions = np.empty((len(headings), len(PARTS), 3))
         rotations = np.empty((len(headings), len(PARTS), 3, 3))
 
-        world_and_local = self._rotations()
-        rotations[:, : _HEAD + 1] = world_and_local[:, :3]
-        rotations[:, _FEET] = world_and_local[:, 3:5]
-        rotations[:, _UPPER_ARMS] = rotations[:, _TORSO, None] @ world_and_local[:, 5:7]
-        rotations[:, _FOREARMS] = rotations[:, _UPPER_ARMS] @ world_and_local[:, 7:9]
+        part_rotations = self._rotations()
+        rotations[:, : _HEAD + 1] = part_rotations[:, :3]
+        rotations[:, _FEET] = part_rotations[:, 3:5]
+        rotations[:, _UPPER_ARMS] = rotations[:, _TORSO, None] @ part_rotations[:, 5:7]
+        rotations[:, _FOREARMS] = rotations[:, _UPPER_ARMS] @ part_rotations[:, 7:9]
 
         hips = rotated(rotations[:, _PELVIS, None], self._hips)
         sway = feet.parameters.sway_m * np.cos(2.0 * np.pi * (feet.phase - 0.30))
@@ -214,7 +196,7 @@ class Gait:
 
     def _rotations(self) -> FloatArray:
         """`(P, 9, 3, 3)` of pelvis, torso, head and feet in the world, of upper arms and forearms in their parents."""
-        feet, headings, crouch = self._feet, self._headings, self._crouch[:, None]
+        feet, headings, crouch = self.feet, self._headings, self._crouch[:, None]
         amplitude = feet.parameters.amplitude
         phases, arm_amplitude = feet.foot_phases, (self._arm_swing * amplitude)[:, None]
         shoulders = shoulder_angles(phases, arm_amplitude) + _CROUCH_SHOULDER * crouch
@@ -246,11 +228,9 @@ class Gait:
     def _pelvis_height(self, pelvis: FloatArray, hips: FloatArray) -> FloatArray:
         """Height of the pelvis `(P,)` [m]: the published vertical travel, limited by the reach of both legs.
 
-        Args:
-            pelvis: `(P, 3)`, of which x and y are set [m].
-            hips: `(P, 2, 3)` hip joints relative to the pelvis [m].
+        Of `pelvis` `(P, 3)` only x and y are used; `hips` `(P, 2, 3)` are relative to it.
         """
-        feet, low, high = self._feet, self._feet.parameters.hip_low_m, self._feet.parameters.hip_high_m
+        feet, low, high = self.feet, self.feet.parameters.hip_low_m, self.feet.parameters.hip_high_m
         travel = 0.5 - 0.5 * np.cos(4.0 * np.pi * (feet.phase - 0.04))
         # Runners are lowest in mid-stance and highest in the middle of the flight phase.
         running_travel = 0.5 - 0.5 * np.cos(4.0 * np.pi * (feet.phase - 0.5 * RUN_STANCE_FRACTION))

@@ -93,8 +93,8 @@ def record(
         time_s = tick * DT
         heading = heading + turn(time_s) * DT
         position = position + speed(time_s) * DT * np.stack([np.cos(heading), np.sin(heading)], -1)
-        gait.advance(DT, position, heading, crouch(time_s), bool(run(time_s)))
-        ticks.append((*gait.poses(), gait.in_stance, gait.phases, gait.root_poses(), position))
+        gait.advance(DT, position, heading, np.full(COUNT, crouch(time_s)), np.full(COUNT, run(time_s)))
+        ticks.append((*gait.poses(), gait.feet.in_stance, gait.feet.phase, gait.root_poses(), position))
     positions, quats, *others = (np.array(column) for column in zip(*ticks, strict=True))
     rotations = Rotation.from_quat(quats.reshape(-1, 4), scalar_first=True).as_matrix().reshape(*quats.shape[:-1], 3, 3)
     return Recording(anatomies, positions, rotations, *others)
@@ -186,7 +186,7 @@ def test_the_right_side_repeats_the_left_half_a_stride_later():
     relative = []
     for tick in range(1, 3 * ticks + 1):
         x = speed * dt * tick
-        gait.advance(dt, np.array([[x, 0.0]]), np.zeros(1))
+        gait.advance(dt, np.array([[x, 0.0]]), np.zeros(1), np.zeros(1), np.zeros(1))
         relative.append(gait.poses()[0][0] - [x, 0.0, 0.0])
     first, second = np.array(relative[ticks : 2 * ticks]), np.array(relative[2 * ticks :])
     for index, name in enumerate(PARTS):
@@ -301,7 +301,7 @@ def test_reset_clears_the_state():
     gait.reset(*start)
     fresh = gait.poses()
     for tick in range(50):
-        gait.advance(DT, np.full((COUNT, 2), 0.02 * tick), np.full(COUNT, 0.01 * tick), 0.5, True)
+        gait.advance(DT, np.full((COUNT, 2), 0.02 * tick), np.full(COUNT, 0.01 * tick), np.ones(COUNT), np.ones(COUNT))
     gait.reset(*start)
     for before, after in zip(fresh, gait.poses(), strict=True):
         assert np.array_equal(before, after)
@@ -312,7 +312,7 @@ def test_poses_of_a_person_do_not_depend_on_the_others():
     for gait, count in ((alone, 1), (together, COUNT)):
         gait.reset(np.zeros((count, 2)), np.zeros(count), np.full(count, 1.1))
         for tick in range(1, 30):
-            gait.advance(DT, np.full((count, 2), 0.015 * tick), np.zeros(count))
+            gait.advance(DT, np.full((count, 2), 0.015 * tick), *np.zeros((3, count)))
     assert np.abs(alone.poses()[0][0] - together.poses()[0][0]).max() < 1e-12
 
 
