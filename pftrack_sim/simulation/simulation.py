@@ -1,7 +1,7 @@
-"""One episode as it happens: the world moves, the camera looks, the truth is written down.
+"""One episode: the world moves, the camera takes frames, and the truth observes them.
 
-build -> compile -> reset -> (advance -> shake -> draw -> expose -> truth) for every frame. The Gymnasium environments
-and the benchmark both stand on this class; it knows no actions, rewards or trackers.
+(build -> dry run -> plan -> compile -> reset) -> (advance -> capture -> observe) for every frame. The Gymnasium
+environments and the benchmark are built on this class; it knows no actions, rewards or trackers.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.camera.shake import camera_shake
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.records import Frame, Image
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame, FrameCapture, make_frame_capture
 from pftrack_sim.render.selection import check_name, open_renderer
@@ -39,7 +39,7 @@ class Simulation:
 
     def __init__(self, scenario: Scenario, *, backend: str | None = None) -> None:
         self.scenario = scenario
-        check_name(backend)  # a wrong name is told now, not at the first reset
+        check_name(backend)  # A wrong name is an error now, not at the first reset.
         self._backend = backend
         self._image_size: tuple[int, int] | None = None
         self._renderer: Renderer | None = None
@@ -47,9 +47,10 @@ class Simulation:
         self._frame_capture: FrameCapture | None = None
         self._truth: TruthObserver | None = None
         self._frame: Frame | None = None
+        self._collision: str | None = None
         self.frame_count = 0
-        """Frames shown in the running episode; 0 before the first reset."""
-        self.command: NDArray[np.float64] | None = None
+        """Frames delivered in the running episode; 0 before the first reset."""
+        self.command: FloatArray | None = None
         """Command in force at the last frame; None before the first one and while the robot follows its script."""
 
     def reset(self, seed: int) -> Frame:
@@ -76,27 +77,22 @@ class Simulation:
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
         self._shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         self._frame_capture = make_frame_capture(settings, world.model, self._K, self._shake)
-        drawn = size if self._frame_capture is None else self._frame_capture.render_size
-        if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) != drawn:
-            self._renderer.close()
-            self._renderer = None
-        if self._renderer is None:
-            self._renderer = open_renderer(world.model, *drawn, self._backend)
-        else:
-            self._renderer.rebind(world.model)
+        self._renderer = self._bind_renderer(
+            world, size if self._frame_capture is None else self._frame_capture.render_size
+        )
         self._image_size = size
         self._world = world
         self._sensor = Sensor(settings.sensor, settings.axes, seed, grey=settings.camera.grey)
         self._truth = TruthObserver(world.model, world.people, self._renderer, self._K, size)
         self._arrivals = arrivals(settings, seed)
-        self._taken = next(self._arrivals)
+        self._delivered = next(self._arrivals)
         self._index = 0
         self.frame_count = frame_count(settings, seed)
-        self.command = None
+        self.command = self._collision = None
         self._record_poses()
         return self._take_frame()
 
-    def advance(self, command: NDArray[np.float64] | None = None, late_s: float = 0.0) -> Frame:
+    def advance(self, command: FloatArray | None = None, late_s: float = 0.0) -> Frame:
         """Advance the world to the next frame that is delivered.
 
         Frames lost on the way are recorded, so that poses and exposures do not depend on the delivery; they are
@@ -108,17 +104,28 @@ class Simulation:
             late_s: Time from the last frame until the command is given; until then the one before stays in force. A
                 command that is due after the next frame is not given.
         """
-        taken = next(self._arrivals)
-        for index in range(self._taken, taken):
-            self._advance_period(command, late_s - (index - self._taken) / self.settings.camera.rate_hz)
+        delivered = next(self._arrivals)
+        self._collision = None
+        for index in range(self._delivered, delivered):
+            self._advance_period(command, late_s - (index - self._delivered) / self.settings.camera.rate_hz)
+            self._collision = self._collision or self.world.collision()
             self._record_poses()
-            if index + 1 < taken and self._sensor.metering:
+            if index + 1 < delivered and self._sensor.metering:
                 self._expose()
-        self._taken = taken
+        self._delivered = delivered
         self._index += 1
         return self._take_frame()
 
-    def _advance_period(self, command: NDArray[np.float64] | None, late_s: float) -> None:
+    def _bind_renderer(self, world: World, size: tuple[int, int]) -> Renderer:
+        """The renderer, bound to the new model; opened again where the size has changed."""
+        if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) == size:
+            self._renderer.rebind(world.model)
+            return self._renderer
+        if self._renderer is not None:
+            self._renderer.close()
+        return open_renderer(world.model, *size, self._backend)
+
+    def _advance_period(self, command: FloatArray | None, late_s: float) -> None:
         """Advance by one camera period with a command that is given after `late_s`, or not within this period."""
         period_s = 1.0 / self.settings.camera.rate_hz
         if late_s <= period_s + 1e-9:
@@ -133,7 +140,7 @@ class Simulation:
             world = self.world
             self._frame_capture.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
 
-    def _camera_pose(self) -> NDArray[np.float64]:
+    def _camera_pose(self) -> FloatArray:
         """`(4, 4)` T_world_camera with the vibration of the mount."""
         return self._shake.displace(self.world.camera_pose(), self.world.time_s)
 
@@ -152,7 +159,7 @@ class Simulation:
         world = self.world
         assert self._truth is not None
         exposed, captured = self._expose()
-        image = self._sensor.read(exposed, self._taken)
+        image = self._sensor.read(exposed, self._delivered)
         if captured is None:
             people = self._truth.observe(world.data, self._camera_pose(), image, world.time_s, world.root_poses())
         else:
@@ -176,8 +183,8 @@ class Simulation:
         return self._world
 
     def collision(self) -> str | None:
-        """Name of the person or thing that the robot touches, or None."""
-        return self.world.collision()
+        """Name of the first person or thing that the robot touched since the previous delivered frame, or None."""
+        return self._collision
 
     @property
     def settings(self) -> ResolvedScenario:
@@ -186,7 +193,7 @@ class Simulation:
 
     @property
     def graphics(self) -> str:
-        """What draws, in one line; empty before the first reset."""
+        """Description of the renderer in one line; empty before the first reset."""
         return self._renderer.description if self._renderer is not None else ""
 
     def close(self) -> None:

@@ -29,12 +29,12 @@ def frame_ms(backend: str, size: tuple[int, int], shadows: bool) -> float:
         # What a renderer has copied of the model is read anew.
         assert simulation._renderer is not None
         simulation._renderer.rebind(simulation.world.model)
-        simulation._shoot()
+        simulation._take_frame()
         times = []
         for _ in range(FRAMES):
             simulation.world.advance(None)
             start = time.perf_counter()
-            simulation._shoot()
+            simulation._take_frame()
             times.append(time.perf_counter() - start)
     return 1e3 * float(np.median(times))
 
