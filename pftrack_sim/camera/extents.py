@@ -1,12 +1,8 @@
-"""Amodal boxes of bodies in closed form, without rendering.
+"""Amodal boxes of bodies from the vertices of their parts, without rendering.
 
-Every part of a body is convex: the hull of one or two ellipsoids (flat ones at the ends of a cylinder) or of vertices.
-A vertical line x/z = t touches an ellipsoid with centre c and M = A A' (A: semi-axes as columns) where the plane
-n = (1, 0, -t) is tangent, (n.c)^2 = n'Mn: a quadratic equation in t (projection of the dual quadric: Hartley and
-Zisserman, Multiple View Geometry, 2nd ed., section 8.3). Horizontal lines y/z give the same equation.
-
-What lies nearer than the near plane is cut off, as in the rendered image. Extents are the smallest x/z, y/z and the
-largest x/z, y/z in camera axes; NaN where nothing is left.
+Every part is the convex hull of its vertices, so its extent is that of the projected vertices. What lies nearer than
+the near plane is cut off, as in the rendered image. Extents are the smallest x/z, y/z and the largest x/z, y/z in
+camera axes; NaN where nothing is left.
 """
 
 from __future__ import annotations
@@ -16,39 +12,42 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.near_plane import clipped_extent, tangents
 from pftrack_sim.camera.pinhole import focal_and_centre
-from pftrack_sim.camera.shapes import Shape, stack_points
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, IntArray
+
+CORNERS: FloatArray = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+"""`(8, 3)` corners of the box with half sizes 1."""
+CORNERS.setflags(write=False)
+
+_STACK_STEP = 64
+"""Parts whose vertices fill equally many runs of this length are projected together."""
 
 
 class Bodies:
     """The S parts of B bodies, stored so that all boxes come from a few array operations.
 
     Args:
-        bodies: Shapes of each body's parts, at least one per body.
+        bodies: `(V, 3)` vertices of each body's parts [m], in the frame of the part; at least one part per body.
 
     Raises:
-        ParameterError: A body without parts.
+        ParameterError: A body without parts, or a part without vertices.
     """
 
-    def __init__(self, bodies: Sequence[Sequence[Shape]]) -> None:
+    def __init__(self, bodies: Sequence[Sequence[FloatArray]]) -> None:
         for index, parts in enumerate(bodies):
             if not parts:
                 raise ParameterError(f"body {index} has no parts to project")
-        self.shapes: tuple[Shape, ...] = tuple(shape for parts in bodies for shape in parts)
+            for vertices in parts:
+                if vertices.ndim != 2 or vertices.shape[0] < 1 or vertices.shape[1] != 3:
+                    raise ParameterError(f"a part needs vertices of shape (V, 3), V >= 1, got {vertices.shape}")
         counts = np.array([len(parts) for parts in bodies], dtype=np.intp)
         self.starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.intp)
         """`(B,)` index of each body's first part."""
-        ellipsoids = [
-            (part, offset, axes) for part, shape in enumerate(self.shapes) for offset, axes in shape.ellipsoids
-        ]
-        self._part = np.array([part for part, _, _ in ellipsoids], dtype=np.intp)
-        self._offset = np.array([offset for _, offset, _ in ellipsoids], dtype=np.float64)
-        self._semi_axes = np.array([axes for _, _, axes in ellipsoids], dtype=np.float64).reshape(-1, 3)
-        hulls = {part: shape.points for part, shape in enumerate(self.shapes) if shape.points is not None}
-        self._hulls = [(parts, np.ascontiguousarray(p.transpose(0, 2, 1))) for parts, p in stack_points(hulls)]
+        self.vertices = [np.array(vertices, dtype=np.float64) for parts in bodies for vertices in parts]
+        self.stacks = _stack(self.vertices)
+        """Parts of similar size: indices `(G,)` and vertices `(G, V, 3)`."""
+        self._transposed = [(parts, np.ascontiguousarray(v.transpose(0, 2, 1))) for parts, v in self.stacks]
 
     def boxes(
         self, positions: ArrayLike, rotations: ArrayLike, T_world_camera: ArrayLike, K: ArrayLike, near_m: float
@@ -90,11 +89,9 @@ class Bodies:
         pose = np.asarray(T_world_camera, dtype=np.float64)
         centres = (np.asarray(positions, dtype=np.float64) - pose[:3, 3]) @ pose[:3, :3]
         axes = pose[:3, :3].T @ np.asarray(rotations, dtype=np.float64)
-        extents = np.empty((len(self.shapes), 4))
-        depths = np.empty((len(self.shapes), 2))
-        if self._part.size:
-            self._set_ellipsoids(centres, axes, extents, depths)
-        for parts, vertices in self._hulls:
+        extents = np.empty((len(self.vertices), 4))
+        depths = np.empty((len(self.vertices), 2))
+        for parts, vertices in self._transposed:
             local = axes[parts] @ vertices + centres[parts][:, :, None]
             depth = local[:, 2]
             depths[parts, 0], depths[parts, 1] = depth.min(axis=1), depth.max(axis=1)
@@ -103,34 +100,43 @@ class Bodies:
             extents[parts, :2], extents[parts, 2:] = coordinates.min(axis=2), coordinates.max(axis=2)
         for part in np.flatnonzero(depths[:, 0] < near_m):
             beyond = depths[part, 1] >= near_m
-            extents[part] = clipped_extent(self.shapes[part], centres[part], axes[part], near_m) if beyond else np.nan
+            local = self.vertices[part] @ axes[part].T + centres[part]
+            extents[part] = _extent_beyond(local, near_m) if beyond else np.nan
         return extents, depths
 
     def lowest(self, positions: ArrayLike, rotations: ArrayLike) -> FloatArray:
         """`(B,)` height of each body's lowest point [m], with the first two arguments of `boxes`."""
         centres, axes = np.asarray(positions, dtype=np.float64), np.asarray(rotations, dtype=np.float64)
-        lowest = np.full(len(self.shapes), np.inf)
-        part = self._part
-        if part.size:
-            vertical = axes[part, 2]
-            scaled = vertical * self._semi_axes
-            bottom = centres[part, 2] + vertical[:, 2] * self._offset - np.sqrt(np.einsum("nk,nk->n", scaled, scaled))
-            np.minimum.at(lowest, part, bottom)
-        for parts, vertices in self._hulls:
+        lowest = np.empty(len(self.vertices))
+        for parts, vertices in self._transposed:
             lowest[parts] = centres[parts, 2] + (axes[parts, 2:] @ vertices)[:, 0].min(axis=1)
         return np.minimum.reduceat(lowest, self.starts)
 
-    def _set_ellipsoids(self, centres: FloatArray, axes: FloatArray, extents: FloatArray, depths: FloatArray) -> None:
-        """Set extents and depths of the parts made of ellipsoids, as if the near plane cut none."""
-        part_axes = axes[self._part]
-        centre = centres[self._part] + part_axes[:, :, 2] * self._offset[:, None]
-        scaled = part_axes * self._semi_axes[:, None, :]
-        low, high = tangents(centre, scaled @ scaled.transpose(0, 2, 1))
-        reach = np.sqrt(np.einsum("nk,nk->n", scaled[:, 2], scaled[:, 2]))
-        # The ellipsoids of a part are consecutive: reduce each run of equal parts.
-        starts = np.flatnonzero(np.diff(self._part, prepend=-1))
-        parts = self._part[starts]
-        extents[parts, :2] = np.minimum.reduceat(low, starts)
-        extents[parts, 2:] = np.maximum.reduceat(high, starts)
-        depths[parts, 0] = np.minimum.reduceat(centre[:, 2] - reach, starts)
-        depths[parts, 1] = np.maximum.reduceat(centre[:, 2] + reach, starts)
+
+def _stack(vertices: Sequence[FloatArray]) -> list[tuple[IntArray, FloatArray]]:
+    """Stack parts of similar size, with vertices repeated up to the largest number."""
+    groups: dict[int, list[int]] = {}
+    for part, points in enumerate(vertices):
+        groups.setdefault(-(-len(points) // _STACK_STEP), []).append(part)
+    stacks: list[tuple[IntArray, FloatArray]] = []
+    for parts in groups.values():
+        index = np.arange(max(len(vertices[part]) for part in parts))
+        stacked = np.stack([vertices[part][index % len(vertices[part])] for part in parts])
+        stacks.append((np.array(parts, dtype=np.intp), stacked))
+    return stacks
+
+
+def _extent_beyond(points: FloatArray, near_m: float) -> FloatArray:
+    """`(4,)` extent of the part of a hull beyond the near plane.
+
+    The section with the plane is the hull of its intersections with the segments between vertices on either side.
+
+    Args:
+        points: `(V, 3)` vertices [m], camera axes; at least one beyond the plane.
+        near_m: Depth of the plane.
+    """
+    ahead, behind = points[points[:, 2] >= near_m], points[points[:, 2] < near_m]
+    share = (ahead[:, None, 2] - near_m) / (ahead[:, None, 2] - behind[None, :, 2])
+    section = ahead[:, None, :2] + share[..., None] * (behind[None, :, :2] - ahead[:, None, :2])
+    coordinates = np.concatenate([ahead[:, :2] / ahead[:, 2:], section.reshape(-1, 2) / near_m])
+    return np.concatenate([coordinates.min(axis=0), coordinates.max(axis=0)])

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.camera.pinhole import focal_and_centre
-from pftrack_sim.camera.shapes import CORNERS
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect
 

@@ -10,11 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera import shapes
-from pftrack_sim.camera.extents import Bodies
-from pftrack_sim.camera.outlines import Outlines
+from pftrack_sim.camera.extents import CORNERS, Bodies
 from pftrack_sim.camera.pinhole import camera_matrix
-from pftrack_sim.camera.shapes import Shape
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.photometry import LUMINANCE
@@ -25,6 +22,9 @@ from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.scene.layout import PEOPLE_GROUP, owner_name
 from pftrack_sim.truth.projection import Projection, project_people
 from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder
+
+_SPHERE_POINTS, _RIM_POINTS = 2000, 96
+"""Vertices of a sphere and of each rim of a cylinder: 0.1 % of the radius short of the surface."""
 
 _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
@@ -67,9 +67,8 @@ class TruthObserver:
         for name, ids in zip(self._people, geoms, strict=True):
             if ids.size == 0:
                 raise ParameterError(f"{name!r} has no visible geoms of group {PEOPLE_GROUP}")
-        bodies = Bodies([[_shape(model, int(geom)) for geom in ids] for ids in geoms])
+        bodies = Bodies([[_vertices(model, int(geom)) for geom in ids] for ids in geoms])
         self._finder = SilhouetteFinder(model, renderer, geoms, bodies)
-        self._outlines: Outlines | None = None
         self._centres: FloatArray | None = None
 
     def observe(
@@ -113,9 +112,7 @@ class TruthObserver:
         """
         roots = captured.T_world_people
         self._check(image, roots)
-        if self._outlines is None:
-            self._outlines = Outlines(self._finder.bodies.shapes)
-        projection = project_people(captured, self._finder, self._outlines)
+        projection = project_people(captured, self._finder)
         pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
         return self._truths(projection, image, time_s, pose, roots, captured.body_positions, distortion)
 
@@ -204,8 +201,8 @@ def _pelvis(model: mujoco.MjModel, name: str) -> int:
     return body
 
 
-def _shape(model: mujoco.MjModel, geom: int) -> Shape:
-    """Shape of a geom in its own frame.
+def _vertices(model: mujoco.MjModel, geom: int) -> FloatArray:
+    """`(V, 3)` vertices of a geom in its own frame [m]; of a curved one, points on its surface.
 
     Raises:
         ParameterError: A geom type without a finite convex shape (plane, height field).
@@ -213,21 +210,32 @@ def _shape(model: mujoco.MjModel, geom: int) -> Shape:
     kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), np.asarray(model.geom_size[geom])
     match kind:
         case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return shapes.sphere(float(size[0]))
-        case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            return shapes.capsule(float(size[0]), float(size[1]))
-        case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            return shapes.cylinder(float(size[0]), float(size[1]))
+            return size[0] * _unit_sphere()
         case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return shapes.ellipsoid(size)
+            return size * _unit_sphere()
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return np.concatenate([size[0] * _unit_sphere() + (0.0, 0.0, z) for z in (-size[1], size[1])])
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            angles = 2.0 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+            circle = size[0] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            return np.concatenate([np.column_stack([circle, np.full(_RIM_POINTS, z)]) for z in (-size[1], size[1])])
         case mujoco.mjtGeom.mjGEOM_BOX:
-            return shapes.cuboid(size)
+            return CORNERS * size
         case mujoco.mjtGeom.mjGEOM_MESH:
             mesh = int(model.geom_dataid[geom])
             first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-            return shapes.hull(model.mesh_vert[first : first + count])
+            return np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
         case _:
             raise ParameterError(f"geom {model.geom(geom).name!r} of a person has type {kind.name}, which has no box")
+
+
+def _unit_sphere() -> FloatArray:
+    """`(V, 3)` points spread evenly over the unit sphere (Fibonacci spiral)."""
+    index = np.arange(_SPHERE_POINTS)
+    height = 1.0 - (2.0 * index + 1.0) / _SPHERE_POINTS
+    angle = index * np.pi * (3.0 - np.sqrt(5.0))
+    radius = np.sqrt(1.0 - height * height)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
 
 
 def _clipped(amodal: FloatArray, width_px: int, height_px: int) -> tuple[FloatArray, float]:

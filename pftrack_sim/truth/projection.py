@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pftrack_sim.camera.distortion import Lens
-from pftrack_sim.camera.outlines import Outlines
+from pftrack_sim.camera.outlines import outline_points
 from pftrack_sim.camera.pinhole import normalized_coordinates
 from pftrack_sim.camera.shutter import interpolate_pixels, solve_row_times
 from pftrack_sim.core.types import FloatArray, IntArray
@@ -44,15 +44,14 @@ class Projection:
     silhouettes: dict[int, Silhouette]
 
 
-def project_people(captured: CapturedFrame, finder: SilhouetteFinder, outlines: Outlines) -> Projection:
+def project_people(captured: CapturedFrame, finder: SilhouetteFinder) -> Projection:
     """Project all people into a captured frame.
 
     Args:
         captured: The frame.
         finder: Finds silhouettes in render passes; its renderer rendered the frame.
-        outlines: Outlines of the parts of `finder.bodies`.
     """
-    amodal, swept = _boxes(captured, finder, outlines)
+    amodal, swept = _boxes(captured, finder)
     silhouettes: dict[int, Silhouette] = {}
     for person, box in enumerate(amodal):
         rect = pixels_around(box, captured.capture.lens.size, _MARGIN_PX)
@@ -65,7 +64,7 @@ def project_people(captured: CapturedFrame, finder: SilhouetteFinder, outlines: 
     return Projection(amodal, swept, silhouettes)
 
 
-def _boxes(captured: CapturedFrame, finder: SilhouetteFinder, outlines: Outlines) -> tuple[FloatArray, FloatArray]:
+def _boxes(captured: CapturedFrame, finder: SilhouetteFinder) -> tuple[FloatArray, FloatArray]:
     """`(P, 4)` amodal and `(P, 4)` swept boxes [px]."""
     capture, trajectory, pose = captured.capture, captured.trajectory, captured.T_world_camera
     lens, shutter, near_m = capture.lens, capture.shutter, finder.renderer.near_m
@@ -78,7 +77,7 @@ def _boxes(captured: CapturedFrame, finder: SilhouetteFinder, outlines: Outlines
         return amodal, swept
     counts = np.diff(np.append(finder.bodies.starts, len(finder.geoms)))
     wanted, starts = np.repeat(ahead, counts), np.concatenate([[0], np.cumsum(counts[ahead])[:-1]]).astype(np.intp)
-    points = outlines.find(*middle_poses, pose, near_m, wanted)
+    points = outline_points(finder.bodies, *middle_poses, pose, near_m, wanted)
 
     def world_points(positions: FloatArray, rotations: FloatArray) -> FloatArray:
         return points @ rotations[wanted].transpose(0, 2, 1) + positions[wanted, None]
