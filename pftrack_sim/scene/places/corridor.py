@@ -24,8 +24,8 @@ _LAMPS_X = (-3.0, 4.0, 11.0, 17.5, 25.0, 33.0)
 _DOORS_X = (-3.6, 1.6, 6.8, 12.0, 23.4, 28.6, 33.8)
 _LOCKERS = ((4.3, -1.0, "steel-blue"), (26.0, 1.0, "paint-green"), (-1.0, 1.0, "fabric-red"))
 
-_SIDES = (("north", 1.0, 0.0, 0.0), ("south", -1.0, np.pi, 1.1))
-"""Name, sign of y, yaw of props on the wall, and their shift along x: doors do not face each other."""
+_LONG_WALLS = (("north", 1.0, 0.0, 0.0), ("south", -1.0, np.pi, 1.1))
+"""Name, sign of y, yaw of props on the wall, and their shift along x, so that doors do not face each other."""
 
 
 def build_corridor(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
@@ -61,7 +61,7 @@ def _add_floor_and_ceiling(builder: PlaceBuilder) -> None:
 
 def _add_walls(builder: PlaceBuilder) -> None:
     half_depth = 0.5 * (_LOBBY_HALF_WIDTH - _HALF_WIDTH)
-    for row, side, _, _ in _SIDES:
+    for row, side, _, _ in _LONG_WALLS:
         for column, start, end, lobby in (("west", _WEST, _LOBBY_WEST, 1.0), ("east", _LOBBY_EAST, _EAST, -1.0)):
             half = 0.5 * (end - start)
             position, collider = (start + half, side * (_HALF_WIDTH + half_depth)), (half, half_depth, _CEILING)
@@ -92,7 +92,7 @@ def _lobby_wall(length: float, side: float) -> Prop:
 def _add_doors(builder: PlaceBuilder) -> None:
     leaves = ("door-wood", "door-window", "door-wood", "door-red")
     for index, x in enumerate(_DOORS_X):
-        for row, side, yaw, shift in _SIDES:
+        for row, side, yaw, shift in _LONG_WALLS:
             prop = numbered_door(leaves[(index + int(side < 0)) % 4], index)
             position = (x + shift, side * _HALF_WIDTH)
             builder.add(f"door-{row}-{index + 1}", prop, position, yaw, casts_shadow=False)
@@ -108,7 +108,7 @@ def _add_wall_props(builder: PlaceBuilder) -> None:
     rng = builder.rng
     between = [0.5 * (a + b) for a, b in pairwise(_DOORS_X) if b - a < 6.0] + [36.2]
     for index, middle in enumerate(between):
-        for row, side, yaw, shift in _SIDES:
+        for row, side, yaw, shift in _LONG_WALLS:
             x, y, number = middle + shift, side * _HALF_WIDTH, f"{row}-{index + 1}"
             if x > _EAST - 1.4:
                 continue

@@ -67,12 +67,12 @@ def build_plaza(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
 
 def _add_houses(builder: PlaceBuilder, sun: FloatArray) -> None:
     # A row casts a shadow on the square only if the sun is behind it; every triangle costs time in the shadow pass.
-    from_east, from_north = sun[:2].tolist()
+    sun_x, sun_y = sun[:2].tolist()
     for row, houses, (x, y), (dx, dy), yaw, casts_shadow in (
-        ("north", _NORTH, (-12.0, 17.5), (12.0, 0.0), 0.0, from_north < 0.0),
-        ("south", _SOUTH, (36.0, -17.5), (-12.0, 0.0), np.pi, from_north > 0.0),
-        ("east", _EAST, (36.0, 17.5), (0.0, -23.0), -0.5 * np.pi, from_east < 0.0),
-        ("west", _WEST, (-12.0, -17.5), (0.0, 12.0), 0.5 * np.pi, from_east > 0.0),
+        ("north", _NORTH, (-12.0, 17.5), (12.0, 0.0), 0.0, sun_y < 0.0),
+        ("south", _SOUTH, (36.0, -17.5), (-12.0, 0.0), np.pi, sun_y > 0.0),
+        ("east", _EAST, (36.0, 17.5), (0.0, -23.0), -0.5 * np.pi, sun_x < 0.0),
+        ("west", _WEST, (-12.0, -17.5), (0.0, 12.0), 0.5 * np.pi, sun_x > 0.0),
     ):
         for index, style in enumerate(houses):
             position = (x + dx * index, y + dy * index)

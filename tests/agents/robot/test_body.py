@@ -74,7 +74,7 @@ def test_robot_is_out_of_the_camera_s_view_at_rest(lab: Callable, mount, fovy_de
         for v in np.linspace(-1, 1, 31) * half:
             ray = T[:3, :3] @ np.array([u, v, 1.0])
             mujoco.mj_ray(model, data, T[:3, 3], ray, visible_groups, 1, -1, hit)
-            owner = model.body(model.geom_bodyid[hit[0]]).name if hit[0] >= 0 else "nothing"
+            owner = model.body(model.geom_bodyid[hit[0]]).name if hit[0] >= 0 else "none"
             assert not owner.startswith("robot/"), owner
 
 
