@@ -138,13 +138,10 @@ def _distinct(points_m: ArrayLike) -> FloatArray:
     points: FloatArray = np.array(points_m, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
         raise ParameterError(f"a path needs finite points x, y [m] of shape (N, 2), got {points_m!r}")
-    kept = [0]
-    for index in range(1, len(points)):
-        if math.dist(points[index], points[kept[-1]]) > _MIN_LENGTH_M:
-            kept.append(index)
-    if len(kept) < 2:
+    distinct = points[np.hypot(*np.diff(points, axis=0, prepend=np.inf).T) > _MIN_LENGTH_M]
+    if len(distinct) < 2:
         raise ParameterError(f"a path needs at least two different points, got {points.tolist()}")
-    return points[kept]
+    return distinct
 
 
 def _pieces(points: FloatArray, corner_m: float) -> Iterable[_Piece]:

@@ -16,36 +16,23 @@ import numpy as np
 
 from pftrack_sim.core.types import FloatArray
 
+# Distances that the barriers keep between the centres of two people, from walls, and more from the robot and carts.
 PERSON_DISTANCE_M = 0.52
-"""Distance between the centres of two people that the barrier keeps."""
-
 WALL_DISTANCE_M = 0.30
-"""Distance of a person's centre from walls and obstacles that the barrier keeps."""
-
 VEHICLE_EXTRA_M = 0.28
-"""Distance from the centre of the robot or a cart, in addition to the distance from a person."""
+BARRIER_RATE_S = 2.6  # Share of the room left by which a distance may shrink per second [1/s].
 
+# Repulsion between people: strength, contact distance, range, decay with the time to closest approach.
 FORCE_M_S2 = 2.6
 FORCE_RADIUS_M = 0.62
 FORCE_RANGE_M = 0.24
 FORCE_DECAY_S = 1.3
-"""Strength, contact distance, range and decay with the time to closest approach of the repulsion between people."""
-
 LOOKAHEAD_S = 4.0
-PASS_RIGHT_M = 0.18
-"""Lateral offset assumed between two people on a collision course, so that both step to their right."""
-
-WEIGHT_BEHIND = 0.25
-"""Weight of neighbours directly behind (anisotropy of Helbing and Molnar)."""
-
-NON_REACTIVE_WEIGHT = 1.7
-"""Weight of neighbours that do not react: the reactive pedestrian does all the avoiding."""
-
+PASS_RIGHT_M = 0.18  # Lateral offset assumed between two people on a collision course: both step to their right.
+WEIGHT_BEHIND = 0.25  # Weight of neighbours directly behind (anisotropy of Helbing and Molnar).
+NON_REACTIVE_WEIGHT = 1.7  # Weight of neighbours that do not react: the reactive pedestrian does all the avoiding.
 WALL_FORCE_M_S2 = 1.4
 WALL_FORCE_RANGE_M = 0.14
-
-BARRIER_RATE_S = 2.6
-"""Share of the room left by which a distance may shrink per second [1/s]."""
 
 
 class Neighbours(NamedTuple):

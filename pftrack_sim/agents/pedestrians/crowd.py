@@ -246,7 +246,7 @@ class Crowd:
 
         The camera is assumed to move with the target, by the ratio of the robot's speed to the target's.
         """
-        target = np.array([self._target.predicted(ahead_s) for ahead_s in PREDICTION_TIMES_S.tolist()])
+        target = np.array([self._target.predicted(ahead_s) for ahead_s in PREDICTION_TIMES_S])
         target_speed, robot_speed = np.hypot(*self._state[2:, [0, self._robot_column]]).tolist()
         ratio = min(robot_speed / max(target_speed, 0.3), 1.0)
         return np.asarray(around.camera_m) + ratio * (target - around.target_m), target

@@ -14,13 +14,9 @@ from pftrack_sim.agents.pedestrians.visibility_graph import ROUTE_CLEARANCE_M, V
 from pftrack_sim.core.types import FloatArray, IntArray
 
 ARRIVAL_RADIUS_M = 0.7
-
-_CHECK_PERIOD_S = 0.1
-"""Time between two progress checks; each looks at one pedestrian."""
-
-_STUCK_S = 4.0
+_CHECK_PERIOD_S = 0.1  # Time between two progress checks; each looks at one pedestrian.
+_STUCK_S = 4.0  # A pedestrian that moves less than _STUCK_M in this time gets a new goal.
 _STUCK_M = 0.6
-"""A pedestrian that moves less than `_STUCK_M` in `_STUCK_S` gets a new goal."""
 
 
 class _Mode(Enum):

@@ -13,18 +13,13 @@ from pftrack_sim.agents.pedestrians.visibility_graph import ROUTE_CLEARANCE_M, V
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import WalkableArea
 
-START_DISTANCE_M = 1.0
-"""Least distance between start positions."""
-
-PREDICTION_TIMES_S = np.arange(1.0, 9.0, 0.5)
+PREDICTION_TIMES_S = tuple(np.arange(1.0, 9.0, 0.5).tolist())
 """Times ahead at which `route_off_line_of_sight` is given camera and target positions."""
 
+_START_DISTANCE_M = 1.0  # Least distance between start positions.
 _OFF_SPEED_M_S = 1.2
-_ASIDE_DISTANCE_M = 2.0
-"""Least distance from other pedestrians of a goal aside of the target's path."""
-
-_NEAR_TARGET_PROBABILITY = 0.5
-"""Share of goals near the target's future positions, so that distractors come into view."""
+_ASIDE_DISTANCE_M = 2.0  # Least distance from other pedestrians of a goal aside of the target's path.
+_NEAR_TARGET_PROBABILITY = 0.5  # Share of goals near the target's future positions: distractors come into view.
 
 
 class GoalSampler:
@@ -51,7 +46,7 @@ class GoalSampler:
             if not self._free(point):
                 continue
             distance = min(float(np.hypot(*(point - other))) for other in occupied_m)
-            if distance >= START_DISTANCE_M and (attempt > 100 or self._connected(point)):
+            if distance >= _START_DISTANCE_M and (attempt > 100 or self._connected(point)):
                 return point
             if distance > best_distance:
                 best, best_distance = point, distance
@@ -102,7 +97,7 @@ class GoalSampler:
         offset = goals - position_m
         length = np.hypot(*offset.T) + 1e-9
         straight_on = (offset @ velocity_m_s) / (length * max(float(np.hypot(*velocity_m_s)), 1e-6))
-        walked = np.minimum(_OFF_SPEED_M_S * PREDICTION_TIMES_S, length[:, None]) / length[:, None]
+        walked = np.minimum(_OFF_SPEED_M_S * np.array(PREDICTION_TIMES_S), length[:, None]) / length[:, None]
         from_camera = position_m + walked[..., None] * offset[:, None] - camera_m
         sight = target_m - camera_m
         distance = np.maximum(np.hypot(*sight.T), 1e-6)

@@ -15,8 +15,7 @@ from pftrack_sim.scene.layout import WalkableArea
 Xy: TypeAlias = tuple[float, float]
 """x, y [m] in the world frame."""
 
-_BORDER_HALF_M = 50.0
-"""Half thickness of the slabs around the walkable area."""
+_BORDER_HALF_M = 50.0  # Half thickness of the slabs around the walkable area
 
 
 class ObstacleMap:

@@ -18,20 +18,14 @@ from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
-WALKER_HALF_WIDTH_M = 0.22
-"""Effective half width of a person: shoulders and arms, averaged over viewing directions."""
-
-CAMERA_DISTANCE_M = 0.75
+WALKER_HALF_WIDTH_M = 0.22  # Effective half width of a person, averaged over viewing directions.
+CAMERA_DISTANCE_M = 0.75  # Least distances along the line of sight from the camera and from the target.
 TARGET_DISTANCE_M = 0.65
-"""Least distances along the line of sight from the camera and from the target."""
-
 _EXIT_RAMP_S = 1.0
 _EXIT_MARGIN_M = 0.9
 _EXIT_LIMIT_S = 3.0
 _WALKING_SPEED_M_S = 1.25
-
-_LINEAR_SHARE = 0.15
-"""Share of the way across at constant speed when the edges pass faster than the middle."""
+_LINEAR_SHARE = 0.15  # Share of the way across at constant speed where the edges pass faster than the middle.
 
 
 @dataclass(frozen=True)

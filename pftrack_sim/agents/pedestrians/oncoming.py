@@ -14,19 +14,11 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
-EXACT_LANE_M = 2.0
-"""Within this distance along the path from the meeting point, the pedestrian keeps its lane exactly."""
-
+EXACT_LANE_M = 2.0  # Within this distance along the path from the meeting point, the lane is kept exactly.
 WALL_DISTANCE_M = 0.34
-JOINING_M = 5.0
-"""Distance before the meeting point at which a waiting pedestrian joins the path."""
-
-_MAX_APPROACH_M = 20.0
-"""A pedestrian with a longer approach along the path waits aside first: on laps it would meet the target before."""
-
-_ASIDE_M = 8.0
-"""Least distance of waiting places from the path."""
-
+JOINING_M = 5.0  # Distance before the meeting point at which a waiting pedestrian joins the path.
+_MAX_APPROACH_M = 20.0  # With a longer approach it waits aside first: on laps it would meet the target before.
+_ASIDE_M = 8.0  # Least distance of waiting places from the path.
 _GRID_M = 2.5
 _MIN_WALL_DISTANCE_M = 0.22
 

@@ -15,24 +15,18 @@ from pftrack_sim.core.types import FloatArray
 SENTINEL_M = 1e6
 """Position of an absent robot and distance of a pedestrian from itself: too far to matter to the avoidance."""
 
-RELAXATION_S = 0.5
-"""Time constant with which pedestrians take up their desired velocity (Helbing and Molnar 1995)."""
-
+RELAXATION_S = 0.5  # Time constant of taking up the desired velocity (Helbing and Molnar 1995).
 MAX_ACCELERATION_M_S2 = 2.6
 MAX_TURN_RATE_RAD_S = math.radians(120.0)
 MAX_SPEED_M_S = 2.0
-
-_MAX_HEADING_OFFSET_RAD = 1.1
-"""Largest angle between the body's heading and the desired velocity; the rest is turned while walking."""
-
+_MAX_HEADING_OFFSET_RAD = 1.1  # Largest angle from the heading to the desired velocity; the rest is turned on the way.
 _TURN_TIME_CONSTANT_S = 0.2
 _MAX_BACKWARD_M_S = 0.15
-_WAITING_FORCE_SHARE = 0.2
-"""Waiting pedestrians are out of the way at their waiting place, and give way only at close range."""
+_WAITING_FORCE_SHARE = 0.2  # Waiting places are out of the way: waiting pedestrians give way only at close range.
 
+# Distances restored by shifting positions where the barriers could not keep them.
 _MIN_PERSON_DISTANCE_M = 0.47
 _MIN_WALL_DISTANCE_M = 0.27
-"""Distances restored by shifting positions where the barriers could not keep them."""
 
 
 class ReactivePedestrians:

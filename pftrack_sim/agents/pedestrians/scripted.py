@@ -13,23 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians import avoidance
+from pftrack_sim.agents.pedestrians import avoidance, oncoming
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy, limited_step, outside_circle
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, OcclusionTrajectory
-from pftrack_sim.agents.pedestrians.oncoming import (
-    EXACT_LANE_M,
-    JOINING_M,
-    WALL_DISTANCE_M,
-    OncomingPass,
-    lane_position,
-)
 from pftrack_sim.core.types import FloatArray
 
+# Crossing pedestrians and carts; the distances hold before and after the cover.
 _CROSSING_SPEED_LIMIT_M_S = 2.8
 _CROSSING_TARGET_DISTANCE_M = 0.55
 _CROSSING_ROBOT_DISTANCE_M = 0.7
-"""Limits of crossing pedestrians; the distances hold before and after the cover."""
-
 _CART_SPEED_LIMIT_M_S = 3.2
 _CART_BRAKING_M_S2 = 1.2
 _CART_WALL_DISTANCE_M = 0.5
@@ -37,16 +29,12 @@ _CART_TARGET_DISTANCE_M = 0.85
 _CART_ROBOT_DISTANCE_M = 0.9
 _CART_YAW_TIME_CONSTANT_S = 0.25
 
+# Oncoming pedestrians.
 _ONCOMING_SPEED_LIMIT_M_S = 2.4
 _ONCOMING_ROBOT_DISTANCE_M = 0.75
-_ROBOT_LANE_M = 1.0
-"""Least offset from the target's path after the pass, where a robot may follow."""
-
-_START_S = 1.0
-"""Time in which an oncoming pedestrian takes up its speed."""
-
-_DETOUR = 1.3
-"""Assumed length of a route relative to the straight line."""
+_ROBOT_LANE_M = 1.0  # Least offset from the target's path after the pass, where a robot may follow.
+_START_S = 1.0  # Time of taking up the walking speed.
+_DETOUR = 1.3  # Assumed length of a route relative to the straight line.
 
 
 class Phase(Enum):
@@ -177,14 +165,14 @@ class OncomingPedestrian:
     phase: Phase
     state: FloatArray
 
-    def __init__(self, plan: OncomingPass, path: Path, obstacles: ObstacleMap) -> None:
+    def __init__(self, plan: oncoming.OncomingPass, path: Path, obstacles: ObstacleMap) -> None:
         self._plan, self._path, self._obstacles = plan, path, obstacles
         self.speed_m_s = plan.speed_m_s
-        self.joining_m = lane_position(path, plan.meeting_s_m + JOINING_M, plan.left_m)
+        self.joining_m = oncoming.lane_position(path, plan.meeting_s_m + oncoming.JOINING_M, plan.left_m)
         self._leaving_s = self._joining_s = -math.inf
         if plan.waiting_m is not None:
             (x, y), (waiting_x, waiting_y) = self.joining_m, plan.waiting_m
-            self._joining_s = plan.at_s - JOINING_M / plan.speed_m_s
+            self._joining_s = plan.at_s - oncoming.JOINING_M / plan.speed_m_s
             route_m = _DETOUR * math.hypot(x - waiting_x, y - waiting_y)
             self._leaving_s = self._joining_s - route_m / plan.speed_m_s - _START_S
 
@@ -200,7 +188,7 @@ class OncomingPedestrian:
         s = self._s_m(0.0)
         heading = float(self._path.at(s)[2]) + math.pi
         speed = (s - self._s_m(1e-3)) / 1e-3
-        position = self._obstacles.pushed_out(self._lane(s), WALL_DISTANCE_M)
+        position = self._obstacles.pushed_out(self._lane(s), oncoming.WALL_DISTANCE_M)
         state[:] = (*position, speed * math.cos(heading), speed * math.sin(heading))
         return heading
 
@@ -218,8 +206,8 @@ class OncomingPedestrian:
             self.phase = Phase.RELEASED
             return
         there = self._lane(s)
-        if abs(s - meeting) > EXACT_LANE_M:
-            there = self._obstacles.pushed_out(there, WALL_DISTANCE_M)
+        if abs(s - meeting) > oncoming.EXACT_LANE_M:
+            there = self._obstacles.pushed_out(there, oncoming.WALL_DISTANCE_M)
             there = outside_circle(there, around.target_m, abs(self._plan.left_m))
         there = outside_circle(there, around.robot_m, _ONCOMING_ROBOT_DISTANCE_M)
         _move(self.state, dt_s, there, _ONCOMING_SPEED_LIMIT_M_S)
@@ -237,9 +225,9 @@ class OncomingPedestrian:
 
     def _lane(self, s_m: float) -> Xy:
         left_m = self._plan.left_m
-        after = min(max((self._plan.meeting_s_m - s_m - 0.5) / (EXACT_LANE_M - 0.5), 0.0), 1.0)
+        after = min(max((self._plan.meeting_s_m - s_m - 0.5) / (oncoming.EXACT_LANE_M - 0.5), 0.0), 1.0)
         extra_m = max(_ROBOT_LANE_M - abs(left_m), 0.0) * after * after * (3.0 - 2.0 * after)
-        return lane_position(self._path, s_m, math.copysign(abs(left_m) + extra_m, left_m))
+        return oncoming.lane_position(self._path, s_m, math.copysign(abs(left_m) + extra_m, left_m))
 
 
 def _move(state: FloatArray, dt_s: float, there: Xy, speed_limit_m_s: float) -> None:

@@ -10,24 +10,14 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import TargetAxis
 
-DECELERATION_M_S2 = 0.8
-"""Deceleration to a stop at the end of the path, and acceleration afterwards."""
-
-MAX_BRAKING_M_S2 = 2.5
-"""Hardest braking, for a robot in the way."""
-
+DECELERATION_M_S2 = 0.8  # To a stop at the end of the path; also the acceleration afterwards.
+MAX_BRAKING_M_S2 = 2.5  # For a robot in the way.
 ROBOT_DISTANCE_M = 0.75
-ROBOT_LANE_M = 0.6
-"""A robot ahead counts as in the way within this distance from the target's line."""
-
+ROBOT_LANE_M = 0.6  # A robot ahead is in the way within this distance from the target's line.
 MANOEUVRE_ACCELERATION_M_S2 = 2.0
 BACKWARD_SPEED_M_S = 0.9
-MANOEUVRE_DURATIONS_S = {"stop": 2.2, "turn": 5.2, "crouch": 3.8, "run": 3.0}
-"""Durations, slowing down included."""
-
-_PAUSE_S = 0.6
-"""Least time of walking between two manoeuvres, so that they can be told apart."""
-
+MANOEUVRE_DURATIONS_S = {"stop": 2.2, "turn": 5.2, "crouch": 3.8, "run": 3.0}  # Slowing down included.
+_PAUSE_S = 0.6  # Least time of walking between two manoeuvres, so that they can be told apart.
 _MAX_WALKING_SPEED_M_S = 2.2
 
 

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.types import FloatArray
 
-ROUTE_CLEARANCE_M = 0.40
-"""Distance of routes from footprints: half a shoulder width and some room."""
+ROUTE_CLEARANCE_M = 0.40  # Distance of routes from footprints: half a shoulder width and some room
 
 
 class VisibilityGraph:
