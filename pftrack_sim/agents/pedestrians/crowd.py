@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +28,8 @@ from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scene.layout import WalkableArea
+
+_Scripted: TypeAlias = CrossingPedestrian | OncomingPedestrian
 
 _CROSSING_WALKING_SPEED_M_S = 1.2
 _ROBOT_VELOCITY_TIME_CONSTANT_S = 0.1
@@ -67,12 +70,12 @@ class Crowd:
         self._sampler = GoalSampler(layout, self._graph, target_path)
         self._seed, self._robot_start_m, self._distractors = seed, robot_start_m, distractors
         self._target = TargetWalk(target_path, target.speed_m_s, target_axis or TargetAxis())
-        self._crossing = [CrossingPedestrian(one, obstacles) for one in at_different_depths(crossings)]
-        self._oncoming = [OncomingPedestrian(one, target_path, obstacles) for one in oncoming]
-        self._scripted = dict(enumerate([*self._crossing, *self._oncoming], start=1 + distractors.count))
+        scripted: list[_Scripted] = [CrossingPedestrian(one, obstacles) for one in at_different_depths(crossings)]
+        scripted += [OncomingPedestrian(one, target_path, obstacles) for one in oncoming]
+        self._scripted = dict(enumerate(scripted, start=1 + distractors.count))
         self.carts = tuple(Cart(one, obstacles) for one in carts)
-        counts = (("distractor", distractors.count), ("crosser", len(crossings)), ("passer", len(oncoming)))
-        self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in counts for i in range(count)))
+        self._counts = {"distractor": distractors.count, "crosser": len(crossings), "passer": len(oncoming)}
+        self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in self._counts.items() for i in range(count)))
         self._robot_column = len(self.names)
         self.reset()
 
@@ -112,12 +115,7 @@ class Crowd:
         self._state = np.zeros((4, self._robot_column + 1 + len(self.carts)))
         self._state[:2, self._robot_column] = SENTINEL_M
         self._headings = np.zeros(self._robot_column)
-        counts = (
-            ("distractors", self._distractors.count),
-            ("crossers", len(self._crossing)),
-            ("passers", len(self._oncoming)),
-        )
-        rngs = [stream(self._seed, kind, i) for kind, count in counts for i in range(count)]
+        rngs = [stream(self._seed, f"{kind}s", i) for kind, count in self._counts.items() for i in range(count)]
         self._goals = GoalManager(self._graph, self._sampler, rngs, self._distractors.count)
         self._target.reset()
         self._store_target()
@@ -146,11 +144,7 @@ class Crowd:
         self._headings[person] = heading
 
     def _reset_scripted(
-        self,
-        person: int,
-        pedestrian: CrossingPedestrian | OncomingPedestrian,
-        rng: np.random.Generator,
-        occupied: list[FloatArray],
+        self, person: int, pedestrian: _Scripted, rng: np.random.Generator, occupied: list[FloatArray]
     ) -> None:
         state = self._state[:, person]
         if isinstance(pedestrian, OncomingPedestrian):
@@ -205,9 +199,7 @@ class Crowd:
         if changed:
             self._group()
 
-    def _assign_route(
-        self, person: int, pedestrian: CrossingPedestrian | OncomingPedestrian, time_s: float, around: Surroundings
-    ) -> None:
+    def _assign_route(self, person: int, pedestrian: _Scripted, time_s: float, around: Surroundings) -> None:
         """Give a scripted pedestrian a route before or after its script."""
         position, velocity = pedestrian.state[:2], pedestrian.state[2:]
         if pedestrian.phase is Phase.SCRIPTED:
