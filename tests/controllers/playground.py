@@ -1,4 +1,4 @@
-"""A robot without mass, and a person who walks: what the camera's box and the senses would be."""
+"""A massless robot and a walking person: box and proprioception without a simulator."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def test_invalid_robot_parameters_are_refused(wrong: dict):
         RobotParameters(**wrong)
 
 
-def test_commands_change_no_faster_than_the_base_can():
+def test_commands_are_rate_limited():
     controller = controllers.make("servo")
     robot = RobotParameters(rate_hz=20.0, max_speed_m_s=2.0)
     controller.reset(robot)

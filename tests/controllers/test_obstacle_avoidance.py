@@ -23,27 +23,27 @@ POSTS = {
 
 
 @pytest.mark.parametrize("name", list(POSTS))
-def test_it_reaches_the_target_past_obstacles_without_touching(name: str):
+def test_the_target_is_reached_past_obstacles_without_contact(name: str):
     world = Playground((9.0, 0.0), posts=POSTS[name])
     world.play(made(), 25.0)
     assert world.nearest_m > HULL_M + 0.03
     assert abs(world.distance_m - 3.0) < 0.3
 
 
-def test_what_servo_drives_into_servo_avoid_does_not():
+def test_servo_without_avoidance_hits_the_obstacle():
     world = Playground((9.0, 0.0), posts=POSTS["one in the way"])
     world.play(made("servo"), 10.0)
     assert world.nearest_m < HULL_M
 
 
-def test_in_the_open_it_is_servo():
+def test_without_obstacles_it_equals_servo():
     rooms = [Playground((6.0, 2.0)), Playground((6.0, 2.0))]
     for world, name in zip(rooms, ("servo", "servo-avoid"), strict=True):
         world.play(made(name), 6.0, (0.8, 0.3))
     np.testing.assert_allclose(rooms[0].commands, rooms[1].commands, atol=1e-12)
 
 
-def test_it_stops_before_a_wall_from_full_speed():
+def test_it_stops_before_a_wall_at_full_speed():
     wall = [(6.0, y, 0.3) for y in np.arange(-12.0, 12.01, 0.4)]
     world = Playground((9.0, 0.0), posts=wall)
     world.play(made(), 20.0)
@@ -51,7 +51,7 @@ def test_it_stops_before_a_wall_from_full_speed():
     assert 0.5 * 1.6**2 / BRAKE_M_S2 < 5.0  # it can see as far as it needs to stop
 
 
-def test_the_head_looks_where_servo_would():
+def test_pan_and_tilt_equal_those_of_servo():
     clear, blocked = Playground((6.0, 1.0)), Playground((6.0, 1.0), posts=[(1.2, 0.2, 0.3)])
     for world in (clear, blocked):
         world.play(made(), 1.0 / 30.0)
@@ -59,7 +59,7 @@ def test_the_head_looks_where_servo_would():
     assert not math.isclose(clear.commands[0][1], blocked.commands[0][1], abs_tol=1e-3)
 
 
-def test_it_does_not_back_into_what_it_has_driven_past():
+def test_it_does_not_reverse_into_a_passed_obstacle():
     world = Playground((5.5, 0.0), posts=[(1.2, 0.62, 0.3)])
     controller = made()
     world.play(controller, 5.0)
@@ -71,7 +71,7 @@ def test_it_does_not_back_into_what_it_has_driven_past():
     assert world.nearest_m > HULL_M
 
 
-def test_it_does_not_back_into_what_it_saw_before_a_long_stand():
+def test_it_does_not_reverse_into_an_obstacle_seen_before_a_long_stop():
     world = Playground((5.5, 0.0), posts=[(1.2, 0.62, 0.3)])
     controller = made()
     world.play(controller, 5.0)

@@ -28,17 +28,17 @@ def test_it_looks_first_to_the_side_where_the_target_left(side: float):
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_who_walks_behind_the_robot_s_back_is_found_again(side: float):
+def test_a_person_behind_the_robot_is_found_again(side: float):
     world, controller = Playground((3.0, 0.0)), servo()
     world.play(controller, 2.0, (0.0, 0.4 * side))
-    # While nobody looks the person goes to the other side of the robot.
+    # The person moves to the other side of the robot while out of view.
     world.target = np.array([world.x - 2.5, world.y - 1.0 * side])
     world.play(controller, 25.0)
     assert world.in_view
     assert abs(world.distance_m - 3.0) < 0.4
 
 
-def test_the_sweep_goes_round_at_a_rate_at_which_something_can_still_be_seen():
+def test_the_sweep_covers_all_directions_at_a_bounded_rate():
     times = np.arange(0.0, 40.0, 1.0 / 30.0)
     swing = np.array([TargetSearch.sweep_rad(float(one)) for one in times])
     assert swing.max() > math.radians(170.0)

@@ -21,7 +21,7 @@ def servo(**params) -> Controller:
 
 
 @pytest.mark.parametrize("target", [(6.0, 0.0), (4.0, 2.5), (2.2, -0.8), (5.0, -2.5)])
-def test_servo_settles_at_the_wanted_distance_facing_the_person(target):
+def test_servo_converges_to_the_desired_distance_and_bearing(target):
     world = Playground(target)
     world.play(servo(), 15.0)
     assert abs(world.distance_m - 3.0) < 0.15
@@ -75,7 +75,7 @@ def test_commands_are_four_numbers_within_one():
         Estimate(np.zeros(4)),
     ],
 )
-def test_unsure_fades_out(lost: Estimate):
+def test_the_command_decays_while_the_target_is_lost(lost: Estimate):
     controller = VisualServo()
     senses = np.zeros(len(PROPRIO_NAMES))
     before = controller.act(Estimate(np.array([200.0, 100.0, 40.0, 120.0])), senses)
@@ -87,7 +87,7 @@ def test_unsure_fades_out(lost: Estimate):
     assert np.abs(last).max() < 0.01
 
 
-def test_a_person_too_near_for_the_picture_is_not_driven_at():
+def test_a_cut_box_does_not_increase_the_distance():
     world = Playground((1.6, 0.0))
     controller = servo()
     nearest = world.distance_m
@@ -97,7 +97,7 @@ def test_a_person_too_near_for_the_picture_is_not_driven_at():
     assert nearest > 1.3
 
 
-def test_returned_command_is_the_caller_s():
+def test_modifying_the_returned_command_has_no_effect():
     controller = servo()
     senses = np.zeros(len(PROPRIO_NAMES))
     command = controller.act(Estimate(np.array([200.0, 100.0, 40.0, 120.0])), senses)
@@ -126,7 +126,7 @@ def test_still_stands():
     assert not controllers.make("still").act(Estimate(np.ones(4)), np.zeros(len(PROPRIO_NAMES))).any()
 
 
-def test_wrong_names_and_parameters_help():
+def test_unknown_names_and_parameters_report_the_nearest():
     with pytest.raises(UnknownNameError, match="did you mean 'servo'"):
         controllers.make("sevro")
     with pytest.raises(ParameterError, match="did you mean 'distance_m'"):
@@ -145,7 +145,7 @@ def test_wrong_names_and_parameters_help():
         {"distance_m": True},
     ],
 )
-def test_impossible_parameters(params):
+def test_invalid_parameters_are_refused(params):
     with pytest.raises(ParameterError, match=next(iter(params))):
         controllers.make("servo", **params)
 

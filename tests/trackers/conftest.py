@@ -1,4 +1,4 @@
-"""Small sequences with a known answer."""
+"""Synthetic sequences with known boxes."""
 
 from collections.abc import Callable
 

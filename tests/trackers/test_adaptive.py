@@ -1,4 +1,4 @@
-"""The adaptive parts of the filter: laws of noise and particle number, and a velocity that is known."""
+"""Adaptive noise and particle number, and the velocity of linear models."""
 
 import numpy as np
 import pytest
@@ -15,31 +15,31 @@ SPREAD = AdaptiveNoise(noise=1.0, noise_min=0.5, noise_max=2.5, count=200, count
     ("error", "factor", "count"),
     [(1.0, 1.0, 200), (2.25, 1.5, 300), (0.36, 0.6, 120), (0.0, 0.5, 100), (100.0, 2.5, 450), (6.0, 6.0**0.5, 450)],
 )
-def test_noise_and_particle_number_by_hand(error: float, factor: float, count: int):
+def test_noise_and_particle_number_match_hand_computed_values(error: float, factor: float, count: int):
     """Eq. 9 and 11 with their limits."""
     assert SPREAD.factor(error) == pytest.approx(factor)
     assert SPREAD.particles(SPREAD.factor(error)) == count
 
 
 @given(st.floats(0, 1e6), st.floats(0, 1e6))
-def test_a_poorer_prediction_never_narrows_the_search(one: float, other: float):
+def test_noise_and_particle_number_grow_with_the_error(one: float, other: float):
     low, high = (SPREAD.factor(error) for error in sorted((one, other)))
     assert SPREAD.noise_min <= low <= high <= SPREAD.noise_max
     assert 1 <= SPREAD.particles(low) <= SPREAD.particles(high) <= SPREAD.count_max
 
 
-def test_there_is_always_a_particle():
+def test_the_particle_number_is_at_least_one():
     assert AdaptiveNoise(noise=10, noise_min=0.01, noise_max=10, count=1, count_max=5).particles(0.01) == 1
 
 
 @pytest.mark.parametrize("given", [{"noise_min": 1.1}, {"noise_max": 0.9}, {"noise_min": 0.0}])
-def test_noises_that_do_not_rise_are_refused(given: dict[str, float]):
+def test_unordered_noise_limits_are_refused(given: dict[str, float]):
     with pytest.raises(ParameterError, match="noise_min <= noise <= noise_max"):
         AdaptiveNoise(**{"noise": 1.0, "noise_min": 0.5, "noise_max": 2.0, **given}, count=1, count_max=1)
 
 
 @pytest.mark.parametrize(("count", "count_max"), [(0, 5), (6, 5)])
-def test_numbers_of_particles_that_do_not_rise_are_refused(count: int, count_max: int):
+def test_unordered_particle_numbers_are_refused(count: int, count_max: int):
     with pytest.raises(ParameterError, match="particle_count <= particle_count_max"):
         AdaptiveNoise(1.0, 0.5, 2.0, count=count, count_max=count_max)
 
@@ -47,8 +47,8 @@ def test_numbers_of_particles_that_do_not_rise_are_refused(count: int, count_max
 UNITS = np.array([300.0, 20.0, 0.01, 0.05])
 
 
-def linear_toy(kind: type[np.floating], particle_count: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What is observed is a matrix times the state: the matrix, particles, and what they observe."""
+def linear_model(kind: type[np.floating], particle_count: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A linear observation model: its matrix, particles, and their observations."""
     rng = np.random.default_rng(3)
     matrix = (rng.standard_normal((4, 90)) / UNITS[:, None]).astype(kind)
     particles = rng.standard_normal((particle_count, 4)) * UNITS
@@ -56,9 +56,9 @@ def linear_toy(kind: type[np.floating], particle_count: int = 60) -> tuple[np.nd
 
 
 @pytest.mark.parametrize(("kind", "digits"), [(np.float64, 1e-9), (np.float32, 1e-4)])
-def test_the_velocity_of_a_linear_toy_is_exact(kind: type[np.floating], digits: float):
-    """Eq. 8 where the first-order fit holds everywhere: units as far apart as pixels and radians."""
-    matrix, particles, seen = linear_toy(kind)
+def test_the_velocity_of_a_linear_model_is_exact(kind: type[np.floating], digits: float):
+    """Eq. 8, for components with units as different as pixels and radians."""
+    matrix, particles, seen = linear_model(kind)
     fitted = fit_slopes(particles, seen)
     assert fitted.dtype == kind
     assert np.allclose(fitted * UNITS[:, None], matrix * UNITS[:, None], rtol=0, atol=10 * digits)
@@ -68,14 +68,14 @@ def test_the_velocity_of_a_linear_toy_is_exact(kind: type[np.floating], digits: 
     assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=10 * digits)
 
 
-def test_no_surprise_no_velocity():
-    _, particles, seen = linear_toy(np.float64)
+def test_zero_innovation_gives_zero_velocity():
+    _, particles, seen = linear_model(np.float64)
     assert np.array_equal(adaptive_velocity(fit_slopes(particles, seen), np.zeros(90)), np.zeros(4))
 
 
-def test_what_particles_do_not_tell_stays():
-    """A component without spread, or without effect on what is observed, gets no velocity; the others get theirs."""
-    matrix, particles, _ = linear_toy(np.float64)
+def test_unobservable_components_get_zero_velocity():
+    """Components without spread, or without effect on the observation, do not disturb the others."""
+    matrix, particles, _ = linear_model(np.float64)
     still = particles.copy()
     still[:, 1] = 0.0
     moved = UNITS * [0.3, 0.0, 0.5, 1.5]
@@ -87,12 +87,12 @@ def test_what_particles_do_not_tell_stays():
     assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=1e-9)
 
 
-def test_nothing_is_known_from_one_particle():
+def test_one_particle_gives_zero_velocity():
     assert np.array_equal(adaptive_velocity(fit_slopes(np.zeros((1, 4)), np.zeros((1, 9))), np.ones(9)), np.zeros(4))
 
 
-def test_noise_in_what_is_seen_averages_out():
-    matrix, particles, seen = linear_toy(np.float64, 400)
+def test_observation_noise_averages_out():
+    matrix, particles, seen = linear_model(np.float64, 400)
     noisy = seen + 0.3 * np.random.default_rng(0).standard_normal(seen.shape)
     moved = UNITS * [0.3, -0.2, 0.5, 1.0]
     assert np.abs(adaptive_velocity(fit_slopes(particles, noisy), -moved @ matrix) / UNITS - moved / UNITS).max() < 0.05

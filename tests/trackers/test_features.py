@@ -1,4 +1,4 @@
-"""Histograms, textures and likelihoods against slow references and other libraries."""
+"""Histograms, textures and likelihoods against reference implementations and other libraries."""
 
 import cv2
 import numpy as np
@@ -28,8 +28,8 @@ def random_codes(layout: BinLayout, height: int = 70, width: int = 60, seed: int
     return np.random.default_rng(seed).integers(0, layout.bin_count, shape, dtype=np.uint8)
 
 
-def slow_histogram(codes: np.ndarray, box: np.ndarray, layout: BinLayout) -> np.ndarray:
-    """The same sum, point by point in plain Python; not normalised."""
+def reference_histogram(codes: np.ndarray, box: np.ndarray, layout: BinLayout) -> np.ndarray:
+    """The sum over points in plain Python; not normalised."""
     x, y, w, h = box
     out = np.zeros((layout.cell_count, layout.channel_count, layout.bin_count))
     for i in range(ROWS):
@@ -48,9 +48,9 @@ sized = st.floats(0.5, 90)
 @pytest.mark.parametrize("layout", LAYOUTS)
 @settings(max_examples=15)
 @given(x=finite, y=finite, w=sized, h=sized)
-def test_histogram_agrees_with_the_slow_one(layout: BinLayout, x: float, y: float, w: float, h: float):
+def test_histogram_agrees_with_a_reference_implementation(layout: BinLayout, x: float, y: float, w: float, h: float):
     codes, box = random_codes(layout), np.array([x, y, w, h])
-    slow = slow_histogram(codes, box, layout)
+    slow = reference_histogram(codes, box, layout)
     found = histogram(codes, box, layout)
     expected = slow / slow.sum() if slow.sum() > 0 else slow
     assert np.allclose(found, expected, rtol=0, atol=1e-12)
@@ -75,7 +75,7 @@ def test_epanechnikov_histogram_of_whole_pixels_against_numpy():
     assert np.allclose(found.reshape(3, 128).sum(axis=1), 1 / 3, rtol=0, atol=1e-12)
 
 
-def test_cells_are_where_they_should_be():
+def test_cells_cover_their_part_of_the_box():
     layout = cell_layout(4, 4, 1, 16)
     codes = np.zeros((ROWS, COLUMNS, 1), np.uint8)
     codes[:12, 18:] = 5  # the upper right of the 16 cells
@@ -117,7 +117,7 @@ def test_points_outside_the_image_match_nothing():
     assert histogram(codes, boxes[3], layout).sum() == 0
 
 
-def slow_cs_lbp(grey: np.ndarray) -> np.ndarray:
+def reference_cs_lbp(grey: np.ndarray) -> np.ndarray:
     """Every pixel's pattern with plain numpy: neighbours anticlockwise from the right."""
     height, width = grey.shape
     padded = np.pad(grey.astype(int), 1, mode="edge")
@@ -128,11 +128,11 @@ def slow_cs_lbp(grey: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=30)
 @given(st.integers(1, 20), st.integers(1, 20), st.integers(0, 1000), st.sampled_from([2, 256]))
-def test_cs_lbp_agrees_with_plain_numpy(height: int, width: int, seed: int, levels: int):
+def test_cs_lbp_agrees_with_a_reference_implementation(height: int, width: int, seed: int, levels: int):
     grey = np.random.default_rng(seed).integers(0, levels, (height, width), dtype=np.uint8)
     codes = cs_lbp_codes(np.repeat(grey[..., None], 3, axis=2))
     assert codes.shape == (height, width, 1)
-    assert np.array_equal(codes[..., 0], slow_cs_lbp(grey))
+    assert np.array_equal(codes[..., 0], reference_cs_lbp(grey))
 
 
 @pytest.mark.parametrize(
@@ -140,14 +140,14 @@ def test_cs_lbp_agrees_with_plain_numpy(height: int, width: int, seed: int, leve
     [((0, 1), 0b0011), ((0, -1), 0b1000), ((-1, 0), 0b1110), ((1, 0), 0b0000), ((0, 0), 0), ((-1, 1), 0b0111)],
     ids=["brighter to the right", "to the left", "upwards", "downwards", "flat", "up and right"],
 )
-def test_cs_lbp_of_hand_made_patterns(gradient: tuple[int, int], code: int):
+def test_cs_lbp_of_known_gradients(gradient: tuple[int, int], code: int):
     v, u = np.mgrid[-3:4, -3:4]
     grey = (100 + gradient[0] * v + gradient[1] * u).astype(np.uint8)
     codes = cs_lbp_codes(np.repeat(grey[..., None], 3, axis=2))
     assert (codes[1:-1, 1:-1] == code).all()
 
 
-def test_colours_fall_into_the_bins_they_should():
+def test_known_colours_have_known_codes():
     image = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [0, 0, 0], [255, 255, 255]]], np.uint8)
     assert hsv_codes(image, 128)[0].tolist() == [
         [0, 127, 127],
@@ -159,15 +159,15 @@ def test_colours_fall_into_the_bins_they_should():
     assert rgb_codes(image, 8)[0].tolist() == [[7, 0, 0], [0, 7, 0], [0, 0, 7], [0, 0, 0], [7, 7, 7]]
 
 
-def test_every_bin_is_below_the_count():
+def test_codes_are_below_the_bin_count():
     image = RNG.integers(0, 256, (200, 200, 3), dtype=np.uint8)
     for count in (1, 8, 128, 256):
         assert hsv_codes(image, count).max() < count
         assert rgb_codes(image, count).max() == count - 1
 
 
-def test_a_window_of_the_image_gives_what_the_whole_gives():
-    """Only the part of the image that the boxes touch is converted; nobody may notice."""
+def test_similarities_do_not_depend_on_the_cropped_region():
+    """Only the part of the image that the boxes touch is converted."""
     image = RNG.integers(0, 256, (80, 100, 3), dtype=np.uint8)
     features = [
         Feature(cs_lbp_codes, cell_layout(4, 4, 1, 16)),
@@ -186,14 +186,14 @@ def test_a_window_of_the_image_gives_what_the_whole_gives():
 
 
 @pytest.mark.parametrize("form", ["linear", "exponential"])
-def test_likelihood_rises_with_similarity(form: str):
+def test_likelihood_increases_with_similarity(form: str):
     alike = np.stack([np.linspace(0, 1, 11), np.linspace(0, 1, 11)])
     logs = log_mixture(alike, np.array([0.6, 0.4]), form, np.array([20.0, 30.0]))  # pyright: ignore[reportArgumentType]
     assert (np.diff(logs) > 0).all()
     assert logs[-1] == pytest.approx(0)
 
 
-def test_likelihood_by_hand():
+def test_likelihood_matches_hand_computed_values():
     alike, shares, sharpness = np.array([[0.81], [0.5]]), np.array([0.6, 0.4]), np.array([10.0, 4.0])
     linear = log_mixture(alike, shares, "linear", sharpness)[0]
     assert linear == pytest.approx(np.log(0.6 * 0.81 + 0.4 * 0.5))

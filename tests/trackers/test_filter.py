@@ -1,4 +1,4 @@
-"""The particle filter against what is known exactly."""
+"""The particle filter against closed-form results."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_systematic_resampling_is_unbiased():
     assert stats.chisquare(seen[some], WEIGHTS[some] * draws.size).pvalue > 0.001
 
 
-def test_systematic_resampling_of_many_is_unbiased():
+def test_systematic_resampling_of_n_particles_is_unbiased():
     rng = np.random.default_rng(1)
     counts = np.array([np.bincount(systematic_resampling(WEIGHTS, rng), minlength=7) for _ in range(15_000)])
     error = counts.mean(axis=0) - 7 * WEIGHTS
@@ -32,7 +32,7 @@ positive = arrays(np.float64, st.integers(1, 40), elements=st.floats(0, 1)).filt
 
 
 @given(positive, st.integers(0, 2**32 - 1), st.integers(1, 60))
-def test_systematic_resampling_is_never_one_away(raw: np.ndarray, seed: int, count: int):
+def test_systematic_resampling_counts_differ_by_less_than_one(raw: np.ndarray, seed: int, count: int):
     weights = raw / raw.sum()
     chosen = systematic_resampling(weights, np.random.default_rng(seed), count)
     seen = np.bincount(chosen, minlength=weights.size)
@@ -42,7 +42,7 @@ def test_systematic_resampling_is_never_one_away(raw: np.ndarray, seed: int, cou
     assert (seen[weights == 0] == 0).all()
 
 
-def test_random_walk_has_the_noise_it_says():
+def test_random_walk_has_the_given_noise():
     states = np.tile([10.0, 20, 30], (200_000, 1))
     drawn = RandomWalk((1.0, 0.5, 0.0)).draw(states, np.random.default_rng(0)) - states
     assert np.allclose(drawn.mean(axis=0), 0, atol=0.01)
@@ -51,7 +51,7 @@ def test_random_walk_has_the_noise_it_says():
 
 
 @pytest.mark.parametrize("wanted", [0.0, 0.6, 1.0])
-def test_random_walk_has_the_correlation_it_says(wanted: float):
+def test_random_walk_has_the_given_correlation(wanted: float):
     drawn = RandomWalk((1.0, 1.0, 2.0, 0.5), wanted).draw(np.zeros((200_000, 4)), np.random.default_rng(0))
     assert np.allclose(drawn.std(axis=0), [1, 1, 2, 0.5], rtol=0, atol=0.01)
     expected = np.eye(4)
@@ -85,14 +85,14 @@ def test_filter_agrees_with_the_kalman_filter():
         assert abs(found.mean() - exact) < 3 * found.std(ddof=1) / np.sqrt(runs)
 
 
-def test_weights_survive_likelihoods_too_small_for_a_float():
+def test_weights_do_not_underflow():
     moving = ParticleFilter(np.arange(3.0)[:, None], np.random.default_rng(0))
     moving.weigh(np.array([-5000.0, -5000 + np.log(3), -np.inf]))
     assert np.allclose(moving.weights, [0.25, 0.75, 0], atol=1e-12)
     assert moving.mean()[0] == pytest.approx(0.75)
 
 
-def test_all_weigh_the_same_when_nothing_is_likely():
+def test_weights_are_equal_when_every_likelihood_is_zero():
     moving = ParticleFilter(np.arange(4.0)[:, None], np.random.default_rng(0))
     moving.weigh(np.full(4, -np.inf))
     assert moving.weights.tolist() == [0.25] * 4
@@ -100,7 +100,7 @@ def test_all_weigh_the_same_when_nothing_is_likely():
     assert moving.states.ravel().tolist() == [0, 1, 2, 3]
 
 
-def test_top_mean_by_hand():
+def test_top_mean_matches_hand_computed_values():
     moving = ParticleFilter(np.array([[0.0], [10.0], [20.0], [40.0]]), np.random.default_rng(0))
     moving.weigh(np.log([0.1, 0.4, 0.2, 0.3]))
     assert moving.mean(1)[0] == 10
@@ -108,7 +108,7 @@ def test_top_mean_by_hand():
     assert moving.mean()[0] == moving.mean(9)[0] == pytest.approx(0 + 4 + 4 + 12)
 
 
-def test_resampling_and_restarting_forget_the_weights():
+def test_resampling_and_restarting_reset_the_weights():
     given_states = np.arange(5.0)[:, None]
     moving = ParticleFilter(given_states, np.random.default_rng(0))
     moving.weigh(np.log([1e-9, 1e-9, 1.0, 1e-9, 1e-9]))
@@ -122,7 +122,7 @@ def test_resampling_and_restarting_forget_the_weights():
 
 
 @pytest.mark.parametrize("top", [None, 20])
-def test_particles_that_agree_have_exactly_that_mean(top: int | None):
+def test_identical_particles_have_exactly_that_mean(top: int | None):
     state = np.array([28.1, 41.0, 20.7, 32.3])
     moving = ParticleFilter(np.tile(state, (400, 1)), np.random.default_rng(0))
     moving.weigh(np.random.default_rng(1).normal(size=400))

@@ -1,4 +1,4 @@
-"""HOG against hand-made patterns and against the equations written out slowly."""
+"""HOG against known patterns and a reference implementation of the equations."""
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ from pftrack_sim.trackers.features.hog import CELL_COLUMNS, CELL_ROWS, COLUMNS, 
 WHOLE = np.array([[0.0, 0.0, COLUMNS, ROWS]])
 
 
-def slow_hog(grey: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, float]:
+def reference_hog(grey: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, float]:
     """Equations 2 to 5, pixel by pixel in plain numpy.
 
     Returns:
@@ -47,10 +47,10 @@ def slow_hog(grey: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, float]:
 
 @settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.floats(-20, 60), st.floats(-20, 60), st.floats(1, 90), st.floats(1, 90))
-def test_it_agrees_with_the_slow_one(seed: int, x: float, y: float, w: float, h: float):
+def test_hog_agrees_with_a_reference_implementation(seed: int, x: float, y: float, w: float, h: float):
     grey = np.random.default_rng(seed).integers(0, 256, (55, 60), dtype=np.uint8)
     box = np.array([x, y, w, h])
-    slow, margin = slow_hog(grey, box)
+    slow, margin = reference_hog(grey, box)
     found = hog(grey, box[None])[0]
     if slow.sum() < 1.0:  # a box wholly in one grey, but for rounding
         return
@@ -60,7 +60,7 @@ def test_it_agrees_with_the_slow_one(seed: int, x: float, y: float, w: float, h:
 
 
 def test_the_blur_is_that_of_opencv():
-    """Through what it does: the descriptor of a patch is that of gradients of OpenCV's blur, cell by cell."""
+    """The descriptor of a patch equals that of the gradients of OpenCV's blur, cell by cell."""
     grey = np.random.default_rng(3).integers(0, 256, (ROWS, COLUMNS), dtype=np.uint8)
     kernel = np.array([1, 4, 6, 4, 1]) / 16
     smooth = cv2.sepFilter2D(grey.astype(np.float64), -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
@@ -73,7 +73,7 @@ def test_the_blur_is_that_of_opencv():
 
 
 @pytest.mark.parametrize("direction", range(DIRECTION_COUNT))
-def test_a_slope_points_one_way(direction: int):
+def test_a_linear_gradient_has_one_direction(direction: int):
     angle = direction * np.pi / 4
     v, u = np.mgrid[:80, :80] - 40.0
     grey = np.round(127 + 2.0 * (u * np.cos(angle) + v * np.sin(angle))).astype(np.uint8)
@@ -83,7 +83,7 @@ def test_a_slope_points_one_way(direction: int):
     assert inner[..., direction].sum() > 0.99 * inner.sum()
 
 
-def test_a_bright_square_has_its_four_sides_in_their_cells():
+def test_the_sides_of_a_bright_square_are_in_their_cells():
     grey = np.zeros((ROWS, COLUMNS), np.uint8)
     grey[8:16, 4:12] = 200
     found = hog(grey, WHOLE)[0].reshape(CELL_ROWS, CELL_COLUMNS, DIRECTION_COUNT)
@@ -97,13 +97,13 @@ def test_a_bright_square_has_its_four_sides_in_their_cells():
     assert np.allclose(found, found[:, ::-1][..., [4, 3, 2, 1, 0, 7, 6, 5]], rtol=0, atol=1e-6)
 
 
-def test_brightness_and_contrast_do_not_matter():
+def test_brightness_and_contrast_have_no_effect():
     grey = np.random.default_rng(1).integers(0, 100, (60, 60), dtype=np.uint8)
     box = np.array([[5.0, 6, 40, 44]])
     assert np.allclose(hog(grey, box), hog(2 * grey + 30, box), rtol=0, atol=1e-5)
 
 
-def test_it_sums_to_one_or_there_is_nothing():
+def test_descriptors_sum_to_one_or_are_zero():
     grey = np.random.default_rng(1).integers(0, 255, (60, 60), dtype=np.uint8)
     boxes = np.array([[5.0, 6, 40, 44], [-500, 6, 40, 44], [50, 50, 300, 300], [10, 10, 0.5, 0.5]])
     found = hog(grey, boxes)
@@ -112,7 +112,7 @@ def test_it_sums_to_one_or_there_is_nothing():
     assert not hog(np.full((60, 60), 77, np.uint8), boxes).any()
 
 
-def test_a_shift_by_whole_pixels_shifts_nothing_else():
+def test_descriptors_are_invariant_to_whole_pixel_shifts():
     grey = np.random.default_rng(2).integers(0, 255, (90, 90), dtype=np.uint8)
     moved = np.roll(grey, (7, 5), axis=(0, 1))
     box = np.array([[20.25, 21.5, 33, 41]])

@@ -1,4 +1,4 @@
-"""The method of Ko et al. 2012: its parts do what the equations say."""
+"""The methods of Ko et al. 2012."""
 
 from collections.abc import Callable
 from typing import Any
@@ -34,7 +34,7 @@ def test_a_moving_target_is_followed(make_scene: Callable[..., Scene], preset: s
     assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.5
 
 
-def test_a_still_target_gives_full_confidence_and_no_noise_no_motion(scene: Scene):
+def test_a_still_target_has_confidence_one_and_zero_noise_no_motion(scene: Scene):
     images, truth = scene
     tracker = trackers.make("ko2012", sigma_centre=0, sigma_size=0)
     tracker.init(images[0], truth[0])
@@ -61,8 +61,8 @@ def test_twice_the_image_with_texture_gives_about_twice_the_estimate(make_scene:
     assert np.abs(boxes.centre(large.mean(axis=0)) - 2 * boxes.centre(small.mean(axis=0))).max() <= 2
 
 
-def test_a_jump_is_not_believed(make_scene: Callable[..., Scene]):
-    """Eq. 13: too far in one frame, and the previous state is kept and called occluded."""
+def test_a_jump_is_rejected(make_scene: Callable[..., Scene]):
+    """Eq. 13: the previous state is kept and reported as occluded."""
     images, truth = make_scene(count=3)
     tracker = trackers.make("ko2012", hold_distance=1e-6)
     tracker.init(images[0], truth[0])
@@ -72,7 +72,7 @@ def test_a_jump_is_not_believed(make_scene: Callable[..., Scene]):
         assert np.allclose(estimate.box, truth[0], rtol=0, atol=1e-12)
 
 
-def test_particles_come_when_asked_for(scene: Scene):
+def test_particles_are_optional(scene: Scene):
     images, truth = scene
     for wanted in (True, False):
         tracker = trackers.make("ko2012", particles=wanted, particle_count=37)
@@ -81,13 +81,13 @@ def test_particles_come_when_asked_for(scene: Scene):
         assert (shown.shape == (37, 4)) if shown is not None else not wanted
 
 
-def test_showing_the_particles_changes_nothing(scene: Scene):
+def test_returning_the_particles_has_no_effect(scene: Scene):
     images, truth = scene
     assert np.array_equal(run(images, truth[0], particles=True), run(images, truth[0], particles=False))
 
 
 @pytest.mark.parametrize("redraw", ["weights", "estimate"])
-def test_top_one_is_a_particle(scene: Scene, redraw: str):
+def test_the_top_one_mean_is_a_particle(scene: Scene, redraw: str):
     images, truth = scene
     tracker = trackers.make("ko2012", top_count=1, particles=True, redraw=redraw)
     tracker.init(images[0], truth[0])
@@ -98,8 +98,8 @@ def test_top_one_is_a_particle(scene: Scene, redraw: str):
 
 
 @pytest.mark.parametrize("colour", [0, 255])
-def test_nothing_to_see_is_survived(scene: Scene, colour: int):
-    """A black or white frame matches little or nothing; the tracker goes on and finds the target again."""
+def test_uniform_frames_give_finite_estimates(scene: Scene, colour: int):
+    """A black or white frame has a low similarity, and tracking continues."""
     images, truth = scene
     tracker = trackers.make("ko2012", likelihood="linear")
     tracker.init(images[0], truth[0])
@@ -145,8 +145,8 @@ def test_a_method_of_one_histogram_is_the_proposed_one_without_the_other(
 
 
 @pytest.mark.parametrize("name", ["ko2012-rgb", "ko2012-hsv"])
-def test_without_a_kernel_the_corners_count(name: str):
-    """A change in a corner alone, outside the inscribed ellipse, is seen without the kernel and not with it.
+def test_corners_count_only_without_a_kernel(name: str):
+    """A change in a corner, outside the inscribed ellipse, has an effect only without the kernel.
 
     Of the box's 48 x 24 points 6 x 3 change the bin of every channel: the coefficient is sqrt(1 - 1/64) exactly.
     """
@@ -162,7 +162,7 @@ def test_without_a_kernel_the_corners_count(name: str):
     assert confidences[name] == pytest.approx(np.sqrt(63 / 64), abs=1e-9)
 
 
-def test_the_shape_is_kept_when_width_and_height_move_as_one(scene: Scene):
+def test_correlated_size_noise_keeps_the_shape(scene: Scene):
     images, truth = scene
     found = run(images, truth[0], size_correlation=1.0, sigma_size=0.05, sigma_unit="box")
     assert np.ptp(found[:, 2]) > 0.1

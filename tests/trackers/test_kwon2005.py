@@ -1,4 +1,4 @@
-"""The method of Kwon et al.: the filter opens and the model freezes while the target is covered, and only then."""
+"""The method of Kwon et al.: motion models, learning, and occlusions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -31,16 +31,16 @@ def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> np.ndarray:
     return np.array([tracker.update(image).box for image in images[1:]])
 
 
-def noise_picture(width: int, height: int, seed: int, low: int = 20, high: int = 235, cell: int = 6) -> np.ndarray:
-    """A smooth random picture."""
+def random_texture(width: int, height: int, seed: int, low: int = 20, high: int = 235, cell: int = 6) -> np.ndarray:
+    """A smooth random image."""
     rng = np.random.default_rng(seed)
     small = rng.integers(low, high, (height // cell + 1, width // cell + 1, 3), dtype=np.uint8)
     return cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC)
 
 
 def warped_scene(warps: list[np.ndarray]) -> list[np.ndarray]:
-    """A target of 40x50 about the origin, put on a background by `(2, 3)` matrices."""
-    background, target = noise_picture(WIDTH, HEIGHT, 1, 60, 140), noise_picture(40, 50, 2)
+    """A target of 40x50 px about the origin, warped onto a background by `(2, 3)` matrices."""
+    background, target = random_texture(WIDTH, HEIGHT, 1, 60, 140), random_texture(40, 50, 2)
     images: list[np.ndarray] = []
     for warp in warps:
         # From the target's pixels, whose centres lie at half pixels, to those of the image.
@@ -59,10 +59,10 @@ FIRST_BOX = np.array([80.0 - 20, 60 - 25, 40, 50])
 
 @pytest.fixture(scope="module")
 def covered() -> Scene:
-    """A target that walks slowly; in the frames `COVERED` another thing stands in front of it."""
+    """A slowly moving target that is occluded in the frames `COVERED`."""
     warps = [np.array([[1, 0, 60 + 0.5 * i], [0, 1, 60.0]]) for i in range(45)]
     images = warped_scene(warps)
-    thing = noise_picture(70, 80, 9, 0, 255, 9)
+    thing = random_texture(70, 80, 9, 0, 255, 9)
     for index in COVERED:
         images[index][20:100, 30:100] = thing
     return images, np.array([[40 + 0.5 * i, 35, 40, 50] for i in range(45)])
@@ -70,7 +70,7 @@ def covered() -> Scene:
 
 @dataclass
 class Seen:
-    """What one run was like, frame by frame from the first update on."""
+    """A run, frame by frame from the first update."""
 
     estimates: list[Estimate] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
@@ -101,7 +101,7 @@ def test_paper_preset_holds_the_printed_values():
 @pytest.mark.parametrize(
     ("rule", "false_alarms"), [({}, 0.2), ({"preset": "paper", "outliers": "all"}, 0.0)], ids=["default", "all"]
 )
-def test_a_covered_target_is_noticed_and_found_again(covered: Scene, rule: dict[str, Any], false_alarms: float):
+def test_an_occlusion_is_detected_and_the_target_recovered(covered: Scene, rule: dict[str, Any], false_alarms: float):
     images, truth = covered
     seen = watch(images, truth[0], **rule)
     flags = np.array([one.occluded for one in seen.estimates])
@@ -115,8 +115,8 @@ def test_a_covered_target_is_noticed_and_found_again(covered: Scene, rule: dict[
     assert boxes.pairwise_iou(back, truth[1:][frames > COVERED.stop + 5]).min() > 0.7
 
 
-def test_while_it_is_covered_the_model_is_frozen_and_the_filter_open(covered: Scene):
-    """Section 2.2: no update, R_t = R_max, J_t = J_max; all three again as before once it is back."""
+def test_during_occlusion_the_model_is_frozen_and_noise_and_particles_are_at_maximum(covered: Scene):
+    """Section 2.2: no update, R_t = R_max and J_t = J_max until the target is visible again."""
     images, truth = covered
     seen = watch(images, truth[0])
     most = make().params.particle_count_max
@@ -134,7 +134,7 @@ def test_while_it_is_covered_the_model_is_frozen_and_the_filter_open(covered: Sc
     )
 
 
-def test_without_the_flag_nothing_is_ever_covered(covered: Scene):
+def test_no_occlusion_variant_never_reports_occlusion(covered: Scene):
     images, truth = covered
     seen = watch(images, truth[0], name="kwon2005-no-occlusion")
     assert not any(one.occluded for one in seen.estimates)
@@ -142,7 +142,7 @@ def test_without_the_flag_nothing_is_ever_covered(covered: Scene):
         assert not np.array_equal(before[1], after[1])
 
 
-def test_both_are_the_same_until_something_covers(covered: Scene):
+def test_both_trackers_are_equal_before_the_first_occlusion(covered: Scene):
     images, truth = covered
     with_flag, without = (
         run(images[: COVERED.start], truth[0], name=name) for name in ("kwon2005", "kwon2005-no-occlusion")
@@ -176,7 +176,7 @@ def test_a_target_that_grows_and_turns_is_followed(motion: str):
     assert angle == pytest.approx(0.4, abs=0.05)
 
 
-def test_only_affine_motion_follows_one_side_alone():
+def test_only_affine_motion_follows_a_change_of_aspect():
     images = warped_scene([np.array([[s, 0, 80], [0, 1, 60.0]]) for s in np.linspace(1, 1.6, 30)])
     ratios = {}
     for motion in MOTIONS:
@@ -186,8 +186,8 @@ def test_only_affine_motion_follows_one_side_alone():
     assert ratios["similarity"] == pytest.approx(1.0, abs=1e-9)
 
 
-def test_the_velocity_carries_what_the_noise_cannot():
-    """Steps of several standard deviations of the noise: only nu_t (8) keeps up."""
+def test_the_velocity_follows_motion_beyond_the_noise():
+    """Steps of several standard deviations of the noise need nu_t (8)."""
     images = warped_scene([np.array([[1, 0, 40 + 2.0 * i], [0, 1, 60.0]]) for i in range(35)])
     truth = np.array([[20 + 2.0 * i, 35, 40, 50] for i in range(35)])
     overlap = {}
@@ -199,7 +199,7 @@ def test_the_velocity_carries_what_the_noise_cannot():
     assert overlap[False] < 0.5
 
 
-def test_a_still_target_gives_full_confidence_and_no_noise_no_motion(scene: Scene):
+def test_a_still_target_has_confidence_one_and_zero_noise_no_motion(scene: Scene):
     images, truth = scene
     tracker = make(sigma_centre=0, sigma_scale=0, sigma_angle=0)
     tracker.init(images[0], truth[0])
@@ -222,7 +222,7 @@ def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scen
 
 
 @pytest.mark.parametrize("box", [(50, 40, 2, 2), (-10, -10, 30, 40), (110, 80, 30, 40), (50.3, 40.7, 0.4, 0.4)])
-def test_odd_boxes_are_fine_in_affine_motion(box: tuple[float, ...], scene: Scene):
+def test_extreme_boxes_are_accepted_in_affine_motion(box: tuple[float, ...], scene: Scene):
     found = run(scene[0], np.array(box), motion="affine")
     assert np.isfinite(found).all()
     assert (found[:, 2:] > 0).all()
@@ -241,7 +241,7 @@ def test_the_box_stays_near_the_image_and_never_collapses():
 
 
 @pytest.mark.parametrize("colour", [0, 255])
-def test_nothing_to_see_is_survived_and_called_covered(scene: Scene, colour: int):
+def test_a_uniform_frame_is_an_occlusion(scene: Scene, colour: int):
     images, truth = scene
     tracker = make()
     tracker.init(images[0], truth[0])
@@ -251,14 +251,14 @@ def test_nothing_to_see_is_survived_and_called_covered(scene: Scene, colour: int
     assert np.isfinite(tracker.update(images[1]).box).all()
 
 
-def test_showing_the_particles_changes_nothing(scene: Scene):
+def test_returning_the_particles_has_no_effect(scene: Scene):
     images, truth = scene
     assert np.array_equal(run(images, truth[0], particles=True), run(images, truth[0], particles=False))
 
 
 @pytest.mark.parametrize("box", [(30.0, 30.0, 20.0, 20.0), (30.0, 30.0, 2.0, 2.0)])
-def test_a_wall_of_one_grey_is_survived(box: tuple[float, ...]):
-    """A target of one grey cannot be told from anything; the tracker says nothing that is not finite."""
+def test_a_uniform_target_gives_finite_estimates(box: tuple[float, ...]):
+    """A uniform target cannot be located."""
     image = np.full((90, 120, 3), 90, np.uint8)
     found = run([image] * 5, np.array(box))
     assert np.isfinite(found).all()

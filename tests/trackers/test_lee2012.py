@@ -1,4 +1,4 @@
-"""The method of Lee et al. 2012: its parts do what the equations say."""
+"""The methods of Lee et al. 2012."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.trackers.features.histogram import distance_layout, histogram, histograms
-from pftrack_sim.trackers.features.image_region import block_means, block_size
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ConstantVelocity
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
@@ -51,7 +50,7 @@ def test_every_method_is_registered():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_moving_target_is_followed_while_it_is_learnt(make_scene: Callable[..., Scene], name: str):
+def test_a_moving_target_is_followed_during_learning(make_scene: Callable[..., Scene], name: str):
     images, truth = make_scene(count=70, step_px=1.0, width=160)
     found = run(images, truth[0], name)
     assert boxes.pairwise_iou(found, truth[1:])[-25:].mean() > 0.6
@@ -59,8 +58,8 @@ def test_a_moving_target_is_followed_while_it_is_learnt(make_scene: Callable[...
 
 @pytest.mark.parametrize("preset", trackers.PRESETS)
 @pytest.mark.parametrize("name", NAMES)
-def test_same_seed_same_bits_and_init_forgets(make_scene: Callable[..., Scene], name: str, preset: str):
-    """Past the frame from which it learns."""
+def test_same_seed_gives_identical_output_after_init(make_scene: Callable[..., Scene], name: str, preset: str):
+    """Beyond the frame at which learning starts."""
     images, truth = make_scene(count=25)
     tracker = trackers.make(name, seed=4, preset=preset, window=8)
 
@@ -79,7 +78,7 @@ def test_same_seed_same_bits_and_init_forgets(make_scene: Callable[..., Scene], 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("preset", trackers.PRESETS)
 def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scene], name: str, seed: int, preset: str):
-    """The preset `paper` has its noise in pixels, as printed, and so needs twice the noise."""
+    """The preset `paper` has its noise in pixels, as printed, and so needs doubled noise."""
     images, truth = make_scene(count=25)
     doubled = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST) for image in images]
     numbers = Lee2012Parameters.from_preset(name, preset, {})
@@ -90,7 +89,7 @@ def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scen
     assert np.abs(large - 2 * small).max() <= 2
 
 
-def test_a_still_target_gives_full_confidence_and_no_noise_no_motion(scene: Scene):
+def test_a_still_target_has_confidence_one_and_zero_noise_no_motion(scene: Scene):
     images, truth = scene
     for name in NAMES:
         tracker = trackers.make(
@@ -104,7 +103,7 @@ def test_a_still_target_gives_full_confidence_and_no_noise_no_motion(scene: Scen
             assert not estimate.occluded
 
 
-def test_learning_changes_nothing_before_its_frame_and_something_after(make_scene: Callable[..., Scene]):
+def test_learning_has_an_effect_from_its_first_frame_only(make_scene: Callable[..., Scene]):
     images, truth = make_scene(count=30)
     learnt, never = (run(images, truth[0], name, window=10) for name in ("lee2012", "lee2012-color-hog"))
     # The first frame and nine estimates make ten vectors: the tenth estimate is the first that is weighed by them.
@@ -112,7 +111,7 @@ def test_learning_changes_nothing_before_its_frame_and_something_after(make_scen
     assert not np.array_equal(learnt[9], never[9])
 
 
-def test_checked_learns_from_what_resembles_the_target_only(make_scene: Callable[..., Scene]):
+def test_checked_learns_from_reliable_estimates_only(make_scene: Callable[..., Scene]):
     images, truth = make_scene(count=20)
     blank = np.full_like(images[0], 30)
     for name, remembers in (("lee2012", False), ("lee2012-checked", True)):
@@ -135,7 +134,7 @@ def test_alpha_one_is_colour_alone(scene: Scene):
     )
 
 
-def test_particles_come_when_asked_for_and_change_nothing(scene: Scene):
+def test_particles_are_optional_and_have_no_effect(scene: Scene):
     images, truth = scene
     for wanted in (True, False):
         tracker = trackers.make("lee2012", particles=wanted, particle_count=37)
@@ -147,7 +146,7 @@ def test_particles_come_when_asked_for_and_change_nothing(scene: Scene):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("colour", [0, 130, 255])
-def test_nothing_to_see_is_survived(scene: Scene, name: str, colour: int):
+def test_uniform_frames_give_finite_estimates(scene: Scene, name: str, colour: int):
     images, truth = scene
     tracker = trackers.make(name, window=4)
     blank = np.full_like(images[0], colour)
@@ -182,7 +181,7 @@ def test_colour_weights_are_equation_1():
 
 
 def test_colour_histogram_against_opencv():
-    """On a box of exactly 16x24 pixels; OpenCV's own three-dimensional histogram, one pixel at a time, weighted."""
+    """On a box of exactly 16x24 pixels, against weighted three-dimensional histograms of single pixels by OpenCV."""
     image = np.random.default_rng(0).integers(0, 256, (40, 30, 3), dtype=np.uint8)
     layout = distance_layout(24, 16, 1, 256)
     found = histogram(hsv_joint_codes(image, (8, 8, 4)), np.array([5.0, 7, 16, 24]), layout)
@@ -197,7 +196,7 @@ def test_colour_histogram_against_opencv():
 
 @settings(max_examples=30)
 @given(st.floats(-30, 60), st.floats(-30, 60), st.floats(1, 80), st.floats(1, 80))
-def test_many_histograms_are_one_and_one(x: float, y: float, w: float, h: float):
+def test_histograms_of_many_boxes_equal_those_of_each(x: float, y: float, w: float, h: float):
     codes = np.random.default_rng(1).integers(0, 256, (50, 60, 1), dtype=np.uint8)
     layout, box = distance_layout(24, 16, 1, 256), np.array([x, y, w, h])
     both = histograms(codes, np.array([box, [1.0, 2, 40, 40]]), layout)
@@ -206,58 +205,3 @@ def test_many_histograms_are_one_and_one(x: float, y: float, w: float, h: float)
     assert -1e-12 <= share <= 1 + 1e-12
     assert np.allclose(both[0], alone * share, rtol=0, atol=1e-12)
     assert both[1].sum() == pytest.approx(1, abs=1e-12)
-
-
-@pytest.mark.parametrize("block", [(3.0, 3.0), (1.0, 2.0), (1.0, 1.0)])
-def test_blocks_hold_means_and_boxes_stay_where_they_are(block: tuple[float, float]):
-    image = np.random.default_rng(0).integers(0, 256, (200, 180, 3), dtype=np.uint8)
-    box = np.array([41.0, 33, 48, 72])
-    part = block_means(image, box[None], block)
-    assert part.step.tolist() == list(block)
-    x, y = (int(one) for one in part.origin)
-    width, height = (int(one) for one in block)
-    rows, columns = part.pixels.shape[:2]
-    cut = image[y : y + height * rows, x : x + width * columns].astype(np.float64)
-    means = cut.reshape(rows, height, columns, width, 3).mean(axis=(1, 3))
-    assert np.abs(part.pixels - means).max() <= 0.5 + 1e-9
-    local = part.to_region(box[None])[0]
-    assert np.allclose(local[:2] * block + part.origin, box[:2], rtol=0, atol=1e-12)
-    assert np.allclose(local[2:] * block, box[2:], rtol=0, atol=1e-12)
-    assert (local[:2] >= 0).all()
-    assert (local[:2] + local[2:] <= [columns, rows]).all()
-
-
-@given(st.floats(1, 9), st.floats(1, 9), st.floats(-20, 90), st.floats(-20, 90))
-def test_blocks_of_broken_size_are_integrals_over_area(width: float, height: float, x: float, y: float):
-    """Against the integral image, read between its points; there the integral of a piecewise constant image is."""
-    image = np.random.default_rng(1).integers(0, 256, (61, 83, 3), dtype=np.uint8)
-    part = block_means(image, np.array([[x, y, 20.0, 25]]), (width, height))
-    rows, columns = part.pixels.shape[:2]
-    ends_x = part.origin[0] + np.arange(columns + 1) * width
-    ends_y = part.origin[1] + np.arange(rows + 1) * height
-    for channel in range(3):
-        total = np.pad(image[..., channel].astype(np.float64).cumsum(0).cumsum(1), ((1, 0), (1, 0)))
-        down = np.array([np.interp(ends_y, np.arange(62), column) for column in total.T])
-        both = np.array([np.interp(ends_x, np.arange(84), row) for row in down.T])
-        means = np.diff(np.diff(both, axis=0), axis=1) / (width * height)
-        assert np.abs(part.pixels[..., channel] - means).max() <= 0.51
-
-
-@given(st.integers(1, 60), st.integers(1, 60), st.floats(-90, 90), st.floats(-90, 90), st.floats(0.1, 500))
-def test_some_of_the_image_is_always_left(width: int, height: int, x: float, y: float, side: float):
-    image = np.zeros((height, width, 3), np.uint8)
-    size = np.array([side, side])
-    part = block_means(image, np.array([[x, y, side, side]]), block_size(size, size, (16, 24)))
-    assert part.pixels.size > 0
-    assert (part.origin >= 0).all()
-    assert (part.origin + part.step * part.pixels.shape[1::-1] <= np.array([width, height]) + 1e-9).all()
-
-
-def test_a_box_is_read_in_as_many_blocks_as_points_whatever_its_size():
-    for factor in np.geomspace(0.2, 5, 40):
-        first = np.array([160.0, 240])
-        width, height = block_size(first, factor * first, (16, 24))
-        assert 0.7 < factor * 160 / width / 16 < 1.42
-        assert width == height
-    small = np.array([3.0, 4])
-    assert block_size(small, small, (16, 24)) == (1, 1)

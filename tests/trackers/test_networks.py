@@ -1,4 +1,4 @@
-"""OpenCV's networks: what is said of their model files, and what they say, with a stand-in for the network."""
+"""OpenCV's networks: errors of model files, and outputs of a mock network."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ NAMES = sorted(NETWORKS)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_without_its_files_it_says_which(name: str):
+def test_missing_model_files_are_named(name: str):
     with pytest.raises(TrackerError, match="needs model files") as caught:
         trackers.make(name)
     for key in NETWORKS[name].files.model_fields:
@@ -26,7 +26,7 @@ def test_without_its_files_it_says_which(name: str):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_file_that_cannot_be_read_is_named(name: str, tmp_path: Path):
+def test_an_unreadable_model_file_is_named(name: str, tmp_path: Path):
     empty, noise = tmp_path / "empty.onnx", tmp_path / "noise.onnx"
     empty.touch()
     noise.write_bytes(bytes(range(256)) * 8)
@@ -43,7 +43,7 @@ def test_a_file_that_cannot_be_read_is_named(name: str, tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_no_path_or_no_parameter_is_refused(name: str):
+def test_invalid_paths_and_parameters_are_refused(name: str):
     with pytest.raises(ParameterError, match="got 7: input is not a valid path"):
         trackers.make(name, **dict.fromkeys(NETWORKS[name].files.model_fields, 7))
     with pytest.raises(ParameterError, match="weights: unknown key"):
@@ -53,7 +53,7 @@ def test_what_is_no_path_or_no_parameter_is_refused(name: str):
 
 
 class Network:
-    """Says that the target moves right, with a score; a negative one means that it found nothing."""
+    """Mock network: the target moves right, with a score; a negative one is a loss."""
 
     def __init__(self, options: Any, score: float) -> None:
         self.options, self.score = options, score
@@ -73,7 +73,7 @@ class Network:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("score", "confidence"), [(0.4, 0.4), (1.7, 1.0), (-1.0, 0.0)])
-def test_what_the_network_says_is_passed_on(
+def test_box_and_score_of_the_network_are_returned(
     name: str, score: float, confidence: float, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     images, truth = scene

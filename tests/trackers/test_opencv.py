@@ -1,4 +1,4 @@
-"""OpenCV's trackers: the same bits for the same seed, whatever else draws random numbers in the process."""
+"""OpenCV's trackers: identical output for the same seed, independent of other random draws in the process."""
 
 import ctypes
 from types import SimpleNamespace
@@ -31,12 +31,12 @@ def run(images: list[np.ndarray], box: np.ndarray, seed: int, *, disturb: bool =
     return found
 
 
-def test_nobody_elses_draws_change_the_bits(scene: Scene):
+def test_other_random_draws_do_not_change_the_output(scene: Scene):
     images, truth = scene
     assert run(images, truth[0], 4) == run(images, truth[0], 4, disturb=True)
 
 
-def test_the_number_of_threads_does_not_change_the_bits(scene: Scene):
+def test_the_number_of_threads_does_not_change_the_output(scene: Scene):
     images, truth = scene
     before = cv2.getNumThreads()
     try:
@@ -64,13 +64,13 @@ def test_the_size_and_the_fraction_of_a_pixel_are_kept(scene: Scene):
         assert np.allclose(np.mod(found[:2], 1), [0.3, 0.4], rtol=0, atol=1e-9) or found[:2] != box[:2].tolist()
 
 
-def test_an_image_too_small_for_it_is_refused():
+def test_a_too_small_image_is_refused():
     with pytest.raises(TrackerError, match="at least 32x32 pixels"):
         trackers.make("opencv-mil").init(np.zeros((20, 60, 3), np.uint8), np.array([2.0, 2, 5, 5]))
 
 
 class Fake:
-    """What the contrib wheel's trackers look like from outside; it says that the target moves right and grows."""
+    """Mock of the contrib wheel's trackers: the target moves right and grows."""
 
     def __init__(self, *, lost: bool = False) -> None:
         self.lost = lost
@@ -102,7 +102,7 @@ def pretend_contrib(monkeypatch: pytest.MonkeyPatch, made: list[Fake], *, lost: 
 
 
 @pytest.mark.parametrize("name", CONTRIB)
-def test_without_the_contrib_wheel_it_says_which_wheel(name: str, monkeypatch: pytest.MonkeyPatch):
+def test_a_missing_contrib_wheel_is_named(name: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delattr(cv2, "legacy", raising=False)
     monkeypatch.delattr(cv2, CLASSES[name].name, raising=False)
     with pytest.raises(
@@ -114,7 +114,7 @@ def test_without_the_contrib_wheel_it_says_which_wheel(name: str, monkeypatch: p
 
 
 @pytest.mark.parametrize("name", CONTRIB)
-def test_with_the_contrib_wheel_it_says_what_opencv_says(name: str, scene: Scene, monkeypatch: pytest.MonkeyPatch):
+def test_contrib_trackers_return_the_output_of_opencv(name: str, scene: Scene, monkeypatch: pytest.MonkeyPatch):
     images, truth = scene
     pretend_contrib(monkeypatch, [])
     tracker = trackers.make(name)
@@ -126,7 +126,7 @@ def test_with_the_contrib_wheel_it_says_what_opencv_says(name: str, scene: Scene
         assert estimate.confidence == 1.0
 
 
-def test_with_the_contrib_wheel_nobody_elses_draws_are_felt(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+def test_other_random_draws_do_not_change_contrib_trackers(scene: Scene, monkeypatch: pytest.MonkeyPatch):
     images, truth = scene
     made: list[Fake] = []
     pretend_contrib(monkeypatch, made)
@@ -144,7 +144,7 @@ def test_with_the_contrib_wheel_nobody_elses_draws_are_felt(scene: Scene, monkey
     assert len(set(quiet.drawn)) == len(quiet.drawn), "every frame must draw anew"
 
 
-def test_a_target_not_found_repeats_the_last_box(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+def test_a_lost_target_repeats_the_last_box(scene: Scene, monkeypatch: pytest.MonkeyPatch):
     images, truth = scene
     pretend_contrib(monkeypatch, [], lost=True)
     tracker = trackers.make("opencv-kcf")

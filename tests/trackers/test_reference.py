@@ -1,4 +1,4 @@
-"""The two ends of the scale."""
+"""The reference trackers."""
 
 import numpy as np
 import pytest
@@ -10,25 +10,25 @@ IMAGE = np.zeros((60, 80, 3), np.uint8)
 BOX = np.array([10.5, 10, 20, 30])
 
 
-def test_stay_stays():
+def test_stay_repeats_the_first_box():
     tracker = trackers.make("stay")
     tracker.init(IMAGE, BOX)
     assert [tracker.update(IMAGE).box.tolist() for _ in range(3)] == [BOX.tolist()] * 3
 
 
-def test_only_the_oracle_is_told():
-    told: list[str] = []
+def test_only_the_oracle_needs_the_truth():
+    receivers: list[str] = []
     for name in trackers.names():
         try:
             tracker = trackers.make(name)
         except TrackerError:
             continue  # it needs model files or another wheel
         if isinstance(tracker, trackers.NeedsTruth):
-            told.append(name)
-    assert told == ["oracle"]
+            receivers.append(name)
+    assert receivers == ["oracle"]
 
 
-def test_oracle_says_what_it_was_told():
+def test_oracle_returns_the_truth():
     tracker = trackers.make("oracle")
     assert isinstance(tracker, trackers.NeedsTruth)
     tracker.init(IMAGE, BOX)
@@ -40,7 +40,7 @@ def test_oracle_says_what_it_was_told():
 
 
 @pytest.mark.parametrize("gone", [[np.nan] * 4, [5.0, 5, 0, 0], [5.0, 5, 0, 9], [np.inf, 1, 2, 3]])
-def test_oracle_repeats_itself_while_the_target_is_gone(gone: list[float]):
+def test_oracle_repeats_the_last_box_without_a_target(gone: list[float]):
     tracker = trackers.make("oracle")
     assert isinstance(tracker, trackers.NeedsTruth)
     tracker.init(IMAGE, BOX)
@@ -49,7 +49,7 @@ def test_oracle_repeats_itself_while_the_target_is_gone(gone: list[float]):
     assert tracker.update(IMAGE).box.tolist() == [1, 2, 3, 4]
 
 
-def test_oracle_forgets_what_it_was_told_before_init():
+def test_init_resets_the_oracle():
     tracker = trackers.make("oracle")
     assert isinstance(tracker, trackers.NeedsTruth)
     tracker.receive_truth(np.array([1.0, 2, 3, 4]))

@@ -1,4 +1,4 @@
-"""Trackers by name, and what is said when a name or a parameter is wrong."""
+"""Trackers by name, and errors for wrong names and parameters."""
 
 import subprocess
 import sys
@@ -17,7 +17,7 @@ from pftrack_sim.trackers import registry
 
 
 class Mine:
-    """A stranger's tracker."""
+    """A third-party tracker."""
 
     def __init__(self, **given: Any) -> None:
         self.given = given
@@ -39,7 +39,7 @@ def breaks(**_: Any) -> Mine:
     raise RuntimeError("no licence")
 
 
-def wrong_kind(**_: Any) -> str:
+def makes_a_string(**_: Any) -> str:
     return "tracker"
 
 
@@ -71,7 +71,7 @@ def test_names_are_sorted_and_described():
 
 
 @pytest.mark.parametrize("ask", [trackers.make, trackers.describe])
-def test_an_unknown_name_is_answered_with_the_nearest(ask: Any):
+def test_unknown_names_report_the_nearest(ask: Any):
     with pytest.raises(UnknownNameError, match=r"unknown tracker 'ko2021'; did you mean 'ko2012'\? \(known: .*stay"):
         ask("ko2021")
 
@@ -87,12 +87,12 @@ def test_an_unknown_preset_or_parameter_is_refused(name: str):
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "one", None])
-def test_a_seed_is_a_whole_number(seed: Any):
+def test_invalid_seeds_are_refused(seed: Any):
     with pytest.raises(ParameterError, match="seed must be a whole number >= 0"):
         trackers.make("stay", seed=seed)
 
 
-def test_numpy_seeds_are_fine():
+def test_numpy_integers_are_seeds():
     trackers.make("ko2012", seed=np.int64(3))  # pyright: ignore[reportArgumentType]
 
 
@@ -132,7 +132,7 @@ def test_an_installed_tracker_is_found_by_name(installed: Any):
     assert not isinstance(trackers.make("stay"), Mine), "a name of ours cannot be taken"
 
 
-def test_a_factory_can_be_spelled_out():
+def test_a_factory_is_found_by_its_path():
     made = trackers.make(f"{__name__}:mine", seed=1)
     assert isinstance(made, Mine)
     assert made.given == {"seed": 1, "preset": "default", "speed": 1.0}
@@ -149,11 +149,11 @@ def test_a_factory_can_be_spelled_out():
         (f"{__name__}:", "package.module:factory"),
         (":mine", "package.module:factory"),
         (f"{__name__}:breaks", "RuntimeError: no licence"),
-        (f"{__name__}:wrong_kind", "made a str without init and update"),
+        (f"{__name__}:makes_a_string", "made a str without init and update"),
         (f"{__name__}:no_seed", "unexpected keyword argument 'seed'"),
     ],
 )
-def test_a_factory_that_does_not_work_is_named(spelled: str, words: str, installed: Any):
+def test_a_failing_factory_is_named(spelled: str, words: str, installed: Any):
     with pytest.raises(TrackerError, match=words) as caught:
         trackers.make(spelled)
     assert repr(spelled) in str(caught.value)
@@ -163,7 +163,7 @@ def test_a_factory_that_does_not_work_is_named(spelled: str, words: str, install
     assert "theirs" in trackers.names(), "a broken one must not hide the others"
 
 
-def test_a_factory_without_the_parameter_is_a_parameter_error():
+def test_unknown_parameters_of_a_third_party_factory_are_refused():
     with pytest.raises(ParameterError, match=r"has no parameter 'sped'; did you mean 'speed'\? \(allowed: speed\)"):
         trackers.make(f"{__name__}:mine", sped=2)
 

@@ -1,4 +1,4 @@
-"""The incremental subspace against a full decomposition of the same window."""
+"""The incremental subspace against the full decomposition of the same window."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from pftrack_sim.trackers.features.subspace import SlidingSubspace, residuals
 
 
 def stream(kind: str, dimension: int, count: int, seed: int = 0) -> np.ndarray:
-    """`(count, dimension)` vectors like those a tracker sees."""
+    """`(count, dimension)` vectors like those of a tracker."""
     rng = np.random.default_rng(seed)
     if kind == "random":
         return rng.standard_normal((count, dimension))
@@ -20,15 +20,15 @@ def stream(kind: str, dimension: int, count: int, seed: int = 0) -> np.ndarray:
 
 
 def sine_of_largest_angle(first: np.ndarray, second: np.ndarray) -> float:
-    """Of the principal angles between two orthonormal bases; accurate for small ones, as a cosine is not."""
+    """Sine of the largest principal angle between two orthonormal bases, accurate for small angles."""
     assert first.shape == second.shape
     return float(np.linalg.svd(first - second @ (second.T @ first), compute_uv=False)[0])
 
 
 @pytest.mark.parametrize("kind", ["random", "histograms"])
 @pytest.mark.parametrize("dimension", [192, 256, 60])
-def test_it_is_the_full_decomposition_of_the_window(kind: str, dimension: int):
-    """While the window slides on, so that the oldest is dropped every time."""
+def test_it_equals_the_full_decomposition_of_the_window(kind: str, dimension: int):
+    """While the window slides."""
     window, seen = 40, stream(kind, dimension, 160)
     subspace = SlidingSubspace(seen[:window].T)
     for last in range(window, len(seen)):
@@ -50,7 +50,7 @@ def test_it_stays_exact_over_thousands_of_frames():
     assert sine_of_largest_angle(subspace.basis(10), u[:, :10]) < 1e-6
 
 
-def test_what_was_dropped_is_forgotten():
+def test_dropped_vectors_have_no_effect():
     seen = stream("random", 50, 9)
     subspace = SlidingSubspace(seen[:4].T)
     for vector in seen[4:]:
@@ -59,8 +59,8 @@ def test_what_was_dropped_is_forgotten():
     assert (residuals(seen[:5], subspace.basis(4)) > 1).all()
 
 
-def test_vectors_that_say_nothing_new_add_no_direction():
-    """Of rank three, and then the same vector for ever: as when a still target is watched."""
+def test_dependent_vectors_do_not_increase_the_rank():
+    """Vectors of rank three, then one constant vector, as of a still target."""
     seen = stream("flat", 80, 60)
     subspace = SlidingSubspace(seen[:20].T)
     for vector in seen[20:]:
@@ -72,7 +72,7 @@ def test_vectors_that_say_nothing_new_add_no_direction():
     assert residuals(seen[:1], subspace.basis(1))[0] < 1e-10
 
 
-def test_nothing_but_zeros_is_a_window_too():
+def test_a_window_of_zeros_has_rank_zero():
     subspace = SlidingSubspace(np.zeros((6, 4)))
     subspace.slide(np.zeros(6))
     assert subspace.basis(3).shape == (6, 0)
@@ -81,6 +81,6 @@ def test_nothing_but_zeros_is_a_window_too():
     assert subspace._s.tolist() == pytest.approx([2.0])
 
 
-def test_residuals_by_hand():
+def test_residuals_match_hand_computed_values():
     basis = np.eye(4)[:, :2]
     assert residuals(np.array([[5.0, 7, 3, 4], [1, 1, 0, 0]]), basis).tolist() == [5.0, 0.0]

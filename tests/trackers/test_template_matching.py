@@ -1,4 +1,4 @@
-"""Correlation and mean shift against what is known of a picture drawn for them."""
+"""Template matching and mean shift on synthetic images."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from pftrack_sim import trackers
 Scene = tuple[list[np.ndarray], np.ndarray]
 
 
-def test_ncc_finds_a_patch_to_the_pixel_whatever_the_light(scene: Scene):
+def test_ncc_finds_a_patch_exactly_under_any_brightness(scene: Scene):
     images, truth = scene
     tracker = trackers.make("ncc")
     tracker.init(images[0], truth[0] + [0.25, 0.5, 0, 0])
@@ -19,7 +19,7 @@ def test_ncc_finds_a_patch_to_the_pixel_whatever_the_light(scene: Scene):
         assert estimate.confidence > 0.9
 
 
-def test_ncc_looks_no_farther_than_it_is_told(scene: Scene):
+def test_ncc_searches_within_its_distance(scene: Scene):
     images, truth = scene
     for search, reached in ((0.0, 0.0), (0.1, 3.0), (2.0, truth[-1, 0] - truth[0, 0])):
         tracker = trackers.make("ncc", search=search)
@@ -30,7 +30,7 @@ def test_ncc_looks_no_farther_than_it_is_told(scene: Scene):
 
 
 @pytest.mark.parametrize(("first", "then"), [(0, 0), (255, 255), (0, 255)])
-def test_ncc_of_one_colour_stays_and_trusts_nothing(first: int, then: int, scene: Scene):
+def test_ncc_of_a_uniform_patch_stays_with_confidence_zero(first: int, then: int, scene: Scene):
     tracker = trackers.make("ncc")
     box = np.array([30.0, 20, 20, 30])
     tracker.init(np.full((90, 120, 3), first, np.uint8), box)
@@ -50,7 +50,7 @@ def disc(x: float, y: float, radius: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["opencv-meanshift", "opencv-camshift"])
-def test_the_colour_is_followed(name: str):
+def test_a_coloured_disc_is_followed(name: str):
     tracker = trackers.make(name)
     tracker.init(disc(40, 50, 15), np.array([25.0, 35, 30, 30]))
     for step in range(1, 12):
@@ -73,7 +73,7 @@ def test_camshift_follows_the_size_and_meanshift_does_not():
 
 
 @pytest.mark.parametrize("name", ["opencv-meanshift", "opencv-camshift"])
-def test_no_colour_left_repeats_the_last_box_and_trusts_nothing(name: str):
+def test_without_the_colour_the_last_box_is_repeated_with_confidence_zero(name: str):
     box = np.array([25.5, 35.25, 30, 30])
     coloured, grey = disc(40, 50, 15), np.full((120, 160, 3), 128, np.uint8)
     for first, then in ((coloured, grey), (grey, coloured), (grey, grey)):

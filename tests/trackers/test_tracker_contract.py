@@ -1,4 +1,4 @@
-"""What every registered tracker keeps to: bits, independence, forgetting, and clear errors."""
+"""Contract of every tracker: determinism, independence, reset, and clear errors."""
 
 from typing import Any
 
@@ -30,21 +30,21 @@ def numbers(estimates: list[Estimate]) -> list[tuple[Any, ...]]:
     return [(one.box.tolist(), one.confidence, one.occluded) for one in estimates]
 
 
-def test_these_are_all_of_ours():
+def test_all_builtin_trackers_are_registered():
     assert set(NAMES) <= set(trackers.names())
     assert all(isinstance(trackers.make(name), Tracker) for name in NAMES)
 
 
 @pytest.mark.parametrize("preset", trackers.PRESETS)
 @pytest.mark.parametrize("name", NAMES)
-def test_same_seed_same_bits(name: str, preset: str, scene: Scene):
+def test_same_seed_gives_identical_output(name: str, preset: str, scene: Scene):
     images, truth = scene
     first, second = (numbers(follow(trackers.make(name, seed=3, preset=preset), images, truth[0])) for _ in range(2))
     assert first == second
 
 
 @pytest.mark.parametrize("name", [*KO2012, *KWON2005])
-def test_another_seed_other_draws(name: str, scene: Scene):
+def test_seeds_change_the_output(name: str, scene: Scene):
     images, truth = scene
     assert numbers(follow(trackers.make(name, seed=0), images, truth[0])) != numbers(
         follow(trackers.make(name, seed=1), images, truth[0])
@@ -52,7 +52,7 @@ def test_another_seed_other_draws(name: str, scene: Scene):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_init_forgets_everything(name: str, scene: Scene):
+def test_init_resets_all_state(name: str, scene: Scene):
     images, truth = scene
     fresh = numbers(follow(trackers.make(name, seed=5), images, truth[0]))
     used = trackers.make(name, seed=5)
@@ -63,7 +63,7 @@ def test_init_forgets_everything(name: str, scene: Scene):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("other", ["ko2012", "lee2012", "kwon2005", *OPENCV])  # one of each family
-def test_two_trackers_never_touch_each_other(name: str, other: str, scene: Scene):
+def test_trackers_do_not_affect_each_other(name: str, other: str, scene: Scene):
     images, truth = scene
     alone = numbers(follow(trackers.make(name, seed=2), images, truth[0]))
     subject, noise = trackers.make(name, seed=2), trackers.make(other, seed=9)
@@ -79,7 +79,7 @@ def test_two_trackers_never_touch_each_other(name: str, other: str, scene: Scene
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_image_and_the_box_are_not_edited(name: str, scene: Scene):
+def test_arguments_are_not_modified(name: str, scene: Scene):
     images, truth = ([np.array(image) for image in scene[0]], scene[1][0].copy())
     follow(trackers.make(name), images, truth)
     assert all(np.array_equal(mine, theirs) for mine, theirs in zip(images, scene[0], strict=True))
@@ -87,7 +87,7 @@ def test_the_image_and_the_box_are_not_edited(name: str, scene: Scene):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_any_memory_layout_of_the_image_is_the_same_image(name: str, scene: Scene):
+def test_the_memory_layout_of_the_image_has_no_effect(name: str, scene: Scene):
     images, truth = scene
     turned = [np.asfortranarray(image) for image in images]
     assert numbers(follow(trackers.make(name), turned, truth[0])) == numbers(
@@ -107,7 +107,7 @@ def test_any_memory_layout_of_the_image_is_the_same_image(name: str, scene: Scen
         (0, 0, 120, 90),
     ],
 )
-def test_odd_boxes_are_fine(name: str, box: tuple[float, ...], scene: Scene):
+def test_extreme_boxes_are_accepted(name: str, box: tuple[float, ...], scene: Scene):
     for estimate in follow(trackers.make(name), scene[0], box):
         assert np.isfinite(estimate.box).all()
         assert boxes.area(estimate.box) > 0
@@ -127,7 +127,7 @@ def test_odd_boxes_are_fine(name: str, box: tuple[float, ...], scene: Scene):
         (None, "NoneType"),
     ],
 )
-def test_what_is_no_image_is_refused(name: str, image: Any, words: str, scene: Scene):
+def test_invalid_images_are_refused(name: str, image: Any, words: str, scene: Scene):
     images, truth = scene
     tracker = trackers.make(name)
     with pytest.raises(ImageError, match=words):
@@ -138,7 +138,7 @@ def test_what_is_no_image_is_refused(name: str, image: Any, words: str, scene: S
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_change_of_size_is_refused_and_harms_nothing(name: str, scene: Scene):
+def test_a_change_of_size_is_refused_without_effect(name: str, scene: Scene):
     images, truth = scene
     expected = numbers(follow(trackers.make(name), images[:2], truth[0]))
     tracker = trackers.make(name)
@@ -163,7 +163,7 @@ def test_a_change_of_size_is_refused_and_harms_nothing(name: str, scene: Scene):
         ("four", "four numbers"),
     ],
 )
-def test_what_is_no_first_box_is_refused(name: str, box: Any, words: str, scene: Scene):
+def test_invalid_first_boxes_are_refused(name: str, box: Any, words: str, scene: Scene):
     with pytest.raises(BoxError, match=words):
         trackers.make(name).init(scene[0][0], box)
 
