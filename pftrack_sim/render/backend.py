@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, Self
 
 import mujoco
 import numpy as np
@@ -28,6 +28,12 @@ def geoms_drawn(model: Any) -> BoolArray:
     by_material = (model.geom_matid >= 0) & (model.geom_rgba == _UNSET_RGBA).all(axis=1)
     opacity[by_material] = model.mat_rgba[model.geom_matid[by_material], 3]
     return np.isin(model.geom_group, DRAWN_GROUPS) & (opacity > 0.0)
+
+
+def clip_depths_m(model: Any) -> tuple[float, float]:
+    """Depths of the near and far plane."""
+    extent = float(model.stat.extent)
+    return float(model.vis.map.znear) * extent, float(model.vis.map.zfar) * extent
 
 
 def sky_material(model: Any) -> int:
@@ -153,17 +159,24 @@ class RendererBase:
         ParameterError: An empty image.
     """
 
-    description: str
-
     def __init__(self, width_px: int, height_px: int) -> None:
         if width_px < 1 or height_px < 1:
             raise ParameterError(f"an image needs a width and height >= 1, got {width_px} x {height_px}")
         self.width_px, self.height_px = int(width_px), int(height_px)
 
+    def close(self) -> None:
+        """Free everything; a second call does nothing."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def _read_model(self, model: mujoco.MjModel) -> None:
         """Read visible geoms, near and far plane."""
-        extent = float(model.stat.extent)
-        self.near_m, self._far_m = float(model.vis.map.znear) * extent, float(model.vis.map.zfar) * extent
+        self.near_m, self._far_m = clip_depths_m(model)
         self.visible_geoms = geoms_drawn(model)
         self.visible_geoms.setflags(write=False)
 

@@ -137,12 +137,6 @@ class Rasteriser(RendererBase):
         self._scene = None
         self._finalizer()
 
-    def __enter__(self) -> Rasteriser:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _bound_scene(self) -> ModelScene:
         if self._scene is None:
             closed = self._context.closed

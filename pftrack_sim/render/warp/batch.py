@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.backend import PixelRect, RendererBase, geoms_drawn
+from pftrack_sim.render.backend import PixelRect, clip_depths_m, geoms_drawn
 from pftrack_sim.render.warp import kernels
 from pftrack_sim.render.warp.raycaster import cast_color, cast_ids, make_cameras
 from pftrack_sim.render.warp.scene import SceneArrays
@@ -39,7 +39,7 @@ class Batch:
     visible_pixels: NDArray[np.int32]
 
 
-class ManyWorlds(RendererBase):
+class ManyWorlds:
     """Draws n worlds at once. Their models may differ in places, people, clothes and lights.
 
     Args:
@@ -59,12 +59,12 @@ class ManyWorlds(RendererBase):
         width_px: int,
         height_px: int,
     ) -> None:
-        super().__init__(width_px, height_px)
-        if not models:
-            raise ParameterError("at least one world is needed, got none")
+        if not models or width_px < 1 or height_px < 1:
+            raise ParameterError(f"worlds and pixels are needed, got {len(models)} worlds of {width_px} x {height_px}")
         if [len(own) for own in person_of_geom] != [model.ngeom for model in models]:
             raise ParameterError("person_of_geom must name a person or -1 for each geom of each model")
-        self._read_model(models[0])
+        self._size = int(width_px), int(height_px)
+        self._clip_depths_m = clip_depths_m(models[0])
         self._arrays = SceneArrays(models, [geoms_drawn(model) for model in models])
         person = np.concatenate(person_of_geom).astype(np.int32)
         self._people = int(person.max(initial=-1)) + 1
@@ -81,13 +81,13 @@ class ManyWorlds(RendererBase):
         Raises:
             ParameterError: Not one of each per world, or an invalid pose or camera matrix.
         """
-        arrays, size = self._arrays, (self.width_px, self.height_px)
+        arrays, size = self._arrays, self._size
         poses = np.asarray(T_world_camera, dtype=np.float64)
         if not len(datas) == len(poses) == len(K) == arrays.worlds:
             raise ParameterError(
                 f"{arrays.worlds} worlds, got {len(datas)} data, {len(poses)} poses, {len(K)} matrices"
             )
-        cameras = make_cameras(poses, K, size, self.near_m, self._far_m)
+        cameras = make_cameras(poses, K, size, *self._clip_depths_m)
         arrays.update_lights()
         arrays.update_poses(datas)
         visible, _owner = arrays.bvh(arrays.visible)
@@ -98,7 +98,7 @@ class ManyWorlds(RendererBase):
         wp.launch(
             kernels.person_extents,
             dim=ids_on_device.shape,
-            inputs=[ids_on_device, self._person_of_geom, self.width_px],
+            inputs=[ids_on_device, self._person_of_geom, size[0]],
             outputs=[extents_on_device],
         )
         extents = np.array(extents_on_device.numpy(), dtype=np.int32)[:, : self._people]

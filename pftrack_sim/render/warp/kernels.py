@@ -166,26 +166,15 @@ def color_at(
                 weight = 1.0 - blend
                 if layer == 1:
                     weight = blend
+                # fmt: off
                 blended += weight * _sample_texture(
-                    geoms.geom_type,
-                    appearance.face_start,
-                    geom,
-                    geoms.size[0, geom],
-                    appearance.repeat[material],
-                    appearance.uniform[material] != 0,
-                    textures[texture + finer + layer],
-                    geoms.position[0, geom],
-                    rotation,
-                    appearance.face_texcoord,
-                    appearance.texcoord,
-                    appearance.texcoord_start,
-                    point,
-                    normal,
-                    u,
-                    v,
-                    face,
-                    mesh,
+                    geoms.geom_type, appearance.face_start, geom, geoms.size[0, geom],
+                    appearance.repeat[material], appearance.uniform[material] != 0, textures[texture + finer + layer],
+                    geoms.position[0, geom], rotation,
+                    appearance.face_texcoord, appearance.texcoord, appearance.texcoord_start,
+                    point, normal, u, v, face, mesh,
                 )
+                # fmt: on
             texel = blended
     color = base * emission + wp.cw_mul(base, appearance.ambient[world])
     # As in MuJoCo, all lights without shadows are one render pass, and each light with shadows adds a pass. As in
@@ -194,54 +183,21 @@ def color_at(
     highlight = wp.vec3(0.0)
     for index in range(appearance.light_count[world]):
         light = appearance.light_start[world] + index
+        # fmt: off
         diffuse, specular_light = _light(
-            geoms.geom_type,
-            geoms.data,
-            geoms.material,
-            geoms.size,
-            geoms.rgba,
-            geoms.none_int,
-            geoms.none_edge,
-            geoms.none_float,
-            appearance.rgba,
-            geoms.position,
-            geoms.rotation,
-            geoms.none_points,
-            casters.count > 0,
-            casters.id,
-            casters.roots[world],
-            casters.count,
-            0,
-            casters.geoms,
-            0,
-            geoms.mesh,
-            geoms.none_ids,
-            geoms.none_rgba,
-            geoms.none_int,
-            geoms.none_int,
-            geoms.none_ids,
-            geoms.none_roots,
-            True,
-            appearance.light_type[light],
-            appearance.light_shadow[light] != 0,
-            appearance.light_position[light],
-            appearance.light_direction[light],
-            appearance.light_attenuation[light],
-            appearance.light_cutoff[light],
-            appearance.light_exponent[light],
-            appearance.light_diffuse[light],
-            appearance.light_specular[light],
-            normal,
-            point,
-            -direction,
-            specular,
-            shininess,
-            True,
-            0.0,
-            True,
-            False,
-            True,
+            geoms.geom_type, geoms.data, geoms.material, geoms.size, geoms.rgba,
+            geoms.none_int, geoms.none_edge, geoms.none_float,
+            appearance.rgba, geoms.position, geoms.rotation, geoms.none_points,
+            casters.count > 0, casters.id, casters.roots[world], casters.count, 0, casters.geoms, 0, geoms.mesh,
+            geoms.none_ids, geoms.none_rgba, geoms.none_int, geoms.none_int, geoms.none_ids, geoms.none_roots,
+            True, appearance.light_type[light], appearance.light_shadow[light] != 0,
+            appearance.light_position[light], appearance.light_direction[light],
+            appearance.light_attenuation[light], appearance.light_cutoff[light], appearance.light_exponent[light],
+            appearance.light_diffuse[light], appearance.light_specular[light],
+            normal, point, -direction, specular, shininess,
+            True, 0.0, True, False, True,
         )
+        # fmt: on
         if appearance.light_shadow[light] != 0:
             shadowed += wp.min(wp.cw_mul(base, diffuse), wp.vec3(1.0))
         else:

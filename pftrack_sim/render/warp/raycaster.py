@@ -96,12 +96,6 @@ class Raycaster(RendererBase):
         self.unbind()
         self._closed = True
 
-    def __enter__(self) -> Raycaster:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _bound_arrays(self) -> SceneArrays:
         if self._arrays is None:
             closed = self._closed

@@ -55,7 +55,7 @@ _cast_ray = caster._make_cast_ray(GEOM_TYPES, first_hit=False)
 class Geoms:
     """Shapes, materials and poses of the geoms of all worlds, concatenated.
 
-    The `none_` arrays stand for what MuJoCo Warp's functions take and these scenes do not have.
+    The `none_` arrays stand for height fields and flexes, which MuJoCo Warp's functions take and scenes do not have.
     """
 
     geom_type: wp.array(dtype=int)
@@ -149,34 +149,13 @@ def first_hit(
     geoms: Geoms, appearance: Appearance, bvh: GeomBvh, world: int, origin: wp.vec3, direction: wp.vec3, reach: float
 ):
     """First hit of a ray: geom, distance, normal, barycentric coordinates, face, mesh."""
+    # fmt: off
     return _cast_ray(
-        geoms.geom_type,
-        geoms.data,
-        geoms.material,
-        geoms.size,
-        geoms.rgba,
-        geoms.none_int,
-        geoms.none_edge,
-        geoms.none_float,
-        appearance.rgba,
-        geoms.position,
-        geoms.rotation,
-        geoms.none_points,
-        bvh.id,
-        bvh.roots[world],
-        0,
-        bvh.count,
-        0,
-        bvh.geoms,
-        geoms.mesh,
-        geoms.none_ids,
-        geoms.none_rgba,
-        geoms.none_int,
-        geoms.none_int,
-        geoms.none_ids,
-        geoms.none_roots,
-        origin,
-        direction,
-        reach,
-        True,
+        geoms.geom_type, geoms.data, geoms.material, geoms.size, geoms.rgba,
+        geoms.none_int, geoms.none_edge, geoms.none_float,
+        appearance.rgba, geoms.position, geoms.rotation, geoms.none_points,
+        bvh.id, bvh.roots[world], 0, bvh.count, 0, bvh.geoms, geoms.mesh,
+        geoms.none_ids, geoms.none_rgba, geoms.none_int, geoms.none_int, geoms.none_ids, geoms.none_roots,
+        origin, direction, reach, True,
     )
+    # fmt: on
