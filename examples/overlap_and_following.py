@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 
 from pftrack_sim import score
 
-# A driver is called `ko2012@13ms+servo-avoid`; on the script the tracker was `ko2012`.
 JOINED = """
-    SELECT closed.tracker, condition, scenario, seed, opened.mean_overlap, closed.{measure}
-    FROM read_parquet($opened) AS opened JOIN read_parquet($closed) AS closed USING (condition, scenario, seed)
-    WHERE opened.tracker = regexp_replace(closed.tracker, '(@[0-9.]+ms)?[+][^+]*$', '') ORDER BY ALL
+    SELECT closed.label, condition, scenario, seed, opened.mean_overlap, closed.{measure}
+    FROM read_parquet($opened) AS opened
+    JOIN read_parquet($closed) AS closed USING (tracker, preset, params, condition, scenario, seed) ORDER BY ALL
 """
 
 
@@ -47,7 +46,7 @@ class Pairs:
 
 
 def read(opened: Path, closed: Path, measure: str) -> Pairs:
-    """What both runs hold; episodes that a run lacks are left out for everybody."""
+    """Scores of the episodes that both runs have for every tracker and condition."""
     files = {"opened": str(opened / "summary.parquet"), "closed": str(closed / "summary.parquet")}
     rows = duckdb.execute(JOINED.format(measure=measure), files).fetchall()
     points = sorted({row[:2] for row in rows})

@@ -1,9 +1,10 @@
-"""Scenarios x seeds x trackers: who is better at what."""
+"""The benchmark: scenarios x conditions x seeds x trackers, run, stored and compared."""
 
 from pftrack_sim.benchmark.plan import Condition, Episode, Plan, TrackerSpec
 from pftrack_sim.benchmark.planning import join_plans, make_plan, parse_seeds, plan_all
-from pftrack_sim.benchmark.reading import Result, Run
 from pftrack_sim.benchmark.run import Interrupted, new_run_path, run
+from pftrack_sim.benchmark.store import RunStore
+from pftrack_sim.benchmark.summary import Result
 
 __all__ = [
     "Condition",
@@ -11,7 +12,7 @@ __all__ = [
     "Interrupted",
     "Plan",
     "Result",
-    "Run",
+    "RunStore",
     "TrackerSpec",
     "join_plans",
     "make_plan",

@@ -1,41 +1,43 @@
-"""What a paper claims, put to the test: each claim holds, fails, or is undecided, with its interval over seeds.
+"""Test the claims of a suite on the results of a run: each holds, fails, or is undecided.
 
-The unit of repetition is the seed: a tracker's score at a seed is its mean over the claim's scenarios, and what is
-compared is paired by seed.
+The unit of repetition is the seed: a tracker's score at a seed is its mean over the claim's scenarios, and comparisons
+are paired by seed.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.suite import Beats, Claim, Harder, Measure, Reaches, Suite
+from pftrack_sim.benchmark.summary import Result
 from pftrack_sim.core import random_streams
 
 Verdict: TypeAlias = Literal["holds", "fails", "undecided"]
 
+Interval: TypeAlias = tuple[float, float, float]
+"""Mean, lower and upper end of its 95 % bootstrap interval."""
+
 
 @dataclass(frozen=True)
-class Part:
-    """One comparison of a claim.
+class ClaimComparison:
+    """One paired comparison of a claim.
 
     Attributes:
-        what: What is subtracted from what.
+        name: What is subtracted from what.
         difference: Mean over seeds.
-        low: Lower end of its 95% interval.
+        low: Lower end of its 95 % interval.
         high: Upper end.
         verdict: `"holds"` when the whole interval is above 0, `"fails"` when it is below, else `"undecided"`.
-        seeds: Number of seeds it rests on.
+        seeds: Number of seeds.
     """
 
-    what: str
+    name: str
     difference: float
     low: float
     high: float
@@ -44,139 +46,121 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Finding:
-    """A claim and what became of it.
+class ClaimResult:
+    """A claim after the test.
 
     Attributes:
-        says: The claim in words.
-        verdict: `"holds"` when every part does, `"fails"` when one does, else `"undecided"`.
-        parts: Its comparisons.
+        statement: The claim in words.
+        verdict: `"holds"` when every comparison does, `"fails"` when one does, else `"undecided"`.
+        comparisons: Its comparisons.
     """
 
-    says: str
+    statement: str
     verdict: Verdict
-    parts: tuple[Part, ...]
+    comparisons: tuple[ClaimComparison, ...]
 
 
-Row: TypeAlias = Mapping[str, Any]
-"""One tracker's episode: `scenario`, `seed`, `tracker`, and the measures of `score.Summary`."""
+def evaluate_claims(suite: Suite, results: Iterable[Result]) -> list[ClaimResult]:
+    """Test every claim of a suite on results; those of several axis levels are averaged."""
+    means = _SeedMeans(results)
+    return [_test(suite, claim, means) for claim in suite.claims]
 
 
-def judge(suite: Suite, rows: Iterable[Row]) -> list[Finding]:
-    """Put every claim of a suite to the test.
-
-    Args:
-        suite: The suite.
-        rows: Its results; those of several axis levels are averaged.
-    """
-    table = _Table(rows)
-    return [_judge(suite, claim, table) for claim in suite.claims]
-
-
-def _judge(suite: Suite, claim: Claim, table: _Table) -> Finding:
+def _test(suite: Suite, claim: Claim, means: _SeedMeans) -> ClaimResult:
     match claim:
         case Beats():
             where = claim.scenarios or suite.scenarios
-            mine = table.by_seed(claim.tracker, where, claim.measure)
+            own = means.by_seed(claim.tracker, where, claim.measure)
             pairs = [
-                (f"{claim.tracker} - {other}", mine, table.by_seed(other, where, claim.measure))
+                (f"{claim.tracker} - {other}", own, means.by_seed(other, where, claim.measure))
                 for other in claim.others
             ]
         case Harder():
             pairs = [
                 (
                     f"{tracker}: easier - harder",
-                    table.by_seed(tracker, claim.easier, claim.measure),
-                    table.by_seed(tracker, claim.harder, claim.measure),
+                    means.by_seed(tracker, claim.easier, claim.measure),
+                    means.by_seed(tracker, claim.harder, claim.measure),
                 )
                 for tracker in claim.trackers
             ]
         case Reaches():
-            mine = table.by_seed(claim.tracker, claim.scenarios or suite.scenarios, claim.measure)
-            pairs = [(f"{claim.tracker} - {claim.value:g}", mine, dict.fromkeys(mine, claim.value))]
-    parts = tuple(_part(what, one, other) for what, one, other in pairs)
-    verdicts = {part.verdict for part in parts}
+            own = means.by_seed(claim.tracker, claim.scenarios or suite.scenarios, claim.measure)
+            pairs = [(f"{claim.tracker} - {claim.value:g}", own, dict.fromkeys(own, claim.value))]
+    comparisons = tuple(_compare(*pair) for pair in pairs)
+    verdicts = {one.verdict for one in comparisons}
     verdict: Verdict = "fails" if "fails" in verdicts else "undecided" if "undecided" in verdicts else "holds"
-    return Finding(claim.says, verdict, parts)
+    return ClaimResult(claim.statement, verdict, comparisons)
 
 
-def _part(what: str, one: Mapping[int, float], other: Mapping[int, float]) -> Part:
-    seeds = sorted(seed for seed in one.keys() & other.keys() if math.isfinite(one[seed] - other[seed]))
-    gaps = np.array([one[seed] - other[seed] for seed in seeds])
-    low, high = score.bootstrap_interval(gaps, random_streams.stream(0, "bootstrap", what))
+def _compare(name: str, first: Mapping[int, float], second: Mapping[int, float]) -> ClaimComparison:
+    seeds = sorted(first.keys() & second.keys())
+    differences = [first[seed] - second[seed] for seed in seeds if math.isfinite(first[seed] - second[seed])]
+    mean, low, high = _interval(name, differences)
     verdict: Verdict = "holds" if low > 0.0 else "fails" if high < 0.0 else "undecided"
-    return Part(what, float(gaps.mean()) if gaps.size else math.nan, low, high, verdict, len(seeds))
+    return ClaimComparison(name, mean, low, high, verdict, len(differences))
 
 
-class _Table:
-    """Means of episodes, looked up by tracker, scenario and seed."""
+class _SeedMeans:
+    """Scores by tracker, scenario and seed."""
 
-    def __init__(self, rows: Iterable[Row]) -> None:
-        self._rows: dict[tuple[str, str, int], list[Row]] = {}
-        for row in rows:
-            # A suite names its trackers; the preset, latency and controller that it runs them with make no other.
-            tracker = re.sub(r"(\[preset=paper\])?(@[\d.e+-]+ms)?(\+[^+\]]+)?$", "", str(row["tracker"]))
-            self._rows.setdefault((tracker, str(row["scenario"]), int(row["seed"])), []).append(row)
+    def __init__(self, results: Iterable[Result]) -> None:
+        self._results: dict[tuple[str, str, int], list[Result]] = {}
+        for result in results:
+            # Suites name trackers without parameters; preset, latency and controller do not distinguish them.
+            if not result.tracker.params:
+                key = (result.tracker.name, result.scenario, result.seed)
+                self._results.setdefault(key, []).append(result)
 
     def by_seed(self, tracker: str, scenarios: Sequence[str], measure: Measure) -> dict[int, float]:
         """A tracker's mean over the scenarios for each seed that has them all."""
-        seeds = {seed for name, _, seed in self._rows if name == tracker}
-        found: dict[int, float] = {}
-        for seed in sorted(seeds):
-            values = [self._mean(self._rows.get((tracker, scenario, seed), []), measure) for scenario in scenarios]
+        seeds = sorted({seed for name, _, seed in self._results if name == tracker})
+        means: dict[int, float] = {}
+        for seed in seeds:
+            values = [self._mean(self._results.get((tracker, scenario, seed), []), measure) for scenario in scenarios]
             if all(math.isfinite(value) for value in values):
-                found[seed] = float(np.mean(values))
-        return found
+                means[seed] = float(np.mean(values))
+        return means
 
     @staticmethod
-    def _mean(rows: Sequence[Row], measure: Measure) -> float:
-        values: NDArray[np.float64] = np.array([row[measure] for row in rows], dtype=np.float64)
-        return float(values.mean()) if values.size else math.nan
+    def _mean(results: Sequence[Result], measure: Measure) -> float:
+        return float(np.mean([result.number(measure) for result in results])) if results else math.nan
 
 
 @dataclass(frozen=True)
-class TableRow:
-    """One tracker's row of a paper's table, and ours.
+class PaperTableRow:
+    """One tracker's row of a paper's table with the results of a run.
 
     Attributes:
         tracker: Name.
         printed: `(C,)` the paper's numbers.
-        ours: `(C,)` our means over seeds, in the table's unit; NaN where there is nothing.
-        low: `(C,)` lower ends of their 95% intervals.
-        high: `(C,)` upper ends.
-        ours_mean: Mean over the columns, with its interval over seeds.
+        ours: `(C,)` means over seeds in the table's unit, with intervals; NaN where there is no result.
+        ours_mean: Mean over the columns.
     """
 
     tracker: str
     printed: tuple[float, ...]
-    ours: tuple[float, ...]
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    ours_mean: tuple[float, float, float]
+    ours: tuple[Interval, ...]
+    ours_mean: Interval
 
 
-def beside_the_paper(suite: Suite, rows: Iterable[Row]) -> list[TableRow]:
-    """The paper's table and ours, row by row; empty for a suite without a table.
-
-    Args:
-        suite: The suite.
-        rows: Its results.
-    """
+def compare_with_paper(suite: Suite, results: Iterable[Result]) -> list[PaperTableRow]:
+    """The paper's table beside the results, row by row; empty for a suite without a table."""
     if suite.table is None:
         return []
-    table, measure, scale = _Table(rows), suite.table.measure, suite.table.scale
-    found: list[TableRow] = []
+    means, measure, scale = _SeedMeans(results), suite.table.measure, suite.table.scale
+
+    def interval(tracker: str, scenarios: Sequence[str]) -> Interval:
+        values = means.by_seed(tracker, scenarios, measure).values()
+        return _interval(tracker, [scale * value for value in values])
+
+    columns, rows = suite.table.columns, list[PaperTableRow]()
     for tracker, printed in suite.table.printed.items():
-        cells = [
-            _interval(tracker, table.by_seed(tracker, [scenario], measure), scale) for scenario in suite.table.columns
-        ]
-        means, lows, highs = zip(*cells, strict=True)
-        overall = _interval(tracker, table.by_seed(tracker, suite.table.columns, measure), scale)
-        found.append(TableRow(tracker, printed, means, lows, highs, overall))
-    return found
+        ours = tuple(interval(tracker, [name]) for name in columns)
+        rows.append(PaperTableRow(tracker, printed, ours, interval(tracker, columns)))
+    return rows
 
 
-def _interval(tracker: str, by_seed: Mapping[int, float], scale: float) -> tuple[float, float, float]:
-    values = scale * np.array(list(by_seed.values()), dtype=np.float64)
-    low, high = score.bootstrap_interval(values, random_streams.stream(0, "bootstrap", tracker))
-    return (float(values.mean()) if values.size else math.nan), low, high
+def _interval(stream: str, values: Sequence[float]) -> Interval:
+    low, high = score.bootstrap_interval(values, random_streams.stream(0, "bootstrap", stream))
+    return (float(np.mean(values)) if values else math.nan), low, high

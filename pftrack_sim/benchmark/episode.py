@@ -17,7 +17,13 @@ import numpy as np
 
 import pftrack_sim
 from pftrack_sim import controllers, policies, score
-from pftrack_sim.benchmark.columns import estimate_columns, truth_columns, write_episode
+from pftrack_sim.benchmark.episode_file import (
+    Columns,
+    estimate_columns,
+    identity_columns,
+    truth_columns,
+    write_episode,
+)
 from pftrack_sim.benchmark.plan import Episode, TrackerSpec
 from pftrack_sim.benchmark.rollout import Driver, EnvironmentSource, SimulatedSource, Sink, Source, rollout
 from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, VideoWriter, picture
@@ -113,8 +119,7 @@ def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) ->
             rollout(source, runners, driver=driver, sinks=[*sinks, lambda step: on_frame()])
         following: dict[str, Any] = {}
         if episode.kind == "follow":
-            charged = {"controller": job.trackers[0].controller, "latency_ms": episode.latency_ms}
-            following = {**charged, **course.scores(settings, simulation.frame_count)}
+            following = course.scores(settings, simulation.frame_count)
         table = folder / "episode.parquet"
         rows = _write(table, episode, log, runners, course.columns(), following, simulation.graphics)
         return EpisodeFiles(
@@ -138,7 +143,7 @@ def _write(
     episode: Episode,
     log: TruthLog,
     runners: list[TrackerRunner],
-    course: Mapping[str, np.ndarray],
+    course: Columns,
     following: Mapping[str, Any],
     graphics: str,
 ) -> list[dict[str, Any]]:
@@ -155,13 +160,14 @@ def _write(
     visible = np.array([truth.visible_fraction for truth in truths])
     times = np.array([truth.time_s for truth in truths])
     rows: list[dict[str, Any]] = []
-    tables: list[dict[str, np.ndarray]] = []
+    tables: list[tuple[Mapping[str, str | float | None], Columns]] = []
     for runner in runners:
         frames = score.frame_scores(runner.boxes, true_boxes)
         measures = score.measure(frames, scored, visible, np.array(runner.ms), times)
-        tables.append(estimate_columns(runner, frames.overlap, frames.centre_error_px))
+        identity = identity_columns(runner.spec, episode.latency_ms)
+        tables.append((identity, estimate_columns(runner, frames.overlap, frames.centre_error_px)))
         errors = {"failure": runner.failure, "printed": runner.printed}
-        rows.append({**key, "tracker": runner.spec.label, **measures.as_dict(), **following, **errors})
+        rows.append({**key, **identity, **measures.as_dict(), **following, **errors})
     metadata = {
         **key,
         "path": episode.path,

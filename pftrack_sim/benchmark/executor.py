@@ -1,4 +1,8 @@
-"""Who plays the episodes: this process, local processes, or a cluster, all behind one interface."""
+"""Executors of episodes: this process or local worker processes; `cluster` has one for Dask.
+
+Each local worker is a `concurrent.futures.ProcessPoolExecutor` of one process. A pool of several, and loky's, fails all
+of its running jobs when one process dies, so that the episode that killed it would not be known.
+"""
 
 from __future__ import annotations
 
@@ -19,75 +23,64 @@ from pftrack_sim.benchmark.episode import EpisodeFiles, EpisodeJob, run_episode
 from pftrack_sim.core.errors import ScenarioError
 
 MAX_DEATHS = 3
-"""An episode that ends its worker this often is set aside."""
+"""An episode whose worker dies this often is given up."""
 
-_TICK_S = 0.2
+_PROGRESS_PERIOD_S = 0.2
 
 
 @dataclass(frozen=True)
-class Done:
-    """An episode that is over.
-
-    Attributes:
-        job: What was asked for.
-        outcome: What came of it; None when it could not be run.
-        problem: Why it could not be run.
-    """
+class FinishedJob:
+    """A job with the files of its episode, or the problem for which it could not be run."""
 
     job: EpisodeJob
-    outcome: EpisodeFiles | None
+    files: EpisodeFiles | None
     problem: str | None = None
 
 
-class Pool(Protocol):
-    """Plays episodes, in any order."""
+class Executor(Protocol):
+    """Runs episodes in any order."""
 
-    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done | None]:
-        """Play every job, taking only as many from the iterator as can be worked on.
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
+        """Run every job, taking only as many from the iterator as can be worked on.
 
         Yields:
-            Each job that is over, and None now and then so that progress can be shown.
+            Each finished job, and None a few times a second so that progress can be shown.
         """
         ...
 
     @property
-    def frames_drawn(self) -> int | None:
-        """Frames drawn so far, or None when that is known only after an episode."""
+    def frames_done(self) -> int | None:
+        """Frames rendered so far, or None when they are known only after each episode."""
         ...
 
     def close(self) -> None:
-        """Stop at once; episodes in the middle are dropped."""
+        """Stop at once and drop unfinished episodes."""
         ...
 
 
-class ThisProcess:
-    """Plays one episode after the other where it is."""
+class SerialExecutor:
+    """Runs one episode after the other in this process."""
 
     def __init__(self) -> None:
-        self._frames = 0
+        self.frames_done = 0
 
-    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done | None]:
-        """See `Pool`."""
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
+        """See `Executor`."""
         for job in jobs:
             try:
-                yield Done(job, run_episode(job, self._count))
+                yield FinishedJob(job, run_episode(job, self._count))
             except ScenarioError as error:
-                yield Done(job, None, str(error))
-
-    @property
-    def frames_drawn(self) -> int:
-        """See `Pool`."""
-        return self._frames
+                yield FinishedJob(job, None, str(error))
 
     def close(self) -> None:
-        """See `Pool`."""
+        """See `Executor`."""
 
     def _count(self) -> None:
-        self._frames += 1
+        self.frames_done += 1
 
 
-class LocalWorkers:
-    """Plays on processes of this machine, each an executor of one: when one dies, the others do not notice.
+class LocalExecutor:
+    """Runs episodes in local worker processes, which end with this process.
 
     Args:
         count: Number of processes.
@@ -95,103 +88,102 @@ class LocalWorkers:
 
     def __init__(self, count: int) -> None:
         self._context = multiprocessing.get_context("spawn")
-        # For each worker: frames drawn, and its process id. Only the worker writes.
-        self._seen: Any = self._context.RawArray("q", 2 * count)
-        self._executors = [self._start(place) for place in range(count)]
+        # For each worker the number of rendered frames and the process id; only the worker writes them.
+        self._shared: Any = self._context.RawArray("q", 2 * count)
+        self._pools = [self._start(index) for index in range(count)]
 
-    def _start(self, place: int) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(1, self._context, initializer=_begin, initargs=(self._seen, place))
+    def _start(self, index: int) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(1, self._context, initializer=_initialise, initargs=(self._shared, index))
 
-    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done | None]:
-        """See `Pool`. An episode whose worker dies is played again by a new one."""
-        again: deque[EpisodeJob] = deque()
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
+        """See `Executor`. An episode whose worker dies is run again by a new one."""
+        repeated: deque[EpisodeJob] = deque()
         deaths: Counter[str] = Counter()
         running: dict[Future[EpisodeFiles], tuple[int, EpisodeJob]] = {}
-        idle = list(range(len(self._executors)))
+        idle = list(range(len(self._pools)))
         while True:
-            while idle:
-                job = again.popleft() if again else next(jobs, None)
-                if job is None:
-                    break
-                place = idle.pop(0)
-                running[self._submit(place, job)] = (place, job)
+            while idle and (job := repeated.popleft() if repeated else next(jobs, None)) is not None:
+                index = idle.pop(0)
+                running[self._submit(index, job)] = index, job
             if not running:
                 return
-            over, _ = wait(running, timeout=_TICK_S, return_when=FIRST_COMPLETED)
-            for future in over:
-                place, job = running.pop(future)
-                idle.append(place)
+            finished, _ = wait(running, timeout=_PROGRESS_PERIOD_S, return_when=FIRST_COMPLETED)
+            for future in finished:
+                index, job = running.pop(future)
+                idle.append(index)
                 try:
-                    yield Done(job, future.result())
+                    yield FinishedJob(job, future.result())
                 except ScenarioError as error:
-                    yield Done(job, None, str(error))
+                    yield FinishedJob(job, None, str(error))
                 except BrokenExecutor:
-                    self._executors[place].shutdown(wait=False)
-                    self._executors[place] = self._start(place)
+                    self._restart(index)
                     deaths[job.episode.path] += 1
                     if deaths[job.episode.path] < MAX_DEATHS:
-                        again.append(job)
+                        repeated.append(job)
                     else:
-                        yield Done(job, None, f"{job.episode.name}: its worker died {MAX_DEATHS} times")
+                        yield FinishedJob(job, None, f"{job.episode.name}: its worker died {MAX_DEATHS} times")
             yield None
 
-    def _submit(self, place: int, job: EpisodeJob) -> Future[EpisodeFiles]:
+    def _submit(self, index: int, job: EpisodeJob) -> Future[EpisodeFiles]:
         try:
-            return self._executors[place].submit(_play, job)
-        except BrokenExecutor:
-            # It died while it had nothing to do.
-            self._executors[place] = self._start(place)
-            return self._executors[place].submit(_play, job)
+            return self._pools[index].submit(_run, job)
+        except BrokenExecutor:  # the worker died while it was idle
+            self._restart(index)
+            return self._pools[index].submit(_run, job)
+
+    def _restart(self, index: int) -> None:
+        self._pools[index].shutdown(wait=False)
+        self._pools[index] = self._start(index)
 
     @property
-    def frames_drawn(self) -> int:
-        """See `Pool`."""
-        return sum(self._seen[::2])
+    def frames_done(self) -> int:
+        """See `Executor`."""
+        return sum(self._shared[::2])
 
     @property
     def process_ids(self) -> list[int]:
-        """Of the workers that have begun."""
-        return [pid for pid in self._seen[1::2] if pid]
+        """Ids of the workers that have started."""
+        return [pid for pid in self._shared[1::2] if pid]
 
     def close(self) -> None:
-        """See `Pool`."""
-        for executor in self._executors:
-            executor.shutdown(wait=False, cancel_futures=True)
+        """See `Executor`."""
+        for pool in self._pools:
+            pool.shutdown(wait=False, cancel_futures=True)
         for pid in self.process_ids:
             with contextlib.suppress(OSError):
                 os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
 
 
-_on_frame: Callable[[], None] = lambda: None  # noqa: E731 - set once in each worker
+_count_frame: Callable[[], None] = lambda: None  # noqa: E731 - set once in each worker
 
 
-def _play(job: EpisodeJob) -> EpisodeFiles:
-    return run_episode(job, _on_frame)
+def _run(job: EpisodeJob) -> EpisodeFiles:
+    return run_episode(job, lambda: _count_frame())
 
 
-def _begin(seen: Any, place: int) -> None:
-    """What a worker does first."""
-    global _on_frame
-    # The whole process group hears Ctrl-C; only the parent acts on it.
+def _initialise(shared: Any, index: int) -> None:
+    """Prepare a worker process."""
+    global _count_frame
+    # Ctrl-C reaches the whole process group; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
-    # One core each: threads within a frame gain less than frames side by side, and steal from them.
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    # One core per worker: several episodes side by side gain more than several threads within a frame.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    # Mesa's software rasteriser then draws in the thread that asks; with 1 it would start another.
+    # With 0, Mesa's software rasteriser draws in the calling thread; with 1 it would start another one.
     os.environ.setdefault("LP_NUM_THREADS", "0")
     import cv2
 
     cv2.setNumThreads(1)
 
     def count() -> None:
-        seen[2 * place] += 1
+        shared[2 * index] += 1
 
-    _on_frame = count
-    seen[2 * place + 1] = os.getpid()
+    _count_frame = count
+    shared[2 * index + 1] = os.getpid()
 
 
-def _leave_with_parent() -> None:
+def _exit_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait_for([parent.sentinel])

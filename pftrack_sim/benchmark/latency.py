@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pftrack_sim.benchmark.folder import is_run, read_run_plan
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.planning import match_trackers
 from pftrack_sim.benchmark.rollout import SimulatedSource, rollout
+from pftrack_sim.benchmark.store import RunStore, is_run
 from pftrack_sim.benchmark.tracker_runner import Isolation, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.scenario import Scenario
@@ -47,7 +47,7 @@ def resolve_latencies(
     """
     stored: dict[str, float] = {}
     if run_folder is not None and is_run(run_folder):
-        stored = {spec.base_label: spec.latency_ms for spec in read_run_plan(run_folder).trackers}
+        stored = {spec.base_label: spec.latency_ms for spec in RunStore(run_folder).plan.trackers}
     latencies: dict[str, float] = {}
     for key, spec in match_trackers(given, trackers):
         value = given[key]

@@ -1,4 +1,4 @@
-"""Joining what several machines did of one plan."""
+"""Merge the run folders of several machines that ran parts of one plan."""
 
 from __future__ import annotations
 
@@ -8,22 +8,21 @@ from pathlib import Path
 
 import duckdb
 
-from pftrack_sim.benchmark.columns import read_metadata
-from pftrack_sim.benchmark.folder import RunFolder, read_record, read_run_plan
+from pftrack_sim.benchmark.episode_file import read_metadata
 from pftrack_sim.benchmark.plan import Episode, differences
-from pftrack_sim.benchmark.tables import write_results
+from pftrack_sim.benchmark.store import RunStore
 from pftrack_sim.core.errors import ParameterError, RunError
 
 
 @dataclass(frozen=True)
-class Merged:
-    """What a merge did.
+class MergeReport:
+    """Result of a merge.
 
     Attributes:
-        path: The folder.
-        added: Episodes that came in.
-        shared: Episodes that were there already, with the same content.
-        done: Episodes that are there now.
+        path: The merged run folder.
+        added: Episodes added.
+        shared: Episodes found more than once, with equal content.
+        done: Episodes there now.
         total: Episodes of the plan.
     """
 
@@ -34,68 +33,59 @@ class Merged:
     total: int
 
     def lines(self) -> Iterator[str]:
-        """For people."""
+        """The report as text."""
         yield f"{self.added} episodes added, {self.shared} found more than once with the same content"
         rest = "" if self.done == self.total else "; bench with the same plan and this folder runs the rest"
         yield f"{self.path}: {self.done} of {self.total} episodes{rest}"
 
 
-def merge(out: Path, folders: Sequence[Path]) -> Merged:
+def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
     """Copy the episodes of several run folders of one plan into one.
 
     Args:
         out: Folder to make, or one of the same plan to add to.
-        folders: Where the episodes come from; they stay as they are.
+        folders: Run folders to copy from; they are not changed.
 
     Raises:
         ParameterError: No folder.
-        RunError: Not a run folder, another plan, or two that disagree on an episode.
+        RunError: Not a run folder, another plan, or two different files of one episode.
     """
     if not folders:
         raise ParameterError("merge needs at least one run folder")
-    plan = read_run_plan(folders[0])
-    for other in folders[1:]:
-        theirs = read_run_plan(other)
-        if theirs.digest != plan.digest:
-            lines = "\n".join(f"  {line}" for line in differences(plan, theirs))
-            raise RunError(f"{other} holds another plan than {folders[0]}\n{lines}")
-    sources = [one for one in folders if one.resolve() != out.resolve()]
-    held = RunFolder(out, plan)
+    stores = [RunStore(folder) for folder in folders]
+    plan = stores[0].plan
+    for store in stores[1:]:
+        if store.plan.digest != plan.digest:
+            lines = "\n".join(f"  {line}" for line in differences(plan, store.plan))
+            raise RunError(f"{store.path} holds another plan than {folders[0]}\n{lines}")
+    sources = [store for store in stores if store.path.resolve() != out.resolve()]
     added = shared = done = 0
-    try:
-        with duckdb.connect() as database:
-            for episode in plan.episodes():
-                here = held.has(episode)
-                for source in sources:
-                    file = source / "episodes" / f"{episode.path}.parquet"
-                    if not file.is_file():
-                        continue
-                    if here:
-                        _check_equal(database, episode, held.episode_file(episode), file)
-                        shared += 1
-                        continue
-                    list(read_metadata(database, [file]))  # raises where it is no episode's file
-                    video = source / "videos" / f"{episode.path}.mp4"
-                    held.add(episode, file.read_bytes(), video.read_bytes() if video.is_file() else None)
-                    here, added = True, added + 1
-                done += here
+    with RunStore.begin(out, plan) as merged, duckdb.connect() as database:
+        for episode in plan.episodes():
+            for source in sources:
+                file = source.episode_file(episode)
+                if not file.is_file():
+                    continue
+                if merged.has(episode):
+                    _check_equal(database, episode, merged.episode_file(episode), file)
+                    shared += 1
+                    continue
+                list(read_metadata(database, [file]))  # raises unless it is an episode's file
+                video = source.video_file(episode)
+                merged.add(episode, file.read_bytes(), video.read_bytes() if video.is_file() else None)
+                added += 1
+            done += merged.has(episode)
         for source in sources:
-            held.adopt(read_record(source)["sessions"])
-        if done:
-            write_results(out, plan)
-        held.close(finished=done == plan.episode_count)
-    except BaseException:
-        held.release()
-        raise
-    return Merged(out, added, shared, done, plan.episode_count)
+            merged.add_sessions(source.record["sessions"])
+        merged.write_summary()
+    return MergeReport(out, added, shared, done, plan.episode_count)
 
 
-def _check_equal(database: duckdb.DuckDBPyConnection, episode: Episode, here: Path, there: Path) -> None:
-    (_, mine), (_, theirs) = read_metadata(database, [here, there])
-    if mine["content_sha256"] == theirs["content_sha256"]:
-        return
-    drawn = "; they drew different frames" if mine["frames_digest"] != theirs["frames_digest"] else ""
-    raise RunError(
-        f"{here} and {there} disagree on {episode.name}{drawn} "
-        f"({mine['graphics']}, version {mine['version']}; {theirs['graphics']}, version {theirs['version']})"
-    )
+def _check_equal(database: duckdb.DuckDBPyConnection, episode: Episode, merged: Path, other: Path) -> None:
+    (_, one), (_, two) = read_metadata(database, [merged, other])
+    if one["content_sha256"] != two["content_sha256"]:
+        frames = "; their frames differ" if one["frames_digest"] != two["frames_digest"] else ""
+        raise RunError(
+            f"{merged} and {other} have different content for {episode.name}{frames} "
+            f"({one['graphics']}, version {one['version']}; {two['graphics']}, version {two['version']})"
+        )

@@ -1,6 +1,6 @@
-"""What a benchmark runs, as data: scenarios x conditions x seeds, and the trackers they are shown to.
+"""The plan of a run, as data: scenarios x conditions x seeds, and the trackers.
 
-A plan is frozen, goes through JSON unchanged, and has a digest; it is saved with the run. `planning` makes one.
+A plan is frozen, survives a round trip through JSON, and has a digest; it is stored with the run. `planning` makes one.
 """
 
 from __future__ import annotations
@@ -8,14 +8,15 @@ from __future__ import annotations
 import hashlib
 import json
 import random
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, cast
 
 from pydantic import Field, ValidationError, model_validator
 
-from pftrack_sim.benchmark.naming import distinct_slugs
+from pftrack_sim.benchmark.files import distinct_slugs
 from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.scenario import Scenario
@@ -23,28 +24,28 @@ from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.ranges import is_range
 from pftrack_sim.scenario.section import NotNegative, Section
 
-Kind: TypeAlias = Literal["open", "follow"]
-"""Kinds of episodes. `"open"`: the robot follows its script, so that one drawing serves every tracker. `"follow"`: the
-tracker drives the robot, and so each sees an episode of its own."""
+EpisodeKind: TypeAlias = Literal["open", "follow"]
+"""`"open"`: the robot follows its script, and all trackers share the frames. `"follow"`: a tracker drives the robot in
+closed loop, and each has its own episode."""
 
 LATENCY = "latency"
-"""The stress axis that lies in the run and not in the scenario: milliseconds charged for a frame, whoever tracks."""
+"""Name of the axis of the run (not of scenarios) that charges every tracker the same milliseconds per frame."""
 
 ScoredBox: TypeAlias = Literal["box", "amodal_box", "visible_box"]
-"""Box of the truth that estimates are compared with, by its name in `Truth`."""
+"""True box that estimates are compared with, by its name in `Truth`."""
 
 Seed: TypeAlias = Annotated[int, Field(ge=0)]
 
 
 class TrackerSpec(Section):
-    """A tracker as `trackers.make` takes it.
+    """Identity of a tracker in a run.
 
     Attributes:
         name: Its name, or `package.module:factory`.
         preset: Its preset.
         params: Its parameters.
-        controller: What drives the robot with its answers; None where the robot follows its script.
-        latency_ms: Simulated time charged for every frame that it takes, unless the condition says another.
+        controller: Controller that drives the robot with its estimates; None in open loop.
+        latency_ms: Simulated time charged for every frame that it takes, unless the condition sets another.
     """
 
     name: str
@@ -71,59 +72,61 @@ class TrackerSpec(Section):
 
 
 class Condition(Section):
-    """One combination of axis levels; without levels it is the scenario as it is.
+    """One combination of axis levels; without levels the scenario is unchanged.
 
     Attributes:
         levels: Pairs of an axis and its severity, of `axis.parameter` and its value at severity 1, or of `latency` and
             milliseconds.
-        word: What else is different, where the levels alone do not say it: `"stranger"`.
+        variant: Name of what else is changed, where the levels alone do not tell: `"stranger"`.
     """
 
     levels: tuple[tuple[str, float], ...] = ()
-    word: str = ""
+    variant: str = ""
 
     @property
     def name(self) -> str:
-        """`"jitter=2"`, `"jitter.ground_rms_deg=0.5,light=1"`, `"stranger occlusion=1"`, or `"base"`."""
+        """`"jitter=2"`, `"jitter.ground_rms_deg=0.5,light=1"`, `"stranger occlusion=1"`, or `"base"`; never parsed."""
         levels = ",".join(f"{axis}={level:g}" for axis, level in self.levels) or "base"
-        return f"{self.word} {levels}" if self.word else levels
+        return f"{self.variant} {levels}" if self.variant else levels
 
     @property
     def latency_ms(self) -> float | None:
-        """Charged for a frame, or None where every tracker has its own."""
+        """Latency charged to every tracker, or None where each has its own."""
         return dict(self.levels).get(LATENCY)
 
     @property
     def overrides(self) -> dict[str, float]:
         """The dotted keys that the levels set in a scenario."""
-        set_by_hand = {axis for axis, _ in self.levels if "." not in axis}
+        with_severity = {axis for axis, _ in self.levels if "." not in axis}
         keys: dict[str, float] = {}
         for axis, level in self.levels:
             name, _, parameter = axis.partition(".")
             if name == LATENCY:
                 continue
-            if not parameter:
-                keys[f"axes.{name}.severity"] = level
-                continue
-            keys[f"axes.{name}.{parameter}"] = level
-            if name not in set_by_hand:
+            keys[f"axes.{name}.{parameter or 'severity'}"] = level
+            if parameter and name not in with_severity:
                 keys[f"axes.{name}.severity"] = 1.0
         return keys
 
 
-class Stage(Section):
-    """A scenario in a plan: its name, and all that its file says with the plan's changes."""
+class ScenarioSpec(Section):
+    """A scenario in a plan: its name, and its whole content with the plan's overrides."""
 
     name: str
     tree: dict[str, Any]
 
 
-class Batch(Section):
+class Sweep(Section):
     """Scenarios x conditions x seeds."""
 
-    scenarios: tuple[Stage, ...]
+    scenarios: tuple[ScenarioSpec, ...]
     conditions: tuple[Condition, ...] = (Condition(),)
     seeds: tuple[Seed, ...]
+
+    @property
+    def episode_count(self) -> int:
+        """Number of combinations."""
+        return len(self.scenarios) * len(self.conditions) * len(self.seeds)
 
 
 @dataclass(frozen=True)
@@ -131,14 +134,13 @@ class Episode:
     """One episode of a plan.
 
     Attributes:
-        scenario: With the changes of the plan and the condition.
+        scenario: With the overrides of the plan and the condition.
         condition: Axis levels.
         seed: Root seed.
-        path: Where its files lie within `episodes/` and `videos/`, without their suffix.
-        trackers: Who is shown it; where the tracker drives, that one alone.
-        leads: Whether it has the first seed of its scenario and condition.
-        kind: How it is run.
-        truth: What estimates are compared with.
+        path: Path of its files within `episodes/` and `videos/`, without their suffix.
+        trackers: Trackers that share its frames; in closed loop the only one.
+        is_first_seed: Whether it has the first seed of its scenario and condition.
+        truth: True box that estimates are compared with.
     """
 
     scenario: Scenario
@@ -146,18 +148,18 @@ class Episode:
     seed: int
     path: str
     trackers: tuple[TrackerSpec, ...]
-    leads: bool = False
+    is_first_seed: bool = False
     truth: ScoredBox = "box"
 
     @property
-    def kind(self) -> Kind:
-        """How it is run."""
+    def kind(self) -> EpisodeKind:
+        """Open or closed loop."""
         return _kind(self.trackers)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of its trackers in tables."""
-        return tuple(one.label for one in self.trackers)
+        """Labels of its trackers."""
+        return tuple(tracker.label for tracker in self.trackers)
 
     @property
     def latency_ms(self) -> float:
@@ -173,57 +175,57 @@ class Episode:
         return " ".join([self.scenario.name, *condition, f"seed {self.seed}", *driver])
 
 
-def _kind(trackers: tuple[TrackerSpec, ...]) -> Kind:
+def _kind(trackers: tuple[TrackerSpec, ...]) -> EpisodeKind:
     return "open" if trackers[0].controller is None else "follow"
 
 
 class Plan(Section):
-    """Everything a run will do.
+    """Everything that a run does.
 
     Attributes:
-        batches: What is drawn.
-        trackers: Who is shown it, in the order of the tables.
+        sweeps: The episodes.
+        trackers: The trackers, in the order of the tables.
         suites: The suites it was made from, with their tables and claims.
-        truth: What estimates are compared with.
+        truth: True box that estimates are compared with.
     """
 
-    format: Literal[1] = 1
-    batches: tuple[Batch, ...]
+    format: Literal[2] = 2
+    sweeps: tuple[Sweep, ...]
     trackers: tuple[TrackerSpec, ...]
     suites: tuple[Suite, ...] = ()
     truth: ScoredBox = "box"
 
     @model_validator(mode="after")
-    def _everything_once(self) -> Plan:
-        for what, given in {
-            "seed": [(index, seed) for index, batch in enumerate(self.batches) for seed in batch.seeds],
+    def _check_unique(self) -> Plan:
+        named: dict[str, list[tuple[str, tuple[object, ...]]]] = {
+            "seed": [(str(seed), (index, seed)) for index, sweep in enumerate(self.sweeps) for seed in sweep.seeds],
             "scenario": [
-                (stage.name, condition.name, seed)
-                for batch in self.batches
-                for stage in batch.scenarios
-                for condition in batch.conditions
-                for seed in batch.seeds[:1]
+                (scenario.name, (scenario.name, condition.name, seed))
+                for sweep in self.sweeps
+                for scenario in sweep.scenarios
+                for condition in sweep.conditions
+                for seed in sweep.seeds[:1]
             ],
-            "tracker": [(tracker.label,) for tracker in self.trackers],
-        }.items():
+            "tracker": [(tracker.label, (tracker.label,)) for tracker in self.trackers],
+        }
+        for kind, given in named.items():
             if not given:
-                raise ValueError(f"a plan needs at least one {what}")
-            seen: set[tuple[object, ...]] = set()
-            twice = [one for one in given if one in seen or seen.add(one)]
-            if twice:
-                named = dict.fromkeys(str(one[-1] if what == "seed" else one[0]) for one in twice)
-                raise ValueError(f"{what} given twice: {', '.join(named)}")
-        if len({one.controller is None for one in self.trackers}) > 1:
+                raise ValueError(f"a plan needs at least one {kind}")
+            counts = Counter(key for _, key in given)
+            repeated = dict.fromkeys(name for name, key in given if counts[key] > 1)
+            if repeated:
+                raise ValueError(f"{kind} given twice: {', '.join(repeated)}")
+        if len({tracker.controller is None for tracker in self.trackers}) > 1:
             raise ValueError("either every tracker needs a controller, or none may have one")
-        late = any(one.latency_ms for one in self.trackers)
-        late = late or any(one.latency_ms is not None for batch in self.batches for one in batch.conditions)
-        if late and self.kind == "open":
+        latencies = [condition.latency_ms for sweep in self.sweeps for condition in sweep.conditions]
+        charged = any(tracker.latency_ms for tracker in self.trackers) or any(one is not None for one in latencies)
+        if charged and self.kind == "open":
             raise ValueError("latency is charged only where the tracker drives the robot: see follow")
         return self
 
     @property
-    def kind(self) -> Kind:
-        """How its episodes are run."""
+    def kind(self) -> EpisodeKind:
+        """Open or closed loop."""
         return _kind(self.trackers)
 
     @property
@@ -233,34 +235,33 @@ class Plan(Section):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the trackers in tables."""
+        """Labels of the trackers."""
         return tuple(tracker.label for tracker in self.trackers)
 
     @property
     def episode_count(self) -> int:
         """Number of episodes."""
-        shown = len(self._shown())
-        return shown * sum(len(one.scenarios) * len(one.conditions) * len(one.seeds) for one in self.batches)
+        return len(self._tracker_groups()) * sum(sweep.episode_count for sweep in self.sweeps)
 
-    def _shown(self) -> list[tuple[TrackerSpec, ...]]:
-        """Who shares an episode."""
-        return [self.trackers] if self.kind == "open" else [(one,) for one in self.trackers]
+    def _tracker_groups(self) -> list[tuple[TrackerSpec, ...]]:
+        """Trackers that share an episode."""
+        return [self.trackers] if self.kind == "open" else [(tracker,) for tracker in self.trackers]
 
     @cached_property
     def frame_count(self) -> int:
-        """Frames that will be drawn. Where many seeds have different lengths, as many as the first has."""
+        """Number of frames; an estimate from the first seed where many seeds have different lengths."""
         total = 0
-        for batch, scenario, _ in self._settings():
+        for sweep, scenario, _ in self._settings():
             camera = scenario.tree.get("camera", {})
             varies = is_range(scenario.tree.get("duration_s")) or is_range(camera.get("rate_hz"))
-            varies = varies or scenario.resolve(batch.seeds[0]).axes.stream.on
-            counted = batch.seeds if varies and len(batch.seeds) <= 100 else batch.seeds[:1]
+            varies = varies or scenario.resolve(sweep.seeds[0]).axes.stream.on
+            counted = sweep.seeds if varies and len(sweep.seeds) <= 100 else sweep.seeds[:1]
             frames = sum(scenario.frame_count(seed) for seed in counted)
-            total += frames * len(batch.seeds) // len(counted)
-        return total * len(self._shown())
+            total += frames * len(sweep.seeds) // len(counted)
+        return total * len(self._tracker_groups())
 
     def episodes(self, *, shuffle: int | None = None) -> Iterator[Episode]:
-        """Every episode, in the plan's order, made as it is asked for.
+        """Every episode in the plan's order, made one at a time.
 
         Args:
             shuffle: A seed to shuffle the order with.
@@ -270,29 +271,46 @@ class Plan(Section):
             random.Random(shuffle).shuffle(mixed)
             yield from mixed
             return
-        scenario_slugs = distinct_slugs(stage.name for batch in self.batches for stage in batch.scenarios)
-        condition_slugs = distinct_slugs(one.name for batch in self.batches for one in batch.conditions)
-        driver_slugs = distinct_slugs(self.labels)
-        for batch, scenario, condition in self._settings():
+        scenario_slugs = distinct_slugs(scenario.name for sweep in self.sweeps for scenario in sweep.scenarios)
+        condition_slugs = distinct_slugs(condition.name for sweep in self.sweeps for condition in sweep.conditions)
+        tracker_slugs = distinct_slugs(self.labels)
+        for sweep, scenario, condition in self._settings():
             folder = f"{scenario_slugs[scenario.name]}/{condition_slugs[condition.name]}"
-            for seed in batch.seeds:
-                for trackers in self._shown():
-                    driver = f"__{driver_slugs[trackers[0].label]}" if self.kind == "follow" else ""
+            for seed in sweep.seeds:
+                for trackers in self._tracker_groups():
+                    driver = f"__{tracker_slugs[trackers[0].label]}" if self.kind == "follow" else ""
                     path = f"{folder}/seed-{seed:04d}{driver}"
-                    yield Episode(scenario, condition, seed, path, trackers, seed == batch.seeds[0], self.truth)
+                    yield Episode(scenario, condition, seed, path, trackers, seed == sweep.seeds[0], self.truth)
 
-    def _settings(self) -> Iterator[tuple[Batch, Scenario, Condition]]:
-        for batch in self.batches:
-            for stage in batch.scenarios:
-                for condition in batch.conditions:
-                    yield batch, load_scenario(Scenario(stage.name, stage.tree), condition.overrides), condition
+    def _settings(self) -> Iterator[tuple[Sweep, Scenario, Condition]]:
+        for sweep in self.sweeps:
+            for scenario in sweep.scenarios:
+                for condition in sweep.conditions:
+                    yield sweep, load_scenario(Scenario(scenario.name, scenario.tree), condition.overrides), condition
+
+
+def make_checked_plan(
+    sweeps: tuple[Sweep, ...],
+    trackers: tuple[TrackerSpec, ...],
+    suites: tuple[Suite, ...] = (),
+    truth: ScoredBox = "box",
+) -> Plan:
+    """Make a plan.
+
+    Raises:
+        ParameterError: Nothing to run, or something given twice.
+    """
+    try:
+        return Plan(sweeps=sweeps, trackers=trackers, suites=suites, truth=truth)
+    except ValidationError as error:
+        raise ParameterError(str(error.errors()[0]["msg"]).removeprefix("Value error, ")) from None
 
 
 def read_plan(record: object, source: str) -> Plan:
-    """The plan that a JSON record says.
+    """Make a plan of its JSON record.
 
     Args:
-        record: What `json.loads` made of it.
+        record: What `json.loads` returned.
         source: Where it comes from, for the message.
 
     Raises:
@@ -306,52 +324,36 @@ def read_plan(record: object, source: str) -> Plan:
         raise RunError(f"{source}: not a plan this version can read: {where or 'plan'}: {first['msg']}") from None
 
 
-def differences(mine: Plan, theirs: Plan, *, limit: int = 5) -> list[str]:
-    """What differs between two plans, one line each: `"trackers: stay here, ko2012 there"`."""
-    here, there = mine.model_dump(mode="json"), theirs.model_dump(mode="json")
-    for record, plan in ((here, mine), (there, theirs)):
-        # By name, so that a line speaks of the scenario and not of its number.
-        record["trackers"] = list(plan.labels)
-        for batch in record["batches"]:
-            batch["scenarios"] = {stage["name"]: stage["tree"] for stage in batch["scenarios"]}
-            batch["conditions"] = [Condition.model_validate(one).name for one in batch["conditions"]]
-        if len(record["batches"]) == 1:
-            record |= record.pop("batches")[0]
-    found = list(_differences("", here, there))
+def differences(given: Plan, stored: Plan, *, limit: int = 5) -> list[str]:
+    """Differences of two plans, one line each: `"trackers: stay there, ko2012 asked for"`."""
+    found = list(_differences("", _by_name(given), _by_name(stored)))
     return found[:limit] + ([f"and {len(found) - limit} more"] if len(found) > limit else [])
 
 
-def _differences(path: str, here: Any, there: Any) -> Iterator[str]:
-    if here == there:
+def _by_name(plan: Plan) -> dict[str, Any]:
+    """The plan's record with names as keys, so that a difference is reported with the name and not the index."""
+    record: dict[str, Any] = {**plan.model_dump(mode="json"), "trackers": list(plan.labels)}
+    for values, sweep in zip(record["sweeps"], plan.sweeps, strict=True):
+        values["scenarios"] = {scenario.name: scenario.tree for scenario in sweep.scenarios}
+        values["conditions"] = [condition.name for condition in sweep.conditions]
+    return record | record.pop("sweeps")[0] if len(plan.sweeps) == 1 else record
+
+
+def _differences(path: str, given: Any, stored: Any) -> Iterator[str]:
+    if given == stored:
         return
-    if isinstance(here, Mapping) and isinstance(there, Mapping) and set(here) & set(there):
-        for key in dict.fromkeys([*here, *there]):
-            yield from _differences(f"{path}.{key}" if path else str(key), here.get(key), there.get(key))
+    if isinstance(given, Mapping) and isinstance(stored, Mapping) and set(given) & set(stored):
+        mine, theirs = cast("Mapping[str, Any]", given), cast("Mapping[str, Any]", stored)
+        for key in dict.fromkeys([*mine, *theirs]):
+            yield from _differences(f"{path}.{key}" if path else key, mine.get(key), theirs.get(key))
         return
-    yield f"{path}: {_short(there)} there, {_short(here)} asked for"
+    yield f"{path}: {_short(stored)} there, {_short(given)} asked for"
 
 
 def _short(value: Any) -> str:
     if value is None:
         return "nothing"
-    if isinstance(value, Mapping):
-        value = list(value)
-    text = ", ".join(str(one) for one in value) if isinstance(value, list) else str(value)
+    if isinstance(value, (Mapping, list)):
+        value = ", ".join(str(item) for item in cast("list[object]", value))
+    text = str(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def checked_plan(
-    batches: tuple[Batch, ...],
-    trackers: tuple[TrackerSpec, ...],
-    suites: tuple[Suite, ...] = (),
-    truth: ScoredBox = "box",
-) -> Plan:
-    """A plan, or one clear message.
-
-    Raises:
-        ParameterError: Nothing to run, or something given twice.
-    """
-    try:
-        return Plan(batches=batches, trackers=trackers, suites=suites, truth=truth)
-    except ValidationError as error:
-        raise ParameterError(str(error.errors()[0]["msg"]).removeprefix("Value error, ")) from None

@@ -1,4 +1,4 @@
-"""From what a person asks for to a plan."""
+"""Make plans from names of scenarios and suites, trackers, seeds and axis levels."""
 
 from __future__ import annotations
 
@@ -9,12 +9,27 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, cast, get_args
 
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.benchmark.plan import LATENCY, Batch, Condition, Plan, ScoredBox, Stage, TrackerSpec, checked_plan
+from pftrack_sim.benchmark.plan import (
+    LATENCY,
+    Condition,
+    Plan,
+    ScenarioSpec,
+    ScoredBox,
+    Sweep,
+    TrackerSpec,
+    make_checked_plan,
+)
 from pftrack_sim.benchmark.suite import Suite, is_suite, load_suite, suite_names
 from pftrack_sim.controllers import make as make_controller
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.scenario.axes import axes_by_name
+
+TRACKERS = ("ko2012", "opencv-mil", "stay")
+CLOSED_LOOP_TRACKERS = ("oracle",)
+CONTROLLERS = ("servo-avoid",)
+SEEDS = (0, 1, 2)
+"""Defaults of scenarios without a suite."""
 
 
 def make_plan(
@@ -27,65 +42,61 @@ def make_plan(
     preset: str = "default",
     controllers: Sequence[str] = (),
     latency_ms: Mapping[str, float] | None = None,
-    word: str = "",
+    variant: str = "",
 ) -> Plan:
-    """The plan of all combinations.
+    """Make the plan of all combinations.
 
     Args:
         names: Scenarios.
-        trackers: Names for `trackers.make`, or contestants with their parameters.
+        trackers: Names for `trackers.make`, or specifications with presets and parameters.
         seeds: Root seeds.
         axes: For a stress axis its severities, and for `axis.parameter` the parameter's values at severity 1.
         overrides: Dotted keys set in every scenario.
         preset: Preset of every tracker given by its name alone.
-        controllers: What drives the robot, by name, each with every tracker; without one the robot follows its script.
+        controllers: Controllers that drive the robot, each with every tracker; without one the loop is open.
         latency_ms: Simulated time charged for a frame, by the tracker's name or `base_label`; other trackers are not
             charged. An axis `latency` charges all of them instead.
-        word: Said before the conditions' names.
+        variant: Put before the conditions' names.
 
     Raises:
         UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
         ScenarioError: A wrong scenario, override or level.
-        ParameterError: No scenario, tracker or seed, one given twice, or a latency that is none.
+        ParameterError: No scenario, tracker or seed, one given twice, or an impossible latency.
     """
     for axis, levels in (axes or {}).items():
         if axis == LATENCY:
-            check_latency(levels)
+            _check_latency(levels)
         else:
             _check_axis(axis)
     loaded = [scenarios.load(name, overrides or {}) for name in names]
-    conditions = tuple(_conditions(axes or {}, word))
-    batch = Batch(
-        scenarios=tuple(Stage(name=one.name, tree=one.tree) for one in loaded),
-        conditions=conditions,
-        seeds=tuple(seeds),
-    )
-    contestants = tuple(
-        one if isinstance(one, TrackerSpec) else TrackerSpec(name=one, preset=preset) for one in trackers
-    )
-    plan = checked_plan((batch,), _drivers(contestants, controllers, latency_ms or {}))
+    conditions = tuple(_conditions(axes or {}, variant))
+    specs = tuple(one if isinstance(one, TrackerSpec) else TrackerSpec(name=one, preset=preset) for one in trackers)
+    scenario_specs = tuple(ScenarioSpec(name=one.name, tree=one.tree) for one in loaded)
+    sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=tuple(seeds))
+    plan = make_checked_plan((sweep,), _with_controllers(specs, controllers, latency_ms or {}))
     for scenario in loaded:
         for condition in conditions:
-            scenarios.load(scenario, condition.overrides)
+            scenarios.load(scenario, condition.overrides)  # wrong levels are reported now
     return plan
 
 
-def _drivers(
+def _with_controllers(
     trackers: Sequence[TrackerSpec], controllers: Sequence[str], latency_ms: Mapping[str, float]
 ) -> tuple[TrackerSpec, ...]:
-    """Every tracker with every controller."""
-    check_latency(latency_ms.values())
+    """Every tracker with its latency and every controller."""
+    _check_latency(latency_ms.values())
     latencies = {spec.base_label: latency_ms[key] for key, spec in match_trackers(latency_ms, trackers)}
     for name in controllers:
-        make_controller(name)  # a mistake in its name is told before anything is drawn
-    charged = [one.model_copy(update={"latency_ms": latencies.get(one.base_label, one.latency_ms)}) for one in trackers]
-    if not controllers:
-        return tuple(charged)
-    return tuple(one.model_copy(update={"controller": name}) for name in controllers for one in charged)
+        make_controller(name)  # a wrong name is reported now
+    return tuple(
+        spec.model_copy(update={"latency_ms": latencies.get(spec.base_label, spec.latency_ms), "controller": name})
+        for name in controllers or [None]
+        for spec in trackers
+    )
 
 
 def match_trackers(keys: Mapping[str, object], trackers: Sequence[TrackerSpec]) -> list[tuple[str, TrackerSpec]]:
-    """Pairs of a key and a tracker that it is given for: keys are names or base labels, and a base label goes first.
+    """Pairs of a key and a tracker that it is given for; a key is a name or a `base_label`, which goes first.
 
     Raises:
         UnknownNameError: A key of no tracker.
@@ -98,36 +109,28 @@ def match_trackers(keys: Mapping[str, object], trackers: Sequence[TrackerSpec]) 
     return [(key, spec) for key, spec in found if key in keys]
 
 
-def check_latency(values: Iterable[float]) -> None:
-    """Raise ParameterError unless all are latencies."""
+def _check_latency(values: Iterable[float]) -> None:
     for value in values:
         if not (math.isfinite(value) and value >= 0.0):
             raise ParameterError(f"a latency must be 0 ms or more, got {value!r}")
 
 
 def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: ScoredBox = "box") -> Plan:
-    """One plan of several with the same trackers: what a suite of several blocks runs.
+    """Join plans with the same trackers into one.
 
     Args:
         plans: Each with its own scenarios, conditions and seeds.
-        suites: What they were made from, besides what they say themselves.
-        truth: What estimates are compared with.
+        suites: Suites that they were made from, besides their own.
+        truth: True box that estimates are compared with.
 
     Raises:
         ParameterError: Their trackers differ, or an episode is in two of them.
     """
     if len({plan.labels for plan in plans}) != 1:
         raise ParameterError("plans can be joined only if they have the same trackers, in the same order")
-    made_from = tuple(one for plan in plans for one in plan.suites) + suites
-    batches = tuple(batch for plan in plans for batch in plan.batches)
-    return checked_plan(batches, plans[0].trackers, made_from, truth)
-
-
-TRACKERS = ("ko2012", "opencv-mil", "stay")
-DRIVERS = ("oracle",)
-CONTROLLERS = ("servo-avoid",)
-SEEDS = (0, 1, 2)
-"""What scenarios are run with when nothing else is said: `DRIVERS` are the trackers where they drive the robot."""
+    all_suites = tuple(suite for plan in plans for suite in plan.suites) + suites
+    sweeps = tuple(sweep for plan in plans for sweep in plan.sweeps)
+    return make_checked_plan(sweeps, plans[0].trackers, all_suites, truth)
 
 
 def plan_all(
@@ -141,22 +144,22 @@ def plan_all(
     truth: str = "box",
     controllers: Sequence[str] | None = None,
     latency_ms: Mapping[str, float] | None = None,
-    drive: bool = False,
+    closed_loop: bool = False,
 ) -> Plan:
-    """The plan of suites and scenarios together.
+    """Make the plan of suites and scenarios together.
 
     Args:
         names: Suites and scenarios, by name or path.
-        trackers: Of everything; a suite's own, and `TRACKERS` or `DRIVERS` for scenarios, if None.
-        seeds: Of everything; a suite's own, and `SEEDS` for scenarios, if None.
-        axes: Swept in everything.
+        trackers: None: a suite's own; for scenarios `TRACKERS`, in closed loop `CLOSED_LOOP_TRACKERS`.
+        seeds: None: a suite's own; for scenarios `SEEDS`.
+        axes: Axis levels of all episodes.
         overrides: Dotted keys set in every scenario.
-        preset: Of every tracker; a suite's own, and `"default"` for scenarios, if None.
-        truth: What estimates are compared with: `"box"`, `"amodal_box"` or `"visible_box"`.
-        controllers: What drives the robot in everything.
-        latency_ms: Charged for a frame, by the tracker's name.
-        drive: Whether the trackers drive the robot also where `controllers` is None: with a suite's own, and with
-            `CONTROLLERS` in scenarios. Otherwise the robot is on its script, in suites too.
+        preset: Preset of every tracker; None: a suite's own; for scenarios `"default"`.
+        truth: True box that estimates are compared with: `"box"`, `"amodal_box"` or `"visible_box"`.
+        controllers: Controllers of all episodes.
+        latency_ms: Charged for a frame, by the tracker's name or `base_label`.
+        closed_loop: Whether the trackers drive the robot where `controllers` is None: with a suite's own, and with
+            `CONTROLLERS` in scenarios. Otherwise the robot follows its script, in suites too.
 
     Raises:
         UnknownNameError: An unknown suite, scenario, axis, parameter of an axis, box, or controller.
@@ -165,10 +168,10 @@ def plan_all(
     """
     if truth not in get_args(ScoredBox):
         raise UnknownNameError("box of the truth", truth, get_args(ScoredBox))
-    fallback = CONTROLLERS if drive else ()
+    fallback = CONTROLLERS if closed_loop else ()
     suites = [load_suite(name) for name in names if is_suite(name)]
-    if not drive and controllers is None:
-        suites = [one.scripted() for one in suites]
+    if not closed_loop and controllers is None:
+        suites = [suite.open_loop() for suite in suites]
     alone = [name for name in names if not is_suite(name)]
     plans = [
         plan_suite(
@@ -190,7 +193,7 @@ def plan_all(
         plans.append(
             make_plan(
                 alone,
-                trackers if trackers is not None else DRIVERS if controllers or fallback else TRACKERS,
+                trackers if trackers is not None else CLOSED_LOOP_TRACKERS if controllers or fallback else TRACKERS,
                 seeds if seeds is not None else SEEDS,
                 axes=axes,
                 overrides=overrides,
@@ -213,17 +216,17 @@ def plan_suite(
     controllers: Sequence[str] | None = None,
     latency_ms: Mapping[str, float] | None = None,
 ) -> Plan:
-    """The plan of a suite.
+    """Make the plan of a suite.
 
     Args:
         suite: The suite.
-        trackers: Instead of its own; its table and claims then speak of those among them.
+        trackers: Instead of its own; its table and claims are then of those among them.
         seeds: Instead of its own.
-        axes: Swept on top of its own; one that the suite sweeps too is replaced.
+        axes: Added to its own; levels of the same axis are replaced.
         overrides: Dotted keys set in every scenario, after its own.
         preset: Instead of its own.
         controllers: Instead of its own.
-        latency_ms: Charged for a frame, by the tracker's name.
+        latency_ms: Charged for a frame, by the tracker's name or `base_label`.
 
     Raises:
         UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
@@ -241,7 +244,7 @@ def plan_suite(
             preset=chosen,
             controllers=controllers if controllers is not None else suite.controllers,
             latency_ms=latency_ms,
-            word=block.word,
+            variant=block.variant,
         )
         for block in suite.run
     ]
@@ -257,16 +260,16 @@ def _check_axis(axis: str) -> None:
         raise UnknownNameError(f"parameter of the axis {name}", parameter, known[name].model_fields)
 
 
-def _conditions(axes: Mapping[str, Sequence[float]], word: str) -> Iterator[Condition]:
+def _conditions(axes: Mapping[str, Sequence[float]], variant: str) -> Iterator[Condition]:
     for levels in itertools.product(*axes.values()):
-        yield Condition(levels=tuple(zip(axes, (float(level) for level in levels), strict=True)), word=word)
+        yield Condition(levels=tuple(zip(axes, (float(level) for level in levels), strict=True)), variant=variant)
 
 
 def parse_seeds(text: str) -> list[int]:
-    """Seeds as the command line writes them: `3`, `0:20` (20 excluded), `1,5,9`, and mixtures.
+    """Parse seeds of the command line: `3`, `0:20` (20 excluded), `1,5,9`, and mixtures.
 
     Raises:
-        ParameterError: Not seeds.
+        ParameterError: Another form.
 
     >>> parse_seeds("0:3,7")
     [0, 1, 2, 7]

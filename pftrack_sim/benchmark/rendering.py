@@ -8,7 +8,7 @@ from pathlib import Path
 
 import cv2
 
-from pftrack_sim.benchmark.rollout import Sample, SimulatedSource, Step, rollout
+from pftrack_sim.benchmark.rollout import Sample, SimulatedSource, Sink, Step, rollout
 from pftrack_sim.benchmark.sinks import VideoWriter, picture
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -40,7 +40,7 @@ def save_video(
     """
     rate_hz = scenario.resolve(seed).camera.rate_hz
     with Simulation(scenario, backend=backend) as simulation, VideoWriter(path, rate_hz) as writer:
-        sinks = [
+        sinks: list[Sink] = [
             lambda step: writer.add(_drawn(step.sample, truth, runners), step.sample.time_s),
             lambda step: on_frame(),
         ]

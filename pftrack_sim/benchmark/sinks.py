@@ -14,7 +14,7 @@ from typing import Any
 import av
 import numpy as np
 
-from pftrack_sim.benchmark.columns import column
+from pftrack_sim.benchmark.episode_file import Column, column
 from pftrack_sim.benchmark.rollout import Sample, Step
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -75,11 +75,11 @@ class VideoWriter:
         self._part = path.with_name(f".{path.stem}.part.mp4")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._container = av.open(str(self._part), "w", options={"movflags": "faststart"})
+            self._container: Any = av.open(str(self._part), "w", options={"movflags": "faststart"})
         except OSError as error:
             raise RunError(f"cannot write the video {path}: {error.strerror or error}") from None
         rate = Fraction(rate_hz).limit_denominator(1001)
-        self._stream = self._container.add_stream(
+        self._stream: Any = self._container.add_stream(
             "libx264", rate=rate, options={"crf": str(quality), "preset": "veryfast", "threads": "1"}
         )
         self._stream.codec_context.time_base = _TIME_BASE
@@ -151,7 +151,7 @@ class FollowLog:
         for name, value in row.items():
             self._columns.setdefault(name, []).append(value)
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, Column]:
         """`(N,)` columns of the episode's table."""
         return {name: column(values) for name, values in self._columns.items()}
 

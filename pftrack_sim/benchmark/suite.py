@@ -1,4 +1,4 @@
-"""A suite is an experiment as data: what is run, what a paper printed, and what it claims.
+"""Suites: experiments as data, with what is run, the table that a paper printed, and the claims to test.
 
 `envs/suites/<name>.toml`. Seeds of published figures are 1000-1999; scenarios are tuned on 0-999.
 """
@@ -19,30 +19,30 @@ from pftrack_sim.scenario.section import NotNegative, Positive, Section, Share
 from pftrack_sim.scenario.validation import problems
 
 Measure: TypeAlias = Literal["mean_overlap", "success", "follow_success", "follow_tracking_rate", "follow_within"]
-"""A number in [0, 1] that every episode has: see `score.Measures`, and `score.following.Following` where it drives."""
+"""A score in [0, 1] of every episode: see `score.Measures`, and `score.following.Following` for closed loop."""
 
 Names: TypeAlias = Annotated[tuple[str, ...], Field(min_length=1)]
 
 
 class Block(Section):
-    """Scenarios that are run alike."""
+    """Scenarios with the same axes and overrides."""
 
     scenarios: Names = Field(description="Scenarios by name.")
     axes: dict[str, tuple[NotNegative, ...]] = Field(
         default_factory=dict, description="Severities of each axis (or of `axis.parameter`, its values); all combined."
     )
     changes: dict[str, Any] = Field(default_factory=dict, description="Dotted keys set in each scenario.")
-    word: str = Field(default="", description="Said before the conditions' names, where `changes` make them others.")
+    variant: str = Field(default="", description="Name of what `changes` change, put before the conditions' names.")
 
 
 class PaperTable(Section):
-    """A table as a paper prints it."""
+    """A table of a paper."""
 
     title: str = Field(description="Which table, and what its numbers are.")
-    measure: Measure = Field(default="mean_overlap", description="Our number beside it.")
-    scale: Positive = Field(default=100.0, description="What 1 is in the table: 100 for per cent.")
+    measure: Measure = Field(default="mean_overlap", description="The measure compared with it.")
+    scale: Positive = Field(default=100.0, description="Value of 1 in the table: 100 for per cent.")
     columns: Names = Field(description="Scenarios, in the table's order.")
-    printed: dict[str, tuple[float, ...]] = Field(description="For each tracker its row.")
+    printed: dict[str, tuple[float, ...]] = Field(description="The row of each tracker.")
 
     @model_validator(mode="after")
     def _rows_are_full(self) -> PaperTable:
@@ -53,22 +53,22 @@ class PaperTable(Section):
 
 
 class Beats(Section):
-    """A tracker is better than each of several others."""
+    """A tracker scores higher than each of several others."""
 
     kind: Literal["beats"]
-    says: str = Field(description="The claim in words.")
-    tracker: str = Field(description="Which tracker.")
-    others: Names = Field(description="Than which, each.")
+    statement: str = Field(description="The claim in words.")
+    tracker: str = Field(description="The tracker.")
+    others: Names = Field(description="The trackers it is compared with, one by one.")
     measure: Measure = "mean_overlap"
-    scenarios: tuple[str, ...] = Field(default=(), description="Where; empty is everywhere in the suite.")
+    scenarios: tuple[str, ...] = Field(default=(), description="Scenarios; empty: all of the suite.")
 
 
 class Harder(Section):
     """Some scenarios are harder than others for each of several trackers."""
 
     kind: Literal["harder"]
-    says: str = Field(description="The claim in words.")
-    harder: Names = Field(description="Scenarios said to be harder ...")
+    statement: str = Field(description="The claim in words.")
+    harder: Names = Field(description="Scenarios that are harder ...")
     easier: Names = Field(description="... than these.")
     trackers: Names = Field(description="For each of these trackers.")
     measure: Measure = "mean_overlap"
@@ -78,18 +78,18 @@ class Reaches(Section):
     """A tracker reaches a value."""
 
     kind: Literal["reaches"]
-    says: str = Field(description="The claim in words.")
-    tracker: str = Field(description="Which tracker.")
-    value: Share = Field(description="Mean over seeds that it reaches.")
+    statement: str = Field(description="The claim in words.")
+    tracker: str = Field(description="The tracker.")
+    value: Share = Field(description="Value that its mean over seeds reaches.")
     measure: Measure = "mean_overlap"
-    scenarios: tuple[str, ...] = Field(default=(), description="Where; empty is everywhere in the suite.")
+    scenarios: tuple[str, ...] = Field(default=(), description="Scenarios; empty: all of the suite.")
 
 
 Claim: TypeAlias = Annotated[Beats | Harder | Reaches, Field(discriminator="kind")]
 
 
 class Suite(Section):
-    """An experiment. `load_suite` makes it.
+    """An experiment; `load_suite` reads one.
 
     Attributes:
         name: The name in `envs/suites/`, or the path.
@@ -102,19 +102,19 @@ class Suite(Section):
     trackers: Names = Field(description="Trackers by name.")
     preset: Literal["default", "paper"] = "default"
     controllers: tuple[str, ...] = Field(
-        default=(), description="Controllers that drive the robot with the trackers' answers; none: it has a script."
+        default=(), description="Controllers that drive the robot with the trackers' estimates; none: open loop."
     )
-    run: Annotated[tuple[Block, ...], Field(min_length=1)] = Field(description="What is run.")
+    run: Annotated[tuple[Block, ...], Field(min_length=1)] = Field(description="What is run, block by block.")
     table: PaperTable | None = Field(default=None, description="The paper's table.")
-    claims: tuple[Claim, ...] = Field(default=(), description="What the paper claims.")
+    claims: tuple[Claim, ...] = Field(default=(), description="Claims of the paper.")
 
     @property
     def scenarios(self) -> tuple[str, ...]:
         """Every scenario, once, in order."""
         return tuple(dict.fromkeys(name for block in self.run for name in block.scenarios))
 
-    def scripted(self) -> Suite:
-        """The same with the robot on its script, and without what is said of following."""
+    def open_loop(self) -> Suite:
+        """The same in open loop, without tables and claims about following."""
         claims = tuple(one for one in self.claims if not one.measure.startswith("follow_"))
         table = None if self.table is not None and self.table.measure.startswith("follow_") else self.table
         return self.model_copy(update={"controllers": (), "claims": claims, "table": table})
@@ -128,14 +128,14 @@ class Suite(Section):
         unknown = [name for name in dict.fromkeys(mentioned) if name not in known]
         if unknown:
             raise ValueError(f"scenarios of a table or claim that no [[run]] has: {', '.join(unknown)}")
-        told = [*(self.table.printed if self.table else ())]
+        named = [*(self.table.printed if self.table else ())]
         for claim in self.claims:
-            told += claim.trackers if isinstance(claim, Harder) else (claim.tracker,)
-            told += claim.others if isinstance(claim, Beats) else ()
-        missing = [name for name in dict.fromkeys(told) if name not in self.trackers]
+            named += claim.trackers if isinstance(claim, Harder) else (claim.tracker,)
+            named += claim.others if isinstance(claim, Beats) else ()
+        missing = [name for name in dict.fromkeys(named) if name not in self.trackers]
         measures = [claim.measure for claim in self.claims] + ([self.table.measure] if self.table else [])
         if not self.controllers and any(measure.startswith("follow_") for measure in measures):
-            raise ValueError("how well a robot followed can be claimed only where `controllers` drive it")
+            raise ValueError("measures of following need `controllers`")
         if missing:
             raise ValueError(f"trackers of a table or claim that `trackers` lacks: {', '.join(missing)}")
         return self
@@ -147,7 +147,7 @@ def suite_names() -> list[str]:
 
 
 def is_suite(name: str) -> bool:
-    """Whether a name on the command line is a suite: a shipped one, or a TOML file with a `[[run]]`."""
+    """Whether a name is that of a shipped suite, or the path of a TOML file with a `[[run]]`."""
     if name in suite_names():
         return True
     path = Path(name)
@@ -156,18 +156,18 @@ def is_suite(name: str) -> bool:
     try:
         return "run" in tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        return False  # whoever reads it as a scenario says what is wrong with it
+        return False  # reported when it is read as a scenario
 
 
 def load_suite(name: str | Path) -> Suite:
-    """A checked suite.
+    """Read a suite.
 
     Args:
         name: A name in `envs/suites/`, or a path to a TOML file.
 
     Raises:
         UnknownNameError: No such suite.
-        ScenarioError: The file cannot be read, or is wrong: all mistakes at once.
+        ScenarioError: The file cannot be read, or is wrong; every mistake is listed.
     """
     shipped = envs_dir() / "suites" / f"{name}.toml"
     path = shipped if str(name) in suite_names() else Path(name)
@@ -179,14 +179,14 @@ def load_suite(name: str | Path) -> Suite:
         raise ScenarioError(str(name), [f"not valid TOML: {error}"]) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ScenarioError(str(name), [f"cannot be read: {error}"]) from None
-    return checked_suite(str(name), tree)
+    return make_suite(str(name), tree)
 
 
-def checked_suite(name: str, tree: Mapping[str, Any]) -> Suite:
-    """The suite that a tree of tables says.
+def make_suite(name: str, tree: Mapping[str, Any]) -> Suite:
+    """Make a suite of a tree of tables.
 
     Raises:
-        ScenarioError: Every mistake in it.
+        ScenarioError: It is wrong; every mistake is listed.
     """
     whole = {**tree, "name": name}
     try:

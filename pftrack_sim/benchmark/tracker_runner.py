@@ -160,11 +160,12 @@ def make_runners(
     runners: list[TrackerRunner] = []
     for given in specs:
         spec = given if isinstance(given, TrackerSpec) else TrackerSpec(name=given)
-        options = {"seed": seed, "preset": spec.preset}
         if is_isolated(spec.name, isolation):
-            made = IsolatedTracker(spec.name, **options, params=spec.params, limits=limits or Limits())
+            made = IsolatedTracker(
+                spec.name, seed=seed, preset=spec.preset, params=spec.params, limits=limits or Limits()
+            )
         else:
-            made = trackers.make(spec.name, **options, **spec.params)
+            made = trackers.make(spec.name, seed=seed, preset=spec.preset, **spec.params)
         runners.append(TrackerRunner(spec, made))
     return runners
 

@@ -124,7 +124,7 @@ def _run(
     from pftrack_sim.benchmark import new_run_path, run
 
     path = out if out is not None else new_run_path(plan)
-    with show_run(progress, path) as on_status:
+    with show_run(progress, path) as on_progress:
         finished = run(
             plan,
             path,
@@ -135,12 +135,11 @@ def _run(
             isolation=isolation,
             limits=limits,
             part=parse_part(part),
-            on_status=on_status,
+            on_progress=on_progress,
         )
-    results = finished.results()
-    tables.print_bench(results)
-    tables.print_follow(results)
-    tables.print_suites(plan, results)
+    tables.print_bench(finished.results)
+    tables.print_follow(finished.results)
+    tables.print_suites(plan, finished.results)
     tables.print_folder(path)
     _report(path)
 
@@ -173,9 +172,9 @@ def query(
     format_: Annotated[str, typer.Option("--format", help="table, csv or json.")] = "table",
 ) -> None:
     """Ask a run folder in SQL."""
-    from pftrack_sim.benchmark.query import ask
+    from pftrack_sim.benchmark import RunStore
 
-    tables.print_answer(ask(folder, sql), format_)
+    tables.print_query(RunStore(folder).query(sql), format_)
 
 
 @app.command()
@@ -239,14 +238,14 @@ def follow(
             truth=truth,
             controllers=parse_names(controllers) if controllers is not None else None,
             latency_ms=latency_ms,
-            drive=True,
+            closed_loop=True,
         )
 
     limits = Limits(frame_limit_s, memory_limit_mb)
     plan = plan_with({})
     names = list(dict.fromkeys(one.name for one in plan.trackers))
     if latency:
-        stage = plan.batches[0].scenarios[0]
+        stage = plan.sweeps[0].scenarios[0]
         first = all_scenarios.Scenario(stage.name, stage.tree)
         given = parse_latency(latency, names)
         plan = plan_with(
@@ -319,10 +318,10 @@ def render(
 
 
 def _report(run: Path) -> None:
+    from pftrack_sim.benchmark import RunStore
     from pftrack_sim.report import write_report
-    from pftrack_sim.report.data import read_run
 
-    with bars.bar("reading", len(read_run(run).episodes)) as tick:
+    with bars.bar("reading", sum(1 for _ in RunStore(run).episode_files())) as tick:
         page = write_report(run, on_episode=tick)
     tables.print_folder(page)
 

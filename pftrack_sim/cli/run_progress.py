@@ -19,7 +19,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark.progress import Status
+    from pftrack_sim.benchmark.progress import RunProgress
 
 MODES = ("bar", "lines", "json", "quiet")
 
@@ -32,7 +32,7 @@ def cores() -> int:
 
 
 @contextmanager
-def show_run(mode: str, path: Path) -> Iterator[Callable[[Status], None]]:
+def show_run(mode: str, path: Path) -> Iterator[Callable[[RunProgress], None]]:
     """Show a run's progress while the block runs; when it is stopped by hand, say how to go on.
 
     Args:
@@ -65,7 +65,7 @@ def show_run(mode: str, path: Path) -> Iterator[Callable[[Status], None]]:
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[Status], None]]:
+def _bar() -> Iterator[Callable[[RunProgress], None]]:
     columns = (BarColumn(), TextColumn("{task.description}", markup=False))
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task("", total=1.0)
@@ -78,7 +78,7 @@ class _Lines:
     def __init__(self) -> None:
         self._last_s = -math.inf
 
-    def __call__(self, status: Status) -> None:
+    def __call__(self, status: RunProgress) -> None:
         now_s = time.monotonic()
         over = status.episode is not None and status.done == status.total
         if over or (status.episode is not None and now_s - self._last_s >= _LINE_EVERY_S):
@@ -86,7 +86,7 @@ class _Lines:
             print(_told(status), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
 
 
-def _show_json(status: Status) -> None:
+def _show_json(status: RunProgress) -> None:
     if status.episode is None:
         return
     record = {
@@ -102,7 +102,7 @@ def _show_json(status: Status) -> None:
     print(json.dumps(record), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
 
 
-def _told(status: Status) -> str:
+def _told(status: RunProgress) -> str:
     means = ", ".join(
         f"{name} {mean:.3f}" + (f" ({status.failures[name]} failed)" if status.failures.get(name) else "")
         for name, mean in status.means.items()

@@ -8,7 +8,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich import box
@@ -20,8 +20,8 @@ from pftrack_sim.core.errors import ParameterError, RenderError, UnknownNameErro
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan, Result
-    from pftrack_sim.benchmark.query import Answer
     from pftrack_sim.benchmark.recorded import RecordedResult
+    from pftrack_sim.benchmark.store import QueryResult
     from pftrack_sim.render.doctor import Report
     from pftrack_sim.score import Summary
     from pftrack_sim.score.following import Following
@@ -91,18 +91,18 @@ def print_bench(results: Sequence[Result]) -> None:
     _print_episodes(results)
     groups: dict[tuple[str, ...], list[Summary]] = {}
     for one in results:
-        groups.setdefault((one.scenario, one.condition, one.tracker), []).append(one.summary)
+        groups.setdefault((one.scenario, one.condition.name, one.label), []).append(one.measures)
     _print_groups("Over all seeds", ("scenario", "condition", "tracker"), groups)
     failed = [one for one in results if one.failure]
     for one in failed[:_MOST_FAILURES]:
-        where = one.scenario if one.condition == "base" else f"{one.scenario} {one.condition}"
-        _console.print(f"{one.tracker} failed on {where} seed {one.seed}, {one.failure}", soft_wrap=True)
+        where = " ".join([one.scenario, *([one.condition.name] if one.condition.name != "base" else [])])
+        _console.print(f"{one.label} failed on {where} seed {one.seed}, {one.failure}", soft_wrap=True)
     if len(failed) > _MOST_FAILURES:
         _console.print(f"and {len(failed) - _MOST_FAILURES} failures more: see summary.parquet")
 
 
 def _print_episodes(results: Sequence[Result]) -> None:
-    trackers = list(dict.fromkeys(one.tracker for one in results))
+    trackers = list(dict.fromkeys(one.label for one in results))
     if len(results) > _MOST_EPISODES * len(trackers):
         return
     by_episode = _table(
@@ -112,44 +112,39 @@ def _print_episodes(results: Sequence[Result]) -> None:
     )
     episodes: dict[tuple[str, str, int], dict[str, Result]] = {}
     for one in results:
-        episodes.setdefault((one.scenario, one.condition, one.seed), {})[one.tracker] = one
+        episodes.setdefault((one.scenario, one.condition.name, one.seed), {})[one.label] = one
     for (scenario, condition, seed), scored in episodes.items():
-        frames = next(iter(scored.values())).summary.frames
-        cells = [_number(scored[tracker].summary.mean_overlap) for tracker in trackers]
+        frames = next(iter(scored.values())).measures.frames
+        cells = [_number(scored[tracker].number("mean_overlap")) for tracker in trackers]
         by_episode.add_row(scenario, condition, str(seed), str(frames), *cells)
     _console.print(by_episode)
 
 
 def print_suites(plan: Plan, results: Sequence[Result]) -> None:
     """For each suite of a plan the paper's table beside ours, and what became of its claims."""
-    from pftrack_sim.benchmark.claims import beside_the_paper, judge
+    from pftrack_sim.benchmark.claims import compare_with_paper, evaluate_claims
 
-    rows: list[dict[str, Any]] = []
-    for one in results:
-        followed = one.following.as_dict() if one.following is not None else {}
-        scores = {**one.summary.as_dict(), **{f"follow_{name}": value for name, value in followed.items()}}
-        rows.append({"scenario": one.scenario, "seed": one.seed, "tracker": one.tracker, **scores})
     for suite in plan.suites:
-        beside = beside_the_paper(suite, rows)
+        rows = compare_with_paper(suite, results)
         if suite.table is not None:
             heads = [name.rpartition("/")[2] for name in suite.table.columns]
             table = _table(
                 f"{suite.table.title}: printed / ours (95% interval over seeds)", ("tracker",), (*heads, "mean")
             )
-            for row in beside:
+            for row in rows:
                 cells = [
                     f"{printed:.1f} / {ours:.1f}\n{low:.1f}-{high:.1f}"
-                    for printed, ours, low, high in zip(row.printed, row.ours, row.low, row.high, strict=True)
+                    for printed, (ours, low, high) in zip(row.printed, row.ours, strict=True)
                 ]
                 mean, low, high = row.ours_mean
                 cells.append(f"{sum(row.printed) / len(row.printed):.1f} / {mean:.1f}\n{low:.1f}-{high:.1f}")
                 table.add_row(row.tracker, *cells)
             _console.print(table)
-        for finding in judge(suite, rows):
-            _console.print(f"\n{finding.verdict.upper()}: {finding.says}", soft_wrap=True)
-            for part in finding.parts:
+        for claim in evaluate_claims(suite, results):
+            _console.print(f"\n{claim.verdict.upper()}: {claim.statement}", soft_wrap=True)
+            for part in claim.comparisons:
                 _console.print(
-                    f"  {part.what}: {part.difference:+.3f} [{part.low:+.3f}, {part.high:+.3f}] "
+                    f"  {part.name}: {part.difference:+.3f} [{part.low:+.3f}, {part.high:+.3f}] "
                     f"over {part.seeds} seeds: {part.verdict}",
                     soft_wrap=True,
                 )
@@ -160,7 +155,7 @@ def print_follow(results: Sequence[Result]) -> None:
     groups: dict[tuple[str, ...], list[Following]] = {}
     for one in results:
         if one.following is not None:
-            groups.setdefault((one.scenario, one.condition, one.tracker), []).append(one.following)
+            groups.setdefault((one.scenario, one.condition.name, one.label), []).append(one.following)
     if not groups:
         return
     table = _table(
@@ -240,7 +235,7 @@ def print_lines(lines: Iterable[str]) -> None:
         _console.print(line, soft_wrap=True)
 
 
-def print_answer(answer: Answer, layout: str) -> None:
+def print_query(answer: QueryResult, layout: str) -> None:
     """The rows that SQL gave: as a table, or as CSV or JSON lines for other programs.
 
     Raises:
@@ -248,14 +243,14 @@ def print_answer(answer: Answer, layout: str) -> None:
     """
     if layout == "csv":
         writer = csv.writer(sys.stdout, lineterminator="\n")
-        writer.writerow(answer.heads)
+        writer.writerow(answer.columns)
         writer.writerows(answer.rows)
     elif layout == "json":
         for row in answer.rows:
-            print(json.dumps(dict(zip(answer.heads, row, strict=True)), default=str))  # noqa: T201
+            print(json.dumps(dict(zip(answer.columns, row, strict=True)), default=str))  # noqa: T201
     elif layout == "table":
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-        for place, head in enumerate(answer.heads):
+        for place, head in enumerate(answer.columns):
             is_text = bool(answer.rows) and isinstance(answer.rows[0][place], str)
             table.add_column(Text(head), justify="left" if is_text else "right", overflow="fold")
         for row in answer.rows:

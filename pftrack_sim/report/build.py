@@ -1,4 +1,4 @@
-"""Put the page together."""
+"""Write the report page of a run."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import jinja2
-import plotly.offline
+import plotly.offline  # pyright: ignore[reportMissingTypeStubs]
 from markupsafe import Markup
 
+from pftrack_sim.benchmark import RunStore
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.contents import contents
-from pftrack_sim.report.data import Run, read_run
 from pftrack_sim.report.strips import strips
-from pftrack_sim.report.suites import told
+from pftrack_sim.report.suites import suite_contents
 from pftrack_sim.scenario import Scenario
 
 _PAGE = Path(__file__).parent / "page"
-_HOW = ("began", "command", "commit", "versions", "python", "platform")
+_SESSION_KEYS = ("began", "command", "commit", "versions", "python", "platform")
 
 
 def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -> Path:
@@ -39,8 +39,8 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
     Raises:
         RunError: No complete run folder, or one that cannot be written to.
     """
-    run = read_run(path)
-    page = _page(run, contents(run, on_episode))
+    store = RunStore(path)
+    page = _page(store, contents(store, on_episode))
     target, part = path / "report.html", path / ".report.html.part"
     try:
         part.write_text(page, encoding="utf-8")
@@ -50,51 +50,52 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
     return target
 
 
-def _page(run: Run, data: Mapping[str, Any]) -> str:
+def _page(store: RunStore, data: Mapping[str, Any]) -> str:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_PAGE), autoescape=True, undefined=jinja2.StrictUndefined
     )
     return environment.get_template("report.html.j2").render(
-        title=run.path.resolve().name,
+        title=store.path.resolve().name,
         style=Markup((_PAGE / "report.css").read_text(encoding="utf-8")),
         script=Markup((_PAGE / "report.js").read_text(encoding="utf-8")),
         drives_script=Markup((_PAGE / "drives.js").read_text(encoding="utf-8")),
         has_drives=bool(data["drives"]),
         plotly=Markup(plotly.offline.get_plotlyjs()),
         data=Markup(_script_json(data)),
-        strips=[asdict(one) for one in strips(run)],
-        suites=[told(suite, run) for suite in run.plan.suites],
-        how=_how(run),
-        scenarios=_hashes(run),
-        failures=[(row.tracker, row.key, row.values["failure"]) for row in run.rows if row.values.get("failure")],
+        strips=[asdict(one) for one in strips(store)],
+        suites=[suite_contents(suite, store.results) for suite in store.plan.suites],
+        how=_provenance(store),
+        scenarios=_hashes(store),
+        failures=[result for result in store.results if result.failure],
     )
 
 
-def _how(run: Run) -> list[tuple[str, str]]:
-    """What the last session says of itself, and what all of them drew with."""
-    session = run.record["sessions"][-1]
-    said = [(name, _words(session[name])) for name in _HOW if session.get(name)]
-    graphics = dict.fromkeys(str(row.values["graphics"]) for row in run.rows)
-    seeds = sorted({row.key.seed for row in run.rows})
-    state = "all episodes" if run.record["finished"] else "not finished: these are the episodes so far"
-    return [("state", state), *said, ("graphics", "; ".join(graphics)), ("seeds", _words(seeds))]
+def _provenance(store: RunStore) -> list[tuple[str, str]]:
+    """The record of the last session, and the renderers of all."""
+    session = store.record["sessions"][-1]
+    entries = [(name, _words(session[name])) for name in _SESSION_KEYS if session.get(name)]
+    graphics = dict.fromkeys(str(result.values["graphics"]) for result in store.results)
+    seeds = sorted({result.seed for result in store.results})
+    state = "all episodes" if store.finished else "not finished: these are the episodes so far"
+    return [("state", state), *entries, ("graphics", "; ".join(graphics)), ("seeds", _words(seeds))]
 
 
-def _hashes(run: Run) -> list[tuple[str, str]]:
-    """Each scenario with the SHA-256 of what it says."""
-    stages = {stage.name: stage.tree for batch in run.plan.batches for stage in batch.scenarios}
-    return [(name, Scenario(name, tree).digest) for name, tree in stages.items()]
+def _hashes(store: RunStore) -> list[tuple[str, str]]:
+    """Each scenario with the SHA-256 of its content."""
+    trees = {scenario.name: scenario.tree for sweep in store.plan.sweeps for scenario in sweep.scenarios}
+    return [(name, Scenario(name, tree).digest) for name, tree in trees.items()]
 
 
 def _script_json(data: Mapping[str, Any]) -> str:
-    """JSON that cannot end the script element it stands in, whatever the names say."""
+    """JSON that cannot end the script element around it, whatever names contain."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def _words(value: Any) -> str:
+def _words(value: object) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} {one}" for key, one in value.items())
+        return ", ".join(f"{key} {item}" for key, item in cast("Mapping[str, object]", value).items())
     if isinstance(value, list):
-        return " ".join(str(one) for one in value) if len(value) <= 40 else f"{len(value)} of them"
+        items = cast("list[object]", value)
+        return " ".join(str(item) for item in items) if len(items) <= 40 else f"{len(items)} of them"
     return str(value)

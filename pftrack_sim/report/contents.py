@@ -1,21 +1,21 @@
-"""Everything that the page shows, as plain values ready for JSON: what can be worked out once is worked out here."""
+"""The data of the page as plain values for JSON."""
 
 from __future__ import annotations
 
 import base64
 import math
-import os
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim import score
+from pftrack_sim.benchmark import Condition, Result, RunStore
 from pftrack_sim.benchmark.plan import LATENCY
 from pftrack_sim.core import random_streams
-from pftrack_sim.report.data import EpisodeKey, Frames, Row, Run
-from pftrack_sim.report.drives import drives
+from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.report.following import following_episodes, video_link
 from pftrack_sim.scenario.axes import axes_by_name
 
 MEASURES = {
@@ -42,65 +42,114 @@ MEASURES = {
     "ms_median": "ms per frame",
     "ms_p95": "ms, 95th percentile",
 }
-"""Columns of the board that a summary may have, and their heads."""
+"""Columns of the leader board: names in the summary, and heads."""
 
 COVERED_BELOW = 0.5
+"""Visible fraction below which the target counts as occluded."""
+
+_FRAME_COLUMNS = ("label", "time_s", "overlap", "centre_error_px", "visible_fraction", "scored")
 
 
-def contents(run: Run, on_episode: Callable[[], None] = lambda: None) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """One tracker's frames of an episode, `(N,)` each."""
+
+    time_s: FloatArray
+    overlap: FloatArray
+    centre_error_px: FloatArray
+    visible_fraction: FloatArray
+    scored: BoolArray
+
+    @property
+    def counted(self) -> BoolArray:
+        """Scored frames except the first one, in which the box was given."""
+        counted = self.scored.copy()
+        counted[np.flatnonzero(counted)[:1]] = False
+        return counted
+
+
+def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, _Frames]:
+    """The frames of an episode's trackers, by label.
+
+    Args:
+        store: The run folder.
+        results: The episode's results.
+
+    Raises:
+        RunError: A file is missing, broken, or outside the run folder.
+    """
+    frames: dict[str, _Frames] = {}
+    for result in {result.file: result for result in results}.values():
+        table = store.frame_columns(result, _FRAME_COLUMNS)
+        for label in dict.fromkeys(table["label"]):
+            rows = table["label"] == label
+            numbers = [np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)[rows]
+                       for name in _FRAME_COLUMNS[1:-1]]  # fmt: skip
+            frames[str(label)] = _Frames(*numbers, scored=np.asarray(table["scored"], dtype=np.bool_)[rows])
+    return frames
+
+
+def by_episode(results: Iterable[Result]) -> dict[tuple[str, str, int], list[Result]]:
+    """Results by scenario, condition and seed."""
+    grouped: dict[tuple[str, str, int], list[Result]] = {}
+    for result in results:
+        grouped.setdefault((result.scenario, result.condition.name, result.seed), []).append(result)
+    return grouped
+
+
+def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> dict[str, Any]:
     """The page's data.
 
     Args:
-        run: The run folder.
+        store: The run folder.
         on_episode: Called after every episode that was read.
     """
-    trackers, episodes = run.trackers, run.episodes
-    scenarios = list(dict.fromkeys(one.scenario for one in episodes))
-    conditions = list(dict.fromkeys(one.condition for one in episodes))
-    measures = [name for name in MEASURES if any(name in row.values for row in run.rows)]
-    number = {key: index for index, key in enumerate(episodes)}
+    results = store.results
+    trackers = list(dict.fromkeys(result.label for result in results))
+    scenarios = list(dict.fromkeys(result.scenario for result in results))
+    conditions = list(dict.fromkeys(result.condition for result in results))
+    measures = [name for name in MEASURES if any(name in result.values for result in results)]
     rows: list[list[Any]] = []
     curves: dict[tuple[int, int, int], _Counts] = {}
-    shown: list[dict[str, Any]] = []
-    for key, its_rows in run.by_episode().items():
-        by_tracker = run.frames(its_rows)
-        episode = _episode(run, key, its_rows[0], scenarios, conditions)
-        shown.append(episode)
-        for row in its_rows:
-            tracker, frames = trackers.index(row.tracker), by_tracker[row.tracker]
-            rows.append(
-                [tracker, number[key], *(_json(row.number(name)) for name in measures), row.values.get("failure")]
-            )
+    episodes: list[dict[str, Any]] = []
+    for number, its_results in enumerate(by_episode(results).values()):
+        frames = read_frames(store, its_results)
+        first = its_results[0]
+        episode = _episode(store, first, frames[first.label])
+        episode |= {"scenario": scenarios.index(first.scenario), "condition": conditions.index(first.condition)}
+        for result in its_results:
+            tracker = trackers.index(result.label)
+            rows.append([tracker, number, *(_json(result.number(name)) for name in measures), result.failure])
             at = (tracker, episode["scenario"], episode["condition"])
-            curves.setdefault(at, _Counts()).add(frames)
-            episode["overlap"][tracker] = _packed(frames.overlap)
-            episode["occluded"] = _spans(frames.visible_fraction < COVERED_BELOW)
+            curves.setdefault(at, _Counts()).add(frames[result.label])
+            episode["overlap"][tracker] = _packed(frames[result.label].overlap)
+        episodes.append(episode)
         on_episode()
     return {
         "trackers": trackers,
         "scenarios": scenarios,
-        "conditions": conditions,
+        "conditions": [condition.name for condition in conditions],
         "axes": [axis_of(condition) for condition in conditions],
         "measures": [[name, MEASURES[name]] for name in measures],
         "rows": rows,
         "curves": [[*at, *counts.as_lists()] for at, counts in curves.items()],
         "success_thresholds": score.SUCCESS_THRESHOLDS.tolist(),
         "precision_thresholds": score.PRECISION_THRESHOLDS_PX.tolist(),
-        "episodes": shown,
-        "drives": drives(run),
-        "matrix": _matrix(run.rows, trackers),
+        "episodes": episodes,
+        "drives": following_episodes(store),
+        "matrix": _matrix(results, trackers),
     }
 
 
 class _Counts:
-    """How many frames lie beyond each threshold, added up over episodes."""
+    """Numbers of frames beyond each threshold, summed over episodes."""
 
     def __init__(self) -> None:
         self.frames = 0
         self.success = np.zeros(score.SUCCESS_THRESHOLDS.size)
         self.precision = np.zeros(score.PRECISION_THRESHOLDS_PX.size)
 
-    def add(self, frames: Frames) -> None:
+    def add(self, frames: _Frames) -> None:
         counted = frames.counted
         count = int(counted.sum())
         if not count:
@@ -113,48 +162,40 @@ class _Counts:
         return [self.frames, np.rint(self.success).astype(int).tolist(), np.rint(self.precision).astype(int).tolist()]
 
 
-def _episode(
-    run: Run, key: EpisodeKey, row: Row, scenarios: Sequence[str], conditions: Sequence[str]
-) -> dict[str, Any]:
-    video = run.video(row) if run.plan.kind == "open" else None
+def _episode(store: RunStore, result: Result, frames: _Frames) -> dict[str, Any]:
+    rate_hz, time_s = result.number("rate_hz"), frames.time_s - frames.time_s[0]
+    regular = bool(np.abs(time_s - np.arange(time_s.size) / rate_hz).max() < 1e-3)
     return {
-        "scenario": scenarios.index(key.scenario),
-        "condition": conditions.index(key.condition),
-        "seed": key.seed,
-        "rate_hz": _json(row.number("rate_hz")),
+        "seed": result.seed,
+        "rate_hz": _json(rate_hz),
+        "time": None if regular else np.round(time_s, 3).tolist(),
         "overlap": {},
-        "occluded": [],
-        "video": os.path.relpath(video, run.path).replace(os.sep, "/") if video is not None else None,
+        "occluded": _spans(frames.visible_fraction < COVERED_BELOW),
+        "video": video_link(store, result) if store.plan.kind == "open" else None,
     }
 
 
-def axis_of(condition: str) -> dict[str, Any] | None:
-    """The one axis that a condition moves, and how far in its own unit; None for several or none."""
-    if condition == "base" or "," in condition:
+def axis_of(condition: Condition) -> dict[str, Any] | None:
+    """The one axis of a condition with its level in the axis' own unit; None for several axes or none."""
+    if len(condition.levels) != 1:
         return None
-    name, _, level = condition.partition("=")
-    word, _, axis = name.rpartition(" ")
-    axis, _, parameter = axis.partition(".")
-    known = axes_by_name().get(axis)
-    try:
-        value = float(level)
-    except ValueError:
-        return None
+    ((name, level),) = condition.levels
+    axis, _, parameter = name.partition(".")
     if name == LATENCY:
-        return {"axis": name, "level": value, "x": value, "label": "latency [ms]"}
-    if known is None:
-        return None
+        return {"axis": name, "level": level, "x": level, "label": "latency [ms]"}
     if parameter:
-        return {"axis": name, "level": value, "x": value, "label": name}
-    label = f"{axis} ({word}) [{known.unit}]" if word else f"{axis} [{known.unit}]"
-    return {"axis": name, "level": value, "x": known(severity=value).physical, "label": label}
+        return {"axis": name, "level": level, "x": level, "label": name}
+    known = axes_by_name()[axis]
+    named = f"{axis} ({condition.variant})" if condition.variant else axis
+    series = f"{condition.variant} {axis}" if condition.variant else axis
+    return {"axis": series, "level": level, "x": known(severity=level).physical, "label": f"{named} [{known.unit}]"}
 
 
-def _matrix(rows: Iterable[Row], trackers: Sequence[str]) -> dict[str, Any]:
-    """Who beats whom in mean overlap, paired by episode's seed."""
+def _matrix(results: Iterable[Result], trackers: Sequence[str]) -> dict[str, Any]:
+    """Wins and differences in mean overlap of each pair of trackers, paired by seed."""
     by_seed: dict[str, dict[int, list[float]]] = {name: {} for name in trackers}
-    for row in rows:
-        by_seed[row.tracker].setdefault(row.key.seed, []).append(row.number("mean_overlap"))
+    for result in results:
+        by_seed[result.label].setdefault(result.seed, []).append(result.number("mean_overlap"))
     seeds = sorted({seed for found in by_seed.values() for seed in found})
     scores = {
         name: np.array([np.mean(found[seed]) if seed in found else math.nan for seed in seeds])
@@ -178,12 +219,12 @@ def _matrix(rows: Iterable[Row], trackers: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _packed(overlap: NDArray[np.float64]) -> str:
-    """Overlaps in steps of 1/250, a byte each: a thousand episodes stay a page that opens at once."""
+def _packed(overlap: FloatArray) -> str:
+    """Overlaps in steps of 1/250, one byte each, so that a page with a thousand episodes still opens at once."""
     return base64.b64encode(np.rint(250.0 * np.nan_to_num(overlap)).astype(np.uint8).tobytes()).decode()
 
 
-def _spans(covered: NDArray[np.bool_]) -> list[list[int]]:
+def _spans(covered: BoolArray) -> list[list[int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], covered, [False]]).astype(np.int8)))
     return [[int(first), int(end)] for first, end in edges.reshape(-1, 2)]
 

@@ -10,16 +10,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pftrack_sim import score
+from pftrack_sim.benchmark import RunStore
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
-from pftrack_sim.report.contents import axis_of
-from pftrack_sim.report.data import Run, read_run
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.report.contents import axis_of, by_episode, read_frames
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008), the yellow darkened for thin lines on white."""
@@ -47,10 +47,10 @@ def write_figure(path: Path, target: Path) -> Path:
         raise ParameterError("figures need matplotlib: pip install 'pftrack-sim[figures]'")
     from matplotlib.figure import Figure
 
-    run = read_run(path)
-    figure = Figure(figsize=(4.6, 3.2), layout="constrained")
-    axes = figure.add_subplot()
-    FIGURES[target.stem](run, axes)
+    store = RunStore(path)
+    figure: Any = Figure(figsize=(4.6, 3.2), layout="constrained")
+    axes: Any = figure.add_subplot()
+    FIGURES[target.stem](store, axes)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)
     axes.legend(fontsize=7, frameon=False)
@@ -70,53 +70,53 @@ def _style(index: int) -> dict[str, Any]:
     return {"color": COLOURS[index % len(COLOURS)], "linestyle": LINES[index // len(COLOURS) % len(LINES)], "lw": 1.4}
 
 
-def _pooled(run: Run, column: Literal["overlap", "centre_error_px"]) -> dict[str, NDArray[np.float64]]:
+def _pooled(store: RunStore, column: Literal["overlap", "centre_error_px"]) -> dict[str, FloatArray]:
     """The counted frames of every tracker, over all episodes."""
-    found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in run.trackers}
-    for rows in run.by_episode().values():
-        for tracker, frames in run.frames(rows).items():
-            found[tracker].append(getattr(frames, column)[frames.counted])
-    return {tracker: np.concatenate(parts) for tracker, parts in found.items()}
+    pooled: dict[str, list[FloatArray]] = {result.label: [] for result in store.results}
+    for results in by_episode(store.results).values():
+        for label, frames in read_frames(store, results).items():
+            pooled[label].append(getattr(frames, column)[frames.counted])
+    return {label: np.concatenate(parts) for label, parts in pooled.items()}
 
 
-def _success(run: Run, axes: Axes) -> None:
+def _success(store: RunStore, axes: Any) -> None:
     axes.set(xlabel="overlap threshold", ylabel="success rate", xlim=(0, 1), ylim=(0, 1))
-    for index, (tracker, overlap) in enumerate(_pooled(run, "overlap").items()):
+    for index, (tracker, overlap) in enumerate(_pooled(store, "overlap").items()):
         label = f"{tracker} [{score.area_under_success(overlap):.3f}]"
         axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, **_style(index))
 
 
-def _precision(run: Run, axes: Axes) -> None:
+def _precision(store: RunStore, axes: Any) -> None:
     axes.set(xlabel="centre error threshold [px]", ylabel="precision", xlim=(0, 50), ylim=(0, 1))
-    for index, (tracker, error) in enumerate(_pooled(run, "centre_error_px").items()):
+    for index, (tracker, error) in enumerate(_pooled(store, "centre_error_px").items()):
         curve = score.precision_curve(error)
         axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=f"{tracker} [{curve[20]:.3f}]", **_style(index))
 
 
-def _degradation(run: Run, axes: Axes) -> None:
-    moved = {condition: axis_of(condition) for condition in dict.fromkeys(row.key.condition for row in run.rows)}
+def _degradation(store: RunStore, axes: Any) -> None:
+    moved = {result.condition: axis_of(result.condition) for result in store.results}
     labels = list(dict.fromkeys(one["label"] for one in moved.values() if one is not None))
     if not labels:
         raise ParameterError("this run sweeps no axis: run bench with --axis NAME=0,1,2")
     axes.set(xlabel=labels[0], ylabel="mean overlap", ylim=(0, 1))
-    for index, tracker in enumerate(run.trackers):
+    for index, tracker in enumerate(dict.fromkeys(result.label for result in store.results)):
         points: list[tuple[float, float, float, float]] = []
         for condition, one in moved.items():
             if one is None or one["label"] != labels[0]:
                 continue
             by_seed: dict[int, list[float]] = {}
-            for row in run.rows:
-                if row.tracker == tracker and row.key.condition == condition:
-                    by_seed.setdefault(row.key.seed, []).append(row.number("mean_overlap"))
+            for result in store.results:
+                if result.label == tracker and result.condition == condition:
+                    by_seed.setdefault(result.seed, []).append(result.number("mean_overlap"))
             means = np.array([np.mean(values) for values in by_seed.values()])
-            low, high = score.bootstrap_interval(means, random_streams.stream(0, "bootstrap", tracker, condition))
+            low, high = score.bootstrap_interval(means, random_streams.stream(0, "bootstrap", tracker, condition.name))
             points.append((float(one["x"]), float(means.mean()), low, high))
         x, mean, low, high = np.array(sorted(points)).T
         axes.plot(x, mean, marker="o", ms=3, label=tracker, **_style(index))
         axes.fill_between(x, low, high, color=COLOURS[index % len(COLOURS)], alpha=0.15, lw=0)
 
 
-FIGURES: Mapping[str, Callable[[Run, Any], None]] = MappingProxyType(
+FIGURES: Mapping[str, Callable[[RunStore, Any], None]] = MappingProxyType(
     {"axis": _degradation, "precision": _precision, "success": _success}
 )
 """What can be drawn, by the file's name: success and precision plots, and the degradation over the first axis."""

@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 from av.error import FFmpegError
 
+from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.report.data import Row, Run
+from pftrack_sim.core.records import Image
 
 FRAMES = 5
 WIDTH_PX = 320
@@ -24,8 +25,8 @@ class Strip:
     """Frames of one episode.
 
     Attributes:
-        title: Which it is.
-        tracker: By whose overlap it was chosen.
+        title: The episode.
+        tracker: The tracker whose overlap it was chosen by.
         overlap: Its mean overlap.
         frames: Index of each picture.
         pictures: JPEG as data URIs.
@@ -38,25 +39,24 @@ class Strip:
     pictures: tuple[str, ...]
 
 
-def strips(run: Run) -> list[Strip]:
-    """Strips of the leading tracker, among the episodes that have a video.
-
-    Args:
-        run: The run folder.
+def strips(store: RunStore) -> list[Strip]:
+    """Strips of the tracker with the highest mean overlap, among the episodes that have a video.
 
     Raises:
         RunError: A video is broken.
     """
-    means: dict[str, list[float]] = {}
-    for row in run.rows:
-        means.setdefault(row.tracker, []).append(row.number("mean_overlap"))
-    # Those who are told the truth are no example.
-    told = {"oracle"}
-    leader = max((name for name in means if name not in told), key=lambda name: np.nanmean(means[name]), default=None)
+    overlaps: dict[str, list[float]] = {}
+    for result in store.results:
+        # The oracle has the truth: its episodes show nothing about tracking.
+        if result.tracker.name != "oracle":
+            overlaps.setdefault(result.label, []).append(result.number("mean_overlap"))
+    leader = max(overlaps, key=lambda label: np.nanmean(overlaps[label]), default=None)
     filmed = [
-        (row, video)
-        for row in run.rows
-        if row.tracker == leader and np.isfinite(row.number("mean_overlap")) and (video := run.video(row)) is not None
+        (result, video)
+        for result in store.results
+        if result.label == leader
+        and np.isfinite(result.number("mean_overlap"))
+        and (video := store.video_of(result)) is not None
     ]
     filmed.sort(key=lambda pair: pair[0].number("mean_overlap"))
     if not filmed:
@@ -65,31 +65,30 @@ def strips(run: Run) -> list[Strip]:
     found: list[Strip] = []
     seen: set[Path] = set()
     for title in ("best", "median", "worst"):
-        row, video = chosen[title]
+        result, video = chosen[title]
         if video not in seen:
             seen.add(video)
-            found.append(_strip(title, row, video))
+            found.append(_strip(title, result, video))
     return found
 
 
-def _strip(title: str, row: Row, video: Path) -> Strip:
+def _strip(title: str, result: Result, video: Path) -> Strip:
     try:
         with av.open(str(video)) as container:
             frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     except (OSError, FFmpegError) as error:
         raise RunError(f"{video} cannot be read: {error}") from None
     indices = tuple(int(index) for index in np.linspace(0, len(frames) - 1, FRAMES))
-    key = row.key
     return Strip(
-        f"{title}: {key.scenario}, {key.condition}, seed {key.seed}",
-        row.tracker,
-        row.number("mean_overlap"),
+        f"{title}: {result.scenario}, {result.condition.name}, seed {result.seed}",
+        result.label,
+        result.number("mean_overlap"),
         indices,
         tuple(_data_uri(frames[index]) for index in indices),
     )
 
 
-def _data_uri(image: np.ndarray) -> str:
+def _data_uri(image: Image) -> str:
     height, width = image.shape[:2]
     small = cv2.resize(image, (WIDTH_PX, round(WIDTH_PX * height / width)), interpolation=cv2.INTER_AREA)
     _, encoded = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])

@@ -1,67 +1,42 @@
-"""A suite's tables and claims, as words."""
+"""Tables and claims of a suite, as text for the page."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
-from pftrack_sim.benchmark.claims import Part, TableRow, beside_the_paper, judge
+from pftrack_sim.benchmark import Result
+from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper, evaluate_claims
 from pftrack_sim.benchmark.suite import Suite
-from pftrack_sim.report.data import Run
 
 
-def told(suite: Suite, run: Run) -> dict[str, Any]:
-    """What the page says of a suite.
-
-    Args:
-        suite: One of the plan's.
-        run: Its results.
-    """
-    rows = [row.values for row in run.rows]
-    beside = beside_the_paper(suite, rows)
+def suite_contents(suite: Suite, results: Sequence[Result]) -> dict[str, Any]:
+    """The paper's table beside the results, and the tested claims."""
+    rows: list[dict[str, Any]] = []
+    for row in compare_with_paper(suite, results):
+        printed = [*row.printed, sum(row.printed) / len(row.printed)]
+        cells = [_cell(*pair) for pair in zip(printed, [*row.ours, row.ours_mean], strict=True)]
+        rows.append({"tracker": row.tracker, "cells": cells})
+    claims: list[dict[str, Any]] = []
+    for claim in evaluate_claims(suite, results):
+        comparisons = [comparison_text(one) for one in claim.comparisons]
+        claims.append({"statement": claim.statement, "verdict": claim.verdict, "comparisons": comparisons})
     table = None
     if suite.table is not None:
-        table = {
-            "title": suite.table.title,
-            "columns": suite.table.columns,
-            "rows": [{"tracker": row.tracker, "cells": _cells(row)} for row in beside],
-        }
-    return {
-        "title": suite.title,
-        "source": suite.source,
-        "table": table,
-        "claims": [
-            {"says": one.says, "verdict": one.verdict, "parts": [part_in_words(part) for part in one.parts]}
-            for one in judge(suite, rows)
-        ],
-    }
+        table = {"title": suite.table.title, "columns": suite.table.columns, "rows": rows}
+    return {"title": suite.title, "source": suite.source, "table": table, "claims": claims}
 
 
-def part_in_words(part: Part) -> str:
+def comparison_text(one: ClaimComparison) -> str:
     """`"ko2012 - ko2012-rgb: 0.053 [0.021, 0.084] (holds, 20 seeds)"`."""
-    return (
-        f"{part.what}: {_number(part.difference, 3)} [{_number(part.low, 3)}, {_number(part.high, 3)}] "
-        f"({part.verdict}, {part.seeds} seeds)"
-    )
+    interval = f"{_number(one.difference, 3)} [{_number(one.low, 3)}, {_number(one.high, 3)}]"
+    return f"{one.name}: {interval} ({one.verdict}, {one.seeds} seeds)"
 
 
-def _cells(row: TableRow) -> list[dict[str, str]]:
-    cells = [
-        {
-            "printed": _number(printed, 1),
-            "ours": _number(ours, 1),
-            "interval": f"{_number(low, 1)} to {_number(high, 1)}",
-        }
-        for printed, ours, low, high in zip(row.printed, row.ours, row.low, row.high, strict=True)
-    ]
-    mean, low, high = row.ours_mean
-    printed = sum(row.printed) / len(row.printed)
-    overall = {
-        "printed": _number(printed, 1),
-        "ours": _number(mean, 1),
-        "interval": f"{_number(low, 1)} to {_number(high, 1)}",
-    }
-    return [*cells, overall]
+def _cell(printed: float, ours: Interval) -> dict[str, str]:
+    mean, low, high = (_number(value, 1) for value in ours)
+    return {"printed": _number(printed, 1), "ours": mean, "interval": f"{low} to {high}"}
 
 
 def _number(value: float, digits: int) -> str:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from pftrack_sim.benchmark import Plan, Run, make_plan
+from pftrack_sim.benchmark import Plan, RunStore, make_plan
 
 SMALL: dict[str, Any] = {
     "camera.width_px": 96,
@@ -24,5 +24,5 @@ def small_plan(seeds: range, trackers: list[Any] | None = None, **overrides: Any
 
 def contents(path: Path) -> list[tuple[Any, ...]]:
     """For every episode the digest of all rows (times are not in it) and of all pixels."""
-    with Run(path).open() as database:
+    with RunStore(path).database() as database:
         return database.sql("SELECT file, content_sha256, frames_digest FROM episodes ORDER BY number").fetchall()

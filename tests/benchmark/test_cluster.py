@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from pftrack_sim.benchmark import run
-from pftrack_sim.benchmark.cluster import DaskWorkers
-from pftrack_sim.benchmark.folder import episode_files
+from pftrack_sim.benchmark.cluster import DaskExecutor
 from pftrack_sim.core.errors import RunError
 from tests.benchmark.small import contents, small_plan
 
@@ -48,15 +47,13 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def test_a_cluster_gives_the_same_bits(scheduler: str, tmp_path: Path):
-    plan = small_plan(range(4), ["ko2012", "tests.benchmark.strangers:raises"])
+    plan = small_plan(range(4), ["ko2012", "tests.benchmark.faulty_trackers:raises"])
     here = run(plan, tmp_path / "here")
     there = run(plan, tmp_path / "there", scheduler=scheduler)
     assert contents(here.path) == contents(there.path)
-    assert [one.failure for one in there.results() if one.tracker != "ko2012"] == [
-        "frame 2: ValueError: lost my way"
-    ] * 4
+    assert [one.failure for one in there.results if one.label != "ko2012"] == ["frame 2: ValueError: lost my way"] * 4
     assert len(list((there.path / "videos").rglob("*.mp4"))) == 1
-    for file in list(episode_files(there.path))[::2]:
+    for file in list(there.episode_files())[::2]:
         file.unlink()
     run(plan, there.path, scheduler=scheduler)
     assert contents(here.path) == contents(there.path)
@@ -65,4 +62,4 @@ def test_a_cluster_gives_the_same_bits(scheduler: str, tmp_path: Path):
 def test_a_cluster_that_is_not_there(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("pftrack_sim.benchmark.cluster._CONNECT_S", 1)
     with pytest.raises(RunError, match="no Dask scheduler at"):
-        DaskWorkers("tcp://127.0.0.1:9")
+        DaskExecutor("tcp://127.0.0.1:9")

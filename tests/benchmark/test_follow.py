@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pftrack_sim.benchmark import Interrupted, Plan, Run, TrackerSpec, make_plan, plan_all, run
+from pftrack_sim.benchmark import Interrupted, Plan, RunStore, TrackerSpec, make_plan, plan_all, run
 from pftrack_sim.benchmark.check import check
-from pftrack_sim.benchmark.folder import episode_files
 from pftrack_sim.benchmark.latency import measure_ms, resolve_latencies
-from pftrack_sim.benchmark.progress import Status
-from pftrack_sim.benchmark.query import ask
+from pftrack_sim.benchmark.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.scenario import load
 from tests.benchmark.small import SMALL, contents
@@ -57,16 +55,16 @@ def driving(seeds: range = range(2), trackers: tuple[Any, ...] = ("oracle", "sta
 
 
 @pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def one(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     return run(driving(latency_ms={"stay": 130.0}), tmp_path_factory.mktemp("follow") / "run", videos="first")
 
 
 def frames(path: Path, columns: str, tracker: str) -> np.ndarray:
     sql = f"SELECT {columns} FROM frames WHERE tracker LIKE '{tracker}%' AND seed = 0 ORDER BY frame"
-    return np.array(ask(path, sql).rows, dtype=np.float64)
+    return np.array(RunStore(path).query(sql).rows, dtype=np.float64)
 
 
-def test_a_run_folder_says_all(one: Run):
+def test_a_run_folder_says_all(one: RunStore):
     assert check(one.path).good
     assert [Path(file).name for file, *_ in contents(one.path)] == [
         "seed-0000__oracle-servo-avoid.parquet",
@@ -74,16 +72,17 @@ def test_a_run_folder_says_all(one: Run):
         "seed-0001__oracle-servo-avoid.parquet",
         "seed-0001__stay-130ms-servo-avoid.parquet",
     ]
-    sql = "SELECT tracker, controller, latency_ms, outcome, mean_overlap FROM summary WHERE seed = 0 ORDER BY place"
-    first, second = ask(one.path, sql).rows
-    assert first == ("oracle+servo-avoid", "servo-avoid", 0.0, "finished", 1.0)
-    assert second[:4] == ("stay@130ms+servo-avoid", "servo-avoid", 130.0, "finished")
+    identity = "tracker, label, controller, latency_ms"
+    sql = f"SELECT {identity}, outcome, mean_overlap FROM summary WHERE seed = 0 ORDER BY place"
+    first, second = RunStore(one.path).query(sql).rows
+    assert first == ("oracle", "oracle+servo-avoid", "servo-avoid", 0.0, "finished", 1.0)
+    assert second[:5] == ("stay", "stay@130ms+servo-avoid", "servo-avoid", 130.0, "finished")
     assert len(list((one.path / "videos").rglob("*.mp4"))) == 2
-    followed = [result.following for result in one.results()]
+    followed = [result.following for result in one.results]
     assert all(following is not None and following.length == 4 for following in followed)
 
 
-def test_where_a_command_leads_is_where_the_next_frame_is_drawn(one: Run):
+def test_where_a_command_leads_is_where_the_next_frame_is_drawn(one: RunStore):
     here, then = frames(one.path, "robot_x_m, robot_y_m", "oracle"), frames(one.path, "after_x_m, after_y_m", "oracle")
     assert np.array_equal(here[1:], then[:-1])
     gaps = frames(one.path, "robot_x_m - target_x_m, robot_y_m - target_y_m", "oracle")
@@ -92,46 +91,46 @@ def test_where_a_command_leads_is_where_the_next_frame_is_drawn(one: Run):
     assert np.abs(np.hypot(*gaps.T)[1:] - distances[:-1]).max() < 0.15
 
 
-def test_two_workers_and_another_order_give_the_same_bits(one: Run, tmp_path: Path):
+def test_two_workers_and_another_order_give_the_same_bits(one: RunStore, tmp_path: Path):
     two = run(one.plan, tmp_path / "two", workers=2, videos="none", shuffle=1)
     assert contents(two.path) == contents(one.path)
 
 
-def test_a_resumed_run_drives_only_what_is_missing(one: Run, tmp_path: Path):
+def test_a_resumed_run_drives_only_what_is_missing(one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)
-    lost, *kept = episode_files(begun)
+    lost, *kept = RunStore(begun).episode_files()
     half = lost.with_name(f".{lost.name}.0badcafe.part")
     half.write_bytes(lost.read_bytes()[:1000])
     lost.unlink()
     times = [file.stat().st_mtime_ns for file in kept]
-    seen: list[Status] = []
+    seen: list[RunProgress] = []
 
-    def press(status: Status) -> None:
+    def press(status: RunProgress) -> None:
         seen.append(status)
         if len(seen) > 1:
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted, match="3 of 4 episodes are finished"):
-        run(one.plan, begun, workers=1, videos="none", on_status=press)
+        run(one.plan, begun, workers=1, videos="none", on_progress=press)
     seen.clear()
-    run(one.plan, begun, videos="none", on_status=seen.append)
+    run(one.plan, begun, videos="none", on_progress=seen.append)
     assert [status.done for status in seen if status.episode] == [4]
     assert [file.stat().st_mtime_ns for file in kept] == times
     assert contents(begun) == contents(one.path)
     assert not half.exists()
 
 
-def test_late_frames_are_skipped_and_the_latency_axis_overrules(one: Run, tmp_path: Path):
+def test_late_frames_are_skipped_and_the_latency_axis_overrules(one: RunStore, tmp_path: Path):
     plan = driving(range(1), ("oracle",), axes={"latency": [0.0, 130.0]}, latency_ms={"oracle": 500.0})
     late = run(plan, tmp_path / "late", videos="none")
-    rows = ask(late.path, "SELECT condition, latency_ms FROM summary ORDER BY number").rows
+    rows = RunStore(late.path).query("SELECT condition, latency_ms FROM summary ORDER BY number").rows
     assert rows == [("latency=0", 0.0), ("latency=130", 130.0)]
-    statuses = ask(late.path, "SELECT condition, status FROM frames ORDER BY condition, frame").rows
+    statuses = RunStore(late.path).query("SELECT condition, status FROM frames ORDER BY condition, frame").rows
     assert [status for condition, status in statuses if condition == "latency=0"] == ["init", "ok", "ok", "ok"]
     assert [status for condition, status in statuses if condition == "latency=130"] == ["init", "busy", "ok", "busy"]
-    fresh = ask(late.path, "SELECT frames_digest FROM summary WHERE latency_ms = 0").rows
-    assert fresh == ask(one.path, "SELECT frames_digest FROM summary WHERE seed = 0 AND place = 0").rows
+    fresh = RunStore(late.path).query("SELECT frames_digest FROM summary WHERE latency_ms = 0").rows
+    assert fresh == RunStore(one.path).query("SELECT frames_digest FROM summary WHERE seed = 0 AND place = 0").rows
 
 
 @pytest.mark.parametrize(
@@ -144,7 +143,7 @@ def test_late_frames_are_skipped_and_the_latency_axis_overrules(one: Run, tmp_pa
 )
 def test_a_controller_that_misbehaves_is_written_down(controller: str, says: str | None, clipped: int, tmp_path: Path):
     wrong = run(driving(range(1), ("oracle",), controllers=[f"{THIS}:{controller}"]), tmp_path / "run", videos="none")
-    ((failure, counted, outcome),) = ask(wrong.path, "SELECT failure, clipped, outcome FROM summary").rows
+    ((failure, counted, outcome),) = RunStore(wrong.path).query("SELECT failure, clipped, outcome FROM summary").rows
     assert counted == clipped
     assert outcome in ("finished", "lost")
     assert failure is None if says is None else failure.startswith(says)
@@ -156,9 +155,9 @@ def test_a_controller_that_misbehaves_is_written_down(controller: str, says: str
 
 
 def test_a_tracker_that_fails_stops_the_robot(tmp_path: Path):
-    plan = driving(range(1), ("tests.benchmark.strangers:raises",))
+    plan = driving(range(1), ("tests.benchmark.faulty_trackers:raises",))
     failed = run(plan, tmp_path / "run", videos="none")
-    ((failure, frames_there),) = ask(failed.path, "SELECT failure, episode_frames FROM summary").rows
+    ((failure, frames_there),) = RunStore(failed.path).query("SELECT failure, episode_frames FROM summary").rows
     assert failure == "frame 2: ValueError: lost my way"
     assert frames_there == 4
     assert not frames(failed.path, "command_forward, command_turn", "tests")[2:].any()
@@ -187,8 +186,8 @@ def test_unknown_names():
 
 
 def test_what_is_driven_when_nothing_is_said():
-    assert plan_all(["corridor"], drive=True).labels == ("oracle+servo-avoid",)
-    assert plan_all(["quick"], drive=True).labels == tuple(
+    assert plan_all(["corridor"], closed_loop=True).labels == ("oracle+servo-avoid",)
+    assert plan_all(["quick"], closed_loop=True).labels == tuple(
         f"{name}+servo-avoid" for name in ("ko2012", "opencv-mil", "stay")
     )
     assert plan_all(["quick"]).kind == "open"
@@ -219,4 +218,4 @@ def test_a_third_party_tracker_is_measured_in_a_process_of_its_own():
     """It leaves the process with `os._exit`: in this process nothing would be left to report."""
     scenario = load("corridor", {**SMALL, "duration_s": 0.5})
     with pytest.raises(RunError, match=r"cannot measure the latency .* exit code 3"):
-        measure_ms(TrackerSpec(name="tests.benchmark.strangers:os_exit"), scenario)
+        measure_ms(TrackerSpec(name="tests.benchmark.faulty_trackers:os_exit"), scenario)

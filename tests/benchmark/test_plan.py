@@ -3,7 +3,7 @@
 import pytest
 
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
-from pftrack_sim.benchmark.naming import distinct_slugs, slug
+from pftrack_sim.benchmark.files import distinct_slugs, slug
 from pftrack_sim.benchmark.plan import differences, read_plan
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
 

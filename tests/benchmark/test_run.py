@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import Plan, make_plan, plan_all, run
-from pftrack_sim.benchmark.progress import Status
+from pftrack_sim.benchmark.progress import RunProgress
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 
@@ -47,15 +47,15 @@ def rows(path: Path, query: str) -> list[tuple[Any, ...]]:
 
 
 def test_a_run_folder_tells_everything(tmp_path: Path):
-    seen: list[Status] = []
+    seen: list[RunProgress] = []
     plan = make_plan(["warehouse"], ["oracle", "stay"], [0, 1], overrides=SMALL)
-    results = run(plan, tmp_path / "out", on_status=seen.append).results()
+    results = run(plan, tmp_path / "out", on_progress=seen.append).results
     assert seen[-1].frames == plan.frame_count == 36
     assert [one.done for one in seen if one.episode] == [1, 2]
     assert seen[-1].means["oracle"] == 1.0
     assert seen[-1].left_s == 0.0
-    assert [(one.seed, one.tracker) for one in results] == [(0, "oracle"), (0, "stay"), (1, "oracle"), (1, "stay")]
-    assert all(one.summary.mean_overlap == 1.0 for one in results if one.tracker == "oracle")
+    assert [(one.seed, one.label) for one in results] == [(0, "oracle"), (0, "stay"), (1, "oracle"), (1, "stay")]
+    assert all(one.measures.mean_overlap == 1.0 for one in results if one.label == "oracle")
     record = json.loads((tmp_path / "out/run.json").read_text())
     assert Plan.model_validate(record["plan"]) == plan
     assert record["plan_sha256"] == plan.digest
@@ -80,10 +80,10 @@ def test_a_broken_tracker_in_the_same_process_hurts_only_itself(tmp_path: Path):
     alone = run(make_plan(["corridor"], ["ko2012"], [4], overrides=overrides), tmp_path / "a", videos="none")
     names = ["tests.benchmark.test_run:breaking", "ko2012"]
     plan = make_plan(["corridor"], names, [4], overrides=overrides)
-    both = run(plan, tmp_path / "b", videos="none", isolation="never").results()
+    both = run(plan, tmp_path / "b", videos="none", isolation="never").results
     query = "SELECT * EXCLUDE ms FROM '{}/episodes/*/*/*.parquet' WHERE tracker = 'ko2012' ORDER BY frame"
     assert str(rows(tmp_path / "a", query)) == str(rows(tmp_path / "b", query))
-    assert alone.results()[0].summary.mean_overlap == both[1].summary.mean_overlap
+    assert alone.results[0].measures.mean_overlap == both[1].measures.mean_overlap
     assert both[0].failure == "frame 3: ValueError: lost my way"
     assert both[1].failure is None
 

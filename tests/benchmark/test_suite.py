@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from pftrack_sim import trackers
-from pftrack_sim.benchmark.claims import beside_the_paper, judge
+from pftrack_sim.benchmark import Condition, Result, TrackerSpec
+from pftrack_sim.benchmark.claims import compare_with_paper, evaluate_claims
 from pftrack_sim.benchmark.planning import parse_seeds, plan_all, plan_suite
-from pftrack_sim.benchmark.suite import checked_suite, is_suite, load_suite, suite_names
+from pftrack_sim.benchmark.suite import is_suite, load_suite, make_suite, suite_names
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.simulation.world import World
 
@@ -22,35 +23,44 @@ def tree(**more: Any) -> dict[str, Any]:
         "run": [{"scenarios": ["easy", "hard"]}],
         "table": {"title": "Table 1", "columns": ["easy", "hard"], "printed": {"good": [90.0, 70.0]}},
         "claims": [
-            {"kind": "beats", "says": "good beats bad", "tracker": "good", "others": ["bad"]},
-            {"kind": "beats", "says": "good beats both", "tracker": "good", "others": ["bad", "same"]},
-            {"kind": "beats", "says": "bad beats good", "tracker": "bad", "others": ["good"]},
+            {"kind": "beats", "statement": "good beats bad", "tracker": "good", "others": ["bad"]},
+            {"kind": "beats", "statement": "good beats both", "tracker": "good", "others": ["bad", "same"]},
+            {"kind": "beats", "statement": "bad beats good", "tracker": "bad", "others": ["good"]},
             {
                 "kind": "harder",
-                "says": "hard is harder",
+                "statement": "hard is harder",
                 "harder": ["hard"],
                 "easier": ["easy"],
                 "trackers": ["good", "bad"],
             },
-            {"kind": "reaches", "says": "good reaches 0.5", "tracker": "good", "value": 0.5},
-            {"kind": "reaches", "says": "good reaches 0.9 where it is hard", "tracker": "good", "value": 0.9,
+            {"kind": "reaches", "statement": "good reaches 0.5", "tracker": "good", "value": 0.5},
+            {"kind": "reaches", "statement": "good reaches 0.9 where it is hard", "tracker": "good", "value": 0.9,
              "scenarios": ["hard"]},
         ],
         **more,
     }  # fmt: skip
 
 
-def rows() -> list[dict[str, Any]]:
+def results(**identity: Any) -> list[Result]:
+    """Eight seeds of three trackers on two scenarios.
+
+    Args:
+        identity: Preset, parameters, controller and latency of the trackers.
+    """
     draws = np.random.default_rng(0)
     level = {"good": 0.9, "bad": 0.6, "same": 0.9}
     return [
-        {
-            "tracker": tracker,
-            "scenario": name,
-            "seed": seed,
-            "mean_overlap": level[tracker] - 0.2 * (name == "hard") + 0.02 * draws.normal(),
-            "success": math.nan,
-        }
+        Result(
+            TrackerSpec(name=tracker, **identity),
+            name,
+            Condition(),
+            seed,
+            {
+                "mean_overlap": level[tracker] - 0.2 * (name == "hard") + 0.02 * draws.normal(),
+                "success": math.nan,
+                "follow_success": 1.0,
+            },
+        )
         for seed in range(8)
         for name in ("easy", "hard")
         for tracker in level
@@ -58,32 +68,34 @@ def rows() -> list[dict[str, Any]]:
 
 
 def test_claims_hold_fail_or_stay_undecided():
-    found = {one.says: one for one in judge(checked_suite("t", tree()), rows())}
+    found = {one.statement: one for one in evaluate_claims(make_suite("t", tree()), results())}
     assert [one.verdict for one in found.values()] == ["holds", "undecided", "fails", "holds", "holds", "fails"]
-    (part,) = found["good beats bad"].parts
+    (part,) = found["good beats bad"].comparisons
     assert part.low < part.difference < part.high
     assert abs(part.difference - 0.3) < 0.02
     assert part.seeds == 8
 
 
-def test_the_preset_of_a_suite_is_no_other_tracker():
-    named = [{**row, "tracker": f"{row['tracker']}[preset=paper]"} for row in rows()]
-    assert judge(checked_suite("t", tree()), named) == judge(checked_suite("t", tree()), rows())
+@pytest.mark.parametrize(
+    "identity", [{"preset": "paper"}, {"controller": "servo-avoid"}, {"latency_ms": 13.0, "controller": "servo"}]
+)
+def test_claims_name_trackers_whatever_their_preset_latency_and_controller(identity: dict[str, Any]):
+    suite = make_suite("t", tree())
+    assert evaluate_claims(suite, results(**identity)) == evaluate_claims(suite, results())
 
 
-@pytest.mark.parametrize("more", ["+servo-avoid", "@13ms+servo", "[preset=paper]@7.5ms+my_robot:make"])
-def test_what_drives_and_how_late_makes_no_other_tracker(more: str):
-    named = [{**row, "tracker": row["tracker"] + more} for row in rows()]
-    assert judge(checked_suite("t", tree()), named) == judge(checked_suite("t", tree()), rows())
+def test_other_parameters_are_another_tracker():
+    (first, *_) = evaluate_claims(make_suite("t", tree()), results(params={"particle_count": 5}))
+    assert first.comparisons[0].seeds == 0
 
 
 def test_following_is_claimed_only_where_something_follows():
-    claims = [{"kind": "reaches", "says": "x", "tracker": "good", "value": 0.5, "measure": "follow_success"}]
-    with pytest.raises(ScenarioError, match="only where `controllers` drive it"):
-        checked_suite("t", tree(claims=claims))
-    driving = checked_suite("t", tree(claims=claims, controllers=["servo"]))
-    (finding,) = judge(driving, [{**row, "follow_success": 1.0} for row in rows()])
-    assert finding.verdict == "holds"
+    claims = [{"kind": "reaches", "statement": "x", "tracker": "good", "value": 0.5, "measure": "follow_success"}]
+    with pytest.raises(ScenarioError, match="measures of following need"):
+        make_suite("t", tree(claims=claims))
+    driving = make_suite("t", tree(claims=claims, controllers=["servo"]))
+    (claim,) = evaluate_claims(driving, results())
+    assert claim.verdict == "holds"
 
 
 def test_a_word_tells_conditions_of_equal_levels_apart():
@@ -92,8 +104,10 @@ def test_a_word_tells_conditions_of_equal_levels_apart():
 
 
 def test_a_suite_that_is_driven_can_be_run_on_the_script_too():
-    (driven,), (scripted,) = (plan_all(["kwon2005"], seeds=[0], drive=drive).suites for drive in (True, False))
-    assert plan_all(["kwon2005"], seeds=[0], drive=True).kind == "follow"
+    (driven,), (scripted,) = (
+        plan_all(["kwon2005"], seeds=[0], closed_loop=closed_loop).suites for closed_loop in (True, False)
+    )
+    assert plan_all(["kwon2005"], seeds=[0], closed_loop=True).kind == "follow"
     assert plan_all(["kwon2005"], seeds=[0]).kind == "open"
     assert plan_all(["kwon2005"], seeds=[0], controllers=["servo"]).kind == "follow"
     assert {one.measure for one in driven.claims} == {"mean_overlap", "follow_success"}
@@ -115,14 +129,14 @@ def test_everybody_who_comes_between_in_the_follow_suite_has_room(seed: int):
 
 
 def test_a_claim_without_results_is_undecided():
-    assert {one.verdict for one in judge(checked_suite("t", tree()), [])} == {"undecided"}
+    assert {one.verdict for one in evaluate_claims(make_suite("t", tree()), [])} == {"undecided"}
 
 
 def test_the_papers_table_and_ours_are_in_one_unit():
-    (row,) = beside_the_paper(checked_suite("t", tree()), rows())
+    (row,) = compare_with_paper(make_suite("t", tree()), results())
     assert row.printed == (90.0, 70.0)
-    assert np.abs(np.array(row.ours) - row.printed).max() < 2.0
-    assert all(low < ours < high for low, ours, high in zip(row.low, row.ours, row.high, strict=True))
+    assert np.abs(np.array(row.ours)[:, 0] - row.printed).max() < 2.0
+    assert all(low < ours < high for ours, low, high in row.ours)
     assert abs(row.ours_mean[0] - 80.0) < 2.0
 
 
@@ -134,12 +148,12 @@ def test_the_papers_table_and_ours_are_in_one_unit():
         ({"table": {"title": "T", "columns": ["easy"], "printed": {"good": [1.0, 2.0]}}}, "must have 1 numbers, got 2"),
         ({"table": {"title": "T", "columns": ["other"], "printed": {}}}, r"no \[\[run\]\] has: other"),
         ({"table": {"title": "T", "columns": ["easy"], "printed": {"best": [1.0]}}}, "`trackers` lacks: best"),
-        ({"claims": [{"kind": "beat", "says": "x"}]}, "did you mean 'beats'"),
+        ({"claims": [{"kind": "beat", "statement": "x"}]}, "did you mean 'beats'"),
     ],
 )
 def test_a_wrong_suite_is_told(change: dict[str, Any], words: str):
     with pytest.raises(ScenarioError, match=words):
-        checked_suite("t", tree(**change))
+        make_suite("t", tree(**change))
 
 
 def test_unknown_and_unreadable_suites(tmp_path: Path):
@@ -167,7 +181,7 @@ def test_every_shipped_suite_names_what_exists(name: str):
 
 
 def test_a_suite_becomes_a_plan_that_carries_it():
-    suite = checked_suite(
+    suite = make_suite(
         "t",
         {
             "title": "T",

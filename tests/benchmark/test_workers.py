@@ -10,13 +10,11 @@ from pathlib import Path
 import duckdb
 import pytest
 
-from pftrack_sim.benchmark import Plan, Run, run
+from pftrack_sim.benchmark import Plan, RunStore, run, store
 from pftrack_sim.benchmark.check import check
-from pftrack_sim.benchmark.executor import LocalWorkers
-from pftrack_sim.benchmark.folder import episode_files
+from pftrack_sim.benchmark.executor import LocalExecutor
 from pftrack_sim.benchmark.merge import merge
-from pftrack_sim.benchmark.progress import Status
-from pftrack_sim.benchmark.query import ask
+from pftrack_sim.benchmark.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError
 from tests.benchmark.small import contents, small_plan
 
@@ -27,64 +25,64 @@ def plan() -> Plan:
 
 
 @pytest.fixture(scope="module")
-def one(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def one(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     return run(plan, tmp_path_factory.mktemp("one") / "run", videos="none")
 
 
 def test_two_workers_that_are_killed_give_the_same_bits(
-    plan: Plan, one: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: Plan, one: RunStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Each of the first two workers is killed once, in the middle of an episode."""
     killed: set[int] = set()
-    pools: list[LocalWorkers] = []
-    begin = LocalWorkers.__init__
+    pools: list[LocalExecutor] = []
+    begin = LocalExecutor.__init__
 
-    def remembered(self: LocalWorkers, count: int) -> None:
+    def remembered(self: LocalExecutor, count: int) -> None:
         begin(self, count)
         pools.append(self)
 
-    monkeypatch.setattr(LocalWorkers, "__init__", remembered)
+    monkeypatch.setattr(LocalExecutor, "__init__", remembered)
 
-    def kill(status: Status) -> None:
+    def kill(status: RunProgress) -> None:
         if pools and len(killed) < 2 and status.frames > status.done * 4:
             for pid in set(pools[0].process_ids[:2]) - killed:
                 killed.add(pid)
                 os.kill(pid, signal.SIGKILL)
 
-    two = run(plan, tmp_path / "two", workers=2, videos="none", shuffle=1, on_status=kill)
+    two = run(plan, tmp_path / "two", workers=2, videos="none", shuffle=1, on_progress=kill)
     assert len(killed) == 2
     assert contents(two.path) == contents(one.path)
     assert check(two.path).good
 
 
-def test_a_resumed_run_plays_only_what_is_missing(plan: Plan, one: Run, tmp_path: Path):
+def test_a_resumed_run_plays_only_what_is_missing(plan: Plan, one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)
-    files = list(episode_files(begun))
+    files = list(RunStore(begun).episode_files())
     for lost in (files[1], files[3]):
         lost.unlink()
-    kept = {file: file.stat().st_mtime_ns for file in episode_files(begun)}
+    kept = {file: file.stat().st_mtime_ns for file in RunStore(begun).episode_files()}
     half = files[1].with_name(f".{files[1].name}.0badcafe.part")
     half.write_bytes(files[0].read_bytes()[:1000])
-    seen: list[Status] = []
-    run(plan, begun, videos="none", on_status=seen.append)
+    seen: list[RunProgress] = []
+    run(plan, begun, videos="none", on_progress=seen.append)
     assert [status.done for status in seen if status.episode] == [4, 5]
     assert contents(begun) == contents(one.path)
     assert {file: file.stat().st_mtime_ns for file in kept} == kept
     assert not half.exists()
-    run(plan, begun, videos="none", on_status=seen.append)
+    run(plan, begun, videos="none", on_progress=seen.append)
     assert seen[-1].frames == 0
     assert check(begun).good
 
 
-def test_parts_are_merged(plan: Plan, one: Run, tmp_path: Path):
+def test_parts_are_merged(plan: Plan, one: RunStore, tmp_path: Path):
     for k in (1, 2):
         run(plan, tmp_path / f"part-{k}", videos="first", part=(k, 2))
     found = check(tmp_path / "part-1")
     assert not found.good
     assert found.episodes == 3
     assert "missing: corridor seed 1" in found.problems
-    assert len(ask(tmp_path / "part-1", "SELECT * FROM episodes").rows) == 3
+    assert len(RunStore(tmp_path / "part-1").query("SELECT * FROM episodes").rows) == 3
     done = merge(tmp_path / "all", [tmp_path / "part-1", tmp_path / "part-2", one.path])
     assert (done.added, done.shared, done.done) == (5, 5, 5)
     assert contents(tmp_path / "all") == contents(one.path)
@@ -104,12 +102,12 @@ def middle_of(column: str, path: Path) -> int:
     return start + size // 2
 
 
-def test_check_finds_what_is_wrong(one: Run, tmp_path: Path):
+def test_check_finds_what_is_wrong(one: RunStore, tmp_path: Path):
     def harmed(name: str) -> Path:
         shutil.copytree(one.path, tmp_path / name)
         return tmp_path / name
 
-    first = next(episode_files(one.path)).relative_to(one.path)
+    first = next(RunStore(one.path).episode_files()).relative_to(one.path)
     cut = harmed("cut")
     (cut / first).write_bytes((one.path / first).read_bytes()[:-100])
     swapped = harmed("swapped")
@@ -135,7 +133,7 @@ def test_check_finds_what_is_wrong(one: Run, tmp_path: Path):
         check(edited)
 
 
-def test_another_plan_in_the_folder_is_refused(one: Run):
+def test_another_plan_in_the_folder_is_refused(one: RunStore):
     with pytest.raises(RunError, match=r"holds another plan.*\n  seeds: 0, 1, 2, 3, 4 there, 0, 1 asked for"):
         run(small_plan(range(2), ["oracle", "ko2012"]), one.path)
 
@@ -143,38 +141,38 @@ def test_another_plan_in_the_folder_is_refused(one: Run):
 def test_a_folder_has_one_writer_at_a_time(plan: Plan, tmp_path: Path):
     problems: list[RunError] = []
 
-    def intrude(_: Status) -> None:
+    def intrude(_: RunProgress) -> None:
         if not problems:
             with pytest.raises(RunError, match="another process is writing") as caught:
                 run(plan, tmp_path / "run", videos="none")
             problems.append(caught.value)
 
-    run(plan, tmp_path / "run", videos="none", part=(5, 5), on_status=intrude)
+    run(plan, tmp_path / "run", videos="none", part=(5, 5), on_progress=intrude)
     assert problems
 
 
-def test_ctrl_c_stops_and_keeps_what_is_finished(plan: Plan, one: Run, tmp_path: Path):
+def test_ctrl_c_stops_and_keeps_what_is_finished(plan: Plan, one: RunStore, tmp_path: Path):
     from pftrack_sim.benchmark import Interrupted
 
-    def press(status: Status) -> None:
+    def press(status: RunProgress) -> None:
         if status.done == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted, match="stopped; 2 of 5 episodes are finished"):
-        run(plan, tmp_path / "run", videos="none", workers=1, on_status=press)
-    assert len(list(episode_files(tmp_path / "run"))) == 2
+        run(plan, tmp_path / "run", videos="none", workers=1, on_progress=press)
+    assert len(list(RunStore(tmp_path / "run").episode_files())) == 2
     run(plan, tmp_path / "run", videos="none")
     assert contents(tmp_path / "run") == contents(one.path)
 
 
-def test_queries(one: Run):
-    answer = ask(one.path, "SELECT tracker, count(*) AS n FROM frames GROUP BY tracker ORDER BY tracker")
-    assert answer.heads == ("tracker", "n")
+def test_queries(one: RunStore):
+    answer = RunStore(one.path).query("SELECT tracker, count(*) AS n FROM frames GROUP BY tracker ORDER BY tracker")
+    assert answer.columns == ("tracker", "n")
     assert answer.rows == [("ko2012", 20), ("oracle", 20)]
-    assert ask(one.path, "SELECT count(*), sum(episode_frames) FROM episodes").rows == [(5, 20)]
-    assert ask(one.path, "SELECT avg(mean_overlap) FROM summary WHERE tracker = 'oracle'").rows == [(1.0,)]
+    assert RunStore(one.path).query("SELECT count(*), sum(episode_frames) FROM episodes").rows == [(5, 20)]
+    assert RunStore(one.path).query("SELECT avg(mean_overlap) FROM summary WHERE tracker = 'oracle'").rows == [(1.0,)]
     with pytest.raises(RunError, match="the query failed"):
-        ask(one.path, "SELECT nonsense FROM frames")
+        RunStore(one.path).query("SELECT nonsense FROM frames")
 
 
 def test_options_that_are_not_allowed(plan: Plan, tmp_path: Path):
@@ -184,7 +182,7 @@ def test_options_that_are_not_allowed(plan: Plan, tmp_path: Path):
     assert not (tmp_path / "run").exists()
 
 
-def test_tables_are_written(one: Run):
+def test_tables_are_written(one: RunStore):
     text = (one.path / "tables/trackers.csv").read_text().splitlines()
     assert text[0].startswith("tracker,episodes,mean_overlap")
     assert text[1].startswith("oracle,5,1.0")
@@ -193,12 +191,12 @@ def test_tables_are_written(one: Run):
 
 def test_workers_leave_with_their_parent(plan: Plan):
     """Nothing is left running when a pool is closed."""
-    pool = LocalWorkers(1)
+    pool = LocalExecutor(1)
     started = threading.Event()
     from pftrack_sim.benchmark.episode import EpisodeJob
 
     jobs = (EpisodeJob(episode, plan.trackers) for episode in plan.episodes())
-    for done in pool.play_all(jobs):
+    for done in pool.run_all(jobs):
         if done is not None:
             started.set()
             break
@@ -216,3 +214,19 @@ def _state(pid: int) -> str:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
     except OSError:
         return "Z"
+
+
+def test_a_run_begun_by_another_process_meanwhile_is_not_overwritten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The other process begins, and ends, just before this one gets the lock."""
+    first, second = small_plan(range(1), ["stay"]), small_plan(range(2), ["stay"])
+    lock = store._lock
+
+    def late_lock(path: Path) -> int:
+        monkeypatch.setattr(store, "_lock", lock)
+        RunStore.begin(path, first).close()
+        return lock(path)
+
+    monkeypatch.setattr(store, "_lock", late_lock)
+    with pytest.raises(RunError, match="holds another plan"):
+        RunStore.begin(tmp_path / "run", second)
+    assert RunStore(tmp_path / "run").plan == first

@@ -75,7 +75,7 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     assert (out / "run.json").is_file()
     checked = pftrack_sim("check", str(out))
     assert checked.returncode == 0
-    assert "2 of 2 episodes are there and unharmed; all is well" in checked.stdout
+    assert "2 of 2 episodes are intact; the run is complete" in checked.stdout
     sql = "SELECT tracker, mean_overlap FROM summary WHERE tracker = 'oracle'"
     for layout, words in (("table", "oracle"), ("csv", "oracle,1.0"), ("json", '{"tracker": "oracle", ')):
         assert words in pftrack_sim("query", str(out), sql, "--format", layout).stdout

@@ -21,8 +21,12 @@ def compared(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 def written(folder: Path, column: str, rows: list[tuple[str, int, float]]) -> Path:
     folder.mkdir()
-    values = ", ".join(f"('{tracker}', '', 'corridor', {seed}, {value})" for tracker, seed, value in rows)
-    table = f"SELECT * FROM (VALUES {values}) AS t(tracker, condition, scenario, seed, {column})"
+    values = ", ".join(
+        f"('{tracker.partition('@')[0]}', 'default', '{{}}', '{tracker}', '', 'corridor', {seed}, {value})"
+        for tracker, seed, value in rows
+    )
+    columns = f"tracker, preset, params, label, condition, scenario, seed, {column}"
+    table = f"SELECT * FROM (VALUES {values}) AS t({columns})"
     duckdb.execute(f"COPY ({table}) TO '{folder / 'summary.parquet'}' (FORMAT parquet)")
     return folder
 

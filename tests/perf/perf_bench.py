@@ -27,9 +27,8 @@ sys.path.insert(0, str(ROOT))
 from pftrack_sim import trackers
 from pftrack_sim.benchmark import TrackerSpec, make_plan, run
 from pftrack_sim.benchmark.episode import EpisodeJob, run_episode
-from pftrack_sim.benchmark.executor import Done
-from pftrack_sim.benchmark.folder import episode_files
-from pftrack_sim.benchmark.progress import Status
+from pftrack_sim.benchmark.executor import FinishedJob
+from pftrack_sim.benchmark.progress import RunProgress
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits
 
@@ -54,7 +53,7 @@ def workers(folder: Path, rounds: int = 2) -> float:
                 if status.episode:
                     began.append(time.perf_counter())
 
-            run(plan, folder / f"{number}-{count}", workers=count, videos="none", on_status=first)
+            run(plan, folder / f"{number}-{count}", workers=count, videos="none", on_progress=first)
             taken[count].append((began[-1] - began[0]) / (len(began) - count))
     return median(taken[1]) / median(taken[2])
 
@@ -135,14 +134,14 @@ def isolation() -> tuple[float, float]:
 class Canned:
     """A pool that plays one episode and gives its outcome for all: what is left is the parent's own work."""
 
-    frames_drawn: None = None
+    frames_done: None = None
 
-    def play_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[Done]:
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob]:
         """See `pools.Pool`."""
         outcome = None
         for job in jobs:
             outcome = outcome or run_episode(job)
-            yield Done(job, outcome)
+            yield FinishedJob(job, outcome)
 
     def close(self) -> None:
         """See `pools.Pool`."""
@@ -154,15 +153,15 @@ def parent(folder: Path, episodes: int = 1000) -> None:
     began = time.perf_counter()
     seen: list[tuple[float, int]] = []
 
-    def remember(status: Status) -> None:
+    def remember(status: RunProgress) -> None:
         with open("/proc/self/statm", encoding="ascii") as statm:
             seen.append((time.perf_counter(), int(statm.read().split()[1]) * 4096))
 
     engine = importlib.import_module("pftrack_sim.benchmark.run")
-    real, engine._pool = engine._pool, lambda *_: Canned()
+    real, engine.make_executor = engine.make_executor, lambda *_: Canned()
     plan = make_plan(["corridor"], ["stay", "oracle"], list(range(episodes)), overrides=overrides)
-    run(plan, folder / "parent", videos="none", on_status=remember)
-    engine._pool = real
+    run(plan, folder / "parent", videos="none", on_progress=remember)
+    engine.make_executor = real
     after, done = seen[1], seen[-1]
     grown_mb = (seen[-1][1] - seen[len(seen) // 10][1]) / 2**20
     print(
@@ -188,7 +187,7 @@ def throughput(folder: Path) -> None:
             rate = 60 / (time.perf_counter() - began)
         done = run(plan, folder / f"{width}", videos="all")
         rows = 2 * plan.frame_count
-        table = sum(file.stat().st_size for file in episode_files(done.path)) / rows
+        table = sum(file.stat().st_size for file in done.episode_files()) / rows
         video = sum(file.stat().st_size for file in (done.path / "videos").rglob("*.mp4")) / plan.frame_count
         print(f"{width:>5}x{height:<3} {rate:>9.1f} {reset_s:>8.2f} {table:>24.0f} {video:>18.0f}")
 
@@ -199,7 +198,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if "--kills" in sys.argv:
-            from tests.benchmark.survival import survive
+            from tests.benchmark.kills import survive
 
             kills = int(sys.argv[sys.argv.index("--kills") + 1])
             survive(folder, kills=kills, episodes=8, seed=0)

@@ -1,5 +1,6 @@
 """A small run, made once; and a browser."""
 
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,7 @@ import duckdb
 import pytest
 from report_stage import HOSTILE
 
-from pftrack_sim.benchmark import make_plan, run
+from pftrack_sim.benchmark import RunStore, make_plan, run
 
 SMALL = {"duration_s": 0.8, "camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "occluders": []}
 
@@ -28,10 +29,16 @@ def hostile(finished: Path, tmp_path: Path) -> Path:
     """The same run by a tracker whose name is a script."""
     path = tmp_path / "run"
     shutil.copytree(finished, path)
+    plan = RunStore(path).plan
+    renamed = tuple(one if one.name == "oracle" else one.model_copy(update={"name": HOSTILE}) for one in plan.trackers)
+    changed_plan = plan.model_copy(update={"trackers": renamed})
+    record = json.loads((path / "run.json").read_text())
+    record |= {"plan": changed_plan.model_dump(mode="json"), "plan_sha256": changed_plan.digest}
+    (path / "run.json").write_text(json.dumps(record))
     changed = path / "changed.parquet"
     for file in [path / "summary.parquet", *(path / "episodes").rglob("*.parquet")]:
         duckdb.execute(
-            f"COPY (SELECT * REPLACE (CASE tracker WHEN 'stay' THEN $name ELSE tracker END AS tracker) FROM '{file}') "
+            f"COPY (SELECT * REPLACE (CASE label WHEN 'stay' THEN $name ELSE label END AS label) FROM '{file}') "
             f"TO '{changed}' (FORMAT parquet)",
             {"name": HOSTILE},
         )

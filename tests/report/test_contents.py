@@ -11,13 +11,13 @@ import pytest
 from report_stage import HOSTILE
 
 from pftrack_sim import report, score
+from pftrack_sim.benchmark import Condition, RunStore
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.report.contents import axis_of, contents
-from pftrack_sim.report.data import read_run
 
 
 def test_rows_and_curves_are_those_of_the_folder(finished: Path):
-    told = contents(read_run(finished))
+    told = contents(RunStore(finished))
     assert told["trackers"] == ["oracle", "stay"]
     assert told["scenarios"] == ["corridor", "plaza-walk"]
     assert told["conditions"] == ["jitter=0", "jitter=2"]
@@ -38,22 +38,28 @@ def test_rows_and_curves_are_those_of_the_folder(finished: Path):
 
 
 def test_axes_are_told_in_their_own_unit():
-    severe = axis_of("jitter=2")
+    def axis(*levels: tuple[str, float]):
+        return axis_of(Condition(levels=levels))
+
+    severe = axis(("jitter", 2.0))
     assert severe is not None
     assert severe["label"] == "jitter [deg RMS]"
     assert severe["x"] == pytest.approx(2 * np.hypot(0.2, 0.3))
-    assert axis_of("jitter=0")["x"] == 0.0  # type: ignore[index]
-    assert axis_of("jitter.wind_rms_deg=0.5") == {
+    assert axis(("jitter", 0.0))["x"] == 0.0  # type: ignore[index]
+    assert axis(("jitter.wind_rms_deg", 0.5)) == {
         "axis": "jitter.wind_rms_deg",
         "level": 0.5,
         "x": 0.5,
         "label": "jitter.wind_rms_deg",
     }
-    assert axis_of("base") is axis_of("jitter=1,light=1") is axis_of("who=1") is None
+    assert axis() is axis(("jitter", 1.0), ("light", 1.0)) is None
+    named = axis_of(Condition(levels=(("occlusion", 1.0),), variant="stranger"))
+    assert named is not None
+    assert named["axis"] == "stranger occlusion"
 
 
 def test_the_matrix_is_paired_by_seed(finished: Path):
-    matrix = contents(read_run(finished))["matrix"]
+    matrix = contents(RunStore(finished))["matrix"]
     (pair,) = matrix["pairs"]
     assert (pair["one"], pair["other"], pair["seeds"]) == (0, 1, 2)
     assert pair["difference"] > 0
@@ -72,7 +78,7 @@ def test_an_unfinished_run_is_reported_as_far_as_it_goes(finished: Path, tmp_pat
     shutil.copytree(finished, path)
     (path / "summary.parquet").unlink()
     next((path / "episodes").rglob("*.parquet")).unlink()
-    assert len(contents(read_run(path))["episodes"]) == 7
+    assert len(contents(RunStore(path))["episodes"]) == 7
     report.write_report(path)
 
 

@@ -68,7 +68,7 @@ function showAt(seconds) {
 function goTo(seconds) {
   const one = DRIVES[drive.index], video = byId("drive-video");
   video.pause();
-  if (one.video) video.currentTime = (Math.round(seconds * one.rate_hz) + 0.5) / one.rate_hz;
+  if (one.video) video.currentTime = seconds + 0.5 / one.rate_hz;
   showAt(seconds);
 }
 

@@ -189,11 +189,26 @@ function rate() {
   return first && Number.isFinite(duration) && duration > 0 ? atob(first).length / duration : 25;
 }
 
+// Start of a frame in the video [s]. Episodes with lost frames list the times of their frames.
+function startOf(frame) {
+  const times = DATA.episodes[state.episode].time;
+  if (!times) return frame / rate();
+  return frame < times.length ? times[frame] : times[times.length - 1] + (frame - times.length + 1) / rate();
+}
+
+function frameAt(seconds) {
+  const times = DATA.episodes[state.episode].time;
+  if (!times) return Math.floor(seconds * rate() + 1e-6);
+  let frame = 0;
+  while (frame + 1 < times.length && times[frame + 1] <= seconds + 1e-6) frame += 1;
+  return frame;
+}
+
 function seek(frame) {
   const video = byId("video");
   const count = atob(Object.values(DATA.episodes[state.episode].overlap)[0] || "").length;
   const wanted = Math.min(Math.max(frame, 0), Math.max(count - 1, 0));
-  video.currentTime = (wanted + 0.5) / rate(); // the middle of the frame: rounding cannot show its neighbour
+  video.currentTime = 0.5 * (startOf(wanted) + startOf(wanted + 1)); // the middle of the frame: rounding cannot show its neighbour
   mark(wanted);
 }
 
@@ -206,7 +221,7 @@ function mark(frame) {
 
 function keys(event) {
   const video = byId("video");
-  const frame = Math.floor(video.currentTime * rate() + 1e-6);
+  const frame = frameAt(video.currentTime);
   if (event.key === "ArrowRight" || event.key === "ArrowLeft") {
     video.pause();
     seek(frame + (event.key === "ArrowRight" ? 1 : -1));
@@ -286,7 +301,7 @@ function start() {
   state.episode = Math.max(filmed, 0);
   byId("episode").value = state.episode;
   byId("episode").addEventListener("change", (event) => { state.episode = Number(event.target.value); drawEpisode(); });
-  byId("video").addEventListener("timeupdate", () => mark(Math.floor(byId("video").currentTime * rate() + 1e-6)));
+  byId("video").addEventListener("timeupdate", () => mark(frameAt(byId("video").currentTime)));
   byId("viewer").addEventListener("keydown", keys);
   byId("filters").addEventListener("submit", (event) => event.preventDefault());
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim import report
-from pftrack_sim.benchmark import make_plan, run
-from pftrack_sim.benchmark.query import ask
-from pftrack_sim.report.data import read_run
-from pftrack_sim.report.drives import drives
+from pftrack_sim.benchmark import RunStore, make_plan, run
+from pftrack_sim.report.following import following_episodes
+from pftrack_sim.report.strips import strips
 
 SMALL = {
     "duration_s": 2.0,
@@ -33,9 +32,9 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_what_the_page_is_told_is_what_was_driven(driven: Path):
-    first, second = drives(read_run(driven))
-    sql = "SELECT after_distance_m FROM frames WHERE tracker = 'oracle+still' ORDER BY frame"
-    assert second["distance"] == pytest.approx([row[0] for row in ask(driven, sql).rows], abs=0.006)
+    first, second = following_episodes(RunStore(driven))
+    sql = "SELECT after_distance_m FROM frames WHERE controller = 'still' ORDER BY frame"
+    assert second["distance"] == pytest.approx([row[0] for row in RunStore(driven).query(sql).rows], abs=0.006)
     assert np.ptp(second["robot"], axis=1).max() < 0.05  # it stands still
     assert np.ptp(first["robot"], axis=1).max() > 0.2
     assert first["ending"].startswith("driven to the end")
@@ -45,7 +44,7 @@ def test_what_the_page_is_told_is_what_was_driven(driven: Path):
 
 
 def test_a_run_with_a_script_has_no_drives(finished: Path):
-    assert drives(read_run(finished)) == []
+    assert following_episodes(RunStore(finished)) == []
 
 
 def test_the_slider_moves_cone_cursor_and_video(driven: Path, browser: Any):
@@ -59,7 +58,7 @@ def test_the_slider_moves_cone_cursor_and_video(driven: Path, browser: Any):
     page.wait_for_function("document.getElementById('drive-video').readyState >= 1")
     page.locator("#drive-time").fill("1.5")
     page.wait_for_function("Math.abs(document.getElementById('drive-video').currentTime - 1.55) < 0.05")
-    told = drives(read_run(driven))[1]
+    told = following_episodes(RunStore(driven))[1]
     here = page.evaluate("['x', 'y'].map((axis) => document.getElementById('drive-map').data[4][axis][0])")
     assert here == [told["target"][0][15], told["target"][1][15]]
     cone = page.evaluate("['x', 'y'].map((axis) => document.getElementById('drive-map').data[0][axis])")
@@ -70,3 +69,8 @@ def test_the_slider_moves_cone_cursor_and_video(driven: Path, browser: Any):
     )
     assert complaints == []
     page.close()
+
+
+def test_strips_show_no_tracker_that_has_the_truth(driven: Path):
+    """Whatever controller it drives with: `oracle+servo-avoid` is the oracle."""
+    assert strips(RunStore(driven)) == []

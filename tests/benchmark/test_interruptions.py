@@ -12,10 +12,10 @@ import pytest
 
 from pftrack_sim.benchmark import run
 from pftrack_sim.benchmark.check import check
-from pftrack_sim.benchmark.progress import Status
+from pftrack_sim.benchmark.progress import RunProgress
 from pftrack_sim.core.errors import RunError
+from tests.benchmark.kills import command, survive
 from tests.benchmark.small import contents, small_plan
-from tests.benchmark.survival import command, survive
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills processes and fills disks the Linux way")
 
@@ -71,13 +71,13 @@ def test_files_that_cannot_grow_harm_nothing(tmp_path: Path):
     plan = small_plan(range(3), ["oracle"])
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
-    def limit(status: Status) -> None:
+    def limit(status: RunProgress) -> None:
         if status.done == 1:
             resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
 
     try:
         with pytest.raises(RunError, match="cannot write"):
-            run(plan, tmp_path / "run", videos="none", on_status=limit)
+            run(plan, tmp_path / "run", videos="none", on_progress=limit)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert check(tmp_path / "run").problems == ("missing: corridor seed 1", "missing: corridor seed 2")
@@ -99,12 +99,12 @@ def test_the_first_frame_comes_soon_however_long_the_plan_is(tmp_path: Path):
     class Enough(Exception):
         pass
 
-    def stop(status: Status) -> None:
+    def stop(status: RunProgress) -> None:
         if status.frames:
             raise Enough
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(type(scenario), "resolve", counted)
         with pytest.raises(Enough):
-            run(plan, tmp_path / "run", videos="none", on_status=stop)
+            run(plan, tmp_path / "run", videos="none", on_progress=stop)
     assert len(resolved) < 10

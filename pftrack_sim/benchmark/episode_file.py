@@ -1,0 +1,192 @@
+"""An episode as a Parquet file: one row per tracker and frame, and its scores in the metadata.
+
+Truth is repeated for each tracker; compression removes the repetition.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import duckdb
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.benchmark.files import sql_text
+from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.records import Truth
+from pftrack_sim.core.types import FloatArray
+
+METADATA_KEY = "pftrack_sim"
+NOT_IN_DIGEST = ("ms",)
+"""Columns of wall-clock time: all others are the same in every run of a plan."""
+
+_TRUTH_NUMBERS = ("time_s", "state", "visible_fraction", "truncation", "distance_m", "image_motion_px", "luminance")
+_TRUTH_LISTS = ("box", "amodal_box", "visible_box", "swept_box", "T_world_camera", "T_world_target", "K", "distortion")
+_CASTS = dict.fromkeys((*_TRUTH_LISTS, "estimate"), "DOUBLE[]") | {"occluders": "VARCHAR[]"}
+"""Types of lists: a file without any entry in them would have none."""
+
+Column = NDArray[Any]
+Columns = Mapping[str, Column]
+
+
+def identity_columns(tracker: TrackerSpec, latency_ms: float) -> dict[str, str | float | None]:
+    """What identifies a tracker in tables, with the latency charged in an episode; `label` is for people."""
+    return {
+        "tracker": tracker.name,
+        "preset": tracker.preset,
+        "params": json.dumps(tracker.params, sort_keys=True),
+        "controller": tracker.controller,
+        "latency_ms": latency_ms,
+        "label": tracker.label,
+    }
+
+
+def truth_columns(truths: Sequence[Truth]) -> dict[str, Column]:
+    """Truths of the target, one row per frame."""
+    columns: dict[str, Column] = {"frame": np.arange(len(truths))}
+    for key in _TRUTH_NUMBERS:
+        columns[key] = column([getattr(truth, key) for truth in truths])
+    columns["scored"] = np.array([truth.scored for truth in truths])
+    columns["occluders"] = _lists([list(truth.occluders) for truth in truths])
+    for key in _TRUTH_LISTS:
+        columns[key] = _lists([getattr(truth, key).ravel().tolist() for truth in truths])
+    return columns
+
+
+def estimate_columns(runner: TrackerRunner, overlap: FloatArray, centre_error_px: FloatArray) -> dict[str, Column]:
+    """Estimates of one tracker with their scores, one row per frame."""
+    estimates = runner.estimates
+    return {
+        "frame": np.arange(len(estimates)),
+        "status": np.array(runner.statuses, dtype=object),
+        "estimate": _lists(runner.boxes.tolist()),
+        "confidence": np.array([np.nan if one is None else one.confidence for one in estimates], dtype=np.float64),
+        "estimate_occluded": np.array([one is not None and one.occluded for one in estimates]),
+        "answered": np.array([one is not None for one in estimates]),
+        "overlap": overlap,
+        "centre_error_px": centre_error_px,
+        "ms": np.array(runner.ms, dtype=np.float64),
+    }
+
+
+def write_episode(
+    path: Path,
+    key: Mapping[str, str | int],
+    truth: Columns,
+    trackers: Sequence[tuple[Mapping[str, str | float | None], Columns]],
+    metadata: Mapping[str, Any],
+) -> None:
+    """Write an episode's file; the caller moves it to its name.
+
+    Args:
+        path: File to write.
+        key: Scenario, condition, seed and so on: the same in every row.
+        truth: From `truth_columns`.
+        trackers: For each tracker its `identity_columns` and `estimate_columns`.
+        metadata: Stored with the digest of the rows.
+
+    Raises:
+        RunError: It cannot be written.
+    """
+    identity = {name: column([one[name] for one, _ in trackers]) for name in trackers[0][0]}
+    identity["place"] = np.arange(len(trackers))
+    estimates = {name: np.concatenate([one[name] for _, one in trackers]) for name in trackers[0][1]}
+    estimates["place"] = np.repeat(np.arange(len(trackers)), [len(one["frame"]) for _, one in trackers])
+    keys = ", ".join(f"{value if isinstance(value, int) else sql_text(value)} AS {name}" for name, value in key.items())
+    rows = (
+        f"SELECT {keys}, identity.* EXCLUDE place REPLACE (controller::VARCHAR AS controller), "
+        f"truth.* REPLACE ({_casts(truth)}), estimates.* EXCLUDE (frame, place) REPLACE ({_casts(estimates)}) "
+        "FROM estimates JOIN identity USING (place) JOIN truth USING (frame) ORDER BY place, frame"
+    )
+    with duckdb.connect(config={"threads": 1}) as database:
+        for name, table in {"identity": identity, "truth": dict(truth), "estimates": estimates}.items():
+            database.register(name, table)
+        try:
+            database.execute(f"CREATE TEMP TABLE rows AS {rows}")
+            text = json.dumps({**metadata, "content_sha256": content_digest(database, "rows")})
+            database.execute(
+                f"COPY rows TO {sql_text(path)} (FORMAT parquet, COMPRESSION zstd, "
+                f"KV_METADATA {{{METADATA_KEY}: {sql_text(text)}}})"
+            )
+        except duckdb.Error as error:
+            raise RunError(f"cannot write {path}: {error}") from None
+
+
+def _casts(columns: Columns) -> str:
+    return ", ".join(f"{name}::{kind} AS {name}" for name, kind in _CASTS.items() if name in columns)
+
+
+def read_metadata(database: duckdb.DuckDBPyConnection, paths: Sequence[Path]) -> Iterable[tuple[Path, dict[str, Any]]]:
+    """Metadata of some episode files.
+
+    Raises:
+        RunError: One of them is not an episode's file.
+    """
+    listed = ", ".join(sql_text(path) for path in paths)
+    try:
+        found = database.execute(
+            f"SELECT file_name, decode(value) FROM parquet_kv_metadata([{listed}]) WHERE decode(key) = '{METADATA_KEY}'"
+        ).fetchall()
+    except duckdb.Error as error:
+        raise RunError(f"not an episode's file: {error}") from None
+    by_path = {Path(name): json.loads(text) for name, text in found}
+    for path in paths:
+        if path not in by_path:
+            raise RunError(f"{path}: not an episode's file")
+        yield path, by_path[path]
+
+
+def content_digest(database: duckdb.DuckDBPyConnection, source: str) -> str:
+    """SHA-256 of the rows of a table, in their order, without the columns of wall-clock time.
+
+    Args:
+        database: Where the table is.
+        source: Its name, or a function that reads it.
+    """
+    digest = hashlib.sha256()
+    table = cast("Any", database.execute(f"SELECT * FROM {source}")).fetchnumpy()
+    for name in sorted(table):
+        if name not in NOT_IN_DIGEST:
+            digest.update(name.encode() + b"\0")
+            digest.update(_bytes(table[name]))
+    return digest.hexdigest()
+
+
+def _bytes(values: Any) -> bytes:
+    """The same bytes for the same values, whether they come from memory or from a file."""
+    if values.dtype == object and len(values):
+        pairs = zip(np.ma.getdata(values), np.ma.getmaskarray(values), strict=True)
+        listed: list[Any] = [None if masked else value for value, masked in pairs]
+        if any(isinstance(value, str) for value in listed):
+            return json.dumps(listed).encode()
+        rows = [None if row is None else list(row) for row in listed]
+        if any(isinstance(item, str) for row in rows for item in row or ()):
+            return json.dumps(rows).encode()
+        lengths = np.array([-1 if row is None else len(row) for row in rows], dtype="<i8").tobytes()
+        return lengths + _bytes(np.array([number for row in rows for number in row or ()], dtype=np.float64))
+    numbers = np.array(np.ma.getdata(values), dtype="<f8")
+    numbers[np.isnan(numbers)] = np.nan
+    return numbers.tobytes()
+
+
+def column(values: Sequence[Any]) -> Column:
+    """Values as a column; text, lists and None stay objects."""
+    if any(isinstance(value, list) for value in values):
+        return _lists(values)
+    if any(isinstance(value, str) or value is None for value in values):
+        return np.array(values, dtype=object)
+    return np.array(values)
+
+
+def _lists(rows: Sequence[Sequence[Any]]) -> Column:
+    # Filled one by one: numpy would make a matrix of rows of equal length. A row with NaN becomes NULL.
+    made = np.empty(len(rows), dtype=object)
+    for index, row in enumerate(rows):
+        made[index] = None if any(number != number for number in row) else list(row)
+    return made

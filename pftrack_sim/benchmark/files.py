@@ -1,0 +1,91 @@
+"""Atomic writes, and names as parts of file names."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import secrets
+from collections.abc import Generator, Iterable
+from pathlib import Path
+
+from pftrack_sim.core.errors import RunError
+
+_PART = ".part"
+_LONGEST = 80
+
+
+@contextlib.contextmanager
+def atomic_write(path: Path) -> Generator[Path]:
+    """Temporary path to write to in the block; at its end the file is moved to `path` and synced to the disk.
+
+    Raises:
+        RunError: It cannot be written; nothing is left behind, and an earlier file stays.
+    """
+    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}{_PART}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        with open(part, "rb+") as written:
+            os.fsync(written.fileno())
+        os.replace(part, path)
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise RunError(f"cannot write {path}: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically."""
+    with atomic_write(path) as part:
+        part.write_bytes(content)
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove the temporary files of writers that were killed."""
+    for part in folder.rglob(f".*{_PART}"):
+        part.unlink(missing_ok=True)
+
+
+def _sync_folder(folder: Path) -> None:
+    # Without this a crash of the machine may lose the new name. Some systems cannot sync folders.
+    with contextlib.suppress(OSError):
+        opened = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)
+
+
+def slug(name: str) -> str:
+    """A name as part of a file name: no separators, and no `=`, which Parquet readers take for a partition key.
+
+    >>> slug("lee2012/db01"), slug("../../etc/x y")
+    ('lee2012-db01', 'etc-x-y')
+    """
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name)[:_LONGEST].strip("-.") or "unnamed"
+
+
+def distinct_slugs(names: Iterable[str]) -> dict[str, str]:
+    """A slug for each name, all different even where upper and lower case are the same.
+
+    >>> distinct_slugs(["a/b", "a-b", "A-B"])
+    {'a/b': 'a-b', 'a-b': 'a-b-2', 'A-B': 'A-B-3'}
+    """
+    slugs: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in dict.fromkeys(names):
+        candidate, count = slug(name), 1
+        while candidate.lower() in taken:
+            count += 1
+            candidate = f"{slug(name)}-{count}"
+        taken.add(candidate.lower())
+        slugs[name] = candidate
+    return slugs
+
+
+def sql_text(value: object) -> str:
+    """A string or path as SQL writes it."""
+    return "'" + str(value).replace("'", "''") + "'"

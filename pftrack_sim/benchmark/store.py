@@ -1,0 +1,343 @@
+"""The run folder: written episode by episode, read at any time, also unfinished.
+
+run.json                                    the plan, its digest, versions, and every session that worked on it
+episodes/<scenario>/<condition>/seed-N.parquet
+videos/<scenario>/<condition>/seed-N.mp4
+summary.parquet  tables/*.csv  tables/*.tex     made from the episodes at the end of a session
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any, cast
+
+import duckdb
+
+from pftrack_sim.benchmark.files import remove_parts, sql_text, write_bytes
+from pftrack_sim.benchmark.plan import Episode, Plan, differences, read_plan
+from pftrack_sim.benchmark.summary import Result, load_summary, results_of, write_summary
+from pftrack_sim.core.errors import RunError
+
+FORMAT = 3
+_VERSIONS_OF = ("pftrack-sim", "gymnasium", "mujoco", "numpy", "opencv-python-headless", "numba", "duckdb", "av")
+_LOCK = ".lock"
+
+
+@dataclass(frozen=True)
+class QueryResult:
+    """Rows that SQL returned, and the names of their columns."""
+
+    columns: tuple[str, ...]
+    rows: list[tuple[Any, ...]]
+
+
+class RunStore:
+    """A run folder to read; `RunStore.begin` opens one to write.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        RunError: It is no run folder, or one of another format.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.record = _read_record(path)
+        self._lock: int | None = None
+
+    @classmethod
+    def begin(cls, path: Path, plan: Plan) -> RunStore:
+        """Open a run folder to write. It is locked until `close`, or until this process ends in any way.
+
+        Args:
+            path: Absent, empty, or begun with the same plan.
+            plan: What is run.
+
+        Raises:
+            RunError: It holds something else, another plan, or has another writer, or cannot be written.
+        """
+        lock: int | None = None
+        try:
+            _check_usable(path)
+            path.mkdir(parents=True, exist_ok=True)
+            lock = _lock(path)
+            # Only under the lock is it certain what the folder holds: another process may have begun it just now.
+            _check_usable(path)
+            begun = is_run(path)
+            if begun:
+                _check_same(path, plan)
+            else:
+                _write_record(path, _new_record(plan))
+            remove_parts(path)
+            store = cls(path)
+            store.record["sessions"].append(_session())
+            _write_record(path, store.record)
+        except BaseException as error:
+            if lock is not None:
+                os.close(lock)
+            if isinstance(error, OSError):
+                raise RunError(f"cannot make the run folder {path}: {error.strerror}") from None
+            raise
+        store._lock = lock
+        return store
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What is run.
+
+        Raises:
+            RunError: It was edited.
+        """
+        source = self.path / "run.json"
+        plan = read_plan(self.record.get("plan"), str(source))
+        if plan.digest != self.record.get("plan_sha256"):
+            raise RunError(f"{source} was edited: its plan does not have the digest it names")
+        return plan
+
+    @property
+    def finished(self) -> bool:
+        """Whether every episode is there."""
+        return self.record["finished"] is not None
+
+    def episode_file(self, episode: Episode) -> Path:
+        """Path of an episode's table."""
+        return self.path / "episodes" / f"{episode.path}.parquet"
+
+    def video_file(self, episode: Episode) -> Path:
+        """Path of an episode's video."""
+        return self.path / "videos" / f"{episode.path}.mp4"
+
+    def episode_files(self) -> Iterator[Path]:
+        """Paths of all tables, sorted within each folder."""
+        for folder, below, names in os.walk(self.path / "episodes"):
+            below.sort()
+            for name in sorted(names):
+                if name.endswith(".parquet") and not name.startswith("."):
+                    yield Path(folder) / name
+
+    def has(self, episode: Episode) -> bool:
+        """Whether an episode is finished."""
+        return self.episode_file(episode).is_file()
+
+    def add(self, episode: Episode, table: bytes, video: bytes | None) -> None:
+        """Write the files of an episode; the table comes last, so that an episode with a table is complete.
+
+        Raises:
+            RunError: They cannot be written.
+        """
+        if video is not None:
+            write_bytes(self.video_file(episode), video)
+        write_bytes(self.episode_file(episode), table)
+
+    def add_sessions(self, sessions: Sequence[dict[str, Any]]) -> None:
+        """Record the sessions of another folder whose episodes were added."""
+        known = self.record["sessions"]
+        known += [session for session in sessions if session not in known]
+        _write_record(self.path, self.record)
+
+    def write_summary(self) -> None:
+        """Write the summary and the tables of the episodes that are there; mark the run finished if all are."""
+        if write_summary(self.path, self.plan) == self.plan.episode_count:
+            self.record["finished"] = _now()
+            _write_record(self.path, self.record)
+
+    def close(self) -> None:
+        """Unlock the folder. Closing twice is fine."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def __enter__(self) -> RunStore:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def database(self) -> duckdb.DuckDBPyConnection:
+        """A database with three views; the caller closes it.
+
+        `frames` has a row per tracker and frame, `summary` per tracker and episode, `episodes` per episode.
+
+        Raises:
+            RunError: There is no finished episode, or a file cannot be read.
+        """
+        if next(self.episode_files(), None) is None:
+            raise RunError(f"{self.path} has no finished episode yet")
+        database = duckdb.connect()
+        try:
+            summary = self.path / "summary.parquet"
+            if self.finished and summary.is_file():
+                database.execute(f"CREATE VIEW summary AS FROM read_parquet({sql_text(summary)})")
+            else:
+                load_summary(database, self.path, self.plan)
+            database.execute(
+                f"CREATE VIEW frames AS FROM read_parquet({sql_text(self.path / 'episodes/*/*/*.parquet')}, "
+                "hive_partitioning = false)"
+            )
+            database.execute(
+                "CREATE VIEW episodes AS SELECT DISTINCT ON (number) number, kind, scenario, condition, levels, seed, "
+                "episode_frames, rate_hz, frames_digest, content_sha256, graphics, version, file "
+                "FROM summary ORDER BY number"
+            )
+        except duckdb.Error as error:
+            database.close()
+            raise RunError(f"{self.path} cannot be read: {error}") from None
+        return database
+
+    def query(self, sql: str) -> QueryResult:
+        """Run SQL over the views `episodes`, `frames` and `summary`.
+
+        Raises:
+            RunError: Nothing is there yet, or the SQL is wrong.
+        """
+        with self.database() as database:
+            try:
+                table = database.execute(sql)
+                return QueryResult(tuple(one[0] for one in table.description or ()), table.fetchall())
+            except duckdb.Error as error:
+                raise RunError(f"the query failed: {error}") from None
+
+    @cached_property
+    def results(self) -> tuple[Result, ...]:
+        """Scores of each tracker in each finished episode, in the plan's order.
+
+        Raises:
+            RunError: There is none, or a file cannot be read.
+        """
+        with self.database() as database:
+            return tuple(results_of(database, self.plan))
+
+    def frame_columns(self, result: Result, names: Sequence[str]) -> dict[str, Any]:
+        """Columns of a result's episode, `(N,)` each, ordered by frame; a row per tracker and frame.
+
+        Raises:
+            RunError: The file is missing, broken, or outside the run folder.
+        """
+        file = (self.path / result.file).resolve()
+        if not file.is_relative_to(self.path.resolve()):
+            raise RunError(f"{self.path}: the summary names a file outside the run folder: {result.file!r}")
+        try:
+            with duckdb.connect() as database:
+                query = f"SELECT {', '.join(names)} FROM read_parquet({sql_text(file)}) ORDER BY frame"
+                return cast("Any", database.execute(query)).fetchnumpy()
+        except duckdb.Error as error:
+            raise RunError(f"{file} cannot be read: {str(error).splitlines()[0]}") from None
+
+    def video_of(self, result: Result) -> Path | None:
+        """The video of a result's episode, if there is one."""
+        below = Path(result.file).relative_to("episodes").with_suffix(".mp4")
+        path = self.path / "videos" / below
+        return path if ".." not in below.parts and path.is_file() else None
+
+
+def is_run(path: Path) -> bool:
+    """Whether a folder holds a run."""
+    return (path / "run.json").is_file()
+
+
+def _read_record(path: Path) -> dict[str, Any]:
+    try:
+        record = json.loads((path / "run.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RunError(f"{path} is not a run folder: it has no run.json") from None
+    except (OSError, ValueError) as error:
+        raise RunError(f"{path / 'run.json'} cannot be read: {error}") from None
+    if not isinstance(record, dict) or cast("dict[str, Any]", record).get("format") != FORMAT:
+        raise RunError(f"{path / 'run.json'} is not of format {FORMAT}, which this version reads")
+    return cast("dict[str, Any]", record)
+
+
+def _write_record(path: Path, record: dict[str, Any]) -> None:
+    write_bytes(path / "run.json", (json.dumps(record, indent=1) + "\n").encode())
+
+
+def _check_usable(path: Path) -> None:
+    """Raise RunError where a folder holds anything but a run or what is left of one killed before it had begun."""
+    if not path.exists() or is_run(path):
+        return
+    if not path.is_dir() or any(one.name != _LOCK and not one.name.startswith(".run.json.") for one in path.iterdir()):
+        raise RunError(f"{path} exists and is not an empty folder: choose another with --out")
+
+
+def _check_same(path: Path, plan: Plan) -> None:
+    stored = RunStore(path).plan
+    if stored.digest != plan.digest:
+        lines = "\n".join(f"  {line}" for line in differences(plan, stored))
+        raise RunError(f"{path} holds another plan: choose another folder with --out, or ask for the same\n{lines}")
+
+
+def _lock(path: Path) -> int:
+    opened = os.open(path / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    if sys.platform != "win32":
+        import fcntl
+
+        try:
+            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(opened)
+            raise RunError(f"another process is writing to {path}") from None
+        except OSError:
+            pass  # a file system without locks: files are still written atomically
+    return opened
+
+
+def _new_record(plan: Plan) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "plan_sha256": plan.digest,
+        "finished": None,
+        "sessions": [],
+        "plan": plan.model_dump(mode="json"),
+    }
+
+
+def _session() -> dict[str, Any]:
+    return {
+        "began": _now(),
+        "command": sys.argv,
+        "versions": {name: version for name in _VERSIONS_OF if (version := _version(name))},
+        "commit": _commit(),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cores": os.cpu_count(),
+    }
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _version(name: str) -> str | None:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _commit() -> str | None:
+    """The commit of a checkout, with a `+` where files were changed since; None for an installed package."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return None
+    try:
+        described = subprocess.run(
+            ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"],
+            cwd=root,
+            capture_output=True,
+            text=True,
+            timeout=10,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return described.stdout.strip() or None

@@ -1,0 +1,223 @@
+"""The summary of a run: one row per tracker and episode, as results, as `summary.parquet`, and as CSV and LaTeX."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import duckdb
+
+from pftrack_sim.benchmark.episode_file import column, read_metadata
+from pftrack_sim.benchmark.files import atomic_write, sql_text, write_bytes
+from pftrack_sim.benchmark.plan import Condition, Plan, TrackerSpec
+from pftrack_sim.core.errors import RunError
+from pftrack_sim.score import Measures
+from pftrack_sim.score.following import Following
+
+_CHUNK = 500
+
+# Types are given, because a column without any value has none.
+_CASTS = {
+    "failure": "VARCHAR",
+    "printed": "VARCHAR",
+    "controller": "VARCHAR",
+    "collided_with": "VARCHAR",
+    "level_names": "VARCHAR[]",
+    "level_values": "DOUBLE[]",
+}
+
+_SCORES = """
+    count(*)::INTEGER AS episodes,
+    avg(mean_overlap) FILTER (NOT isnan(mean_overlap)) AS mean_overlap,
+    avg(success) FILTER (NOT isnan(success)) AS success,
+    avg("precision") FILTER (NOT isnan("precision")) AS "precision",
+    count(failure)::INTEGER AS failures
+"""
+
+# No times: the tables are the same in every run of a plan.
+_TABLES: Mapping[str, str] = {
+    "trackers": f"SELECT label AS tracker, {_SCORES} FROM summary GROUP BY label ORDER BY min(place)",
+    "conditions": f"SELECT scenario, condition, label AS tracker, {_SCORES} FROM summary "
+    "GROUP BY scenario, condition, label ORDER BY min(number), min(place)",
+    "episodes": "SELECT scenario, condition, seed, label AS tracker, frames, mean_overlap, success, "
+    '"precision", failure FROM summary ORDER BY number, place',
+}
+_LATEX_TABLES = ("trackers", "conditions")
+_LATEX_ESCAPES = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{mark: "\\" + mark for mark in "&%$#_{}"},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Scores of one tracker in one episode: a row of the summary.
+
+    Attributes:
+        tracker: The tracker.
+        scenario: Name of the scenario.
+        condition: Axis levels.
+        seed: Root seed.
+        values: Every column of the summary.
+    """
+
+    tracker: TrackerSpec
+    scenario: str
+    condition: Condition
+    seed: int
+    values: Mapping[str, Any]
+
+    def number(self, name: str) -> float:
+        """A column as a number; NaN where the summary has none."""
+        value = self.values.get(name)
+        return float(value) if value is not None else float("nan")
+
+    @property
+    def label(self) -> str:
+        """The tracker as people read it."""
+        return self.tracker.label
+
+    @property
+    def file(self) -> str:
+        """Path of the episode's table within the run folder."""
+        return str(self.values["file"])
+
+    @property
+    def failure(self) -> str | None:
+        """The tracker's first error with its frame, or None."""
+        return self.values.get("failure")
+
+    @property
+    def measures(self) -> Measures:
+        """Scores of tracking."""
+        return Measures(**{one.name: self.values[one.name] for one in fields(Measures)})
+
+    @property
+    def following(self) -> Following | None:
+        """Scores of following, in closed loop."""
+        if self.tracker.controller is None:
+            return None
+        return Following(**{one.name: self.values[f"follow_{one.name}"] for one in fields(Following)})
+
+
+def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Result]:
+    """Every row of the view `summary`, in the plan's order."""
+    conditions = {one.name: one for sweep in plan.sweeps for one in sweep.conditions}
+    table = database.execute("SELECT * EXCLUDE levels FROM summary ORDER BY number, place")
+    names = [one[0] for one in table.description or ()]
+    for row in table.fetchall():
+        values: dict[str, Any] = dict(zip(names, row, strict=True))
+        condition = conditions[values["condition"]]
+        yield Result(plan.trackers[values["place"]], values["scenario"], condition, values["seed"], values)
+
+
+def load_summary(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, *, hashes: bool = False) -> int:
+    """Make a table `summary` of the finished episodes of a run folder, a few hundred at a time.
+
+    Args:
+        database: Where.
+        path: The folder.
+        plan: Its plan, which gives the order.
+        hashes: Whether to compute the hash of every file.
+
+    Returns:
+        Number of episodes.
+    """
+    files = ((number, path / "episodes" / f"{one.path}.parquet") for number, one in enumerate(plan.episodes()))
+    present = ((number, file) for number, file in files if file.is_file())
+    count = 0
+    while chunk := list(islice(present, _CHUNK)):
+        numbers = {file: number for number, file in chunk}
+        rows: list[dict[str, Any]] = []
+        for file, metadata in read_metadata(database, list(numbers)):
+            sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if hashes else ""
+            rows += _rows(plan, numbers[file], file.relative_to(path).as_posix(), metadata, sha256)
+        columns = {name: column([row[name] for row in rows]) for name in rows[0]}
+        database.register("chunk", columns)
+        chosen = ", ".join(f"{name}::{_CASTS[name]} AS {name}" if name in _CASTS else name for name in columns)
+        select = (
+            "SELECT * EXCLUDE (level_names, level_values), map(level_names, level_values) AS levels "
+            f"FROM (SELECT {chosen} FROM chunk)"
+        )
+        database.execute(f"INSERT INTO summary BY NAME {select}" if count else f"CREATE TABLE summary AS {select}")
+        database.unregister("chunk")
+        count += len(chunk)
+    return count
+
+
+def _rows(plan: Plan, number: int, file: str, metadata: dict[str, Any], sha256: str) -> Iterator[dict[str, Any]]:
+    for scores in metadata["trackers"]:
+        yield {
+            "number": number,
+            "place": plan.labels.index(scores["label"]),
+            **scores,
+            "level_names": list(metadata["levels"]),
+            "level_values": list(metadata["levels"].values()),
+            "episode_frames": metadata["frames"],
+            **{key: metadata[key] for key in ("rate_hz", "frames_digest", "content_sha256", "graphics", "version")},
+            "file": file,
+            "file_sha256": sha256,
+        }
+
+
+def write_summary(path: Path, plan: Plan) -> int:
+    """Write the summary and the tables of the episodes that are there.
+
+    Args:
+        path: Run folder.
+        plan: Its plan.
+
+    Returns:
+        Number of episodes; with 0 nothing is written.
+
+    Raises:
+        RunError: They cannot be written.
+    """
+    with duckdb.connect() as database:
+        try:
+            count = load_summary(database, path, plan, hashes=True)
+            if not count:
+                return 0
+            with atomic_write(path / "summary.parquet") as part:
+                database.execute(f"COPY (FROM summary ORDER BY number, place) TO {sql_text(part)} (FORMAT parquet)")
+            for name, query in _TABLES.items():
+                with atomic_write(path / "tables" / f"{name}.csv") as part:
+                    database.execute(f"COPY ({query}) TO {sql_text(part)} (FORMAT csv, HEADER)")
+                if name in _LATEX_TABLES:
+                    table = database.execute(query)
+                    heads = [one[0] for one in table.description or ()]
+                    write_bytes(path / "tables" / f"{name}.tex", latex(heads, table.fetchall()).encode())
+        except duckdb.Error as error:
+            raise RunError(f"cannot write the summary of {path}: {error}") from None
+    return count
+
+
+def latex(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    r"""A table for LaTeX with `booktabs`: text on the left, numbers on the right with three decimals.
+
+    >>> print(latex(["tracker", "mean_overlap"], [["a_b", 0.5]]))
+    \begin{tabular}{lr}
+    \toprule
+    tracker & mean overlap \\
+    \midrule
+    a\_b & 0.500 \\
+    \bottomrule
+    \end{tabular}
+    <BLANKLINE>
+    """
+    sides = "".join("l" if rows and isinstance(rows[0][place], str) else "r" for place in range(len(heads)))
+    lines = [f"\\begin{{tabular}}{{{sides}}}", "\\toprule", _latex_row([head.replace("_", " ") for head in heads])]
+    lines += ["\\midrule", *(_latex_row(row) for row in rows), "\\bottomrule", "\\end{tabular}", ""]
+    return "\n".join(lines)
+
+
+def _latex_row(cells: Sequence[object]) -> str:
+    texts = ["--" if cell is None else f"{cell:.3f}" if isinstance(cell, float) else str(cell) for cell in cells]
+    escaped = ["".join(_LATEX_ESCAPES.get(letter, letter) for letter in text) for text in texts]
+    return " & ".join(escaped) + " \\\\"

@@ -1,0 +1,112 @@
+"""Closed-loop episodes of the page: the path from above, distance and bearing, and where the target was lost."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import Any
+
+import numpy as np
+
+from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.scenario import Scenario
+from pftrack_sim.scenario import load as load_scenario
+from pftrack_sim.score.following import losses
+
+MAX_EPISODES = 120
+"""More make the page heavy; episodes with a video come first."""
+MAX_POINTS = 400
+"""Points of each curve."""
+
+_COLUMNS = ("frame", "time_s", "robot_x_m", "robot_y_m", "gaze_rad", "target_x_m", "target_y_m", "state", "occluders")
+_AFTER = ("after_s", "after_distance_m", "after_bearing_rad", "after_seen")
+
+
+def following_episodes(store: RunStore) -> list[dict[str, Any]]:
+    """Data of the closed-loop episodes; empty in open loop."""
+    if store.plan.kind != "follow":
+        return []
+    results = sorted(store.results, key=lambda result: store.video_of(result) is None)[:MAX_EPISODES]
+    chosen = {id(result) for result in results}
+    trackers = list(dict.fromkeys(result.label for result in store.results))
+    fields_of_view: dict[tuple[str, int], float] = {}
+    return [_episode(store, result, trackers, fields_of_view) for result in store.results if id(result) in chosen]
+
+
+def video_link(store: RunStore, result: Result) -> str | None:
+    """Link from the page to a result's video, if there is one."""
+    video = store.video_of(result)
+    return os.path.relpath(video, store.path).replace(os.sep, "/") if video is not None else None
+
+
+def _episode(
+    store: RunStore, result: Result, trackers: list[str], fields_of_view: dict[tuple[str, int], float]
+) -> dict[str, Any]:
+    table = store.frame_columns(result, (*_COLUMNS, *_AFTER))
+    every = slice(None, None, math.ceil(len(table["frame"]) / MAX_POINTS))
+    at = (result.scenario, result.seed)
+    if at not in fields_of_view:
+        fields_of_view[at] = _half_field_of_view(store, result)
+
+    def curve(name: str, digits: int = 2, scale: float = 1.0) -> list[float | None]:
+        values = scale * np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)
+        return [round(value, digits) if math.isfinite(value) else None for value in values[every].tolist()]
+
+    return {
+        "name": f"{result.label}, {result.scenario}, {result.condition.name}, seed {result.seed}",
+        "tracker": trackers.index(result.label),
+        "video": video_link(store, result),
+        "rate_hz": result.number("rate_hz"),
+        "half_fov": fields_of_view[at],
+        "time": curve("time_s", 3),
+        "robot": [curve("robot_x_m"), curve("robot_y_m")],
+        "target": [curve("target_x_m"), curve("target_y_m")],
+        "gaze": curve("gaze_rad", 3),
+        "after": curve("after_s", 3),
+        "distance": curve("after_distance_m"),
+        "bearing": curve("after_bearing_rad", 1, math.degrees(1.0)),
+        "lost": _lost(table),
+        "ending": _ending(result),
+    }
+
+
+def _half_field_of_view(store: RunStore, result: Result) -> float:
+    """Half the camera's horizontal field of view [rad]."""
+    trees = {scenario.name: scenario.tree for sweep in store.plan.sweeps for scenario in sweep.scenarios}
+    camera = load_scenario(Scenario(result.scenario, trees[result.scenario])).resolve(result.seed).camera
+    return math.atan(math.tan(math.radians(camera.fovy_deg) / 2) * camera.width_px / camera.height_px)
+
+
+def _lost(table: dict[str, Any]) -> list[dict[str, Any]]:
+    """When, where and why the target was lost."""
+    times = np.asarray(table["time_s"], dtype=np.float64)
+    found: list[dict[str, Any]] = []
+    for since, until in losses(table["after_s"], table["after_seen"]):
+        frame = min(int(np.searchsorted(times, since - 1e-9)), len(times) - 1)
+        end = None if math.isnan(until) else round(until, 2)
+        behind = [str(one) for one in table["occluders"][frame] if one is not None]
+        why = f"behind {', '.join(behind)}" if behind else str(table["state"][frame]).replace("_", " ")
+        found.append(
+            {
+                "since": round(since, 2),
+                "until": end,
+                "x": round(float(table["target_x_m"][frame]), 2),
+                "y": round(float(table["target_y_m"][frame]), 2),
+                "why": f"lost at {since:.1f} s, {table['after_distance_m'][max(frame - 1, 0)]:.1f} m away: {why}; "
+                + ("never found again" if end is None else f"found again at {end:.1f} s"),
+            }
+        )
+    return found
+
+
+def _ending(result: Result) -> str:
+    """The outcome in words."""
+    touched = result.values.get("collided_with")
+    outcome = {
+        "finished": "driven to the end",
+        "collision": f"ended by a collision with {touched}" if touched else "ended by a collision",
+        "lost": "ended because the target was out of view for too long",
+    }[str(result.values["outcome"])]
+    failure = f"; failure: {result.failure}" if result.failure else ""
+    tracked = f"{result.number('follow_tracking_rate'):.0%} tracked"
+    return f"{outcome}; success {result.number('follow_success'):.0f}, {tracked}{failure}"
