@@ -35,7 +35,7 @@ def test_right_angle_is_a_quarter_circle():
 
 @settings(max_examples=150)
 @given(points, st.floats(0.0, 3.0))
-def test_arc_length_is_arc_length_and_ends_are_the_given_points(corners, corner_m):
+def test_parameter_is_arc_length_and_ends_are_the_given_points(corners, corner_m):
     path = Path(corners, corner_m)
     x, y, _ = path.at([0.0, path.length_m])
     assert abs(np.stack([x, y], axis=1) - np.array([corners[0], corners[-1]])).max() < 1e-5
@@ -52,7 +52,7 @@ def test_arc_length_is_arc_length_and_ends_are_the_given_points(corners, corner_
 
 @settings(max_examples=100)
 @given(points, st.floats(-1.0, 30.0), st.floats(-0.05, 0.05))
-def test_projection_undoes_the_path(corners, s, aside):
+def test_projection_inverts_the_path(corners, s, aside):
     path = Path(corners, 1.0)
     s = min(s, path.length_m + 1.0)
     x, y, heading = path.at(s)
@@ -86,7 +86,7 @@ def test_repeated_points_change_nothing():
     assert once.length_m == twice.length_m
 
 
-def test_turning_back_is_on_the_spot():
+def test_a_reversal_stays_sharp():
     path = Path([(0, 0), (4, 0), (1, 0)])
     x, _, heading = path.at([3.9, 4.1])
     assert path.length_m == 7.0
@@ -95,6 +95,6 @@ def test_turning_back_is_on_the_spot():
 
 
 @pytest.mark.parametrize("bad", [[(0, 0)], [(0, 0), (0, 0)], [(0, 0, 0), (1, 1, 1)], [(0, 0), (math.nan, 1)]])
-def test_no_path(bad):
+def test_invalid_points_raise(bad):
     with pytest.raises(ParameterError):
         Path(bad)
