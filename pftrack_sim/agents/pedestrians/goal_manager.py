@@ -21,7 +21,7 @@ _STUCK_M = 0.6
 
 class _Mode(Enum):
     WANDER = auto()  # Walks from goal to goal.
-    WAIT = auto()  # Stays at its waiting place, and returns to it when pushed away.
+    WAIT = auto()  # Stays at its waiting position, and returns to it when pushed away.
     WALK_AND_STOP = auto()  # Walks one route and stays at its end.
 
 
@@ -66,7 +66,7 @@ class GoalManager:
         self._checked = 0
 
     def wait_at(self, person: int, waiting_m: FloatArray) -> None:
-        """Stay at a `(2,)` waiting place."""
+        """Stay at a `(2,)` waiting position."""
         self._tasks[person] = _Task(_Mode.WAIT, waiting_m)
         self._set_route(person, waiting_m[None])
         self._arrival_radius_m[person] = -1.0
@@ -116,7 +116,7 @@ class GoalManager:
             self.waypoint_m[:, person] = task.waypoints.pop(0)
         if task.mode is _Mode.WAIT:
             if not task.waypoints:
-                # Back to the waiting place, around obstacles where necessary.
+                # Back to the waiting position, around obstacles where necessary.
                 straight = not obstacles.blocked(position, task.waiting_m, 0.0)[0]
                 route = task.waiting_m[None] if straight else self._graph.shortest_route(position, task.waiting_m)
                 if route is not None:

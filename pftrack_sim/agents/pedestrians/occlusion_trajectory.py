@@ -37,7 +37,7 @@ class Crossing:
         duration_s: Time for which it stays covered.
         depth: Position on the line of sight as a share of the distance from the camera (0) to the target (1).
         side: Side from which the mover enters, seen from the camera: 1 left, -1 right.
-        waiting_m: x, y of its waiting place [m], world frame.
+        waiting_m: x, y of its waiting position [m], world frame.
         lead_s: Time before `at_s` at which it starts to move.
         half_width_m: Half of the width that covers the line of sight.
         edge_m_s: Speed across the line of sight while an edge passes it, slower in between; None for one constant
@@ -101,15 +101,15 @@ class OcclusionTrajectory:
         self._reference: Xy | None = None
         self._previous: Xy | None = None
         self._reference_velocity: Xy = (0.0, 0.0)
-        self._begin_s = math.nan
+        self._begin_s: float | None = None
         self._offset: Xy = (0.0, 0.0)
         self._offset_rate: Xy = (0.0, 0.0)
-        self._exit_rate_m_s = math.nan
+        self._exit_rate_m_s: float | None = None
 
     @property
     def begun(self) -> bool:
         """Whether the mover has started."""
-        return not math.isnan(self._begin_s)
+        return self._begin_s is not None
 
     def update(self, dt_s: float, time_s: float, camera_m: Xy, target_m: Xy) -> None:
         """Update the reference position from camera and target on the ground at `time_s`."""
@@ -128,8 +128,7 @@ class OcclusionTrajectory:
         Position and velocity are those at the beginning of the tick; None for the velocity of the reference.
         """
         start = self._previous or self._reference
-        if start is None:
-            raise RuntimeError("call update() before begin()")
+        assert start is not None, "call update() before begin()"
         self._begin_s = time_s - (dt_s if self._previous is not None else 0.0)
         self._offset = (position_m[0] - start[0], position_m[1] - start[1])
         vx, vy = self._reference_velocity
@@ -138,8 +137,8 @@ class OcclusionTrajectory:
 
     def position(self, time_s: float) -> Xy:
         """Position of the mover [m], after `begin` and after `update` at the same time."""
-        if self._reference is None or not self.begun:
-            raise RuntimeError("call begin() before position()")
+        assert self._reference is not None, "call update() before position()"
+        assert self._begin_s is not None, "call begin() before position()"
         span = self.crossing.at_s - self._begin_s
         if time_s >= self.crossing.at_s or span <= 0.0:
             return self._reference
@@ -169,7 +168,7 @@ class OcclusionTrajectory:
             if crossing.edge_m_s is None or time_s <= crossing.at_s:
                 return crossing.side * (half - rate * (time_s - crossing.at_s))
             return crossing.side * crossing.lateral_m(-over_s - 0.5 * crossing.duration_s)
-        if math.isnan(self._exit_rate_m_s):
+        if self._exit_rate_m_s is None:
             # The speed at the end of the cover includes `rate`; the exit rate makes it that of walking.
             speed = math.hypot(*self._reference_velocity)
             self._exit_rate_m_s = min(max(rate + _WALKING_SPEED_M_S - speed, 0.55), 1.4)

@@ -18,7 +18,7 @@ EXACT_LANE_M = 2.0  # Within this distance along the path from the meeting point
 WALL_DISTANCE_M = 0.34
 JOINING_M = 5.0  # Distance before the meeting point at which a waiting pedestrian joins the path.
 _MAX_APPROACH_M = 20.0  # With a longer approach it waits aside first: on laps it would meet the target before.
-_ASIDE_M = 8.0  # Least distance of waiting places from the path.
+_ASIDE_M = 8.0  # Least distance of waiting positions from the path.
 _GRID_M = 2.5
 _MIN_WALL_DISTANCE_M = 0.22
 
@@ -32,7 +32,7 @@ class OncomingPass:
         meeting_s_m: Arc length of the target on its path then.
         left_m: Offset of the pedestrian to the left of the path; negative is right.
         speed_m_s: Walking speed.
-        waiting_m: Waiting place away from the path; None for a pedestrian that is on the path from the start.
+        waiting_m: Waiting position away from the path; None for a pedestrian that is on the path from the start.
     """
 
     at_s: float
@@ -51,7 +51,7 @@ def plan_oncoming_pass(
     target_s_at: Callable[[float], float],
     side: int,
     name: str,
-    waiting_places_m: ArrayLike = (),
+    waiting_positions_m: ArrayLike = (),
 ) -> OncomingPass:
     """Plan a pass at `distance_m` from the target, on the side with more room.
 
@@ -64,7 +64,7 @@ def plan_oncoming_pass(
         target_s_at: Arc length of the target at a time.
         side: Preferred side: 1 is left of the target's path, -1 right.
         name: Name in error messages.
-        waiting_places_m: `(N, 2)` free places away from the path.
+        waiting_positions_m: `(N, 2)` free places away from the path.
 
     Raises:
         ParameterError: There is no room on either side.
@@ -83,10 +83,10 @@ def plan_oncoming_pass(
             "both sides; use another time or a smaller distance_m"
         )
     left_m, waiting_m = best * distance_m, None
-    places = np.array(waiting_places_m, dtype=np.float64).reshape(-1, 2)
-    if min(path.length_m - meeting, speed_m_s * at_s) > _MAX_APPROACH_M and len(places):
+    positions = np.array(waiting_positions_m, dtype=np.float64).reshape(-1, 2)
+    if min(path.length_m - meeting, speed_m_s * at_s) > _MAX_APPROACH_M and len(positions):
         joining = np.array(lane_position(path, meeting + JOINING_M, left_m))
-        waiting_x, waiting_y = places[np.argmin(np.hypot(*(places - joining).T))].tolist()
+        waiting_x, waiting_y = positions[np.argmin(np.hypot(*(positions - joining).T))].tolist()
         waiting_m = (waiting_x, waiting_y)
     return OncomingPass(at_s, meeting, left_m, speed_m_s, waiting_m)
 

@@ -22,7 +22,7 @@ MAX_SPEED_M_S = 2.0
 _MAX_HEADING_OFFSET_RAD = 1.1  # Largest angle from the heading to the desired velocity; the rest is turned on the way.
 _TURN_TIME_CONSTANT_S = 0.2
 _MAX_BACKWARD_M_S = 0.15
-_WAITING_FORCE_SHARE = 0.2  # Waiting places are out of the way: waiting pedestrians give way only at close range.
+_WAITING_FORCE_SHARE = 0.2  # Waiting positions are out of the way: waiting pedestrians give way only at close range.
 
 # Distances restored by shifting positions where the barriers could not keep them.
 _MIN_PERSON_DISTANCE_M = 0.47
@@ -35,7 +35,7 @@ class ReactivePedestrians:
     Args:
         obstacles: Obstacle map of the place.
         reactive: Columns of the reactive pedestrians, rising.
-        waiting: Whether each of these stays at its waiting place.
+        waiting: Whether each of these stays at its waiting position.
         scripted: Columns of the pedestrians that do not react.
         vehicles: Columns of the robot and the carts, after all pedestrians.
     """
@@ -94,7 +94,7 @@ class ReactivePedestrians:
         offset = goals.waypoint_m[:, self.columns] - position
         error = wrapped(np.arctan2(offset[1], offset[0]) - heading)
         speed = goals.desired_speed_m_s[self.columns] * np.maximum(np.cos(error), 0.4)
-        # Waiting pedestrians come to rest at their waiting place, and return to it after stepping aside.
+        # Waiting pedestrians come to rest at their waiting position, and return to it after stepping aside.
         approach = np.clip((np.sqrt((offset * offset).sum(axis=0)) - 0.15) / 0.8, 0.0, 1.0)
         speed = np.where(self._waiting, speed * approach, speed)
         direction = heading + np.clip(error, -_MAX_HEADING_OFFSET_RAD, _MAX_HEADING_OFFSET_RAD)

@@ -38,7 +38,7 @@ _DETOUR = 1.3  # Assumed length of a route relative to the straight line.
 
 
 class Phase(Enum):
-    """Phases of a script, in their order: waiting place, route to the script's start (oncoming only), script, after."""
+    """Phases in their order: at the waiting position, on the way to the script (oncoming only), in it, after it."""
 
     WAITING = auto()
     APPROACHING = auto()
@@ -82,22 +82,22 @@ class CrossingPedestrian:
             # A pedestrian that starts with the episode is already walking.
             trajectory.begin(dt_s, time_s, (x, y), None if self._updates <= 2 else (vx, vy))
             self.phase = Phase.SCRIPTED
-        there = trajectory.position(time_s)
+        desired = trajectory.position(time_s)
         if not crossing.at_s <= time_s <= crossing.until_s:
-            around_m = outside_circle(there, around.target_m, _CROSSING_TARGET_DISTANCE_M)
-            around_m = outside_circle(around_m, around.robot_m, _CROSSING_ROBOT_DISTANCE_M)
-            # After the cover timing does not matter: the pedestrian is released as soon as anything is in its way.
-            if trajectory.finished(time_s) or (time_s > crossing.until_s and self._blocked(dt_s, there, around_m)):
+            detour = outside_circle(desired, around.target_m, _CROSSING_TARGET_DISTANCE_M)
+            detour = outside_circle(detour, around.robot_m, _CROSSING_ROBOT_DISTANCE_M)
+            # After the cover, timing does not matter: the pedestrian is released as soon as anything is in its way.
+            if trajectory.finished(time_s) or (time_s > crossing.until_s and self._blocked(dt_s, desired, detour)):
                 self.phase = Phase.RELEASED
                 return
-            there = self._obstacles.pushed_out(around_m, avoidance.WALL_DISTANCE_M)
-        _move(self.state, dt_s, there, _CROSSING_SPEED_LIMIT_M_S)
+            desired = self._obstacles.pushed_out(detour, avoidance.WALL_DISTANCE_M)
+        _move(self.state, dt_s, desired, _CROSSING_SPEED_LIMIT_M_S)
 
-    def _blocked(self, dt_s: float, there: Xy, around_m: Xy) -> bool:
-        """Whether the way to a position, `around_m` if target and robot are avoided, leads into something."""
+    def _blocked(self, dt_s: float, desired: Xy, detour: Xy) -> bool:
+        """Whether the target, the robot or an obstacle is in the way to the desired position."""
         position = self.state[:2, None]
-        velocity = (np.array(there)[:, None] - position) / dt_s
-        return around_m != there or avoidance.wall_barrier_active(*self._obstacles.distances(position), velocity)
+        velocity = (np.array(desired)[:, None] - position) / dt_s
+        return detour != desired or avoidance.wall_barrier_active(*self._obstacles.distances(position), velocity)
 
 
 class Cart:
@@ -114,7 +114,7 @@ class Cart:
         self._crossing, self._obstacles = crossing, obstacles
 
     def reset(self, state: FloatArray) -> None:
-        """Move to the waiting place; later updates read and write `state`."""
+        """Move to the waiting position; later updates read and write `state`."""
         self.state, self.phase, self.yaw_rad = state, Phase.WAITING, 0.0
         self._trajectory, self._first_update = OcclusionTrajectory(self._crossing), True
         state[:] = (*self._crossing.waiting_m, 0.0, 0.0)
@@ -139,18 +139,18 @@ class Cart:
         if self.phase is Phase.WAITING:
             return
         if self.phase is Phase.SCRIPTED:
-            there = trajectory.position(time_s)
+            desired = trajectory.position(time_s)
             turn_rad = math.remainder(sight_rad - self.yaw_rad, 2.0 * math.pi)
             self.yaw_rad += min(dt_s / _CART_YAW_TIME_CONSTANT_S, 1.0) * turn_rad
         else:
             speed = math.hypot(vx, vy)
             share = max(speed - _CART_BRAKING_M_S2 * dt_s, 0.0) / speed if speed > 0.0 else 0.0
-            there = x + share * vx * dt_s, y + share * vy * dt_s
+            desired = x + share * vx * dt_s, y + share * vy * dt_s
         if not crossing.at_s <= time_s <= crossing.until_s:
-            there = outside_circle(there, around.target_m, _CART_TARGET_DISTANCE_M)
-            there = outside_circle(there, around.robot_m, _CART_ROBOT_DISTANCE_M)
-            there = self._obstacles.pushed_out(there, _CART_WALL_DISTANCE_M)
-        _move(self.state, dt_s, there, _CART_SPEED_LIMIT_M_S)
+            desired = outside_circle(desired, around.target_m, _CART_TARGET_DISTANCE_M)
+            desired = outside_circle(desired, around.robot_m, _CART_ROBOT_DISTANCE_M)
+            desired = self._obstacles.pushed_out(desired, _CART_WALL_DISTANCE_M)
+        _move(self.state, dt_s, desired, _CART_SPEED_LIMIT_M_S)
         if trajectory.finished(time_s):
             self.phase = Phase.RELEASED
 
@@ -177,7 +177,7 @@ class OncomingPedestrian:
             self._leaving_s = self._joining_s - route_m / plan.speed_m_s - _START_S
 
     def reset(self, state: FloatArray) -> float:
-        """Move to the start and return the heading there [rad]; later updates read and write `state`."""
+        """Move to the start and return the initial heading [rad]; later updates read and write `state`."""
         self.state = state
         if self._plan.waiting_m is not None:
             self.phase = Phase.WAITING
@@ -205,12 +205,12 @@ class OncomingPedestrian:
         if s < meeting - 6.0 or s < -2.0:
             self.phase = Phase.RELEASED
             return
-        there = self._lane(s)
+        desired = self._lane(s)
         if abs(s - meeting) > oncoming.EXACT_LANE_M:
-            there = self._obstacles.pushed_out(there, oncoming.WALL_DISTANCE_M)
-            there = outside_circle(there, around.target_m, abs(self._plan.left_m))
-        there = outside_circle(there, around.robot_m, _ONCOMING_ROBOT_DISTANCE_M)
-        _move(self.state, dt_s, there, _ONCOMING_SPEED_LIMIT_M_S)
+            desired = self._obstacles.pushed_out(desired, oncoming.WALL_DISTANCE_M)
+            desired = outside_circle(desired, around.target_m, abs(self._plan.left_m))
+        desired = outside_circle(desired, around.robot_m, _ONCOMING_ROBOT_DISTANCE_M)
+        _move(self.state, dt_s, desired, _ONCOMING_SPEED_LIMIT_M_S)
 
     def _s_m(self, time_s: float) -> float:
         """Arc length on the target's path [m], falling with time."""
@@ -230,8 +230,8 @@ class OncomingPedestrian:
         return oncoming.lane_position(self._path, s_m, math.copysign(abs(left_m) + extra_m, left_m))
 
 
-def _move(state: FloatArray, dt_s: float, there: Xy, speed_limit_m_s: float) -> None:
+def _move(state: FloatArray, dt_s: float, desired: Xy, speed_limit_m_s: float) -> None:
     """Step towards a position, within a speed limit."""
     x, y = state[:2].tolist()
-    there = limited_step((x, y), there, speed_limit_m_s * dt_s)
-    state[:] = (*there, (there[0] - x) / dt_s, (there[1] - y) / dt_s)
+    desired = limited_step((x, y), desired, speed_limit_m_s * dt_s)
+    state[:] = (*desired, (desired[0] - x) / dt_s, (desired[1] - y) / dt_s)
