@@ -1,4 +1,4 @@
-"""A world with nothing in it but the ground, a lamp and the robot."""
+"""The robot alone on flat ground."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -28,7 +28,7 @@ def test_turn_rate_and_its_sign(lab: Callable, turn: float):
     assert np.hypot(rows[:, 0], rows[:, 1]).max() < 0.03
 
 
-def test_braking_nods_forward_and_rings_down(lab: Callable):
+def test_braking_pitches_forward_and_decays(lab: Callable):
     world = lab()
     start = world.run(3.0, forward=1.2)
     assert math.radians(0.2) < start[:60, 6].max() < math.radians(2.0)
@@ -40,7 +40,7 @@ def test_braking_nods_forward_and_rings_down(lab: Callable):
     assert np.abs(swing[90:120]).max() < math.radians(0.5)
 
 
-def test_turning_leans_outwards(lab: Callable):
+def test_turning_rolls_outwards(lab: Callable):
     world = lab()
     world.run(2.0, forward=1.2)
     rows = world.run(1.0, forward=1.2, turn=1.2)
@@ -67,7 +67,7 @@ def test_limits_of_the_robot_hold(lab: Callable):
 
 
 @pytest.mark.parametrize(("joint", "rate"), [("pan", 1.5), ("pan", -0.7), ("tilt", 0.5), ("tilt", -0.9)])
-def test_head_reaches_its_rate_and_then_stands(lab: Callable, joint: str, rate: float):
+def test_the_head_reaches_its_rate_and_then_stops(lab: Callable, joint: str, rate: float):
     world = lab()
     name = f"robot/{joint}"
     world.run(0.5, **{joint: rate})
@@ -116,7 +116,7 @@ def test_camera_frame_is_opencv(lab: Callable, mount: str):
     assert right[0] > 0.9
 
 
-def test_reset_forgets_everything(lab: Callable):
+def test_an_episode_does_not_depend_on_the_one_before(lab: Callable):
     world = lab(mount="right")
 
     def episode() -> bytes:
@@ -135,7 +135,7 @@ def test_reset_forgets_everything(lab: Callable):
     assert lab(mount="right").drive is not world.drive
 
 
-def test_reset_puts_it_where_asked(lab: Callable):
+def test_reset_sets_the_pose(lab: Callable):
     world = lab()
     world.run(2.0, forward=1.0, turn=0.5)
     world.drive.reset(world.data, 3.0, -2.0, -2.5, pan_rad=0.4)
@@ -146,21 +146,21 @@ def test_reset_puts_it_where_asked(lab: Callable):
     assert math.atan2(forward[1], forward[0]) == pytest.approx(-2.1, abs=1e-3)
 
 
-def test_reading_changes_nothing(lab: Callable):
-    one, other = lab(), lab()
+def test_measurements_do_not_change_the_state(lab: Callable):
+    observed, reference = lab(), lab()
     for index in range(60):
-        for world in (one, other):
+        for world in (observed, reference):
             world.tick(1.0, 0.5 * math.sin(index))
         for _ in range(3):
-            one.drive.proprio(one.data)
-            one.drive.camera_pose(one.data)
-            one.drive.collision(one.data)
-            one.drive.pose(one.data)
-    assert one.data.qpos.tobytes() == other.data.qpos.tobytes()
-    assert one.drive.proprio(one.data).tobytes() == other.drive.proprio(other.data).tobytes()
+            observed.drive.proprio(observed.data)
+            observed.drive.camera_pose(observed.data)
+            observed.drive.collision(observed.data)
+            observed.drive.pose(observed.data)
+    assert observed.data.qpos.tobytes() == reference.data.qpos.tobytes()
+    assert observed.drive.proprio(observed.data).tobytes() == reference.drive.proprio(reference.data).tobytes()
 
 
-def test_proprio_means_what_its_names_say(lab: Callable):
+def test_proprioception_agrees_with_the_motion(lab: Callable):
     world = lab(mount="left", tilt_deg=5.0)
     at = PROPRIO_INDEX
     rest = world.drive.proprio(world.data)
@@ -174,19 +174,19 @@ def test_proprio_means_what_its_names_say(lab: Callable):
     assert np.mean(speeding) == pytest.approx(1.2, abs=0.25)
     world.run(1.5, forward=1.0)
     world.run(1.5, forward=1.0, turn=0.9)
-    felt = world.drive.proprio(world.data)
-    assert felt[at["gyro_z_rad_s"]] == pytest.approx(0.9, rel=0.05)
-    wheels = felt[at["wheel_left_m_s"]], felt[at["wheel_right_m_s"]]
+    measured = world.drive.proprio(world.data)
+    assert measured[at["gyro_z_rad_s"]] == pytest.approx(0.9, rel=0.05)
+    wheels = measured[at["wheel_left_m_s"]], measured[at["wheel_right_m_s"]]
     assert sum(wheels) / 2 == pytest.approx(1.0, rel=0.03)
     assert wheels[1] - wheels[0] == pytest.approx(0.9 * 0.38, rel=0.1)
     x, y, heading = world.drive.pose(world.data)
     start = np.array([[math.cos(1.0), math.sin(1.0)], [-math.sin(1.0), math.cos(1.0)]]) @ np.array([x - 4.0, y - 4.0])
-    assert abs(felt[:2] - start).max() < 0.1
-    assert abs(math.remainder(float(felt[2]) - (heading - 1.0), 2 * math.pi)) < 0.05
-    assert (np.abs(felt) <= PROPRIO_HIGH).all()
+    assert abs(measured[:2] - start).max() < 0.1
+    assert abs(math.remainder(float(measured[2]) - (heading - 1.0), 2 * math.pi)) < 0.05
+    assert (np.abs(measured) <= PROPRIO_HIGH).all()
 
 
-def test_collision_names_who_is_touched(lab: Callable):
+def test_a_collision_names_what_is_touched(lab: Callable):
     def furnish(spec: mujoco.MjSpec) -> None:
         pillar = spec.worldbody.add_body(name="pillar-3", pos=[1.5, 0, 1])
         geom = pillar.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.2, 1, 0])

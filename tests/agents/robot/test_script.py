@@ -14,7 +14,7 @@ TICK_S = 1.0 / 60.0
 
 
 def follow(lab: Callable, robot: Robot, points, seconds: float, speed: float = 1.25, **camera) -> dict[str, np.ndarray]:
-    """Let the robot play its script beside a target that walks at constant speed and stops at the end."""
+    """Run the script with a target that walks at constant speed and stops at the end."""
     world = lab(robot=robot, **camera)
     path = Path(points)
     script = Script(robot, path, speed)
@@ -33,7 +33,7 @@ def follow(lab: Callable, robot: Robot, points, seconds: float, speed: float = 1
     return {key: np.array(values) for key, values in rows.items()}
 
 
-def away_from(path: Path, xy: np.ndarray) -> float:
+def max_distance_m(path: Path, xy: np.ndarray) -> float:
     x, y, _ = path.at(np.linspace(-6.0, path.length_m + 1.0, 3000))
     return float(np.max([np.hypot(x - px, y - py).min() for px, py in xy]))
 
@@ -41,7 +41,7 @@ def away_from(path: Path, xy: np.ndarray) -> float:
 def test_waypoints_are_driven_through_and_the_last_is_a_stop(lab: Callable):
     route = WaypointRoute(kind="waypoints", points_m=tuple(S_CURVE), speed_m_s=1.0)
     run = follow(lab, Robot(route=route, gaze="forward"), [(0, 8), (9, 8)], 26.0)
-    assert away_from(Path(S_CURVE), run["pose"][::20, :2]) < 0.1
+    assert max_distance_m(Path(S_CURVE), run["pose"][::20, :2]) < 0.1
     assert math.dist(run["pose"][-1, :2], S_CURVE[-1]) < 0.05
     assert np.ptp(run["pose"][-60:, :2], axis=0).max() < 0.01
 
@@ -49,7 +49,7 @@ def test_waypoints_are_driven_through_and_the_last_is_a_stop(lab: Callable):
 def test_trail_keeps_its_distance_on_an_s_curve(lab: Callable):
     run = follow(lab, Robot(route=TrailRoute(kind="trail", distance_m=3.0)), S_CURVE, 12.0)
     assert run["pose"][0] == pytest.approx((-3.0, 0.0, 0.0), abs=1e-2)
-    assert away_from(Path(S_CURVE), run["pose"][::20, :2]) < 0.25
+    assert max_distance_m(Path(S_CURVE), run["pose"][::20, :2]) < 0.25
     assert run["gap"].max() < 4.2
     assert run["gap"].min() > 1.8  # through the bend the way along the path is longer than the line of sight
     assert np.abs(run["bearing"]).max() < math.radians(27.0)
@@ -73,7 +73,7 @@ def test_beside_runs_abreast_with_the_target_in_view(lab: Callable, side, mount,
     assert abs(run["gap"][-1] - 2.5) < 0.3
 
 
-def test_front_camera_beside_looks_sideways_from_the_first_frame(lab: Callable):
+def test_a_front_camera_beside_the_target_looks_sideways_from_the_first_frame(lab: Callable):
     robot = Robot(route=BesideRoute(kind="beside", distance_m=3.0, lead_m=1.0))
     run = follow(lab, robot, STRAIGHT, 4.0)
     assert run["pose"][0, 0] == pytest.approx(1.0, abs=1e-2)
@@ -81,7 +81,7 @@ def test_front_camera_beside_looks_sideways_from_the_first_frame(lab: Callable):
     assert np.abs(run["bearing"]).max() < math.radians(27.0)
 
 
-def test_still_robot_turns_its_head_lazily(lab: Callable):
+def test_a_still_robot_keeps_the_target_in_view_but_not_centred(lab: Callable):
     robot = Robot(route=StillRoute(kind="still", start_m=(6.0, -4.0), heading_deg=90.0))
     run = follow(lab, robot, [(0, 0), (12, 0)], 9.0)
     assert np.ptp(run["pose"], axis=0).max() < 1e-3
@@ -98,7 +98,7 @@ def test_forward_gaze_holds_the_mount(lab: Callable):
     assert script.gaze(world.drive.camera_pose(world.data), (9.0, 9.0), TICK_S) == (0.0, 0.0)
 
 
-def test_inside_of_a_bend_sharper_than_the_offset_the_robot_waits(lab: Callable):
+def test_in_a_bend_sharper_than_the_offset_the_robot_waits(lab: Callable):
     robot = Robot(route=BesideRoute(kind="beside", distance_m=3.0, side="left"))
     run = follow(lab, robot, [(0, 0), (7, 0), (7, 7)], 11.0, mount="right")
     assert run["gap"].max() < 5.0
@@ -108,7 +108,7 @@ def test_inside_of_a_bend_sharper_than_the_offset_the_robot_waits(lab: Callable)
     assert heading.max() < math.pi / 2 + 0.3
 
 
-def test_script_starts_afresh_after_reset():
+def test_reset_restarts_the_script():
     script = Script(Robot(route=TrailRoute(kind="trail")), Path(S_CURVE), 1.2)
 
     def episode() -> list[tuple[float, float]]:

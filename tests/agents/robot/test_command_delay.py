@@ -18,25 +18,25 @@ def schedule(latency_ms: float, ticks: int = 12) -> np.ndarray:
 
 
 @pytest.mark.parametrize("latency_ms", [0.0, 2.0, 20.0, 100.0 / 3.0, 55.0, 120.0])
-def test_every_command_acts_exactly_that_much_later(latency_ms: float):
-    held = round(latency_ms * 1e-3 / CLOCK.step_s)
-    at_once = np.arange(12 * CLOCK.steps) // CLOCK.steps
-    expected = np.concatenate([np.full(held, -1), at_once])[: at_once.size]
+def test_every_command_is_delayed_by_the_latency(latency_ms: float):
+    delay_steps = round(latency_ms * 1e-3 / CLOCK.step_s)
+    undelayed = np.arange(12 * CLOCK.steps) // CLOCK.steps
+    expected = np.concatenate([np.full(delay_steps, -1), undelayed])[: undelayed.size]
     np.testing.assert_array_equal(schedule(latency_ms), expected)
 
 
-def test_without_latency_a_tick_is_not_even_split():
+def test_without_latency_a_tick_is_one_segment():
     assert CommandDelay(CLOCK, 0.0).segments((1.0, 2.0, 3.0, 4.0)) == [(CLOCK.steps, (1.0, 2.0, 3.0, 4.0))]
 
 
 @pytest.mark.parametrize("latency_ms", [0.0, 20.0, 55.0])
-@pytest.mark.parametrize("late_s", [0.0, 0.007, 0.03])
-def test_a_late_command_acts_later_by_as_much(latency_ms: float, late_s: float):
+@pytest.mark.parametrize("delay_s", [0.0, 0.007, 0.03])
+def test_a_delay_within_the_tick_adds_to_the_latency(latency_ms: float, delay_s: float):
     delay = CommandDelay(CLOCK, latency_ms)
     numbers: list[float] = []
     for tick in range(12):
-        for steps, speeds in delay.segments((tick + 1.0, 0.0, 0.0, 0.0), late_s):
+        for steps, speeds in delay.segments((tick + 1.0, 0.0, 0.0, 0.0), delay_s):
             numbers += [speeds[0] - 1.0] * steps
-    held = round(latency_ms * 1e-3 / CLOCK.step_s) + round(late_s / CLOCK.step_s)
-    at_once = np.arange(12 * CLOCK.steps) // CLOCK.steps
-    np.testing.assert_array_equal(numbers, np.concatenate([np.full(held, -1), at_once])[: at_once.size])
+    delay_steps = round(latency_ms * 1e-3 / CLOCK.step_s) + round(delay_s / CLOCK.step_s)
+    undelayed = np.arange(12 * CLOCK.steps) // CLOCK.steps
+    np.testing.assert_array_equal(numbers, np.concatenate([np.full(delay_steps, -1), undelayed])[: undelayed.size])
