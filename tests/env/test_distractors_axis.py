@@ -1,4 +1,4 @@
-"""The distractors axis: so many pass, at their times, as near as asked, and as alike as asked."""
+"""The distractors axis: number, times, distances and similarity of oncoming pedestrians."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ BASE: dict[str, Any] = {"lights.shadows": False}
 
 
 def walk(name: str, until_s: float, seed: int = 3, **axis: Any) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names, and `(T, P, 2)` places of everyone at 30 Hz."""
+    """Names, and `(T, P, 2)` positions of all pedestrians at 30 Hz."""
     keys = {f"axes.distractors.{key}": value for key, value in axis.items()}
     world = World(scenario.load(name, {**BASE, **keys}).resolve(seed), seed)
     places = [world.root_poses()[:, :2, 3]]
@@ -29,7 +29,7 @@ def walk(name: str, until_s: float, seed: int = 3, **axis: Any) -> tuple[tuple[s
 
 @pytest.mark.parametrize("distance_m", [0.6, 1.1])
 @pytest.mark.parametrize("name", PLACES)
-def test_they_pass_at_their_time_and_distance(name: str, distance_m: float):
+def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str, distance_m: float):
     axis = DistractorsAxis(severity=1.0, count=2, at_s=2.5, every_s=2.5, distance_m=distance_m)
     names, places = walk(name, 6.0, **axis.model_dump())
     passers = [index for index, person in enumerate(names) if person.startswith("passer")]
@@ -40,7 +40,7 @@ def test_they_pass_at_their_time_and_distance(name: str, distance_m: float):
         assert apart.argmin() / 30.0 == pytest.approx(at_s, abs=0.25)
 
 
-def test_they_are_seen_as_they_pass():
+def test_oncoming_pedestrians_are_visible_as_they_pass():
     keys = {"axes.distractors.count": 1, "axes.distractors.at_s": 2.0, "distractors.count": 0, "occluders": []}
     small = {"camera.width_px": 160, "camera.height_px": 120}
     for name in PLACES:
@@ -53,7 +53,7 @@ def test_they_are_seen_as_they_pass():
         assert people["target"].visible_fraction > 0.7
 
 
-def test_severity_counts_people():
+def test_severity_scales_the_number_of_pedestrians():
     for severity, count in ((0.0, 0), (0.5, 1), (1.0, 2), (2.0, 4)):
         assert len(DistractorsAxis(severity=severity).passings_s) == count
 
@@ -65,26 +65,26 @@ def histogram(image: np.ndarray) -> np.ndarray:
 
 
 def clothes(frame: Frame, name: str) -> np.ndarray:
-    """`(h, w, 3)` pixels of the middle of a person's visible box: trunk and legs, and hardly anything behind them."""
+    """`(h, w, 3)` pixels of the middle of a person's visible box: trunk and legs, little background."""
     x, y, w, h = next(one.visible_box for one in frame.people if one.name == name)
     rows = slice(int(y + 0.2 * h), int(y + 0.75 * h))
     return frame.image[rows, round(x + 0.35 * w) : round(x + 0.65 * w)]
 
 
-def test_likeness_of_the_rendered_clothes_grows_with_the_request():
+def test_similarity_of_the_rendered_clothes_grows_with_the_parameter():
     means = []
     for similarity in (0.0, 0.35, 0.7, 1.0):
         found = []
         for seed in (1, 2, 3, 4):
-            found.append(likeness(similarity, seed))
+            found.append(similarity_of_pixels(similarity, seed))
         means.append(float(np.mean(found)))
     assert (np.diff(means) > 0.03).all(), means
     assert means[0] < 0.55
     assert means[-1] > 0.8
 
 
-def likeness(similarity: float, seed: int) -> float:
-    """Bhattacharyya coefficient of what is drawn of the passer and of the target when they are abreast."""
+def similarity_of_pixels(similarity: float, seed: int) -> float:
+    """Bhattacharyya coefficient of the pixels of pedestrian and target when they are abreast."""
     keys: dict[str, Any] = {
         "axes.distractors.count": 1,
         "axes.distractors.at_s": 0.7,
@@ -104,12 +104,12 @@ def likeness(similarity: float, seed: int) -> float:
     return float(np.sqrt(histogram(drawn[0]) * histogram(drawn[1])).sum())
 
 
-def test_the_target_does_not_notice_and_everyone_starts_where_they_did():
+def test_the_target_and_all_start_positions_do_not_depend_on_the_axis():
     names, without = walk("plaza-walk", 2.0, severity=0.0)
     more, together = walk("plaza-walk", 2.0, count=2, at_s=3.0)
     assert more[: len(names)] == names
     assert np.array_equal(without[:, 0], together[:, 0])
     assert np.array_equal(without[0], together[0, : len(names)])
-    # People feel each other faintly from afar: those whom nobody meets walk on as before, but not to the bit.
+    # Pedestrians influence each other slightly from afar: most walk on as before, but not to the bit.
     moved = np.hypot(*(together[:, : len(names)] - without).T).max(axis=1)
     assert np.median(moved) < 0.01

@@ -1,4 +1,4 @@
-"""The occlusion axis: a cover asked for is in the truth of the frames, in every scenario, at its time and as long."""
+"""The occlusion axis: in every scenario, the truth contains the requested occlusions, with their begin and duration."""
 
 from typing import Any
 
@@ -27,29 +27,29 @@ NEXT_TO_PILLARS_AT_S = 3.2
 
 
 def truths(name: str, until_s: float, seed: int = 3, from_s: float = 0.0, **axis: Any) -> list[Truth]:
-    """Truth of the target from a time on; before it only the world moves."""
+    """Truth of the target from a time on; before it nothing is rendered."""
     keys = {f"axes.occlusion.{key}": value for key, value in axis.items()}
     with Simulation(scenario.load(name, {**CLEAR, **keys})) as simulation:
-        seen = [simulation.reset(seed).truth]
+        observed = [simulation.reset(seed).truth]
         for _ in range(round(from_s * RATE_HZ) - 1):
             simulation.world.advance()
-        return seen + [simulation.advance().truth for _ in range(round((until_s - from_s) * RATE_HZ))]
+        return observed + [simulation.advance().truth for _ in range(round((until_s - from_s) * RATE_HZ))]
 
 
-def assert_as_asked(fraction: np.ndarray, from_s: float, spans_s: tuple[tuple[float, float], ...], share: float):
-    """Half way down and half way up within two frames of the request, the share asked for in between, nothing else."""
+def assert_as_requested(fraction: np.ndarray, from_s: float, spans_s: tuple[tuple[float, float], ...], share: float):
+    """Half covered and uncovered within two frames of the request; the requested share in between, nothing else."""
     times = from_s + np.arange(1, len(fraction)) / RATE_HZ
     fraction = fraction[1:]
     covered = fraction < 1.0 - 0.5 * share
     ramp_s = 0.35
     clear = np.ones(len(times), dtype=bool)
     for begin_s, length_s in spans_s:
-        asked = (times >= begin_s) & (times < begin_s + length_s)
+        requested = (times >= begin_s) & (times < begin_s + length_s)
         wide = (times >= begin_s - ramp_s) & (times < begin_s + length_s + ramp_s)
         hidden = times[covered & wide]
         assert hidden[0] == pytest.approx(begin_s, abs=(FRAMES + 0.5) / RATE_HZ)
         assert hidden[-1] == pytest.approx(begin_s + length_s - 1.0 / RATE_HZ, abs=(FRAMES + 0.5) / RATE_HZ)
-        assert len(hidden) == pytest.approx(asked.sum(), abs=2 * FRAMES)
+        assert len(hidden) == pytest.approx(requested.sum(), abs=2 * FRAMES)
         inner = (times >= begin_s + ramp_s) & (times < begin_s + length_s - ramp_s)
         assert np.abs(fraction[inner] - (1.0 - share)).max() <= 0.1
         clear &= ~wide
@@ -58,42 +58,42 @@ def assert_as_asked(fraction: np.ndarray, from_s: float, spans_s: tuple[tuple[fl
 
 @pytest.mark.parametrize("kind", ["pillar", "wall", "stranger", "lookalike"])
 @pytest.mark.parametrize("name", PLACES)
-def test_a_cover_means_the_same_in_every_scenario(name: str, kind: str):
+def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
     at_s = NEXT_TO_PILLARS_AT_S if name == "warehouse" else AT_S
     share = 0.5 if kind == "wall" else 1.0
-    seen = truths(name, at_s + 1.5, from_s=at_s - 0.5, kind=kind, at_s=at_s, share=share)
-    assert_as_asked(np.array([one.visible_fraction for one in seen]), at_s - 0.5, ((at_s, 1.0),), share)
-    middle = seen[round(1.0 * RATE_HZ)]
+    observed = truths(name, at_s + 1.5, from_s=at_s - 0.5, kind=kind, at_s=at_s, share=share)
+    assert_as_requested(np.array([one.visible_fraction for one in observed]), at_s - 0.5, ((at_s, 1.0),), share)
+    middle = observed[round(1.0 * RATE_HZ)]
     assert middle.occluders[0] == {"pillar": "cabinet-1", "wall": "cart-1"}.get(kind, "crosser-1")
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
-def test_a_low_cart_covers_the_share_asked_for(share: float):
-    seen = truths("corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", at_s=AT_S, share=share)
-    assert_as_asked(np.array([one.visible_fraction for one in seen]), AT_S - 0.4, ((AT_S, 1.0),), share)
+def test_a_low_cart_covers_the_requested_share(share: float):
+    observed = truths("corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", at_s=AT_S, share=share)
+    assert_as_requested(np.array([one.visible_fraction for one in observed]), AT_S - 0.4, ((AT_S, 1.0),), share)
 
 
-def test_severity_stretches_the_cover_and_several_come_one_after_the_other():
+def test_severity_scales_the_duration_of_successive_occlusions():
     axis = OcclusionAxis(severity=1.6, duration_s=0.5, count=2, gap_s=1.2, at_s=2.4)
     assert axis.spans_s == ((2.4, 0.8), (2.4 + 0.8 + 1.2, 0.8))
     given = axis.model_dump()
-    seen = truths("plaza-walk", 5.8, from_s=1.9, **given)
-    assert_as_asked(np.array([one.visible_fraction for one in seen]), 1.9, axis.spans_s, 1.0)
-    assert {one.occluders[0] for one in seen if one.visible_fraction < 0.2} == {"cabinet-1", "cabinet-2"}
+    observed = truths("plaza-walk", 5.8, from_s=1.9, **given)
+    assert_as_requested(np.array([one.visible_fraction for one in observed]), 1.9, axis.spans_s, 1.0)
+    assert {one.occluders[0] for one in observed if one.visible_fraction < 0.2} == {"cabinet-1", "cabinet-2"}
 
 
-def test_back_to_back_one_cover_begins_as_the_other_ends():
-    seen = truths("corridor", 4.4, from_s=1.8, count=2, gap_s=0.0, duration_s=0.8, at_s=2.4)
-    fraction = np.array([one.visible_fraction for one in seen])
+def test_without_a_gap_one_occlusion_begins_as_the_other_ends():
+    observed = truths("corridor", 4.4, from_s=1.8, count=2, gap_s=0.0, duration_s=0.8, at_s=2.4)
+    fraction = np.array([one.visible_fraction for one in observed])
     times = 1.8 + np.arange(len(fraction)) / RATE_HZ
     hidden = times[fraction < 0.5]
     assert hidden[0] == pytest.approx(2.4, abs=(FRAMES + 0.5) / RATE_HZ)
     assert hidden[-1] == pytest.approx(4.0 - 1.0 / RATE_HZ, abs=(FRAMES + 0.5) / RATE_HZ)
-    # Both edges are on the target's centre line at once: at no time is much of it to be seen.
+    # Both edges are on the target's centre line at once: most of the target is always covered.
     assert fraction[(times > 2.75) & (times < 3.65)].max() < 0.5
 
 
-def test_none_at_all_is_the_base_to_the_bit():
+def test_without_occlusions_the_truth_is_the_base_to_the_bit():
     base = truths("plaza-walk", 0.3)
     for axis in ({"count": 0}, {"severity": 0.0, "kind": "stranger"}):
         assert truths("plaza-walk", 0.3, **axis) == base
@@ -108,11 +108,11 @@ def test_none_at_all_is_the_base_to_the_bit():
     ],
     ids=lambda route: route["kind"],
 )
-def test_a_cover_means_the_same_on_every_route(route: dict[str, Any]):
+def test_occlusions_are_equal_on_every_route(route: dict[str, Any]):
     keys = {"robot.route": route, "place.clutter": 0.0, "axes.occlusion.kind": "pillar", "axes.occlusion.at_s": AT_S}
     with Simulation(scenario.load("plaza-walk", {**CLEAR, **keys})) as simulation:
         simulation.reset(3)
         for _ in range(round((AT_S - 0.5) * RATE_HZ)):
             simulation.world.advance()
         fraction = np.array([1.0] + [simulation.advance().truth.visible_fraction for _ in range(60)])
-    assert_as_asked(fraction, AT_S - 0.5, ((AT_S, 1.0),), 1.0)
+    assert_as_requested(fraction, AT_S - 0.5, ((AT_S, 1.0),), 1.0)

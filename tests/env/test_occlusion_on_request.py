@@ -1,4 +1,4 @@
-"""An occlusion that is asked for is seen in the truth of the frames, at its time and for as long as asked."""
+"""A requested occlusion is in the truth of the frames, with its begin and duration."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ AT_S, DURATION_S, RATE_HZ = 3.0, 1.0, 30.0
 
 
 def walk(kind: str, seed: int, **occluder: Any) -> dict[str, Any]:
-    """A walk across the open square with the robot beside, nobody else about, and one occlusion."""
+    """A walk across the open square with the robot beside, without distractors, and one occlusion."""
     return {
         "title": "one occlusion",
         "duration_s": 6.0,
@@ -31,26 +31,26 @@ def walk(kind: str, seed: int, **occluder: Any) -> dict[str, Any]:
 def truths(tree: dict[str, Any], seed: int) -> list[Truth]:
     with Simulation(scenario.load(tree)) as simulation:
         frame = simulation.reset(seed)
-        seen = [frame.truth]
+        observed = [frame.truth]
         for _ in range(simulation.settings.frame_count - 1):
-            seen.append(simulation.advance().truth)
-    return seen
+            observed.append(simulation.advance().truth)
+    return observed
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(
     ("kind", "name", "late_s"), [("pillar", "occluder-pillar-1", 0.15), ("walker", "crosser-1", 0.25)]
 )
-def test_a_cover_from_head_to_foot_halves_the_view_at_its_time(kind: str, name: str, late_s: float, seed: int):
-    seen = truths(walk(kind, seed), seed)
-    fraction = np.array([truth.visible_fraction for truth in seen])
+def test_a_full_occlusion_covers_half_of_the_body_at_its_begin_and_end(kind: str, name: str, late_s: float, seed: int):
+    observed = truths(walk(kind, seed), seed)
+    fraction = np.array([truth.visible_fraction for truth in observed])
     hidden = np.flatnonzero(fraction < 0.5)
     # The centre line is covered from at_s on; half of the body is, when it is as wide to the left as to the right.
     # An arm or a leg put forward shifts that by a few frames, and one walker is slighter than another.
     assert hidden[0] / RATE_HZ == pytest.approx(AT_S, abs=late_s)
     assert (hidden[-1] + 1) / RATE_HZ == pytest.approx(AT_S + DURATION_S, abs=late_s)
     assert (np.diff(hidden) == 1).all()
-    middle = seen[round((AT_S + 0.5 * DURATION_S) * RATE_HZ)]
+    middle = observed[round((AT_S + 0.5 * DURATION_S) * RATE_HZ)]
     assert fraction[hidden].min() < 0.2
     assert middle.occluders[0] == name
     outside = np.r_[fraction[: hidden[0] - 45], fraction[hidden[-1] + 45 :]]
@@ -59,17 +59,17 @@ def test_a_cover_from_head_to_foot_halves_the_view_at_its_time(kind: str, name: 
 
 @pytest.mark.parametrize("share", [0.35, 0.6])
 @pytest.mark.parametrize("kind", ["wall", "boxes"])
-def test_a_low_cover_hides_the_share_of_the_height_asked_for(kind: str, share: float):
-    seen = truths(walk(kind, 0, share=share), 0)
-    middle = seen[round((AT_S + 0.5 * DURATION_S) * RATE_HZ)]
+def test_a_low_occluder_covers_the_requested_share_of_the_height(kind: str, share: float):
+    observed = truths(walk(kind, 0, share=share), 0)
+    middle = observed[round((AT_S + 0.5 * DURATION_S) * RATE_HZ)]
     assert middle.occluders[0] == f"occluder-{kind}-1"
     shown = middle.visible_box[3] / middle.amodal_box[3]
     assert shown == pytest.approx(1.0 - share, abs=0.06)
-    before = seen[round((AT_S - 1.0) * RATE_HZ)]
+    before = observed[round((AT_S - 1.0) * RATE_HZ)]
     assert before.visible_fraction > 0.98
 
 
-def test_an_occlusion_that_cannot_be_is_refused_with_the_reason():
+def test_an_impossible_occlusion_is_an_error_with_the_reason():
     tree = walk("pillar", 0)
     tree["robot"] = {"route": {"kind": "trail", "distance_m": 3.5}}
     with pytest.raises(ScenarioError, match=r"occluders\.0.*walker"):

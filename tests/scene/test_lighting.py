@@ -54,7 +54,7 @@ def state(model: mujoco.MjModel) -> np.ndarray:
         (1e6, 2.25, -0.75, 0.25),
     ],
 )
-def test_steps_ramps_sums_and_groups(time_s: float, sun: float, lamps: float, both: float) -> None:
+def test_steps_and_ramps_add_up_by_group(time_s: float, sun: float, lamps: float, both: float) -> None:
     assert abs(ev(SCHEDULE, time_s, "sun") - sun) < 1e-12
     assert abs(ev(SCHEDULE, time_s, "lamps") - lamps) < 1e-12
     assert abs(ev(SCHEDULE, time_s, "all") - both) < 1e-12
@@ -68,12 +68,12 @@ def test_a_rising_ramp_never_falls(first: float, second: float) -> None:
 
 
 @given(st.floats(-6.0, 5.0), st.floats(-6.0, 5.0))
-def test_gain_is_linear_light_seen_through_the_display(first: float, second: float) -> None:
+def test_gain_is_linear_light_through_the_display_gamma(first: float, second: float) -> None:
     assert abs(gain(first) ** DISPLAY_GAMMA / 2.0**first - 1.0) < 1e-9
     assert abs(gain(first) * gain(second) / gain(first + second) - 1.0) < 1e-9
 
 
-def test_sun_and_sky_change_together_and_lamps_apart() -> None:
+def test_sun_and_sky_change_together_and_lamps_independently() -> None:
     model = small_model("sun", "lamp-1")
     base = state(model)
     Lighting(model, SCHEDULE).apply(8.0)
@@ -85,7 +85,7 @@ def test_sun_and_sky_change_together_and_lamps_apart() -> None:
     assert np.abs(state(model) - base).max() > 0.1
 
 
-def test_indoors_the_light_from_everywhere_is_lamplight() -> None:
+def test_ambient_light_follows_the_lamps_where_there_is_no_sun() -> None:
     model = small_model("lamp-1", "lamp-above")
     Lighting(model, SCHEDULE).apply(3.0)
     np.testing.assert_allclose(model.vis.headlight.ambient, gain(-0.5) * np.array([0.2, 0.3, 0.4]), rtol=0, atol=1e-6)

@@ -1,4 +1,4 @@
-"""An occlusion happens when it was asked for, and lasts as long."""
+"""Planned occlusions begin and end at the requested times."""
 
 import math
 import re
@@ -37,7 +37,7 @@ Camera = Callable[[float, float], np.ndarray]
 
 
 def camera_of(kind: str, rng: np.random.Generator) -> Camera:
-    """Where a camera is, from the time and the target's arc length: standing, beside it or behind it."""
+    """Camera position by time and the target's arc length: still, beside the target, or behind it."""
     side, gap, phase = rng.choice((-1.0, 1.0)), rng.uniform(2.8, 4.5), rng.uniform(0.0, 6.0)
     spot = np.array([rng.uniform(2.0, 14.0), side * rng.uniform(5.5, 8.0)])
     path = Path(PATH_M)
@@ -73,11 +73,11 @@ def occluder_of(kind: str, rng: np.random.Generator) -> model.Occluder:
     )
 
 
-def assert_in_time(covered: np.ndarray, times_s: np.ndarray, asked: model.Occluder) -> None:
-    until_s = asked.at_s + asked.duration_s
-    around = [span for span in spans(covered, times_s) if span[0] < until_s + 1.0 and span[1] > asked.at_s - 1.0]
+def assert_in_time(covered: np.ndarray, times_s: np.ndarray, request: model.Occluder) -> None:
+    until_s = request.at_s + request.duration_s
+    around = [span for span in spans(covered, times_s) if span[0] < until_s + 1.0 and span[1] > request.at_s - 1.0]
     assert len(around) == 1, around
-    assert abs(around[0][0] - asked.at_s) <= 2.0 * FRAME_S
+    assert abs(around[0][0] - request.at_s) <= 2.0 * FRAME_S
     assert abs(around[0][1] - until_s) <= 2.0 * FRAME_S
 
 
@@ -94,65 +94,65 @@ def hidden_share(placement: Placement, camera: np.ndarray, target: np.ndarray) -
 
 
 @pytest.mark.parametrize("kind", ["pillar", "wall", "boxes"])
-def test_standing_things_cover_when_asked_and_stand_in_nobodys_way(kind: str) -> None:
+def test_static_occluders_cover_at_the_requested_time_and_leave_the_paths_free(kind: str) -> None:
     for seed in range(56):
         rng = np.random.default_rng(seed)
         run = dry_run_of(camera_of(("still", "beside")[seed % 2], rng))
-        asked = occluder_of(kind, rng)
-        found = plan_static(asked, run, HALL)
+        request = occluder_of(kind, rng)
+        placement = plan_static(request, run, HALL)
         frames = slice(None, None, 2)
         camera, target = run.camera_m[frames, :2], run.target_m[frames]
-        covered = covered_by_box(camera, target, found.centre_m, found.half_m, found.yaw_rad)
-        assert_in_time(covered, run.times_s[frames], asked)
-        alone = ObstacleMap(WalkableArea((-99.0, -99.0, 99.0, 99.0), (found.footprint("it"),), ()))
+        covered = covered_by_box(camera, target, placement.centre_m, placement.half_m, placement.yaw_rad)
+        assert_in_time(covered, run.times_s[frames], request)
+        alone = ObstacleMap(WalkableArea((-99.0, -99.0, 99.0, 99.0), (placement.footprint("it"),), ()))
         assert alone.clearance_m(run.target_m).min() >= 0.45
         assert alone.clearance_m(run.robot_m).min() >= 0.5
-        assert ObstacleMap(HALL).clearance_m(found.centre_m)[0] > 0.0
-        middle = np.argmin(np.abs(run.times_s - asked.at_s - 0.5 * asked.duration_s))
-        share = hidden_share(found, run.camera_m[middle, :2], run.target_m[middle])
-        assert abs(share - (1.0 if kind == "pillar" else asked.share)) <= 0.05
+        assert ObstacleMap(HALL).clearance_m(placement.centre_m)[0] > 0.0
+        middle = np.argmin(np.abs(run.times_s - request.at_s - 0.5 * request.duration_s))
+        share = hidden_share(placement, run.camera_m[middle, :2], run.target_m[middle])
+        assert abs(share - (1.0 if kind == "pillar" else request.share)) <= 0.05
 
 
-def test_straight_behind_the_target_no_standing_thing_helps() -> None:
+def test_straight_behind_the_target_a_static_occluder_is_impossible() -> None:
     times = np.arange(600) * TICK_S
     target = np.stack([1.2 * times, 0.0 * times], axis=1)
     camera = np.c_[target - (3.0, 0.0), np.full(600, CAMERA_Z_M)]
     run = DryRun(times, camera, target, camera[:, :2], HEIGHT_M)
-    asked = model.Occluder(kind="pillar", at_s=3.0)
+    request = model.Occluder(kind="pillar", at_s=3.0)
     with pytest.raises(ParameterError, match=r"occluders\[1\].*walker"):
-        plan_static(asked, run, HALL, "occluders[1]")
+        plan_static(request, run, HALL, "occluders[1]")
 
 
-def test_an_occlusion_after_the_end_says_so() -> None:
+def test_an_occlusion_after_the_end_is_an_error() -> None:
     run = dry_run_of(camera_of("still", np.random.default_rng(0)), 5.0)
     for kind in ("wall", "walker"):
-        asked = occluder_of(kind, np.random.default_rng(0)).model_copy(update={"at_s": 4.5, "duration_s": 3.0})
+        request = occluder_of(kind, np.random.default_rng(0)).model_copy(update={"at_s": 4.5, "duration_s": 3.0})
         with pytest.raises(ParameterError, match=re.escape("end at 7.5 s")):
-            (plan_crossing if kind == "walker" else plan_static)(asked, run, HALL)
+            (plan_crossing if kind == "walker" else plan_static)(request, run, HALL)
 
 
-def test_a_place_that_is_taken_names_a_time_that_works() -> None:
+def test_an_error_for_an_occupied_place_suggests_a_possible_time() -> None:
     rng = np.random.default_rng(3)
     run = dry_run_of(camera_of("still", rng))
-    asked = model.Occluder(kind="pillar", at_s=4.0, duration_s=0.5)
-    free = plan_static(asked, run, HALL)
+    request = model.Occluder(kind="pillar", at_s=4.0, duration_s=0.5)
+    free = plan_static(request, run, HALL)
     shelf = Footprint("shelf", free.centre_m, (0.8, 4.0), free.yaw_rad)
     taken = WalkableArea(HALL.bounds_m, (shelf,), HALL.goals_m)
     with pytest.raises(ParameterError, match="something already stands there") as caught:
-        plan_static(asked, run, taken)
+        plan_static(request, run, taken)
     suggestion = re.search(r"use at_s = ([\d.]+)", str(caught.value))
     assert suggestion is not None
-    plan_static(asked.model_copy(update={"at_s": float(suggestion[1])}), run, taken)
+    plan_static(request.model_copy(update={"at_s": float(suggestion[1])}), run, taken)
 
 
 @pytest.mark.parametrize("kind", ["still", "beside", "trail"])
-def test_walkers_cover_when_asked_and_walk_like_people(kind: str) -> None:
+def test_walkers_cover_at_the_requested_time_and_move_like_people(kind: str) -> None:
     fastest, hardest = [], []
     for seed in range(18):
         rng = np.random.default_rng(seed)
-        camera, asked = camera_of(kind, rng), occluder_of("walker", rng)
-        duration_s = asked.at_s + asked.duration_s + 1.5
-        crossing = plan_crossing(asked, dry_run_of(camera, duration_s + 1.0), HALL)
+        camera, request = camera_of(kind, rng), occluder_of("walker", rng)
+        duration_s = request.at_s + request.duration_s + 1.5
+        crossing = plan_crossing(request, dry_run_of(camera, duration_s + 1.0), HALL)
         crowd = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=1), (crossing,), seed)
         assert crowd.names == ("target", "distractor-1", "crosser-1")
         cameras, positions = [], []
@@ -163,7 +163,7 @@ def test_walkers_cover_when_asked_and_walk_like_people(kind: str) -> None:
             positions.append(crowd.positions_m)
         places, times = np.array(positions), (np.arange(len(positions)) + 1) * TICK_S
         covered = covered_by_person(np.array(cameras), places[:, 0], places[:, 2], crossing.half_width_m)
-        assert_in_time(covered[1::2], times[1::2], asked)
+        assert_in_time(covered[1::2], times[1::2], request)
         assert np.linalg.norm(places[:, 2] - places[:, 0], axis=-1).min() >= 0.45
         assert np.linalg.norm(places[:, 2] - places[:, 1], axis=-1).min() >= 0.45
         velocity = np.diff(places[:, 2], axis=0) / TICK_S
@@ -175,11 +175,11 @@ def test_walkers_cover_when_asked_and_walk_like_people(kind: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_walker_is_in_time_for_a_camera_that_went_elsewhere(seed: int) -> None:
+def test_a_walker_covers_a_camera_that_has_left_the_planned_path(seed: int) -> None:
     rng = np.random.default_rng(seed)
     camera = camera_of("trail", rng)
-    asked = model.Occluder(kind="walker", at_s=6.0, duration_s=1.0)
-    crossing = plan_crossing(asked, dry_run_of(camera), HALL)
+    request = model.Occluder(kind="walker", at_s=6.0, duration_s=1.0)
+    crossing = plan_crossing(request, dry_run_of(camera), HALL)
     drift = rng.uniform(-0.5, 0.5, 2)
     crowd = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=0), (crossing,), seed)
     cameras, positions = [], []
@@ -190,10 +190,10 @@ def test_a_walker_is_in_time_for_a_camera_that_went_elsewhere(seed: int) -> None
         positions.append(crowd.positions_m)
     places = np.array(positions)
     covered = covered_by_person(np.array(cameras), places[:, 0], places[:, 1], crossing.half_width_m)
-    assert_in_time(covered, (np.arange(500) + 1) * TICK_S, asked)
+    assert_in_time(covered, (np.arange(500) + 1) * TICK_S, request)
 
 
-def test_walkers_leave_the_draws_of_the_others_alone() -> None:
+def test_crossings_do_not_change_the_draws_of_distractors() -> None:
     alone = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (), 5)
     joined = Crowd(
         HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (Crossing(3.0, 1.0, 0.6, 1, (3.0, 3.2), 2.0),), 5
@@ -202,7 +202,7 @@ def test_walkers_leave_the_draws_of_the_others_alone() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"at_s": -1.0}, {"duration_s": 0.0}, {"depth": 1.0}])
-def test_a_crossing_that_cannot_be_is_an_error(wrong: dict[str, float]) -> None:
+def test_an_invalid_crossing_is_an_error(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError):
         Crossing(**{"at_s": 1.0, "duration_s": 1.0, "depth": 0.6, **wrong}, side=1, waiting_m=(0.0, 3.0), lead_s=1.0)
 

@@ -1,4 +1,4 @@
-"""The world as a whole: clocks that fit, and conditions that stay paired by seed."""
+"""Laws of the world: nested clocks, and random draws that are paired across conditions."""
 
 from typing import Any
 
@@ -19,17 +19,17 @@ def world(overrides: dict[str, Any] | None = None, seed: int = 5, name: str = "p
 
 def walk(overrides: dict[str, Any] | None = None, frames: int = 30, **more: Any) -> tuple[np.ndarray, np.ndarray]:
     """`(N, 4, 4)` poses of the target and of the camera."""
-    moving = world(overrides, **more)
+    simulated = world(overrides, **more)
     targets, cameras = [], []
     for _ in range(frames):
-        moving.advance()
-        targets.append(moving.root_poses()[0])
-        cameras.append(moving.camera_pose())
+        simulated.advance()
+        targets.append(simulated.root_poses()[0])
+        cameras.append(simulated.camera_pose())
     return np.array(targets), np.array(cameras)
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 12.5, 15.0, 25.0, 29.97, 30.0, 60.0, 200.0])
-def test_clocks_fit_into_each_other(rate_hz: float):
+def test_frames_ticks_and_steps_are_nested(rate_hz: float):
     clock = Clock.for_rate(rate_hz)
     assert 1.0 / clock.tick_s >= TICK_HZ - 1e-9
     assert 1.0 / clock.step_s >= PHYSICS_HZ - 1e-9
@@ -37,12 +37,12 @@ def test_clocks_fit_into_each_other(rate_hz: float):
     assert clock.time_s(1000 * clock.ticks) == pytest.approx(1000 / rate_hz, rel=1e-14)
 
 
-def test_frames_fall_on_the_clock():
-    moving = world()
+def test_the_time_of_a_frame_is_its_index_over_the_rate():
+    simulated = world()
     for _ in range(45):
-        moving.advance()
-    assert moving.time_s == 1.5
-    assert moving.data.time == pytest.approx(1.5, abs=1e-9)
+        simulated.advance()
+    assert simulated.time_s == 1.5
+    assert simulated.data.time == pytest.approx(1.5, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -56,12 +56,12 @@ def test_frames_fall_on_the_clock():
     ],
     ids=lambda overrides: next(iter(overrides)),
 )
-def test_a_change_of_condition_leaves_target_and_robot_as_they_were(overrides: dict[str, Any]):
+def test_target_and_robot_do_not_depend_on_other_conditions(overrides: dict[str, Any]):
     for before, after in zip(walk(), walk(overrides), strict=True):
         np.testing.assert_array_equal(before, after)
 
 
-def test_a_rough_road_shakes_the_robot_and_nobody_else():
+def test_a_rough_road_shakes_the_robot_and_no_pedestrian():
     smooth, rough = world(), world({"axes.jitter": {"sources": ["road"], "road_class": "C"}})
     for _ in range(30):
         smooth.advance()
@@ -71,10 +71,10 @@ def test_a_rough_road_shakes_the_robot_and_nobody_else():
     assert abs(smooth.camera_pose() - rough.camera_pose()).max() < 0.1
 
 
-def test_strangers_are_the_same_when_another_joins():
+def test_distractors_do_not_depend_on_their_number():
     few, many = world({"distractors.count": 2}), world({"distractors.count": 3})
 
-    def cloth(of: World, name: str) -> bytes:
+    def texture_of(of: World, name: str) -> bytes:
         model = of.model
         body = next(i for i in range(model.nbody) if model.body(i).name == f"{name}/torso")
         material = model.geom_matid[np.flatnonzero(model.geom_bodyid == body)[0]]
@@ -84,8 +84,8 @@ def test_strangers_are_the_same_when_another_joins():
         return model.tex_data[start : start + size].tobytes()
 
     for name in ("target", "distractor-1", "distractor-2"):
-        assert cloth(few, name) == cloth(many, name)
-    assert cloth(many, "distractor-3") != cloth(many, "distractor-2")
+        assert texture_of(few, name) == texture_of(many, name)
+    assert texture_of(many, "distractor-3") != texture_of(many, "distractor-2")
 
 
 def test_seeds_differ():
