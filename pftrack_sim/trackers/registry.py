@@ -16,7 +16,7 @@ from pftrack_sim.core.plugins import BuiltIn, Registry
 from pftrack_sim.core.records import Tracker
 
 GROUP = "pftrack_sim.trackers"
-_CONTRIB = "needs opencv-contrib-python-headless"
+_CONTRIB, _FILES = "needs opencv-contrib-python-headless", "needs model files"
 _BUILTIN = {  # name: (module, description)
     "ko2012": ("papers.ko2012", "Ko, Nam & Kwak 2012: particle filter on HSV colour and CS-LBP texture"),
     "ko2012-cslbp": ("papers.ko2012", "Ko et al. 2012, method 4: CS-LBP texture alone"),
@@ -25,29 +25,20 @@ _BUILTIN = {  # name: (module, description)
     "ko2012-rgb": ("papers.ko2012", "Ko et al. 2012, method 1: RGB histogram"),
     "kwon2005": ("papers.kwon2005", "Kwon, Kim & Lim: appearance-adaptive particle filter on a grey template"),
     "kwon2005-no-occlusion": ("papers.kwon2005", "kwon2005 without occlusion detection"),
-    "lee2012": (
-        "papers.lee2012",
-        "Lee et al. 2012: particle filter on colour and HOG, learnt on line by incremental PCA",
-    ),
-    "lee2012-checked": (
-        "papers.lee2012",
-        "lee2012 that learns only from what resembles the target; not in the paper",
-    ),
+    "lee2012": ("papers.lee2012", "Lee et al. 2012: particle filter on colour and HOG, with incremental PCA"),
+    "lee2012-checked": ("papers.lee2012", "lee2012 that learns from reliable estimates only; not in the paper"),
     "lee2012-color": ("papers.lee2012", "Lee et al. 2012, compared: colour alone"),
     "lee2012-color-hog": ("papers.lee2012", "Lee et al. 2012, compared: colour and HOG, without learning"),
     "ncc": ("baselines.template_matching", "normalised cross-correlation with the first frame's patch"),
     "opencv-camshift": ("baselines.mean_shift", "OpenCV's CamShift on the back-projected hue: Bradski 1998"),
     "opencv-csrt": ("opencv.classic", f"OpenCV's TrackerCSRT; {_CONTRIB}"),
-    "opencv-dasiamrpn": (
-        "opencv.networks",
-        "OpenCV's TrackerDaSiamRPN; needs model files: model, kernel_cls1, kernel_r1",
-    ),
+    "opencv-dasiamrpn": ("opencv.networks", f"OpenCV's TrackerDaSiamRPN; {_FILES}: model, kernel_cls1, kernel_r1"),
     "opencv-kcf": ("opencv.classic", f"OpenCV's TrackerKCF; {_CONTRIB}"),
     "opencv-meanshift": ("baselines.mean_shift", "OpenCV's meanShift on the back-projected hue: Bradski 1998"),
     "opencv-medianflow": ("opencv.classic", f"OpenCV's TrackerMedianFlow; {_CONTRIB}"),
     "opencv-mil": ("opencv.classic", "OpenCV's TrackerMIL: multiple-instance learning"),
     "opencv-mosse": ("opencv.classic", f"OpenCV's TrackerMOSSE; {_CONTRIB}"),
-    "opencv-nano": ("opencv.networks", "OpenCV's TrackerNano; needs model files: backbone, neckhead"),
+    "opencv-nano": ("opencv.networks", f"OpenCV's TrackerNano; {_FILES}: backbone, neckhead"),
     "opencv-tld": ("opencv.classic", f"OpenCV's TrackerTLD; {_CONTRIB}"),
     "opencv-vit": ("opencv.networks", "OpenCV's TrackerVit; needs a model file: model"),
     "oracle": ("baselines.reference", "the ground truth"),

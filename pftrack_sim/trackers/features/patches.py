@@ -97,7 +97,7 @@ def sample_patches(grey: NDArray[np.uint8], placements: FloatArray, shape: tuple
 def _sample(
     grey: NDArray[np.uint8], placements: NDArray[np.float64], rows: int, columns: int, out: NDArray[np.float32]
 ) -> None:
-    """Fill `out` with normalised patches; nothing is allocated."""
+    """Fill `out` with normalised patches."""
     height, width = grey.shape
     max_x, max_y = np.float32(width - 1), np.float32(height - 1)
     count = rows * columns

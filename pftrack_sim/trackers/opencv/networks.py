@@ -7,13 +7,12 @@ They do not learn on line and use no random numbers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
+from pydantic import Field
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
@@ -23,46 +22,40 @@ from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.parameters import Parameters
 
 
-class DaSiamRpnFiles(Parameters):
+class ModelFiles(Parameters):
+    """Model files of a network; aliases are the names in OpenCV's own parameters."""
+
+    CV2_CLASS: ClassVar[str]
+
+
+class DaSiamRpnFiles(ModelFiles):
     """Model files of `opencv-dasiamrpn`."""
 
+    CV2_CLASS: ClassVar[str] = "TrackerDaSiamRPN"
     model: Path | None = None
     kernel_cls1: Path | None = None
     kernel_r1: Path | None = None
 
 
-class NanoFiles(Parameters):
+class NanoFiles(ModelFiles):
     """Model files of `opencv-nano`."""
 
+    CV2_CLASS: ClassVar[str] = "TrackerNano"
     backbone: Path | None = None
     neckhead: Path | None = None
 
 
-class VitFiles(Parameters):
+class VitFiles(ModelFiles):
     """Model file of `opencv-vit`."""
 
-    model: Path | None = None
+    CV2_CLASS: ClassVar[str] = "TrackerVit"
+    model: Path | None = Field(None, serialization_alias="net")
 
 
-@dataclass(frozen=True)
-class Network:
-    """A network tracker of OpenCV.
-
-    Attributes:
-        class_name: In `cv2`.
-        files: Parameters of the tracker: one model file each.
-        renamed: Parameters whose name differs in `cv2`'s own parameters.
-    """
-
-    class_name: str
-    files: type[Parameters]
-    renamed: Mapping[str, str]
-
-
-NETWORKS = {
-    "opencv-dasiamrpn": Network("TrackerDaSiamRPN", DaSiamRpnFiles, {}),
-    "opencv-nano": Network("TrackerNano", NanoFiles, {}),
-    "opencv-vit": Network("TrackerVit", VitFiles, {"model": "net"}),
+NETWORKS: dict[str, type[ModelFiles]] = {
+    "opencv-dasiamrpn": DaSiamRpnFiles,
+    "opencv-nano": NanoFiles,
+    "opencv-vit": VitFiles,
 }
 
 
@@ -74,15 +67,15 @@ class NetworkTracker(BaseTracker):
 
     Args:
         name: One of `NETWORKS`.
-        paths: A model file for each parameter.
+        files: Model files, all given.
 
     Raises:
         TrackerError: A file is no model.
     """
 
-    def __init__(self, name: str, paths: Mapping[str, Path]) -> None:
+    def __init__(self, name: str, files: ModelFiles) -> None:
         super().__init__()
-        self._name, self._paths = name, dict(paths)
+        self._name, self._files = name, files
         self._create()  # report invalid files now, not at the first frame
         self._tracker: Any = None
         self._box = np.zeros(4)
@@ -107,17 +100,16 @@ class NetworkTracker(BaseTracker):
         return Estimate(box, min(max(score, 0.0), 1.0) if np.isfinite(score) else 0.0)
 
     def _create(self) -> Any:
-        network = NETWORKS[self._name]
-        options: Any = getattr(cv2, f"{network.class_name}_Params")()
-        for key, path in self._paths.items():
-            setattr(options, network.renamed.get(key, key), str(path))
+        options: Any = getattr(cv2, f"{self._files.CV2_CLASS}_Params")()
+        for key, path in self._files.model_dump(by_alias=True).items():
+            setattr(options, key, str(path))
         try:
-            return getattr(cv2, network.class_name).create(options)
+            return getattr(cv2, self._files.CV2_CLASS).create(options)
         except cv2.error as error:
-            files = ", ".join(f"{key}={path}" for key, path in self._paths.items())
+            given = ", ".join(f"{key}={path}" for key, path in self._files)
             reason = " ".join(str(error).split())[:200]
             raise TrackerError(
-                f"{self._name}: OpenCV cannot read these files as its model ({files}): {reason}"
+                f"{self._name}: OpenCV cannot read these files as its model ({given}): {reason}"
             ) from None
 
 
@@ -128,17 +120,14 @@ def make(name: str, *, seed: int, preset: str, **params: Any) -> NetworkTracker:
         ParameterError: An unknown preset or parameter, or a value that is no path.
         TrackerError: A file is not given, missing, cannot be read, or is no model.
     """
-    files: dict[str, Path | None] = dict(NETWORKS[name].files.from_preset(name, preset, params))
-    paths = {key: path for key, path in files.items() if path is not None}
-    if len(paths) < len(files):
-        missing, shown = (
-            ", ".join(key for key in files if key not in paths),
-            ", ".join(f'{key}="FILE.onnx"' for key in files),
-        )
+    files = NETWORKS[name].from_preset(name, preset, params)
+    missing = ", ".join(key for key, path in files if path is None)
+    if missing:
+        shown = ", ".join(f'{key}="FILE.onnx"' for key, _ in files)
         raise TrackerError(f"{name} needs model files that you give: missing {missing} (make with {shown})")
-    for key, path in paths.items():
+    for key, path in files:
         _check_readable(f"{name}: {key}", path)
-    return NetworkTracker(name, paths)
+    return NetworkTracker(name, files)
 
 
 def _check_readable(what: str, path: Path) -> None:

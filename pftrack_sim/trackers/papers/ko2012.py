@@ -26,7 +26,8 @@ from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.histogram import cell_layout, epanechnikov_layout, uniform_layout
 from pftrack_sim.trackers.features.histogram_model import Feature, HistogramModel, LikelihoodForm, log_mixture
 from pftrack_sim.trackers.features.pixel_codes import PATTERN_COUNT, cs_lbp_codes, hsv_codes, rgb_codes
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
+from pftrack_sim.trackers.filters.dynamics import RandomWalk
+from pftrack_sim.trackers.filters.particles import ParticleFilter
 from pftrack_sim.trackers.papers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Share
 
