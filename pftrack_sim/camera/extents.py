@@ -1,4 +1,4 @@
-"""Amodal boxes of bodies from the vertices of their parts, without rendering.
+"""Amodal boxes and outlines of bodies from the vertices of their parts, without rendering.
 
 Every part is the convex hull of its vertices, so its extent is that of the projected vertices. What lies nearer than
 the near plane is cut off, as in the rendered image. Extents are the smallest x/z, y/z and the largest x/z, y/z in
@@ -14,11 +14,18 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
 CORNERS: FloatArray = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 """`(8, 3)` corners of the box with half sizes 1."""
 CORNERS.setflags(write=False)
+
+_CHORD = np.arange(3) / 3.0
+"""Positions of outline points along the chord from one farthest vertex to the next."""
+
+_ANGLES = 2.0 * np.pi * np.arange(24) / 24
+_DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+"""`(2, 24)` directions in which the farthest vertices of an outline are found."""
 
 _STACK_STEP = 64
 """Parts whose vertices fill equally many runs of this length are projected together."""
@@ -45,9 +52,9 @@ class Bodies:
         self.starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.intp)
         """`(B,)` index of each body's first part."""
         self.vertices = [np.array(vertices, dtype=np.float64) for parts in bodies for vertices in parts]
-        self.stacks = _stack(self.vertices)
-        """Parts of similar size: indices `(G,)` and vertices `(G, V, 3)`."""
-        self._transposed = [(parts, np.ascontiguousarray(v.transpose(0, 2, 1))) for parts, v in self.stacks]
+        # Parts of similar size: indices (G,), vertices (G, V, 3), and these as (G, 3, V).
+        self._stacks = _stack(self.vertices)
+        self._transposed = [(parts, np.ascontiguousarray(v.transpose(0, 2, 1))) for parts, v in self._stacks]
 
     def boxes(
         self, positions: ArrayLike, rotations: ArrayLike, T_world_camera: ArrayLike, K: ArrayLike, near_m: float
@@ -111,6 +118,32 @@ class Bodies:
         for parts, vertices in self._transposed:
             lowest[parts] = centres[parts, 2] + (axes[parts, 2:] @ vertices)[:, 0].min(axis=1)
         return np.minimum.reduceat(lowest, self.starts)
+
+    def outlines(
+        self, positions: FloatArray, rotations: FloatArray, T_world_camera: FloatArray, near_m: float, wanted: BoolArray
+    ) -> FloatArray:
+        """Outline points of parts, which a camera with lens distortion or rolling shutter projects one by one.
+
+        They are the farthest vertices in a ring of directions and points on the chords between these, as a long
+        straight edge may bulge between its ends. Arguments are those of `boxes` and `(S,)` which parts to find.
+
+        Returns:
+            `(N, 72, 3)` points [m] in the frames of the N wanted parts. Those of a part that the near plane cuts may
+            lie behind the plane.
+        """
+        R_world_camera, camera = T_world_camera[:3, :3], T_world_camera[:3, 3]
+        outlines = np.empty((len(wanted), len(_ANGLES) * len(_CHORD), 3))
+        for indices, stacked in self._stacks:
+            kept = wanted[indices]
+            parts, points = indices[kept], stacked[kept]
+            local = points @ (R_world_camera.T @ rotations[parts]).transpose(0, 2, 1)
+            local += ((positions[parts] - camera) @ R_world_camera)[:, None]
+            reach = (local[..., :2] / np.maximum(local[..., 2:], near_m)) @ _DIRECTIONS
+            farthest = points[np.arange(len(parts))[:, None], reach.argmax(axis=1)]
+            steps = np.roll(farthest, -1, axis=1) - farthest
+            chords = farthest[:, :, None] + _CHORD[:, None] * steps[:, :, None]
+            outlines[parts] = chords.reshape(len(parts), -1, 3)
+        return outlines[wanted]
 
 
 def _stack(vertices: Sequence[FloatArray]) -> list[tuple[IntArray, FloatArray]]:

@@ -7,12 +7,13 @@ a pixel costs one lookup at a random quantile.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.special import gammaln, ndtr, xlogy
 
 from pftrack_sim.core.photometry import DISPLAY_GAMMA
 from pftrack_sim.core.random_streams import stream
@@ -36,8 +37,6 @@ probability is off by less than 0.001.
 _STEPS_PER_EV = 16
 """Tables per stop of a changing exposure: the variance is off by 2.2 % at most."""
 
-_TABLES_KEPT = 48
-
 
 class Noise:
     """Adds independent noise to every frame.
@@ -51,7 +50,6 @@ class Noise:
         self._white_e = axis.white_e
         self._read_e = axis.severity * axis.read_noise_e
         self._seed = seed
-        self._tables: OrderedDict[int, Table] = OrderedDict()
 
     def read(self, image: Image, index: int, gains: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Image:
         """Read out a frame.
@@ -65,20 +63,13 @@ class Noise:
         Returns:
             `(H, W, 3)` uint8, a new array.
         """
-        red, green, blue = (self._table(round(_STEPS_PER_EV * math.log2(gain))) for gain in gains)
+        stops = (round(_STEPS_PER_EV * math.log2(gain)) / _STEPS_PER_EV for gain in gains)
+        red, green, blue = (quantile_table(self._white_e * 2.0**-ev, self._read_e) for ev in stops)
         key = stream(self._seed, "sensor", "noise", index).integers(2**64, dtype=np.uint64)
         return _sample(np.ascontiguousarray(image), red, green, blue, key)
 
-    def _table(self, steps: int) -> Table:
-        """Table of a gain of `steps / _STEPS_PER_EV` stops; the tables used last are cached."""
-        if steps not in self._tables:
-            if len(self._tables) >= _TABLES_KEPT:
-                self._tables.popitem(last=False)
-            self._tables[steps] = quantile_table(self._white_e * 2.0 ** (-steps / _STEPS_PER_EV), self._read_e)
-        self._tables.move_to_end(steps)
-        return self._tables[steps]
 
-
+@lru_cache(maxsize=48)
 def quantile_table(white_e: float, read_e: float) -> Table:
     """Quantiles of the output of a pixel of each value.
 
@@ -87,63 +78,38 @@ def quantile_table(white_e: float, read_e: float) -> Table:
         read_e: Standard deviation of the read noise [e-].
 
     Returns:
-        `(256, QUANTILES)` uint8, each row ascending.
+        `(256, QUANTILES)` uint8, read-only, each row ascending.
     """
-    values = np.arange(256) / 255.0
-    limits = (np.arange(0.5, 255.0) / 255.0) ** DISPLAY_GAMMA
-    return _tabulate(white_e * values**DISPLAY_GAMMA, white_e * limits, max(read_e, 1e-9))
-
-
-@njit(cache=True)
-def _tabulate(mean_e: FloatArray, limits_e: FloatArray, read_e: float) -> Table:
-    """Quantile table from the mean of each value and the limits between outputs [e-]."""
-    table = np.empty((256, QUANTILES), dtype=np.uint8)
-    for value in range(256):
-        mean = mean_e[value]
-        spread = math.sqrt(mean + read_e * read_e)
-        filled = 0
-        for output in range(255):
-            limit = limits_e[output]
-            if mean >= _EXACT_BELOW_E and read_e < 0.35:
-                # With little read noise the sum is a whole number of electrons (continuity correction).
-                limit = math.floor(limit) + 0.5
-            z = (limit - mean) / spread
-            if z < -9.0:
-                continue
-            if mean < _EXACT_BELOW_E:
-                below = _poisson_and_read(limit, mean, read_e)
-            else:
-                skew = mean / spread**3
-                bell = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
-                below = _normal(z) - bell * skew / 6.0 * (z * z - 1.0)
-            last = min(QUANTILES, math.floor(below * QUANTILES + 0.5))
-            while filled < last:
-                table[value, filled] = output
-                filled += 1
-            if filled == QUANTILES or z > 9.0:
-                break
-        while filled < QUANTILES:
-            table[value, filled] = 255
-            filled += 1
+    mean_e = white_e * (np.arange(256) / 255.0) ** DISPLAY_GAMMA
+    limits_e = white_e * (np.arange(0.5, 255.0) / 255.0) ** DISPLAY_GAMMA
+    read_e = max(read_e, 1e-9)
+    dim = int(np.searchsorted(mean_e, _EXACT_BELOW_E))
+    exact = [_poisson_cdf(limits_e, float(mean), read_e) for mean in mean_e[:dim]]
+    below = np.concatenate([np.array(exact), _edgeworth_cdf(limits_e, mean_e[dim:, None], read_e)])
+    ends = np.clip(np.maximum.accumulate(np.floor(below * QUANTILES + 0.5), axis=1), 0, QUANTILES).astype(np.intp)
+    counts = np.diff(ends, axis=1, prepend=0, append=QUANTILES)
+    outputs = np.tile(np.arange(256, dtype=np.uint8), 256)
+    table = np.repeat(outputs, counts.ravel()).reshape(256, QUANTILES)
+    table.setflags(write=False)
     return table
 
 
-@njit(cache=True)
-def _normal(z: float) -> float:
-    """Cumulative standard normal distribution."""
-    return 0.5 * math.erfc(-z / math.sqrt(2.0))
+def _poisson_cdf(limits_e: FloatArray, mean_e: float, read_e: float) -> FloatArray:
+    """Probabilities that Poisson electrons plus read noise are below `(L,)` limits, summed term by term."""
+    counts = np.arange(int(mean_e + 8.0 * math.sqrt(mean_e) + 12.0) + 1)
+    probabilities = np.exp(xlogy(counts, mean_e) - gammaln(counts + 1.0) - mean_e)
+    return probabilities @ ndtr((limits_e - counts[:, None]) / read_e)
 
 
-@njit(cache=True)
-def _poisson_and_read(limit_e: float, mean_e: float, read_e: float) -> float:
-    """Probability that Poisson electrons plus read noise are below a limit."""
-    term = math.exp(-mean_e)
-    total = 0.0
-    last = int(mean_e + 8.0 * math.sqrt(mean_e) + 12.0)
-    for count in range(last + 1):
-        total += term * _normal((limit_e - count) / read_e)
-        term *= mean_e / (count + 1.0)
-    return total
+def _edgeworth_cdf(limits_e: FloatArray, mean_e: FloatArray, read_e: float) -> FloatArray:
+    """The same for `(M, 1)` large means: a Gaussian with the skewness of the Poisson distribution."""
+    if read_e < 0.35:
+        # With little read noise the sum is a whole number of electrons (continuity correction).
+        limits_e = np.floor(limits_e) + 0.5
+    spread = np.sqrt(mean_e + read_e * read_e)
+    z = (limits_e - mean_e) / spread
+    density = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+    return ndtr(z) - density * (mean_e / spread**3) / 6.0 * (z * z - 1.0)
 
 
 @njit(cache=True)

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pftrack_sim.camera.distortion import Lens
-from pftrack_sim.camera.outlines import outline_points
 from pftrack_sim.camera.pinhole import normalized_coordinates
 from pftrack_sim.camera.shutter import interpolate_pixels, solve_row_times
 from pftrack_sim.core.types import FloatArray, IntArray
-from pftrack_sim.render.capture.frame_capture import CapturedFrame
-from pftrack_sim.render.capture.render_pass import RenderPass
+from pftrack_sim.render.capture.frame_capture import CapturedFrame, RenderPass
 from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder, pixels_around
 
 _SWEEP_INSTANTS = 5
@@ -77,7 +75,7 @@ def _boxes(captured: CapturedFrame, finder: SilhouetteFinder) -> tuple[FloatArra
         return amodal, swept
     counts = np.diff(np.append(finder.bodies.starts, len(finder.geoms)))
     wanted, starts = np.repeat(ahead, counts), np.concatenate([[0], np.cumsum(counts[ahead])[:-1]]).astype(np.intp)
-    points = outline_points(finder.bodies, *middle_poses, pose, near_m, wanted)
+    points = finder.bodies.outlines(*middle_poses, pose, near_m, wanted)
 
     def world_points(positions: FloatArray, rotations: FloatArray) -> FloatArray:
         return points @ rotations[wanted].transpose(0, 2, 1) + positions[wanted, None]

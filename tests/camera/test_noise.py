@@ -72,6 +72,11 @@ def test_every_pixel_is_distributed_as_counted_electrons(white_e: float, read_e:
         assert abs(ours - theirs).max() < 0.012, value  # Kolmogorov-Smirnov: p = 1e-5 at this many draws
 
 
+def test_a_dark_pixel_without_read_noise_is_never_white():
+    # One electron in sixty is the largest likely output.
+    assert quantile_table(60.0, 0.0)[:6].max() == quantile_table(60.0, 0.0)[6].max() < 60
+
+
 def test_pixels_channels_frames_and_seeds_are_independent():
     axis = NoiseAxis(severity=1.0)
     noise = Noise(axis, 1)

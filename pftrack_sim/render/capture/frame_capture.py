@@ -12,7 +12,8 @@ motion in the image requires (`pass_planner`):
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -20,7 +21,7 @@ import numpy as np
 
 from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.camera.pinhole import focal_and_centre, normalized_coordinates
-from pftrack_sim.camera.remap import RadianceAccumulator, RayGrid, inverse_ground_range, resample
+from pftrack_sim.camera.remap import PixelMap, RadianceAccumulator, RayGrid, inverse_ground_range, resample
 from pftrack_sim.camera.shake import CameraShake
 from pftrack_sim.camera.shutter import Shutter, solve_row_times
 from pftrack_sim.camera.trajectory import CameraTrajectory
@@ -30,7 +31,6 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.pass_planner import NEAREST_M, PassPlan, PassPlanner
 from pftrack_sim.render.capture.pose_history import PoseHistory
-from pftrack_sim.render.capture.render_pass import RenderPass, coordinate_range, fit_camera_matrix, rows_used
 from pftrack_sim.scenario import ResolvedScenario
 
 _SHAKE_MARGIN_PX = 6
@@ -41,6 +41,27 @@ _LARGEST_RATIO = 1.6
 
 _POSES_PER_FRAME = 9
 """Instants within a frame between which camera poses are interpolated."""
+
+
+@dataclass(frozen=True, eq=False)
+class RenderPass:
+    """One rendered image of a frame.
+
+    Attributes:
+        bands: First and one past the last of the bands of image rows that it serves.
+        offset_s: Mean offset of its light from the mid-exposure of each row.
+        T_world_camera: `(4, 4)` pose of its camera.
+        K: `(3, 3)` its camera matrix [px].
+        rows: Rows of the rendered image that are used.
+        pixel_maps: For each time it is resampled, `(rows, W, 2)` places in those rows.
+    """
+
+    bands: tuple[int, int]
+    offset_s: float
+    T_world_camera: FloatArray
+    K: FloatArray
+    rows: slice
+    pixel_maps: tuple[PixelMap, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +110,7 @@ class FrameCapture:
     @property
     def render_size(self) -> tuple[int, int]:
         """Width and height of the rendered images [px]."""
-        low, high = coordinate_range([self.rays.reproject(0, self.rays.bands, np.eye(4), np.eye(4))])
+        low, high = _coordinate_range([self.rays.reproject(0, self.rays.bands, np.eye(4), np.eye(4))])
         size = np.array(self.lens.size)
         beyond = (high - low) * focal_and_centre(self.lens.K)[:2] - size
         margin = np.ceil(0.5 * np.maximum(beyond, 0.0)) + (0 if self.shutter.instant else _SHAKE_MARGIN_PX)
@@ -203,8 +224,8 @@ class FrameCapture:
         pose = self._trajectory.at(float(shutter.row_s(0.5 * (y_px[0] + y_px[-1]))) + offset_s)
         when = shutter.row_s(y_px) if shutter.readout_s else np.array(shutter.middle_s)
         grids = [self.rays.reproject(first, last, self._trajectory.at(when + offset), pose) for offset in offsets_s]
-        K = fit_camera_matrix(self.lens, grids, size)
-        rows = rows_used(grids, K, size[1])
+        K = _fit_camera_matrix(self.lens, grids, size)
+        rows = _rows_used(grids, K, size[1])
         pixel_maps = tuple(self.rays.pixel_map(first, last, grid, K, rows.start) for grid in grids)
         render_pass = RenderPass(bands, offset_s, pose, K, rows, pixel_maps)
         if shutter.instant:
@@ -236,3 +257,40 @@ def make_frame_capture(
     except ParameterError as error:
         raise ScenarioError(repr(settings.title), [f"axes.distortion: {error}"]) from None
     return FrameCapture(model, lens, shutter, shake)
+
+
+def _coordinate_range(grids: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """`(2,)` smallest and largest normalized coordinates of `(rows, columns, 2)` grids, found on their borders."""
+    border = np.concatenate([side for grid in grids for side in (grid[0], grid[-1], grid[:, 0], grid[:, -1])])
+    return border.min(axis=0), border.max(axis=0)
+
+
+def _rows_used(grids: Sequence[FloatArray], K: FloatArray, height_px: int) -> slice:
+    """Rows of a rendered image that grids of normalized coordinates use, with a margin of two."""
+    _, fy, _, cy = focal_and_centre(K)
+    low = min(float(grid[..., 1].min()) for grid in grids) * fy + cy
+    high = max(float(grid[..., 1].max()) for grid in grids) * fy + cy
+    return slice(min(max(math.floor(low) - 2, 0), height_px - 1), max(min(math.ceil(high) + 2, height_px), 1))
+
+
+def _fit_camera_matrix(lens: Lens, grids: Sequence[FloatArray], size: tuple[int, int]) -> FloatArray:
+    """`(3, 3)` camera matrix of a rendered image that contains some rays, at the scale of the lens or smaller.
+
+    Args:
+        lens: Projection of the camera.
+        grids: `(rows, columns, 2)` normalized coordinates of the rays.
+        size: Width and height of the rendered image [px].
+    """
+    low, high = _coordinate_range(grids)
+    size_px = np.array(size)
+    focal = np.array(focal_and_centre(lens.K)[:2])
+    scale = min(1.0, float((size_px / ((high - low) * focal)).min()))
+    centre = 0.5 * size_px - 0.5 * scale * focal * (low + high)
+    if scale == 1.0:
+        # On the pixel grid of the image, so that pixels without distortion are not interpolated.
+        principal_point = lens.K[:2, 2]
+        centre = principal_point + np.round(centre - principal_point)
+    K = np.eye(3)
+    K[0, 0], K[1, 1] = scale * focal
+    K[:2, 2] = centre
+    return K
