@@ -177,6 +177,13 @@ def test_stride_length_matches_the_published_relation(speed: float):
         assert np.abs(strides - expected).max() < 0.04 + speed * DT
 
 
+def test_stride_frequency_grows_with_the_published_power_of_speed():
+    height = 1.75
+    frequency_hz = [speed * height / float(stride_length(speed * height, height)) for speed in (1.0, 1.5)]
+    assert abs(frequency_hz[0] - 64.8 / 60.0) < 1e-9
+    assert abs(np.log(frequency_hz[1] / frequency_hz[0]) / np.log(1.5) - 0.57) < 1e-9
+
+
 def test_the_right_side_repeats_the_left_half_a_stride_later():
     speed, ticks = 1.2, 64
     body = bodies()[0]
