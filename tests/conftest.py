@@ -1,4 +1,4 @@
-"""What all tests share."""
+"""Fixtures shared by all tests."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from render_stage import HEIGHT, WIDTH, Stage, build
 
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 
-# A machine may be busy: how long an example takes says nothing about the code.
+# On a busy machine, the duration of an example says nothing about the code.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 if "PYTEST_XDIST_WORKER" in os.environ:
-    # Tests side by side already keep every core busy: Mesa's software rasteriser draws in the thread that asks.
+    # Parallel tests keep every core busy: let Mesa's software rasteriser draw in the calling thread.
     os.environ.setdefault("LP_NUM_THREADS", "0")
 
 
@@ -44,8 +44,8 @@ def drawing(shared_rasteriser: Rasteriser) -> Callable[[Stage], Rasteriser]:
 
 
 @pytest.fixture
-def in_a_process() -> Callable[[str, int], dict]:
-    """Runs the stage's digest in a process of its own with `"egl"`, `"osmesa"` or `"any"` library."""
+def digest_in_new_process() -> Callable[[str, int], dict]:
+    """Computes the stage's digest in a new process with the library `"egl"`, `"osmesa"` or `"any"`."""
 
     def run(backend: str, samples: int = 0) -> dict:
         program = Path(__file__).with_name("render_stage.py")

@@ -1,6 +1,6 @@
-"""A small stage for the tests of `render`: people made of every kind of geom among pillars, and a camera anywhere.
+"""A small scene for tests of `render`: people made of all types of geoms among pillars, and a camera anywhere.
 
-Run as a program it prints a digest of pictures and truth, so that tests can compare processes and OpenGL libraries.
+Run as a program, it prints a digest of images and truth, to compare processes and OpenGL libraries.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Stage:
     parts: dict[str, np.ndarray]
 
     def place(self, name: str, at: tuple[float, float, float], yaw: float = 0.0) -> None:
-        """Put a person somewhere, its feet at the point."""
+        """Move a person's feet to a point."""
         turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
         for body in np.flatnonzero([self.model.body(i).name.startswith(f"{name}/") for i in range(self.model.nbody)]):
             mocap = self.model.body_mocapid[body]
@@ -53,12 +53,12 @@ class Stage:
         return poses
 
     def owner(self, geom: int) -> str:
-        """Who a geom belongs to."""
+        """Name of the person or thing that a geom belongs to."""
         return self.model.body(self.model.geom_bodyid[geom]).name.split("/")[0]
 
 
 def new_spec(*, slices: int = 12, samples: int = 0) -> mujoco.MjSpec:
-    """A spec with the settings of the world's."""
+    """A spec with the visual settings of the simulation."""
     spec = mujoco.MjSpec()
     spec.stat.extent = 1.0
     spec.visual.map.znear, spec.visual.map.zfar = NEAR, FAR
@@ -71,7 +71,7 @@ def new_spec(*, slices: int = 12, samples: int = 0) -> mujoco.MjSpec:
 def build(
     seed: int = 0, *, people: int = 3, pillars: int = 4, samples: int = 0, ground: bool = True, slices: int = 12
 ) -> Stage:
-    """People at random places before the camera at the origin, and pillars among them."""
+    """People and pillars at random places in front of a camera at the origin."""
     rng = np.random.default_rng(seed)
     spec = new_spec(samples=samples, slices=slices)
     spec.add_texture(
@@ -95,7 +95,7 @@ def build(
         world.add_body(name="ground").add_geom(
             type=Geom.mjGEOM_BOX, size=[60, 60, 0.5], pos=[0, 0, -0.5], rgba=[0.5, 0.5, 0.4, 1], group=SCENERY_GROUP
         )
-    # A wall that only collides must cover nothing.
+    # A wall that only collides must occlude nothing.
     world.add_body(name="ghost", pos=[1, 0, 1]).add_geom(type=Geom.mjGEOM_BOX, size=[0.1, 5, 5], group=HIDDEN_GROUP)
     for index in range(pillars):
         spot = [rng.uniform(2, 8), rng.uniform(-2.5, 2.5), 1.0]
@@ -129,7 +129,7 @@ def build(
 
 
 def _anatomy() -> list[tuple[str, float, float, dict]]:
-    """Part, height, sideways offset and geom: one of every kind."""
+    """Part, height, lateral offset and geom, of all types."""
     leg = {"type": Geom.mjGEOM_CAPSULE, "size": [0.07, 0.33, 0]}
     arm = {"type": Geom.mjGEOM_CYLINDER, "size": [0.045, 0.28, 0]}
     return [
@@ -159,13 +159,13 @@ def looking(eye: tuple[float, float, float], at: tuple[float, float, float], rol
 
 
 def random_view(rng: np.random.Generator) -> np.ndarray:
-    """A camera near the origin that looks along x, more or less, and is not quite level."""
+    """A camera near the origin that looks roughly along x with some roll."""
     eye = tuple(rng.normal(size=3) * 0.3 + (0.0, 0.0, 1.2))
     return looking(eye, (5.0, *rng.normal(size=2) * 0.7 + (0.0, 1.0)), rng.normal() * 0.1)
 
 
-def words(truth: Truth) -> list:
-    """A truth as plain values that compare to the bit."""
+def plain_values(truth: Truth) -> list:
+    """A truth as plain values that compare bit for bit."""
     arrays = [truth.box, truth.amodal_box, truth.visible_box, truth.T_world_camera, truth.T_world_target, truth.K]
     numbers = [truth.visible_fraction, truth.truncation, truth.distance_m, truth.image_motion_px, truth.luminance]
     return [
@@ -178,7 +178,7 @@ def words(truth: Truth) -> list:
 
 
 def digest(backend: str | None, samples: int = 0) -> dict:
-    """Pictures, ids and truth of a few scenes, hashed."""
+    """Hashes of images, ids and truth of a few scenes."""
     pictures, ids = hashlib.sha256(), hashlib.sha256()
     truths: list = []
     renderer = None
@@ -188,14 +188,16 @@ def digest(backend: str | None, samples: int = 0) -> dict:
             renderer = Rasteriser(stage.model, WIDTH, HEIGHT, open_context(backend, (WIDTH, HEIGHT)))
         else:
             renderer.rebind(stage.model)
-        maker = TruthObserver(stage.model, stage.people, renderer, K)
+        observer = TruthObserver(stage.model, stage.people, renderer, K)
         rng = np.random.default_rng(seed)
         for frame in range(3):
             pose = random_view(rng)
             image = renderer.color(stage.data, pose, K)
             pictures.update(image.tobytes())
             ids.update(np.ascontiguousarray(renderer.ids(stage.data, pose, K).ids).tobytes())
-            truths.append([words(one) for one in maker.observe(stage.data, pose, image, frame / 30, stage.roots())])
+            truths.append(
+                [plain_values(one) for one in observer.observe(stage.data, pose, image, frame / 30, stage.roots())]
+            )
     assert renderer is not None
     used = renderer.info.backend
     renderer.close()

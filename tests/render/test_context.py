@@ -1,4 +1,4 @@
-"""OpenGL contexts: which library, what when there is none, and that they come and go without a trace."""
+"""OpenGL contexts: choice of the library, errors, forks, threads and leaks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def resident_mb() -> float:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def test_a_context_says_what_it_is_and_closes_twice():
+def test_a_context_reports_its_library_and_can_be_closed_twice():
     opened = open_context()
     info = opened.info
     assert info.backend in ("egl", "osmesa", "cgl", "wgl")
@@ -56,12 +56,12 @@ def test_a_context_restores_the_one_that_was_current_before():
     second.close()
 
 
-def test_an_unknown_backend_is_named_with_the_known():
+def test_an_unknown_backend_raises_with_the_known_names():
     with pytest.raises(UnknownNameError, match="egl"):
         open_context("elg")
 
 
-def test_one_process_keeps_to_one_library():
+def test_a_process_uses_one_opengl_library():
     opened = open_context()
     other = "osmesa" if opened.info.backend == "egl" else "egl"
     with pytest.raises(RenderError, match="once per process"):
@@ -69,7 +69,7 @@ def test_one_process_keeps_to_one_library():
     opened.close()
 
 
-def test_without_any_library_the_error_names_every_remedy(monkeypatch: pytest.MonkeyPatch):
+def test_without_any_library_the_error_lists_what_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(context, "_loads", lambda name: False)
     monkeypatch.setattr(context, "_process", context._Process())
     monkeypatch.setattr(sys, "platform", "linux")
@@ -80,7 +80,7 @@ def test_without_any_library_the_error_names_every_remedy(monkeypatch: pytest.Mo
         assert part in message
 
 
-def test_osmesa_is_tried_when_egl_does_not_work(monkeypatch: pytest.MonkeyPatch):
+def test_osmesa_is_tried_after_egl(monkeypatch: pytest.MonkeyPatch):
     tried: list[str] = []
 
     def failing(name: str, size: tuple[int, int]) -> None:
@@ -96,7 +96,7 @@ def test_osmesa_is_tried_when_egl_does_not_work(monkeypatch: pytest.MonkeyPatch)
     assert tried == ["egl", "osmesa"]
 
 
-def test_a_forked_child_is_told_to_spawn(monkeypatch: pytest.MonkeyPatch):
+def test_drawing_in_a_forked_child_raises_and_names_spawn(monkeypatch: pytest.MonkeyPatch):
     opened = open_context()
     monkeypatch.setattr(os, "getpid", lambda: -1)
     with pytest.raises(RenderError, match="spawn"), opened.current():
@@ -104,7 +104,7 @@ def test_a_forked_child_is_told_to_spawn(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(RenderError, match="spawn"):
         open_context()
     with pytest.raises(RenderError, match="spawn"):
-        # Nor does it turn to the ray caster, whose pixels are others.
+        # The ray caster, whose pixels differ, is not used instead.
         open_renderer(build().model, WIDTH, HEIGHT)
     monkeypatch.undo()
     opened.close()
@@ -135,7 +135,7 @@ def test_osmesa_draws_where_egl_finds_no_device(osmesa_present: None):
     subprocess.run([sys.executable, "-c", program], check=True, env=environment)
 
 
-def test_rasterisers_side_by_side_do_not_disturb_each_other():
+def test_several_rasterisers_in_one_thread_are_independent():
     stages = [build(seed) for seed in range(3)]
     alone = []
     for stage in stages:
@@ -152,7 +152,7 @@ def test_rasterisers_side_by_side_do_not_disturb_each_other():
         renderer.close()
 
 
-def test_a_rasteriser_may_move_from_thread_to_thread():
+def test_a_rasteriser_draws_in_any_thread():
     stage = build()
     with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
         images = [renderer.color(stage.data, POSE, K)]
@@ -165,7 +165,7 @@ def test_a_rasteriser_may_move_from_thread_to_thread():
     assert all(np.array_equal(images[0], image) for image in images)
 
 
-def test_threads_with_a_rasteriser_each_draw_at_the_same_time_from_one_model():
+def test_concurrent_rasterisers_of_one_model_are_independent():
     stage = build()
     with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
         image, ids = renderer.color(stage.data, POSE, K), renderer.ids(stage.data, POSE, K).ids.copy()
@@ -189,7 +189,7 @@ def test_threads_with_a_rasteriser_each_draw_at_the_same_time_from_one_model():
     assert not wrong
 
 
-def test_a_forgotten_rasteriser_is_freed():
+def test_a_garbage_collected_rasteriser_is_freed():
     renderer = Rasteriser(build().model, WIDTH, HEIGHT)
     opened = renderer._context
     del renderer
@@ -199,7 +199,7 @@ def test_a_forgotten_rasteriser_is_freed():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.slow
-def test_opening_and_closing_three_hundred_times_does_not_grow():
+def test_opening_and_closing_does_not_leak_memory():
     stage, bare = build(), mujoco.MjModel.from_xml_string("<mujoco/>")
 
     def once(index: int) -> None:
@@ -222,7 +222,7 @@ def test_opening_and_closing_three_hundred_times_does_not_grow():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.slow
-def test_changing_the_model_three_hundred_times_does_not_grow():
+def test_changing_the_model_does_not_leak_memory():
     stages = [build(seed) for seed in range(3)]
     with Rasteriser(stages[0].model, WIDTH, HEIGHT) as renderer:
 
@@ -256,7 +256,7 @@ def test_importing_makes_no_context_and_changes_no_environment():
     assert done.returncode == 0, done.stderr
 
 
-def test_mujocos_own_errors_become_ours(monkeypatch: pytest.MonkeyPatch):
+def test_errors_of_mujoco_become_render_errors(monkeypatch: pytest.MonkeyPatch):
     def broken(*_: object) -> None:
         raise mujoco.FatalError("gladLoadGL error")
 

@@ -1,4 +1,4 @@
-"""The doctor tells what draws, why the others do not, and what to install."""
+"""The doctor reports which renderers work, why others do not, and what to install."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BROKEN = BackendCheck("egl", None, "libEGL.so.1 is not installed")
 NONE = BackendCheck("osmesa", None, "libOSMesa.so.8 is not installed")
 
 
-def test_every_candidate_is_tried_and_something_draws_here():
+def test_every_candidate_is_checked_and_one_works_here():
     found = report()
     assert [check.backend for check in found.checks] == list(candidates())
     assert found.usable
@@ -32,7 +32,7 @@ def test_the_first_that_works_is_chosen():
     assert "libEGL.so.1 is not installed" in Report((BROKEN, other)).lines()[0]
 
 
-def test_the_remedies_come_when_nothing_works():
+def test_install_hints_are_listed_when_nothing_works():
     found = Report((BROKEN, NONE))
     assert not found.usable
     text = "\n".join(found.lines())
@@ -63,13 +63,13 @@ def test_drivers_that_crash_or_hang_are_reported(happens, said: str, monkeypatch
     assert all(said in check.problem for check in found.checks)
 
 
-def test_noise_on_standard_output_does_not_hide_the_answer(monkeypatch: pytest.MonkeyPatch):
+def test_other_output_of_a_driver_is_ignored(monkeypatch: pytest.MonkeyPatch):
     answer = 'driver says hello\n{"backend": "egl", "vendor": "v", "renderer": "r", "version": "4"}\n'
     monkeypatch.setattr(doctor.subprocess, "run", lambda *_, **__: subprocess.CompletedProcess([], 0, answer, ""))
     assert report().chosen == BackendCheck("egl", OpenGLInfo("egl", "v", "r", "4"))
 
 
-def test_the_child_of_the_doctor_answers_about_a_library_that_is_not_there():
+def test_a_missing_library_is_reported_by_the_check_process():
     program = "import sys; sys.argv[1:] = ['osmesa']\n"
     program += "from pftrack_sim.render import doctor; from pftrack_sim.render.gl import context\n"
     program += "context._loads = lambda name: False; doctor._main()"

@@ -1,4 +1,4 @@
-"""n worlds drawn together are what each is alone."""
+"""A batch of worlds equals each world drawn alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _people(world: World) -> np.ndarray:
     return np.array([world.people.index(name) if name in world.people else -1 for name in names])
 
 
-def test_four_worlds_together_are_what_each_is_alone():
+def test_a_batch_of_four_worlds_equals_each_world_drawn_alone():
     from pftrack_sim.render.warp.batch import ManyWorlds
     from pftrack_sim.render.warp.raycaster import Raycaster
 

@@ -1,4 +1,4 @@
-"""Overlays leave their inputs alone, draw where the boxes are, and survive any box and any image size."""
+"""Overlays do not modify their inputs, draw where the boxes are, and accept any box and image size."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def picture(width: int = 320, height: int = 240) -> np.ndarray:
     return np.random.default_rng(0).integers(0, 120, (height, width, 3), dtype=np.uint8)
 
 
-def test_the_image_given_stays_as_it_is_even_when_read_only():
+def test_the_input_image_is_not_modified_and_may_be_read_only():
     image = picture()
     kept = image.copy()
     image.setflags(write=False)
@@ -58,7 +58,7 @@ def test_every_tracker_has_its_colour_on_the_edges_of_its_box():
         assert (drawn[y : y + h, x : x + w] == colour).all(axis=2).sum() > w
 
 
-def test_what_a_tracker_holds_for_covered_is_dashed():
+def test_the_box_of_an_estimate_that_reports_occlusion_is_dashed():
     image = np.zeros((240, 320, 3), np.uint8)
     box = np.array([150.0, 100, 60, 100])
     open_edge, dashed = (
@@ -69,7 +69,7 @@ def test_what_a_tracker_holds_for_covered_is_dashed():
     assert 0.3 < dashed[100, 150:210].mean() < 0.8
 
 
-def test_drawing_twice_gives_the_same():
+def test_drawing_is_deterministic():
     image, estimates = picture(), {"ko2012": Estimate(np.array([90.0, 50, 40, 90]), 0.5)}
     assert np.array_equal(draw_boxes(image, truth(), estimates), draw_boxes(image, truth(), estimates))
 
@@ -86,7 +86,7 @@ def test_drawing_twice_gives_the_same():
         (1e15, 0.0, 1.0, 1.0),
     ],
 )
-def test_any_box_may_be_drawn_on_any_image(size: tuple[int, int], box: tuple[float, float, float, float]):
+def test_any_box_can_be_drawn_on_any_image(size: tuple[int, int], box: tuple[float, float, float, float]):
     image = picture(*size)
     scored = np.nan_to_num(box)
     estimates = {"a tracker with a long name": Estimate(scored, particles=np.tile(scored, (5, 1)))}
@@ -98,7 +98,7 @@ def test_any_box_may_be_drawn_on_any_image(size: tuple[int, int], box: tuple[flo
     )
 
 
-def test_particles_are_dotted_inside_the_image_only():
+def test_particles_are_drawn_inside_the_image_only():
     image = np.zeros((240, 320, 3), np.uint8)
     particles = np.array([[200.0, 200, 4, 4], [-100, 0, 2, 2], [1e9, 5, 2, 2], [np.nan, 0, 1, 1]])
     estimate = {"ko2012": Estimate(np.array([250.0, 50, 20, 20]), particles=particles)}
@@ -108,12 +108,12 @@ def test_particles_are_dotted_inside_the_image_only():
     assert (with_dots != without).any(axis=2).sum() == 1
 
 
-def test_more_trackers_than_colours_are_drawn():
+def test_more_trackers_than_colours_can_be_drawn():
     estimates = {f"tracker-{i}": Estimate(np.array([10.0, 10, 20, 20])) for i in range(9)}
     draw_boxes(picture(640, 480), truth(), estimates)
 
 
-def test_a_frame_brings_its_people():
+def test_other_people_of_a_frame_are_marked():
     image = picture()
     target, other = truth(), truth((200.0, 80.0, 30.0, 80.0), name="distractor-1")
     frame = Frame(0, 0.0, image, target, (target, other))

@@ -1,4 +1,4 @@
-"""Pictures and ids against MuJoCo's own renderer, and laws of ids."""
+"""Images and ids compared with MuJoCo's renderer, and properties of segmentations."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def through_model_camera(stage: Stage, pose: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_pictures_and_ids_are_those_of_mujocos_own_renderer(
+def test_images_and_ids_agree_with_the_renderer_of_mujoco(
     seed: int, drawing: Drawing, reference: Callable[[Stage], mujoco.Renderer]
 ):
     stage = build(seed)
@@ -71,7 +71,7 @@ def test_pictures_and_ids_are_those_of_mujocos_own_renderer(
         theirs.disable_segmentation_rendering()
         theirs.update_scene(stage.data, "eye")
         expected = theirs.render().copy()
-        # They compute the camera's axes and frustum in another order: single precision leaves a pixel here and there.
+        # The camera's axes and frustum are computed in another order: single precision changes a pixel here and there.
         differ = (ours.color(stage.data, pose, K) != expected).any(axis=2)
         assert differ.mean() < 1e-3
         theirs.enable_segmentation_rendering()
@@ -80,13 +80,13 @@ def test_pictures_and_ids_are_those_of_mujocos_own_renderer(
         assert (ours.ids(stage.data, pose, K).ids != expected_ids).mean() < 1e-3
 
 
-def test_a_field_of_view_is_as_good_as_a_matrix(drawing: Drawing):
+def test_a_field_of_view_gives_the_same_image_as_its_camera_matrix(drawing: Drawing):
     stage = build()
     renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
     assert np.array_equal(renderer.color(stage.data, pose, K), renderer.color(stage.data, pose, 0.9))
 
 
-def test_rows_of_a_picture_are_those_of_the_whole(drawing: Drawing):
+def test_rows_agree_with_the_same_rows_of_the_whole_image(drawing: Drawing):
     rng = np.random.default_rng(5)
     for seed in range(3):
         stage, pose = build(seed), random_view(rng)
@@ -98,7 +98,7 @@ def test_rows_of_a_picture_are_those_of_the_whole(drawing: Drawing):
             assert (np.abs(some.astype(int) - whole[start:stop]).max(axis=2) > 8).mean() < 5e-3
 
 
-def test_any_rectangle_is_the_whole_image_cropped(drawing: Drawing):
+def test_any_rectangle_equals_the_crop_of_the_whole_image(drawing: Drawing):
     rng = np.random.default_rng(3)
     for seed in range(6):
         stage = build(seed)
@@ -113,7 +113,7 @@ def test_any_rectangle_is_the_whole_image_cropped(drawing: Drawing):
             assert np.array_equal(part.inverse_depth, whole.inverse_depth[rect.slices])
 
 
-def test_layers_laid_over_each_other_are_the_whole_picture(drawing: Drawing):
+def test_segmentations_of_parts_merge_into_that_of_the_whole(drawing: Drawing):
     rng = np.random.default_rng(4)
     for seed in range(12):
         stage = build(seed)
@@ -129,7 +129,7 @@ def test_layers_laid_over_each_other_are_the_whole_picture(drawing: Drawing):
         assert np.array_equal(nearness, whole.inverse_depth)
 
 
-def test_every_id_is_a_drawn_geom_of_the_scene(drawing: Drawing):
+def test_every_id_is_a_visible_geom(drawing: Drawing):
     rng = np.random.default_rng(5)
     for seed in range(10):
         stage = build(seed)
@@ -144,7 +144,7 @@ def test_every_id_is_a_drawn_geom_of_the_scene(drawing: Drawing):
             assert ((layer.inverse_depth > 0) == (layer.ids >= 0)).all()
 
 
-def test_only_what_is_shown_is_drawn(drawing: Drawing):
+def test_only_the_given_geoms_are_drawn(drawing: Drawing):
     stage = build()
     renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
     groups = stage.model.geom_group.copy()
@@ -156,10 +156,10 @@ def test_only_what_is_shown_is_drawn(drawing: Drawing):
     assert (nothing.ids == -1).all()
     everything = renderer.ids(stage.data, pose, K, geoms=np.ones(stage.model.ngeom, bool))
     assert np.array_equal(everything.ids, renderer.ids(stage.data, pose, K).ids)
-    assert np.array_equal(groups, stage.model.geom_group)  # the caller's model stays as it is
+    assert np.array_equal(groups, stage.model.geom_group)  # the caller's model is unchanged
 
 
-def test_wholly_transparent_geoms_do_not_shift_the_ids_of_others(drawing: Drawing):
+def test_fully_transparent_geoms_do_not_shift_the_ids_of_others(drawing: Drawing):
     stage = build()
     pose = looking((0, 0, 1.2), (5, 0, 1))
     before = drawing(stage).ids(stage.data, pose, K)
@@ -184,7 +184,7 @@ def test_ids_do_not_depend_on_light_shadows_or_multisampling():
     assert not np.array_equal(*pictures)
 
 
-def test_pixels_lie_where_the_matrix_projects_them(drawing: Drawing):
+def test_geoms_are_drawn_where_the_camera_matrix_projects_them(drawing: Drawing):
     """A camera with unequal focal lengths and an off-centre principal point draws what it projects."""
     spec = new_spec()
     spots = np.random.default_rng(6).uniform([3, -0.9, 0.4], [6, 0.9, 2.0], size=(16, 3))
@@ -209,7 +209,7 @@ def test_pixels_lie_where_the_matrix_projects_them(drawing: Drawing):
     assert found > 5
 
 
-def test_a_picture_is_new_each_time_and_the_same(drawing: Drawing):
+def test_each_image_is_a_new_equal_array(drawing: Drawing):
     stage = build()
     renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
     first = renderer.color(stage.data, pose, K)
@@ -223,7 +223,7 @@ def test_a_picture_is_new_each_time_and_the_same(drawing: Drawing):
     assert first.flags.writeable
 
 
-def test_the_image_may_be_larger_or_smaller_than_the_models_own_buffer():
+def test_the_image_size_is_independent_of_the_offscreen_size_of_the_model():
     stage = build()
     for size in ((33, 17), (700, 500)):
         with Rasteriser(stage.model, *size) as renderer:
@@ -232,7 +232,7 @@ def test_the_image_may_be_larger_or_smaller_than_the_models_own_buffer():
             assert renderer.ids(stage.data, pose, 0.9).ids.shape == (size[1], size[0])
 
 
-def test_fog_changes_the_picture_and_not_the_ids():
+def test_fog_changes_the_image_and_not_the_ids():
     stage, pose = build(), looking((0, 0, 1.2), (5, 0, 1))
     stage.model.vis.map.fogstart, stage.model.vis.map.fogend = 1.0, 4.0
     with Rasteriser(stage.model, WIDTH, HEIGHT) as clear, Rasteriser(stage.model, WIDTH, HEIGHT, fog=True) as foggy:
@@ -240,7 +240,7 @@ def test_fog_changes_the_picture_and_not_the_ids():
         assert np.array_equal(clear.ids(stage.data, pose, K).ids, foggy.ids(stage.data, pose, K).ids)
 
 
-def test_wrong_arguments_are_refused(drawing: Drawing):
+def test_invalid_arguments_raise(drawing: Drawing):
     stage = build()
     renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
     for rect in (PixelRect(0, 0, 0, 5), PixelRect(-1, 0, 5, 5), PixelRect(0, 0, WIDTH + 1, 5)):
@@ -253,26 +253,28 @@ def test_wrong_arguments_are_refused(drawing: Drawing):
         Rasteriser(stage.model, 0, 5)
 
 
-def test_a_closed_rasteriser_says_so():
+def test_a_closed_rasteriser_raises():
     stage = build()
     renderer = Rasteriser(stage.model, WIDTH, HEIGHT)
     renderer.close()
     renderer.close()
     with pytest.raises(RenderError, match="closed"):
         renderer.color(stage.data, np.eye(4), K)
-    assert renderer.description  # still tells what it was
+    assert renderer.description
 
 
 @pytest.mark.slow
-def test_two_processes_see_the_same_bits(in_a_process: Callable[[str, int], dict]):
-    first, second = in_a_process("any", 0), in_a_process("any", 0)
+def test_two_processes_draw_equal_bits(digest_in_new_process: Callable[[str, int], dict]):
+    first, second = digest_in_new_process("any", 0), digest_in_new_process("any", 0)
     assert first == second
     assert first["environment_unchanged"]
 
 
 @pytest.mark.slow
-def test_ids_and_truth_do_not_depend_on_the_library(in_a_process: Callable[[str, int], dict], osmesa_present: None):
-    egl, osmesa = in_a_process("egl", 0), in_a_process("osmesa", 0)
+def test_ids_and_truth_do_not_depend_on_the_opengl_library(
+    digest_in_new_process: Callable[[str, int], dict], osmesa_present: None
+):
+    egl, osmesa = digest_in_new_process("egl", 0), digest_in_new_process("osmesa", 0)
     assert (egl["backend"], osmesa["backend"]) == ("egl", "osmesa")
     assert egl["ids"] == osmesa["ids"]
     assert osmesa["environment_unchanged"]
@@ -281,8 +283,8 @@ def test_ids_and_truth_do_not_depend_on_the_library(in_a_process: Callable[[str,
 
 
 @pytest.mark.slow
-def test_multisampling_leaves_the_boxes_alone(in_a_process: Callable[[str, int], dict]):
-    plain, smooth = in_a_process("any", 0), in_a_process("any", 4)
+def test_multisampling_does_not_change_the_boxes(digest_in_new_process: Callable[[str, int], dict]):
+    plain, smooth = digest_in_new_process("any", 0), digest_in_new_process("any", 4)
     assert plain["ids"] == smooth["ids"]
     assert plain["pictures"] != smooth["pictures"]
     for one, other in zip(plain["truths"], smooth["truths"], strict=True):
@@ -290,9 +292,7 @@ def test_multisampling_leaves_the_boxes_alone(in_a_process: Callable[[str, int],
 
 
 @pytest.mark.parametrize("shadows", [False, True])
-def test_leaving_out_what_is_not_seen_changes_no_pixel(
-    shadows: bool, drawing: Drawing, monkeypatch: pytest.MonkeyPatch
-):
+def test_culling_geoms_out_of_view_changes_no_pixel(shadows: bool, drawing: Drawing, monkeypatch: pytest.MonkeyPatch):
     rng = np.random.default_rng(7)
     left_out = 0
     for seed in range(8):

@@ -1,4 +1,4 @@
-"""The ray caster draws what OpenGL draws: same pixels, same truth, nearly the same colours."""
+"""The ray caster agrees with OpenGL: same truth, nearly the same pixels and colours."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIZE = {"camera.width_px": 160, "camera.height_px": 120}
 # One scenario for each place: those of the suites are the same places again.
 @pytest.fixture(scope="module", params=[name for name in names() if "/" not in name])
 def pair(request: pytest.FixtureRequest):
-    """A running episode drawn by OpenGL, and a ray caster of the same model."""
+    """A running episode drawn with OpenGL, and a ray caster of the same model."""
     from pftrack_sim.render.warp.raycaster import Raycaster
 
     with Simulation(load(request.param, SIZE), backend="gl") as simulation:
@@ -43,14 +43,14 @@ def _views(simulation: Simulation, count: int, every: int = 8):
         yield simulation.world.data, simulation.world.camera_pose()
 
 
-def test_the_truth_is_that_of_opengl(pair):
+def test_the_truth_agrees_with_opengl(pair):
     simulation, caster = pair
     world, K = simulation.world, simulation._K
     ours = TruthObserver(world.model, world.people, caster, K)
     theirs = TruthObserver(world.model, world.people, simulation._renderer, K)
     image = np.zeros((120, 160, 3), dtype=np.uint8)
     for data, pose in _views(simulation, 3):
-        seen = [maker.observe(data, pose, image, world.time_s, world.root_poses()) for maker in (ours, theirs)]
+        seen = [observer.observe(data, pose, image, world.time_s, world.root_poses()) for observer in (ours, theirs)]
         assert [one.name for one in seen[0]] == [one.name for one in seen[1]]
         for mine, other in zip(*seen, strict=True):
             assert mine.state == other.state
@@ -69,15 +69,17 @@ def _same_boxes(mine: Truth, other: Truth) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [203, 328, 422, 503, 578])
-def test_over_two_hundred_frames_boxes_states_and_occluders_agree(pair, seed: int):
+def test_boxes_states_and_occluders_agree_over_many_frames(pair, seed: int):
     simulation, caster = pair
     simulation.reset(seed)
     world, K = simulation.world, simulation._K
     caster.rebind(world.model)
-    makers = [TruthObserver(world.model, world.people, one, K) for one in (caster, simulation._renderer)]
+    observers = [TruthObserver(world.model, world.people, one, K) for one in (caster, simulation._renderer)]
     image = np.zeros((120, 160, 3), dtype=np.uint8)
     for data, pose in _views(simulation, 10):
-        mine, other = (maker.observe(data, pose, image, world.time_s, world.root_poses())[0] for maker in makers)
+        mine, other = (
+            observer.observe(data, pose, image, world.time_s, world.root_poses())[0] for observer in observers
+        )
         assert (mine.state, mine.occluders) == (other.state, other.occluders)
         assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01
         _same_boxes(mine, other)
@@ -93,7 +95,7 @@ def test_colours_and_ids_are_close_to_opengl(pair):
         assert np.mean(caster.ids(data, pose, K).ids != gl.ids(data, pose, K).ids) < 0.02
 
 
-def test_too_much_light_saturates_as_in_opengl(pair):
+def test_bright_lights_saturate_as_in_opengl(pair):
     simulation, caster = pair
     world, K = simulation.world, simulation._K
     kept = world.model.light_diffuse.copy()
@@ -105,7 +107,7 @@ def test_too_much_light_saturates_as_in_opengl(pair):
     assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 2.0
 
 
-def test_a_texture_lies_on_a_mesh_as_steep_as_its_corners_say(pair):
+def test_texture_gradients_interpolate_the_coordinates_of_the_corners(pair):
     from pftrack_sim.render.warp.scene import texture_gradients
 
     model = pair[0].world.model
@@ -120,7 +122,7 @@ def test_a_texture_lies_on_a_mesh_as_steep_as_its_corners_say(pair):
             np.testing.assert_allclose(edges @ slopes[face].T, grown, atol=2e-4)
 
 
-def test_each_level_of_a_texture_is_half_the_one_before_and_as_bright():
+def test_each_mip_level_halves_the_size_and_keeps_the_mean():
     from pftrack_sim.render.warp.scene import mip_levels
 
     picture = np.random.default_rng(4).random((64, 16, 4), dtype=np.float32)
@@ -131,7 +133,7 @@ def test_each_level_of_a_texture_is_half_the_one_before_and_as_bright():
     np.testing.assert_allclose(levels[-1][0, 0], picture.mean(axis=(0, 1)), atol=1e-5)
 
 
-def test_a_rectangle_is_cut_out_of_the_whole(pair):
+def test_a_rectangle_equals_the_crop_of_the_whole_image(pair):
     simulation, caster = pair
     data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
     rect = PixelRect(31, 17, 50, 44)
@@ -140,7 +142,7 @@ def test_a_rectangle_is_cut_out_of_the_whole(pair):
     np.testing.assert_array_equal(part.inverse_depth, whole.inverse_depth[rect.slices])
 
 
-def test_only_what_is_shown_is_drawn_and_what_shows_stays_as_near(pair):
+def test_only_the_given_geoms_are_drawn_at_unchanged_depth(pair):
     simulation, caster = pair
     data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
     whole = caster.ids(data, pose, K)
@@ -153,7 +155,7 @@ def test_only_what_is_shown_is_drawn_and_what_shows_stays_as_near(pair):
     assert (caster.ids(data, pose, K, geoms=np.zeros_like(shown)).ids == -1).all()
 
 
-def test_darker_lights_make_a_darker_picture(pair):
+def test_dimmed_lights_darken_the_image(pair):
     simulation, caster = pair
     world, K = simulation.world, simulation._K
     before = caster.color(world.data, world.camera_pose(), K).mean()
@@ -166,7 +168,7 @@ def test_darker_lights_make_a_darker_picture(pair):
     assert caster.color(world.data, world.camera_pose(), K).mean() == before
 
 
-def test_a_schedule_of_lights_dims_both_pictures_alike():
+def test_a_schedule_of_lights_dims_both_renderers_equally():
     from pftrack_sim.render.warp.raycaster import Raycaster
 
     schedule = [
@@ -186,7 +188,7 @@ def test_a_schedule_of_lights_dims_both_pictures_alike():
     np.testing.assert_allclose(ours / ours[0], theirs / theirs[0], atol=0.02)
 
 
-def test_wrong_rectangles_poses_and_names_are_told(pair):
+def test_invalid_rectangles_poses_and_names_raise(pair):
     simulation, caster = pair
     data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
     with pytest.raises(ParameterError, match="rectangle"):
@@ -213,12 +215,12 @@ ROOT = Path(__file__).parents[2]
 
 
 def _without_opengl() -> dict[str, str]:
-    """An environment in which no OpenGL library can be found."""
+    """Environment variables with which no OpenGL library can be loaded."""
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "tests" / "without_opengl"), str(ROOT)])}
 
 
 def _digest(backend: str | None, environment: dict[str, str] | None = None) -> list[str]:
-    """What draws, and the digest of what is drawn."""
+    """Backend that draws, and the digest of its frames."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)} if environment is None else environment
     program = _PROGRAM.format(size=SIZE, backend=repr(backend))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, env=environment)
@@ -228,7 +230,7 @@ def _digest(backend: str | None, environment: dict[str, str] | None = None) -> l
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="hides what is looked up on Linux")
-def test_without_any_opengl_library_the_ray_caster_draws_the_same_bits_in_any_process():
+def test_without_opengl_the_ray_caster_draws_equal_bits_in_any_process():
     hidden = _digest(None, _without_opengl())
     assert hidden[0] == "warp"
     assert hidden == _digest("warp")
@@ -236,22 +238,22 @@ def test_without_any_opengl_library_the_ray_caster_draws_the_same_bits_in_any_pr
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="hides what is looked up on Linux")
-def test_the_first_commands_of_a_newcomer_work_without_any_opengl_library(tmp_path: Path):
-    def told(*arguments: str) -> str:
+def test_doctor_bench_and_render_work_without_opengl(tmp_path: Path):
+    def run(*arguments: str) -> str:
         program = [sys.executable, "-c", "from pftrack_sim.cli import main; main()", *arguments]
         done = subprocess.run(program, capture_output=True, text=True, check=False, env=_without_opengl(), cwd=tmp_path)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
-    assert "Frames are drawn with warp, as no OpenGL library can draw" in " ".join(told("doctor").split())
+    assert "Frames are drawn with warp, as no OpenGL library can draw" in " ".join(run("doctor").split())
     few = ["--set", "duration_s=0.2", "--set", "camera.width_px=64", "--set", "camera.height_px=48"]
-    told("bench", "corridor", "--seeds", "3", "--trackers", "stay", *few, "--out", "run")
+    run("bench", "corridor", "--seeds", "3", "--trackers", "stay", *few, "--out", "run")
     assert (tmp_path / "run" / "report.html").is_file()
-    told("render", "corridor", "--seed", "3", *few, "--video", "seen.mp4")
+    run("render", "corridor", "--seed", "3", *few, "--video", "seen.mp4")
     assert (tmp_path / "seen.mp4").stat().st_size > 0
 
 
-def test_one_error_names_both_remedies_where_nothing_can_draw(monkeypatch: pytest.MonkeyPatch):
+def test_the_error_where_nothing_can_draw_lists_all_install_hints(monkeypatch: pytest.MonkeyPatch):
     def nothing(*_: object) -> None:
         raise RenderError("no OpenGL library could draw. Install one of:\n" + selection.INSTALL_HINTS)
 
@@ -263,7 +265,7 @@ def test_one_error_names_both_remedies_where_nothing_can_draw(monkeypatch: pytes
         assert word in str(caught.value)
 
 
-def test_nothing_of_warp_is_imported_unless_chosen():
+def test_warp_is_imported_only_when_chosen():
     program = (
         "import sys, pftrack_sim.simulation.simulation, pftrack_sim.render.doctor; "
         "assert not {'warp', 'mujoco_warp'} & set(sys.modules)"
@@ -271,7 +273,7 @@ def test_nothing_of_warp_is_imported_unless_chosen():
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
-def test_only_the_ray_caster_is_imported_and_the_whole_library_can_be_afterwards():
+def test_only_the_ray_caster_of_mujoco_warp_is_imported():
     program = (
         "import sys\n"
         "import pftrack_sim.render.warp.raycaster as ours\n"

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from observing import Drawing, observed
-from render_stage import FAR, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, words
+from render_stage import FAR, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, plain_values
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
@@ -189,7 +189,7 @@ def test_looking_changes_nothing(drawing: Drawing):
     assert np.array_equal(stage.data.geom_xpos, state[0])
     assert np.array_equal(stage.data.mocap_pos, state[1])
     again = TruthObserver(stage.model, stage.people, renderer, K).observe(stage.data, LEVEL, image, 0.0, poses)
-    assert [words(one) for one in first] == [words(one) for one in again]
+    assert [plain_values(one) for one in first] == [plain_values(one) for one in again]
     with pytest.raises(dataclasses.FrozenInstanceError):
         first[0].state = "occluded"  # type: ignore[misc]
 
