@@ -12,7 +12,6 @@ from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.robot.robot import Robot
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.simulation.stepping import scene_state, step_physics
 
 
 @dataclass(frozen=True)
@@ -69,11 +68,11 @@ def dry_run(
     data = mujoco.MjData(model)
     crowd.reset()
     robot.reset(data)
-    states = [scene_state(data, 0.0, robot, crowd)]
+    states = [robot.scene_state(data, 0.0, crowd)]
     while states[-1].time_s <= until_s:
         robot.update(clock.tick_s, states[-1])
-        step_physics(model, data, robot, clock.steps)
-        state = scene_state(data, clock.time_s(len(states)), robot, crowd)
+        robot.step(data)
+        state = robot.scene_state(data, clock.time_s(len(states)), crowd)
         crowd.tick(clock.tick_s, state.time_s, state.robot_pose[:2], state.T_world_camera[:2, 3])
         states.append(replace(state, target_m=crowd.positions_m[0], target_s_m=crowd.target_s_m))
     return DryRun(

@@ -92,7 +92,7 @@ class Simulation:
         self._record_poses()
         return self._take_frame()
 
-    def advance(self, command: FloatArray | None = None, late_s: float = 0.0) -> Frame:
+    def advance(self, command: FloatArray | None = None, delay_s: float = 0.0) -> Frame:
         """Advance the world to the next frame that is delivered.
 
         Frames lost on the way are recorded, so that poses and exposures do not depend on the delivery; they are
@@ -101,13 +101,13 @@ class Simulation:
         Args:
             command: `(4,)` forward speed, turn rate, pan rate, tilt rate, each in [-1, 1] of the robot's limits;
                 None lets the robot follow its script. It stays in force until the next one is given.
-            late_s: Time from the last frame until the command is given; until then the one before stays in force. A
+            delay_s: Time from the last frame until the command is given; until then the one before stays in force. A
                 command that is due after the next frame is not given.
         """
         delivered = next(self._arrivals)
         self._collision = None
         for index in range(self._delivered, delivered):
-            self._advance_period(command, late_s - (index - self._delivered) / self.settings.camera.rate_hz)
+            self._advance_period(command, delay_s - (index - self._delivered) / self.settings.camera.rate_hz)
             self._collision = self._collision or self.world.collision()
             self._record_poses()
             if index + 1 < delivered and self._sensor.metering:
@@ -125,12 +125,12 @@ class Simulation:
             self._renderer.close()
         return open_renderer(world.model, *size, self._backend)
 
-    def _advance_period(self, command: FloatArray | None, late_s: float) -> None:
-        """Advance by one camera period with a command that is given after `late_s`, or not within this period."""
+    def _advance_period(self, command: FloatArray | None, delay_s: float) -> None:
+        """Advance by one camera period with a command that is given after `delay_s`, or not within this period."""
         period_s = 1.0 / self.settings.camera.rate_hz
-        if late_s <= period_s + 1e-9:
+        if delay_s <= period_s + 1e-9:
             self.command = command
-            self.world.advance(command, min(max(late_s, 0.0), period_s))
+            self.world.advance(command, min(max(delay_s, 0.0), period_s))
         else:
             self.world.advance(np.zeros(4) if self.command is None else self.command)
 

@@ -18,7 +18,6 @@ from pftrack_sim.scene.build import add_agents, build_stage
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.planning import Plan, make_plan
-from pftrack_sim.simulation.stepping import scene_state, step_physics
 
 
 class World:
@@ -73,7 +72,7 @@ class World:
         for tick in range(self.clock.ticks):
             delay_in_tick_s = min(max(delay_s - tick * tick_s, 0.0), tick_s)
             self.robot.update(tick_s, self._state(), command, delay_in_tick_s)
-            step_physics(self.model, self.data, self.robot, self.clock.steps)
+            self.robot.step(self.data)
             self._collision = self._collision or self.robot.drive.collision(self.data)
             self._ticks += 1
             self.traffic.update(tick_s, self._state())
@@ -114,7 +113,7 @@ class World:
         self._lighting.apply(self.time_s, self.traffic.crowd.target_s_m, exposure_ev)
 
     def _state(self) -> SceneState:
-        return scene_state(self.data, self.time_s, self.robot, self.traffic.crowd)
+        return self.robot.scene_state(self.data, self.time_s, self.traffic.crowd)
 
     def _update_poses(self) -> None:
         """Compute the poses of bodies, geoms and cameras, so that frame and truth belong to the same instant."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.entity import SceneState
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.robot.command_delay import CommandDelay
 from pftrack_sim.agents.robot.drive import Drive
 from pftrack_sim.agents.robot.road import RoadExcitation
@@ -33,6 +34,7 @@ class Robot:
     def __init__(
         self, model: mujoco.MjModel, settings: ResolvedScenario, clock: Clock, target_path: Path, seed: int
     ) -> None:
+        self._model = model
         self._clock = clock
         calibration = OdometryCalibration.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
         self.drive = Drive(model, settings.robot, settings.camera, calibration)
@@ -74,6 +76,17 @@ class Robot:
         else:
             speeds = self.drive.scaled(command)
         self._segments = iter(self._delay.segments(speeds, delay_s))
+
+    def step(self, data: mujoco.MjData) -> None:
+        """Integrate the physics of one tick."""
+        for _ in range(self._clock.steps):
+            self.write(data)
+            mujoco.mj_step(self._model, data)
+
+    def scene_state(self, data: mujoco.MjData, time_s: float, crowd: Crowd) -> SceneState:
+        """What the entities observe now. Updates the poses of bodies, geoms and cameras in `data`."""
+        pose, T_world_camera = self.drive.pose(data), self.drive.camera_pose(data)
+        return SceneState(time_s, pose, T_world_camera, crowd.positions_m[0], crowd.target_s_m)
 
     def write(self, data: mujoco.MjData) -> None:
         """Set motors and road forces for the coming physics step."""
