@@ -82,18 +82,11 @@ class Path:
         """Curvature [1/m] at arc lengths, of the shape of `s_m`; positive turns left."""
         return self._curvature[self._locate(s_m)[1]]
 
-    def project(self, xy_m: ArrayLike, near_s_m: float | None = None, within_m: float = 2.0) -> float:
-        """Arc length of the point of the path that is nearest to `(2,)` x, y [m].
-
-        Args:
-            xy_m: The point.
-            near_s_m: Search only around this arc length, for paths that cross themselves; None searches everywhere.
-            within_m: Half width of that search.
-        """
+    def project(self, xy_m: ArrayLike, near_s_m: float, within_m: float = 2.0) -> float:
+        """Arc length of the point nearest to `(2,)` x, y [m] among those within `within_m` of `near_s_m`."""
         x, y = (float(v) for v in np.asarray(xy_m, dtype=np.float64))
-        low, high = (-_FAR_M, _FAR_M) if near_s_m is None else (near_s_m - within_m, near_s_m + within_m)
-        starts = np.maximum(self._starts, low)
-        ends = np.minimum(self._starts + self._length, high)
+        starts = np.maximum(self._starts, near_s_m - within_m)
+        ends = np.minimum(self._starts + self._length, near_s_m + within_m)
         kept = np.flatnonzero(starts <= ends)
         s = np.clip(self._nearest(x, y)[kept], starts[kept], ends[kept])
         # On an arc, the nearer end is not always the one to which s was clipped.

@@ -146,15 +146,12 @@ def _plan_oncoming(
         arc_lengths.append(path.project(point, arc_lengths[-1]))
     waiting_places = positions_away_from(path, obstacles, layout.bounds_m)
 
-    def target_s_at(time_s: float) -> float:
-        near_m = float(np.interp(time_s, times, arc_lengths[1:]))
-        return path.project(run.at(time_s)[1][0], near_m)
-
     for number, at_s in enumerate(axis.passings_s):
         rng = random_streams.stream(seed, "axes", "distractors", number)
         side, speed = (1 if rng.random() < 0.5 else -1), float(rng.uniform(1.05, 1.35))
         camera, target = run.at(at_s)
-        _, _, heading = path.at(target_s_at(at_s))
+        meeting_s_m = path.project(target[0], float(np.interp(at_s, times, arc_lengths[1:])))
+        _, _, heading = path.at(meeting_s_m)
         lateral = np.cos(heading) * (camera[0, 1] - target[0, 1]) - np.sin(heading) * (camera[0, 0] - target[0, 0])
         if abs(lateral) > 1.0:
             # Seen from the side, a pedestrian on the far side of the target is in view and does not cover it.
@@ -162,7 +159,7 @@ def _plan_oncoming(
         name = f"axes.distractors, passing {number + 1}"
         try:
             oncoming = plan_oncoming_pass(
-                at_s, axis.distance_m, speed, path, obstacles, target_s_at, side, name, waiting_places
+                at_s, meeting_s_m, axis.distance_m, speed, path, obstacles, side, name, waiting_places
             )
         except ParameterError as error:
             problems.append(str(error))

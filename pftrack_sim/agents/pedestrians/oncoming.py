@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,11 +43,11 @@ class OncomingPass:
 
 def plan_oncoming_pass(
     at_s: float,
+    meeting_s_m: float,
     distance_m: float,
     speed_m_s: float,
     path: Path,
     obstacles: ObstacleMap,
-    target_s_at: Callable[[float], float],
     side: int,
     name: str,
     waiting_positions_m: ArrayLike = (),
@@ -57,20 +56,19 @@ def plan_oncoming_pass(
 
     Args:
         at_s: Time of the pass.
+        meeting_s_m: Arc length of the target on its path then.
         distance_m: Distance from the target then.
         speed_m_s: Walking speed.
         path: Path of the target.
         obstacles: Obstacle map of the place.
-        target_s_at: Arc length of the target at a time.
         side: Preferred side: 1 is left of the target's path, -1 right.
         name: Name in error messages.
-        waiting_positions_m: `(N, 2)` free places away from the path.
+        waiting_positions_m: `(N, 2)` free positions away from the path.
 
     Raises:
         ParameterError: There is no room on either side.
     """
-    meeting = target_s_at(at_s)
-    x, y, heading = path.at(np.linspace(meeting - EXACT_LANE_M, meeting + EXACT_LANE_M, 21))
+    x, y, heading = path.at(np.linspace(meeting_s_m - EXACT_LANE_M, meeting_s_m + EXACT_LANE_M, 21))
     room: dict[int, float] = {}
     for sign in (side, -side):
         left = sign * distance_m
@@ -84,11 +82,11 @@ def plan_oncoming_pass(
         )
     left_m, waiting_m = best * distance_m, None
     positions = np.array(waiting_positions_m, dtype=np.float64).reshape(-1, 2)
-    if min(path.length_m - meeting, speed_m_s * at_s) > _MAX_APPROACH_M and len(positions):
-        joining = np.array(lane_position(path, meeting + JOINING_M, left_m))
+    if min(path.length_m - meeting_s_m, speed_m_s * at_s) > _MAX_APPROACH_M and len(positions):
+        joining = np.array(lane_position(path, meeting_s_m + JOINING_M, left_m))
         waiting_x, waiting_y = positions[np.argmin(np.hypot(*(positions - joining).T))].tolist()
         waiting_m = (waiting_x, waiting_y)
-    return OncomingPass(at_s, meeting, left_m, speed_m_s, waiting_m)
+    return OncomingPass(at_s, meeting_s_m, left_m, speed_m_s, waiting_m)
 
 
 def positions_away_from(path: Path, obstacles: ObstacleMap, bounds_m: tuple[float, float, float, float]) -> FloatArray:

@@ -160,7 +160,7 @@ def test_on_laps_each_oncoming_pedestrian_passes_the_target_once() -> None:
     target = model.Target(path_m=tuple(lap * 4), speed_m_s=speed)
     free, passings = positions_away_from(path, obstacles, layout.bounds_m), []
     for at_s in (7.0, 22.0, 37.0, 52.0):
-        passings.append(plan_oncoming_pass(at_s, 0.8, 1.2, path, obstacles, lambda t: speed * t, 1, "test", free))
+        passings.append(plan_oncoming_pass(at_s, speed * at_s, 0.8, 1.2, path, obstacles, 1, "test", free))
         if passings[-1].waiting_m is not None:
             free = free[(free != passings[-1].waiting_m).any(axis=1)]
     assert sum(one.waiting_m is not None for one in passings) == 3
