@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pftrack_sim.trackers.features.pixel_mixture import MixtureSettings, OutlierRule, PixelMixture, huber
+from pftrack_sim.trackers.features.pixel_mixture import MixtureParameters, OutlierRule, PixelMixture, huber
 
-SETTINGS = MixtureSettings(
+PARAMETERS = MixtureParameters(
     half_life=20.0,
     sigma_wandering=0.5,
     sigma_stable=0.5,
@@ -27,7 +27,7 @@ def test_huber_matches_hand_computed_values():
 @pytest.fixture
 def mixture() -> PixelMixture:
     """Ten pixels; W, S and F have means 1, 2 and 3 and sigma 0.5."""
-    model = PixelMixture(np.zeros(10, np.float32), SETTINGS)
+    model = PixelMixture(np.zeros(10, np.float32), PARAMETERS)
     model.means[:] = np.array([[1.0], [2.0], [3.0]])
     return model
 
@@ -54,7 +54,7 @@ def test_outliers_are_counted(patch: list[float], most: float, stable: float, no
 def test_the_prediction_error_is_one_at_one_sigma():
     """Eq. 10."""
     first = np.linspace(-1, 1, 50).astype(np.float32)
-    model = PixelMixture(first, SETTINGS)
+    model = PixelMixture(first, PARAMETERS)
     assert model.prediction_error(first) == pytest.approx(0, abs=1e-9)
     assert model.prediction_error(first + np.float32(0.5)) == pytest.approx(1, abs=1e-5)
     x = 2.0 * np.ones(50)
@@ -64,18 +64,18 @@ def test_the_prediction_error_is_one_at_one_sigma():
 @pytest.mark.parametrize("robust", [False, True])
 def test_the_likelihood_agrees_with_a_reference_implementation(robust: bool):
     rng = np.random.default_rng(0)
-    model = PixelMixture(rng.standard_normal(83).astype(np.float32), SETTINGS)
+    model = PixelMixture(rng.standard_normal(83).astype(np.float32), PARAMETERS)
     for _ in range(5):
         model.learn(rng.standard_normal(83).astype(np.float32))
     seen = rng.standard_normal((30, 83)).astype(np.float32)
     x = (seen[:, None, :] - model.means) / model.sigmas
-    loss = huber(x, SETTINGS.outlier_c) if robust else 0.5 * x**2
+    loss = huber(x, PARAMETERS.outlier_c) if robust else 0.5 * x**2
     expected = np.log(np.sum(model.shares / model.sigmas * np.exp(-loss), axis=1)).sum(axis=1)
     assert np.allclose(model.log_likelihood(seen, robust=robust), expected, rtol=1e-5, atol=1e-2)
 
 
 def test_likelihoods_of_extreme_patches_are_finite():
-    model = PixelMixture(np.zeros(40, np.float32), SETTINGS)
+    model = PixelMixture(np.zeros(40, np.float32), PARAMETERS)
     found = model.log_likelihood(np.array([[0.0] * 40, [1e6] * 40], np.float32), robust=False)
     assert np.isfinite(found).all()
     assert found[0] > found[1]
@@ -86,7 +86,18 @@ def test_the_stable_component_finds_mean_and_spread():
     rng = np.random.default_rng(5)
     picture, spread = rng.standard_normal(300), 0.3
     first = (picture + rng.normal(0, spread, 300)).astype(np.float32)
-    model = PixelMixture(first, MixtureSettings(60.0, 0.5, 0.5, 0.5, 0.05, 0.001, 1.3))
+    model = PixelMixture(
+        first,
+        MixtureParameters(
+            half_life=60.0,
+            sigma_wandering=0.5,
+            sigma_stable=0.5,
+            sigma_fixed=0.5,
+            sigma_min=0.05,
+            share_min=0.001,
+            outlier_c=1.3,
+        ),
+    )
     for _ in range(400):
         patch = (picture + rng.normal(0, spread, 300)).astype(np.float32)
         model.learn(patch)
@@ -102,7 +113,18 @@ def test_two_alternating_images_get_a_component_each():
     """The first image returns every third frame: it belongs to F, the others to S."""
     rng = np.random.default_rng(6)
     first, other = np.full(200, -1.0, np.float32), 1.0
-    model = PixelMixture(first, MixtureSettings(60.0, 0.05, 0.5, 0.2, 0.05, 0.001, 1.3))
+    model = PixelMixture(
+        first,
+        MixtureParameters(
+            half_life=60.0,
+            sigma_wandering=0.05,
+            sigma_stable=0.5,
+            sigma_fixed=0.2,
+            sigma_min=0.05,
+            share_min=0.001,
+            outlier_c=1.3,
+        ),
+    )
     for frame in range(600):
         centre = -1.0 if frame % 3 == 0 else other
         model.learn((centre + rng.normal(0, 0.15, 200)).astype(np.float32))
@@ -112,19 +134,27 @@ def test_two_alternating_images_get_a_component_each():
 
 def test_shares_stay_normalised_and_bounded():
     rng = np.random.default_rng(7)
-    model = PixelMixture(np.zeros(60, np.float32), SETTINGS)
+    model = PixelMixture(np.zeros(60, np.float32), PARAMETERS)
     for frame in range(200):
         model.learn((rng.normal(0, 10.0 ** rng.integers(-2, 3), 60) + frame % 7).astype(np.float32))
         assert np.allclose(model.shares.sum(axis=0), 1, rtol=0, atol=1e-12)
-        assert model.shares.min() >= 0.99 * SETTINGS.share_min
-        assert model.sigmas.min() >= SETTINGS.sigma_min
+        assert model.shares.min() >= 0.99 * PARAMETERS.share_min
+        assert model.sigmas.min() >= PARAMETERS.sigma_min
         assert np.isfinite(model.means).all()
 
 
 @pytest.mark.parametrize("half_life", [1.0, 5.0, 40.0])
 def test_the_weight_of_an_observation_halves_after_the_half_life(half_life: float):
     """The share of a component without pixels halves."""
-    numbers = MixtureSettings(half_life, 0.1, 0.1, 0.1, 0.1, 1e-9, 1.3)
+    numbers = MixtureParameters(
+        half_life=half_life,
+        sigma_wandering=0.1,
+        sigma_stable=0.1,
+        sigma_fixed=0.1,
+        sigma_min=0.1,
+        share_min=1e-9,
+        outlier_c=1.3,
+    )
     model = PixelMixture(np.zeros(3, np.float32), numbers)
     for _ in range(round(half_life)):
         model.learn(np.full(3, 8.0, np.float32))
@@ -136,7 +166,7 @@ def test_the_weight_of_an_observation_halves_after_the_half_life(half_life: floa
 
 def test_similarity_is_a_correlation():
     first = np.random.default_rng(0).standard_normal(50).astype(np.float32)
-    model = PixelMixture(first, SETTINGS)
+    model = PixelMixture(first, PARAMETERS)
     assert model.similarity(first) == pytest.approx(1)
     assert model.similarity(3 * first) == pytest.approx(1)
     assert model.similarity(-first) == 0

@@ -3,41 +3,41 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from pydantic import Field
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.patches import Patches
+from pftrack_sim.trackers.parameters import Parameters, Positive
 
 OutlierRule: TypeAlias = Literal["most", "stable", "all"]
 """Components that a pixel must be far from to be an outlier; see `PixelMixture.outlier_share`."""
 
 
-@dataclass(frozen=True)
-class MixtureSettings:
-    """Settings of a mixture; standard deviations in units of a patch's.
+class MixtureParameters(Parameters):
+    """Parameters of a mixture; standard deviations in units of a patch's. Kwon et al. print c only.
 
     Attributes:
         half_life: Frames after which an observation's weight is halved.
-        sigma_wandering: Of W, the last patch; constant.
-        sigma_stable: Initial value of S; learnt.
-        sigma_fixed: Of F, the first patch; constant.
+        sigma_wandering: Standard deviation of W, the last patch; constant.
+        sigma_stable: Initial standard deviation of S; learnt.
+        sigma_fixed: Standard deviation of F, the first patch; constant.
         sigma_min: Least learnt standard deviation of S.
         share_min: Least mixing weight, so that no component vanishes.
         outlier_c: c of Huber's function (12), in standard deviations of a component.
     """
 
-    half_life: float
-    sigma_wandering: float
-    sigma_stable: float
-    sigma_fixed: float
-    sigma_min: float
-    share_min: float
-    outlier_c: float
+    half_life: Annotated[float, Field(ge=0.1, le=1e9)] = 20.0
+    sigma_wandering: Positive = 0.4
+    sigma_stable: Positive = 0.4
+    sigma_fixed: Positive = 0.4
+    sigma_min: Positive = 0.2
+    share_min: Annotated[float, Field(ge=1e-9, le=0.3)] = 0.001
+    outlier_c: Positive = 1.3
 
 
 class PixelMixture:
@@ -48,7 +48,7 @@ class PixelMixture:
 
     Args:
         first: `(d,)` patch.
-        settings: Settings.
+        params: Parameters.
 
     Attributes:
         shares: `(3, d)` mixing weights m of W, S, F; they sum to 1.
@@ -56,17 +56,17 @@ class PixelMixture:
         sigmas: `(3, d)` sigma of W, S, F.
     """
 
-    def __init__(self, first: NDArray[np.float32], settings: MixtureSettings) -> None:
-        self.settings = settings
+    def __init__(self, first: NDArray[np.float32], params: MixtureParameters) -> None:
+        self.params = params
         count = first.size
         start = first.astype(np.float64)
-        sigmas = (settings.sigma_wandering, settings.sigma_stable, settings.sigma_fixed)
+        sigmas = (params.sigma_wandering, params.sigma_stable, params.sigma_fixed)
         self.shares = np.full((3, count), 1.0 / 3.0)
         self.means = np.tile(start, (3, 1))
         self.sigmas = np.repeat(np.array(sigmas)[:, None], count, axis=1)
         self._first_moment = self.shares[1] * start
-        self._second_moment = self.shares[1] * (np.square(start) + settings.sigma_stable**2)
-        self._rate = 1.0 - 0.5 ** (1.0 / settings.half_life)
+        self._second_moment = self.shares[1] * (np.square(start) + params.sigma_stable**2)
+        self._rate = 1.0 - 0.5 ** (1.0 / params.half_life)
 
     @property
     def expected(self) -> FloatArray:
@@ -92,9 +92,9 @@ class PixelMixture:
         mean = self._first_moment / shares[1]
         variance = self._second_moment / shares[1] - np.square(mean)
         self.means[0], self.means[1] = observed, mean
-        self.sigmas[1] = np.sqrt(np.maximum(variance, self.settings.sigma_min**2))
+        self.sigmas[1] = np.sqrt(np.maximum(variance, self.params.sigma_min**2))
         # The moments of S are scaled with its share, so that they stay those of the same Gaussian.
-        raised = np.maximum(shares, self.settings.share_min)
+        raised = np.maximum(shares, self.params.share_min)
         raised /= raised.sum(axis=0)
         self._first_moment *= raised[1] / shares[1]
         self._second_moment *= raised[1] / shares[1]
@@ -111,7 +111,7 @@ class PixelMixture:
             `(N,)` logarithms, up to a constant.
         """
         out = np.empty(len(patches))
-        c = self.settings.outlier_c if robust else math.inf
+        c = self.params.outlier_c if robust else math.inf
         peaks = (self.shares / self.sigmas).astype(np.float32)
         means, inverses = self.means.astype(np.float32), (1.0 / self.sigmas).astype(np.float32)
         _log_likelihoods(patches, peaks, means, inverses, np.float32(c), out)
@@ -119,7 +119,7 @@ class PixelMixture:
 
     def prediction_error(self, patch: NDArray[np.float32]) -> float:
         """Prediction error (10) of a `(d,)` patch: about 1 where pixels deviate by the components' sigmas."""
-        loss = huber((patch - self.means) / self.sigmas, self.settings.outlier_c)
+        loss = huber((patch - self.means) / self.sigmas, self.params.outlier_c)
         return 2.0 * float(np.einsum("ij,ij->", self.shares, loss)) / patch.size
 
     def outlier_share(self, patch: NDArray[np.float32], rule: OutlierRule) -> float:
@@ -130,7 +130,7 @@ class PixelMixture:
             rule: `"most"`: counted for each of W, S and F, and the greatest number taken (Zhou et al. 2004);
                 `"stable"`: for S alone; `"all"`: only pixels that are off in all three.
         """
-        out = np.abs(patch - self.means) > self.settings.outlier_c * self.sigmas
+        out = np.abs(patch - self.means) > self.params.outlier_c * self.sigmas
         if rule == "stable":
             return float(out[1].mean())
         return float(out.mean(axis=1).max()) if rule == "most" else float(out.all(axis=0).mean())

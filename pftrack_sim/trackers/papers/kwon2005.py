@@ -26,19 +26,21 @@ from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.patches import PatchSampler, grid_shape
-from pftrack_sim.trackers.features.pixel_mixture import MixtureSettings, OutlierRule, PixelMixture
+from pftrack_sim.trackers.features.pixel_mixture import MixtureParameters, OutlierRule, PixelMixture
 from pftrack_sim.trackers.filters.adaptive import AdaptiveNoise, adaptive_velocity, fit_slopes
 from pftrack_sim.trackers.filters.dynamics import RandomWalk
 from pftrack_sim.trackers.filters.particles import ParticleFilter
-from pftrack_sim.trackers.parameters import Count, Parameters, Positive, Share
+from pftrack_sim.trackers.parameters import Count, Positive, Share
 
 MotionModel: TypeAlias = Literal["similarity", "affine"]
 Sigma: TypeAlias = Annotated[float, Field(ge=0.0, le=10.0)]
 MIN_SIZE_PX = 2.0
 
 
-class Kwon2005Parameters(Parameters):
-    """Parameters of both trackers. Defaults are the preset `paper`; printed values have their equation.
+class Kwon2005Parameters(MixtureParameters):
+    """Parameters of both trackers, besides the mixture's. Defaults are the preset `paper`.
+
+    Printed values have their equation.
 
     Attributes:
         motion: `"similarity"`: translation, scale and rotation of the template; `"affine"`: also shear and aspect
@@ -54,16 +56,9 @@ class Kwon2005Parameters(Parameters):
         sigma_scale: The same in the logarithm of the size; of the matrix' diagonal in affine motion. Not printed: 0.02.
         sigma_angle: The same in the angle [rad]; of the matrix' other diagonal in affine motion. Not printed: 0.02.
         velocity: Whether nu_t is added (8). Printed: it is.
-        outlier_c: c of Huber's function (12). Printed: 1.3.
         occlusion_share: lambda: the share of outliers above which the target is occluded. Printed: 0.2.
         outliers: Components that a pixel must be far from to be an outlier; see `PixelMixture.outlier_share`.
             Not printed: `"most"`, as Zhou et al.
-        half_life: Frames after which an observation's weight in the mixture is halved. Not printed: 20.
-        sigma_wandering: Standard deviation of W, in units of the patch's. Not printed: 0.4.
-        sigma_stable: Initial value of that of S. Not printed: 0.4.
-        sigma_fixed: That of F. Not printed: 0.4.
-        sigma_min: Least value of that of S. Not printed: 0.2.
-        share_min: Least mixing weight of a component. Not printed: 0.001.
         robust: Whether the likelihood has Huber's function in place of the square. Printed for the influence of
             outliers in general (12): it has.
         independence: Share of the points that count as independent: a factor on the log-likelihood. Not printed: 1, as
@@ -106,15 +101,8 @@ class Kwon2005Parameters(Parameters):
     sigma_scale: Sigma = 0.02
     sigma_angle: Sigma = 0.02
     velocity: bool = True
-    outlier_c: Positive = 1.3
     occlusion_share: Share = 0.2
     outliers: OutlierRule = "most"
-    half_life: Annotated[float, Field(ge=0.1, le=1e9)] = 20.0
-    sigma_wandering: Positive = 0.4
-    sigma_stable: Positive = 0.4
-    sigma_fixed: Positive = 0.4
-    sigma_min: Positive = 0.2
-    share_min: Annotated[float, Field(ge=1e-9, le=0.3)] = 0.001
     robust: bool = True
     independence: Annotated[float, Field(ge=1e-6, le=1.0)] = 1.0
     particles: bool = False
@@ -207,9 +195,7 @@ class Kwon2005(BaseTracker):
         self._grid = grid_shape(float(box[2]), float(box[3]), p.point_count)
         self._state = self._motion.initial_state(box)
         self._patch = self._patches(self._sampler(image), self._state[None])[0]
-        sigmas = p.sigma_wandering, p.sigma_stable, p.sigma_fixed
-        settings = MixtureSettings(p.half_life, *sigmas, p.sigma_min, p.share_min, p.outlier_c)
-        self._model = PixelMixture(self._patch, settings)
+        self._model = PixelMixture(self._patch, p)
         self._filter = ParticleFilter(self._state[None], random_streams.stream(self._seed, "tracker"))
         self._slopes = None
         self._occluded = False
