@@ -1,4 +1,4 @@
-"""What is true of one frame, for the tests of the truth."""
+"""Truth of one frame, for the tests of the truth."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Drawing = Callable[[Stage], Rasteriser]
 
 
 def observed(stage: Stage, renderer: Rasteriser, pose: np.ndarray) -> dict[str, Truth]:
-    """What a new maker says of it, by name."""
-    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    """Truth by name, from a new observer."""
+    observer = TruthObserver(stage.model, stage.people, renderer, K)
     image = renderer.color(stage.data, pose, K)
-    people = maker.observe(stage.data, pose, image, 0.0, stage.roots())
+    people = observer.observe(stage.data, pose, image, 0.0, stage.roots())
     assert people[0].name == stage.people[0]
     return {truth.name: truth for truth in people}

@@ -1,4 +1,4 @@
-"""The lens against OpenCV's, and where it stops being one."""
+"""Lens distortion against OpenCV, and lenses that are not invertible."""
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ LENSES = {
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_rays_fall_where_opencv_projects_them(name: str):
+def test_projection_agrees_with_opencv(name: str):
     lens = Lens(K, LENSES[name], SIZE)
     rays = lens.to_normalized(np.stack(np.meshgrid(np.arange(0.0, 641.0, 40.0), np.arange(0.0, 481.0, 40.0)), axis=-1))
     points = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1).reshape(-1, 3)
@@ -30,7 +30,7 @@ def test_rays_fall_where_opencv_projects_them(name: str):
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_pixels_fetch_the_light_of_their_own_ray(name: str):
+def test_the_pixel_map_follows_the_ray_of_each_pixel(name: str):
     lens = Lens(K, LENSES[name], SIZE)
     grid = RayGrid(lens)
     wide = np.array([[500.0, 0.0, 700.0], [0.0, 500.0, 600.0], [0.0, 0.0, 1.0]])
@@ -42,7 +42,7 @@ def test_pixels_fetch_the_light_of_their_own_ray(name: str):
     assert np.abs(landed - wanted).max() < 0.05
 
 
-def test_what_lies_far_to_the_side_stays_out_of_the_image():
+def test_points_far_beside_the_view_are_projected_outside_the_image():
     lens = Lens(K, (-0.12, 0.0, 0.0, 0.0, 0.0), SIZE)
     outwards = np.linspace(0.0, 30.0, 2000)
     for angle in np.linspace(0.0, 2.0 * np.pi, 12):
@@ -56,6 +56,6 @@ def test_a_lens_without_coefficients_is_a_pinhole_to_the_bit():
 
 
 @pytest.mark.parametrize("coefficients", [(-0.9, 0, 0, 0, 0), (0.0, -3.0, 0, 0, 0), (0, 0, 0.6, 0, 0)])
-def test_a_lens_that_folds_the_image_is_refused(coefficients):
+def test_a_lens_that_is_not_invertible_raises(coefficients):
     with pytest.raises(ParameterError, match="not invertible over the 640 x 480 image"):
         Lens(K, coefficients, SIZE)

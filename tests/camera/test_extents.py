@@ -131,7 +131,7 @@ def test_arguments_are_not_changed():
         lambda: Bodies([[CORNERS]]).extents(np.zeros((1, 3)), np.eye(3)[None], EYE, 0.0),
     ],
 )
-def test_invalid_parts_and_planes_are_refused(call):
+def test_invalid_parts_and_planes_raise(call):
     with pytest.raises(ParameterError):
         call()
 

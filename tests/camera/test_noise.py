@@ -41,9 +41,7 @@ def photon_transfer(noise: Noise, gains: tuple[float, float, float] = (1.0, 1.0,
     ("full_well_e", "read_e", "gain", "severity"),
     [(10000.0, 20.0, 4.0, 1.0), (20000.0, 12.0, 4.0, 2.0), (4000.0, 25.0, 2.0, 0.5), (1500.0, 15.0, 1.0, 1.0)],
 )
-def test_photon_transfer_gives_gain_and_read_noise_back(
-    full_well_e: float, read_e: float, gain: float, severity: float
-):
+def test_photon_transfer_measures_gain_and_read_noise(full_well_e: float, read_e: float, gain: float, severity: float):
     axis = NoiseAxis(severity=severity, full_well_e=full_well_e, read_noise_e=read_e, gain=gain)
     measured_gain, measured_read_e = photon_transfer(Noise(axis, 7))
     assert measured_gain == pytest.approx(severity * gain / full_well_e, rel=0.05)
@@ -59,7 +57,7 @@ def test_amplified_light_has_fewer_electrons():
 
 @pytest.mark.parametrize("read_e", [0.0, 0.7, 5.0])
 @pytest.mark.parametrize("white_e", [60.0, 900.0, 3000.0, 50000.0])
-def test_every_pixel_is_distributed_as_counted_electrons(white_e: float, read_e: float):
+def test_pixels_are_distributed_as_simulated_electrons(white_e: float, read_e: float):
     table = quantile_table(white_e, read_e)
     rng = np.random.default_rng(5)
     draws = 40_000
@@ -91,7 +89,7 @@ def test_pixels_channels_frames_and_seeds_are_independent():
     assert abs(correlation - np.eye(len(columns))).max() < 5.0 / np.sqrt(columns.shape[1])
 
 
-def test_night_is_noisy_because_photons_are_few():
+def test_signal_to_noise_ratio_falls_with_the_light():
     noise = Noise(NoiseAxis(severity=1.0), 0)
     to_noise = []
     for value in (200, 100, 50, 25):
@@ -114,7 +112,7 @@ def test_severity_scales_noise_and_zero_is_the_image_itself():
     assert sensor.read(sensor.expose(image, 0.0), 0) is image
 
 
-def test_the_argument_survives():
+def test_the_argument_is_not_changed():
     image = flat_field(90)
     image.setflags(write=False)
     read = Noise(NoiseAxis(severity=1.0), 0).read(image, 4)

@@ -1,4 +1,4 @@
-"""Laws of the pinhole camera, and agreement of the frustum that draws with the matrix that projects."""
+"""Laws of the pinhole camera, and agreement of the frustum with the camera matrix."""
 
 from __future__ import annotations
 
@@ -90,6 +90,6 @@ def test_a_matrix_or_a_field_of_view_names_the_same_camera():
         lambda: camera_matrix([[1, 0.1, 0], [0, 1, 0], [0, 0, 1]], 4, 4),
     ],
 )
-def test_impossible_cameras_are_refused(call):
+def test_invalid_cameras_raise(call):
     with pytest.raises(ParameterError):
         call()

@@ -14,7 +14,7 @@ def expose(image: np.ndarray, sigma_px: float) -> np.ndarray:
 
 @pytest.mark.parametrize("sigma_px", SIGMAS)
 @pytest.mark.parametrize("axis", [0, 1])
-def test_edge_is_blurred_as_wide_as_asked(sigma_px: float, axis: int):
+def test_an_edge_is_blurred_by_the_given_sigma(sigma_px: float, axis: int):
     image = np.zeros((121, 121, 3), dtype=np.uint8)
     image[(slice(60, None), slice(None))[:: 1 if axis == 0 else -1]] = 255
     profile = expose(image, sigma_px).astype(np.float64).mean(axis=(1 - axis, 2))
@@ -25,7 +25,7 @@ def test_edge_is_blurred_as_wide_as_asked(sigma_px: float, axis: int):
     assert np.sqrt(places**2 @ line) == pytest.approx(sigma_px, rel=0.04)
 
 
-def test_point_is_round_and_keeps_its_light():
+def test_a_point_is_blurred_isotropically_with_constant_sum():
     image = np.zeros((41, 41, 3), dtype=np.uint8)
     image[19:22, 19:22] = 255
     spread = expose(image, 1.2).astype(np.float64)[..., 0]
@@ -34,13 +34,13 @@ def test_point_is_round_and_keeps_its_light():
     assert abs(spread - spread[::-1, ::-1]).max() <= 1
 
 
-def test_perfect_lens_changes_nothing():
+def test_a_lens_without_blur_changes_nothing():
     image = np.random.default_rng(0).integers(0, 256, (20, 30, 3), dtype=np.uint8)
     assert expose(image, 0.0) is image
 
 
 @pytest.mark.parametrize("sigma_px", [0.05, 0.5, 5.0])
-def test_shape_type_and_the_argument_survive(sigma_px: float):
+def test_blur_keeps_shape_and_type_and_the_argument(sigma_px: float):
     image = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
     before = image.copy()
     out = expose(image, sigma_px)
@@ -51,13 +51,13 @@ def test_shape_type_and_the_argument_survive(sigma_px: float):
     assert (expose(image, sigma_px) == out).all()
 
 
-def test_even_light_stays_even():
+def test_a_uniform_image_stays_uniform():
     image = np.full((30, 40, 3), (10, 128, 255), dtype=np.uint8)
     assert (expose(image, 2.0) == image).all()
 
 
 @pytest.mark.parametrize("stream", [0.0, 1.0])
-def test_a_grey_camera_gives_luma_three_times(stream: float):
+def test_a_grey_camera_has_the_luma_in_all_channels(stream: float):
     image = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
     axes = Axes.model_validate({"stream": {"severity": stream}})
     coloured, grey = (

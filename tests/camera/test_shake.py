@@ -24,7 +24,7 @@ def test_rms_of_each_axis(seed: int):
     assert abs(rotation.mean(axis=0)).max() < 1e-4
 
 
-def test_spectrum_is_flat_inside_the_band_and_empty_outside():
+def test_the_spectrum_is_flat_in_the_band_and_zero_outside():
     rotation, _ = vibration().offset(np.arange(0.0, 400.0, 1 / 60))
     windowed = rotation * np.hanning(len(rotation))[:, None]
     power = (np.abs(np.fft.rfft(windowed, axis=0)) ** 2).sum(axis=1)
@@ -34,7 +34,7 @@ def test_spectrum_is_flat_inside_the_band_and_empty_outside():
     assert abs(sevenths / sevenths.mean() - 1.0).max() < 0.2
 
 
-def test_looks_gaussian_and_axes_are_independent():
+def test_the_vibration_is_gaussian_with_independent_axes():
     rotation, translation = vibration(seed=2).offset(np.arange(0.0, 400.0, 1 / 60))
     axes = np.concatenate([rotation, translation], axis=1)
     axes = (axes - axes.mean(axis=0)) / axes.std(axis=0)
@@ -42,7 +42,7 @@ def test_looks_gaussian_and_axes_are_independent():
     assert abs(np.corrcoef(axes.T) - np.eye(6)).max() < 0.05
 
 
-def test_any_time_in_any_order():
+def test_instants_may_be_evaluated_in_any_order():
     shake = vibration()
     times = np.array([[3.0, 0.5], [100.0, 2.0]])
     rotation, translation = shake.offset(times)
@@ -57,7 +57,7 @@ def test_zero_rms_is_the_pose_to_the_bit():
 
 @settings(max_examples=50)
 @given(st.floats(0.0, 100.0), st.integers(0, 1000))
-def test_displaced_pose_is_a_pose_moved_in_the_camera_s_frame(time_s: float, seed: int):
+def test_the_pose_is_displaced_in_camera_axes(time_s: float, seed: int):
     shake = vibration(seed=seed)
     before = POSE.copy()
     moved = shake.displace(POSE, time_s)
@@ -72,7 +72,7 @@ def test_displaced_pose_is_a_pose_moved_in_the_camera_s_frame(time_s: float, see
 
 
 @pytest.mark.parametrize("sources", [("wind",), ("ground",), ("wind", "ground"), ("road",)])
-def test_axis_adds_to_the_base_and_scales(sources: tuple[str, ...]):
+def test_the_axis_is_added_to_the_base_in_proportion_to_its_severity(sources: tuple[str, ...]):
     base = Jitter(angular_rms_deg=0.2)
     alone, once, thrice = (
         np.concatenate(camera_shake(base, JitterAxis(severity=severity, sources=sources), 3, 1.2).offset(1.3))
@@ -82,7 +82,7 @@ def test_axis_adds_to_the_base_and_scales(sources: tuple[str, ...]):
     assert (abs(once - alone).max() > 0.0) == (sources != ("road",))  # the road moves the robot, not the mount
 
 
-def test_sources_add_up_and_leave_each_other_alone():
+def test_sources_are_independent_and_add_up():
     still = Jitter()
     wind, ground, both = (
         np.concatenate(camera_shake(still, JitterAxis(severity=1.0, sources=sources), 3, 1.2).offset(0.7))
@@ -91,7 +91,7 @@ def test_sources_add_up_and_leave_each_other_alone():
     assert abs(wind + ground - both).max() < 1e-15
 
 
-def test_gusts_have_the_rms_and_the_spectrum_asked_for():
+def test_gusts_have_the_given_rms_and_spectrum():
     rotation, _ = CameraShake.gusts(0.5, 0.8, 1.2, np.random.default_rng(0)).offset(np.arange(0.0, 2000.0, 0.02))
     assert abs(np.sqrt((rotation**2).mean(axis=0)) / np.deg2rad(0.5) - 1.0).max() < 0.05
     power = (np.abs(np.fft.rfft(rotation, axis=0)) ** 2).sum(axis=1)
@@ -101,7 +101,7 @@ def test_gusts_have_the_rms_and_the_spectrum_asked_for():
     assert abs(share - first_order).max() < 0.03
 
 
-def test_gusts_carry_the_camera_with_the_mast():
+def test_gusts_rotate_the_camera_about_the_foot_of_the_mast():
     gusts = CameraShake.gusts(0.3, 0.8, 1.2, np.random.default_rng(1))
     foot = np.array([0.0, 1.2, 0.0, 1.0])
     for time_s in (0.0, 1.3, 7.7):
@@ -114,14 +114,14 @@ def test_severity_zero_is_the_base_to_the_bit():
     assert camera_shake(SHAKE, JitterAxis(severity=0.0), 3, 1.2).displace(POSE, 0.4).tobytes() == base.tobytes()
 
 
-def test_seeds_differ_and_repeat():
+def test_the_shake_is_determined_by_the_seed():
     axis = JitterAxis(severity=1.0)
     first, again, other = (camera_shake(SHAKE, axis, seed, 1.2).displace(POSE, 2.0) for seed in (1, 1, 2))
     assert first.tobytes() == again.tobytes()
     assert first.tobytes() != other.tobytes()
 
 
-def test_wrong_sources_and_bands_are_refused():
+def test_invalid_sources_and_bands_raise():
     with pytest.raises(ValueError, match="low < high"):
         JitterAxis(ground_band_hz=(5.0, 2.0))
     with pytest.raises(ValueError, match="'wind', 'ground' or 'road'"):

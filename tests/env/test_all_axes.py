@@ -1,4 +1,4 @@
-"""Every axis leaves the base untouched at severity 0, and all of them work together."""
+"""All axes: severity 0 changes nothing, pixel axes change no truth, all work together."""
 
 import hashlib
 import itertools

@@ -1,4 +1,4 @@
-"""What the light axis asks for, measured in drawn frames."""
+"""The light axis, measured in rendered frames."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ from pftrack_sim.scene.lighting import Lighting
 
 WIDTH, HEIGHT, RATE_HZ = 64, 48, 30.0
 FACING = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]], dtype=np.float64)
-"""Looks straight down at the card from 2 m."""
+"""Camera 2 m above the card, looking down."""
 
 
 class Card:
@@ -84,7 +84,7 @@ def test_luminance_follows_stops(card: Card, what: str):
 
 
 @pytest.mark.parametrize("severity", [0.5, 1.0, 2.0])
-def test_a_change_is_as_deep_as_asked_at_its_time(card: Card, severity: float):
+def test_a_step_has_the_given_depth_and_times(card: Card, severity: float):
     axis = LightAxis(severity=severity, parts=("change",), dim_ev=1.2, at_s=0.5, hold_s=1.0, every_s=2.0)
     luminance = card.shoot(axis, 90) @ LUMINANCE
     stops = np.log2(luminance / luminance[0])
@@ -94,7 +94,7 @@ def test_a_change_is_as_deep_as_asked_at_its_time(card: Card, severity: float):
     assert abs(stops[dimmed] + severity * 1.2).max() < 0.05
 
 
-def test_a_ramp_has_its_rate(card: Card):
+def test_a_ramp_has_the_given_rate(card: Card):
     axis = LightAxis(parts=("change",), dim_ev=2.0, rate_ev_s=2.0, at_s=0.2, hold_s=0.5, every_s=4.0, severity=1.0)
     luminance = card.shoot(axis, 45) @ LUMINANCE
     stops = np.log2(luminance / luminance[0])
@@ -103,7 +103,7 @@ def test_a_ramp_has_its_rate(card: Card):
 
 
 @pytest.mark.parametrize(("hertz", "depth"), [(2.0, 0.3), (6.5, 0.1), (11.0, 0.2)])
-def test_flicker_has_its_frequency_and_depth(card: Card, hertz: float, depth: float):
+def test_flicker_has_the_given_frequency_and_depth(card: Card, hertz: float, depth: float):
     axis = LightAxis(severity=1.0, parts=("flicker",), flicker_hz=hertz, flicker_depth=depth)
     luminance = card.shoot(axis, 120) @ LUMINANCE
     power = np.abs(np.fft.rfft(luminance - luminance.mean())) ** 2
@@ -113,7 +113,7 @@ def test_flicker_has_its_frequency_and_depth(card: Card, hertz: float, depth: fl
 
 
 @pytest.mark.parametrize("lag_s", [0.3, 0.8])
-def test_exposure_brings_the_light_back_with_its_lag(card: Card, lag_s: float):
+def test_auto_exposure_restores_the_luminance_with_the_given_lag(card: Card, lag_s: float):
     axis = LightAxis(
         severity=1.0, parts=("change",), dim_ev=2.0, at_s=0.5, hold_s=6.0, every_s=9.0, auto_exposure=True,
         exposure_lag_s=lag_s,
@@ -127,7 +127,7 @@ def test_exposure_brings_the_light_back_with_its_lag(card: Card, lag_s: float):
     assert abs(stops[-10:]).max() < 0.05
 
 
-def test_exposure_ends_at_its_range(card: Card):
+def test_auto_exposure_is_limited_to_its_range(card: Card):
     axis = LightAxis(
         severity=1.0, parts=("change",), dim_ev=3.0, at_s=0.2, hold_s=6.0, every_s=9.0, auto_exposure=True,
         exposure_lag_s=0.0, exposure_range_ev=1.0,
@@ -137,7 +137,7 @@ def test_exposure_ends_at_its_range(card: Card):
 
 
 @pytest.mark.parametrize("kelvin", [2900.0, 4200.0, 12000.0])
-def test_light_takes_its_colour_and_white_balance_takes_it_back_with_its_lag(card: Card, kelvin: float):
+def test_light_is_tinted_and_white_balance_restores_it_with_the_given_lag(card: Card, kelvin: float):
     course = {
         "severity": 1.0,
         "parts": ("colour",),

@@ -1,4 +1,4 @@
-"""Lens, exposure and readout in whole scenarios."""
+"""Lens distortion, exposure and readout in episodes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_severity_zero_is_the_base_to_the_bit(name: str):
 
 
 @pytest.mark.parametrize("axis", AXES)
-def test_one_axis_leaves_the_world_as_it_is(axis: str):
+def test_optical_axes_do_not_change_the_world(axis: str):
     base, changed = frames("corridor", {}, count=3), frames("corridor", {f"axes.{axis}": AXES[axis]}, count=3)
     assert not np.array_equal(base[-1].image, changed[-1].image)
     assert [one.time_s for one in base] == [one.time_s for one in changed]
@@ -71,7 +71,7 @@ def test_the_same_seed_gives_the_same_frames():
         assert one.people == two.people
 
 
-def test_a_severity_may_be_drawn_per_seed():
+def test_a_severity_may_depend_on_the_seed():
     drawn = {**SMALL, "axes.distortion.severity": {"choice": [0.0, 1.0, 2.0]}}
     with Simulation(scenario.load("corridor", drawn)) as simulation:
         k1 = {float(simulation.reset(seed).truth.distortion[0]) for seed in range(6)}
@@ -80,7 +80,7 @@ def test_a_severity_may_be_drawn_per_seed():
     assert k1 <= {0.0, -0.25, -0.5}
 
 
-def test_a_lens_that_folds_the_image_is_an_error_of_the_scenario():
+def test_a_lens_that_is_not_invertible_is_a_scenario_error():
     folded = scenario.load("corridor", {"axes.distortion": {"k1": -1.5, "k2": 0.0}})
     with (
         Simulation(folded) as simulation,

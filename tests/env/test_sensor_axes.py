@@ -1,4 +1,4 @@
-"""The axes of light, noise and stream in whole episodes: the base at severity 0, repeatable, and what arrives."""
+"""The light, noise and stream axes in episodes: severity 0, repeatability, delivery."""
 
 import itertools
 from dataclasses import replace
@@ -53,23 +53,13 @@ def test_severity_zero_is_the_base_to_the_bit(axis: str, base: list[Frame]):
 
 
 @pytest.mark.parametrize("axis", PARAMETERS)
-def test_episodes_differ_from_the_base_and_start_afresh(axis: str, base: list[Frame]):
+def test_episodes_differ_from_the_base_and_are_repeatable(axis: str, base: list[Frame]):
     once = episode(overrides(axis, 1.0))
     assert not same(once, base)
     assert same(episode(overrides(axis, 1.0), runs=2), once)
 
 
-@pytest.mark.parametrize("axis", ["light", "noise"])
-def test_only_the_pixels_change(axis: str, base: list[Frame]):
-    for changed, plain in zip(episode(overrides(axis, 2.0)), base, strict=True):
-        for one, two in zip(changed.people, plain.people, strict=True):
-            assert (one.box == two.box).all()
-            assert (one.T_world_target == two.T_world_target).all()
-            assert (one.T_world_camera == two.T_world_camera).all()
-            assert (one.visible_fraction, one.state, one.time_s) == (two.visible_fraction, two.state, two.time_s)
-
-
-def test_each_frame_shown_is_one_that_was_taken_with_its_own_truth(base: list[Frame]):
+def test_delivered_frames_are_camera_frames_with_their_truth(base: list[Frame]):
     lossless = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": 100, "axes.stream.dropped_share": 0.5}
     shown = episode(lossless)
     taken = {frame.time_s: frame for frame in base}
@@ -85,7 +75,7 @@ def test_each_frame_shown_is_one_that_was_taken_with_its_own_truth(base: list[Fr
         assert np.abs(frame.image.astype(int) - twin.image).mean() < 4.0
 
 
-def test_noise_of_a_frame_does_not_depend_on_which_others_arrived():
+def test_noise_does_not_depend_on_lost_frames():
     noisy = overrides("noise", 1.0)
     lossy = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": 100, "axes.stream.dropped_share": 0.5}
     taken = {frame.time_s: frame for frame in episode(noisy)}
@@ -94,7 +84,7 @@ def test_noise_of_a_frame_does_not_depend_on_which_others_arrived():
 
 
 @pytest.mark.parametrize("automatics", [True, False])
-def test_truth_and_exposure_do_not_depend_on_which_frames_arrive(automatics: bool):
+def test_truth_and_exposure_do_not_depend_on_lost_frames(automatics: bool):
     optics = {f"axes.{axis}.severity": 2.0 for axis in ("blur", "rolling_shutter", "light", "noise", "jitter")}
     light = {"axes.light.auto_exposure": automatics, "axes.light.auto_white_balance": automatics,
              "axes.light.at_s": 0.1, "axes.light.exposure_lag_s": 0.2}  # fmt: skip
@@ -111,7 +101,7 @@ def test_truth_and_exposure_do_not_depend_on_which_frames_arrive(automatics: boo
         assert np.array_equal(frame.image, twin.image)
 
 
-def test_the_command_holds_while_frames_are_lost():
+def test_the_command_is_held_while_frames_are_lost():
     lossy = {"axes.stream.severity": 1, "axes.stream.dropped_share": 0.5, "duration_s": 2.0}
     forward = np.array([0.5, 0.2, 0.0, 0.0])
     with Simulation(scenario.load("plaza-walk", {**SHORT, "duration_s": 2.0})) as simulation:
@@ -131,7 +121,7 @@ def test_the_command_holds_while_frames_are_lost():
     assert max(gaps) > 1
 
 
-def test_quality_reaches_the_pixels(base: list[Frame]):
+def test_the_error_grows_as_the_jpeg_quality_falls(base: list[Frame]):
     errors = []
     for quality in (95, 60, 20, 5):
         settings = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": quality, "axes.stream.dropped_share": 0.0,

@@ -1,4 +1,4 @@
-"""Shaking, measured where users see it: how the background moves in the image."""
+"""Camera shake, measured by the motion of the background in the image."""
 
 import cv2
 import numpy as np
@@ -54,7 +54,9 @@ def motion_deg(axis: dict[str, object]) -> np.ndarray:
         ({"sources": ["wind"], "wind_rms_deg": 0.6, "wind_corner_hz": 1.0}, 0.6, float(np.tan(np.arctan(12.0) / 2.0))),
     ],
 )
-def test_background_moves_as_much_and_as_fast_as_asked(axis: dict[str, object], rms_deg: float, half_power_hz: float):
+def test_the_background_moves_with_the_given_rms_and_band(
+    axis: dict[str, object], rms_deg: float, half_power_hz: float
+):
     moved = motion_deg(axis)
     moved -= moved.mean(axis=0)
     # Power is added up over both directions; each has the RMS asked for.

@@ -1,4 +1,4 @@
-"""Truth where people are hard to see, and what making it must not do."""
+"""Truth of people who are occluded, truncated, near or far, and side effects of observing."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_a_target_cut_by_an_edge(edge: str, offset: tuple[float, float, float], 
     assert [name for name, touch in touched.items() if touch] == [edge]
 
 
-def test_a_target_wholly_hidden_is_occluded_by_name(drawing: Drawing):
+def test_a_fully_occluded_target_names_its_occluders(drawing: Drawing):
     spec_stage = build(people=2, pillars=2, ground=False)
     for name, at in (("target", (5.0, 0.0, 0.0)), ("distractor-1", (1.2, 0.35, -0.2))):
         spec_stage.place(name, at)
@@ -130,7 +130,7 @@ def test_a_target_wholly_hidden_is_occluded_by_name(drawing: Drawing):
     assert truths["distractor-1"].visible_fraction == 1.0
 
 
-def test_people_who_cover_each_other_and_the_robot_are_named(drawing: Drawing):
+def test_people_and_the_robot_are_named_as_occluders(drawing: Drawing):
     stage = build(people=3, pillars=0, ground=False)
     stage.place("target", (4.0, 0.1, 0.0))
     stage.place("distractor-1", (2.5, 0.0, 0.0))
@@ -147,12 +147,12 @@ def test_people_who_cover_each_other_and_the_robot_are_named(drawing: Drawing):
 def test_image_motion_is_counted_from_the_previous_frame(drawing: Drawing):
     stage = alone()
     renderer = drawing(stage)
-    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    observer = TruthObserver(stage.model, stage.people, renderer, K)
 
     def next_frame(at: tuple[float, float, float]) -> Truth:
         stage.place("target", at)
         image = renderer.color(stage.data, LEVEL, K)
-        return maker.observe(stage.data, LEVEL, image, 0.0, stage.roots())[0]
+        return observer.observe(stage.data, LEVEL, image, 0.0, stage.roots())[0]
 
     first, second = next_frame((4.0, 0.0, 0.0)), next_frame((4.0, 0.3, 0.0))
     assert first.image_motion_px == 0.0
@@ -163,26 +163,26 @@ def test_image_motion_is_counted_from_the_previous_frame(drawing: Drawing):
     assert np.isnan(next_frame((4.0, 0.0, 0.0)).image_motion_px)
 
 
-def test_luminance_is_of_the_image_given(drawing: Drawing):
+def test_the_luminance_is_that_of_the_given_image(drawing: Drawing):
     stage = alone()
     renderer = drawing(stage)
-    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    observer = TruthObserver(stage.model, stage.people, renderer, K)
     red, green, blue = LUMINANCE
     for colour, weight in (((255, 255, 255), 1.0), ((255, 0, 0), red), ((0, 255, 0), green), ((0, 0, 255), blue)):
         image = np.full((HEIGHT, WIDTH, 3), colour, np.uint8)
-        (truth,) = maker.observe(stage.data, LEVEL, image, 0.0, stage.roots())
+        (truth,) = observer.observe(stage.data, LEVEL, image, 0.0, stage.roots())
         assert truth.luminance == pytest.approx(weight, abs=1e-9)
 
 
-def test_looking_changes_nothing(drawing: Drawing):
+def test_observing_changes_no_argument(drawing: Drawing):
     stage = build(1)
     renderer = drawing(stage)
     kept = {name: getattr(stage.model, name).copy() for name in ("geom_group", "geom_rgba", "geom_pos")}
     state = stage.data.geom_xpos.copy(), stage.data.mocap_pos.copy()
     image = renderer.color(stage.data, LEVEL, K)
     pixels, poses = image.copy(), stage.roots()
-    maker = TruthObserver(stage.model, stage.people, renderer, K)
-    first = maker.observe(stage.data, LEVEL, image, 0.0, poses)
+    observer = TruthObserver(stage.model, stage.people, renderer, K)
+    first = observer.observe(stage.data, LEVEL, image, 0.0, poses)
     assert np.array_equal(image, pixels)
     assert np.array_equal(poses, stage.roots())
     assert all(np.array_equal(getattr(stage.model, name), value) for name, value in kept.items())
@@ -195,7 +195,7 @@ def test_looking_changes_nothing(drawing: Drawing):
 
 
 class _Counting:
-    """Counts what is asked of a renderer, of which the truth may use nothing but the interface."""
+    """Counts calls of a renderer's interface."""
 
     def __init__(self, renderer: Rasteriser) -> None:
         self._renderer = renderer
@@ -208,7 +208,7 @@ class _Counting:
         return self._renderer.ids(*arguments, rect=rect, **options)
 
 
-def test_nothing_is_drawn_that_cannot_matter(drawing: Drawing):
+def test_only_layers_that_matter_are_rendered(drawing: Drawing):
     image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     for at, drawn in (((-4.0, 0.0, 0.0), 0), ((4.0, 0.0, 0.0), 1)):
         stage = alone(at)
@@ -230,7 +230,7 @@ def test_nothing_is_drawn_that_cannot_matter(drawing: Drawing):
         assert (truth.occluders == ()) == (height > 0)
 
 
-def test_infinite_planes_cover_too(drawing: Drawing):
+def test_infinite_planes_occlude(drawing: Drawing):
     spec = new_spec()
     spec.worldbody.add_body(name="ground").add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], group=SCENERY_GROUP
@@ -246,17 +246,17 @@ def test_infinite_planes_cover_too(drawing: Drawing):
     assert 0.4 < truth.visible_fraction < 0.8
 
 
-def test_wrong_arguments_are_refused(drawing: Drawing):
+def test_invalid_arguments_raise(drawing: Drawing):
     stage = build()
     renderer = drawing(stage)
     with pytest.raises(ParameterError, match="at least one"):
         TruthObserver(stage.model, (), renderer, K)
     with pytest.raises(ParameterError, match="nobody/pelvis"):
         TruthObserver(stage.model, ("nobody",), renderer, K)
-    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    observer = TruthObserver(stage.model, stage.people, renderer, K)
     image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     with pytest.raises(ParameterError, match="T_world_people"):
-        maker.observe(stage.data, LEVEL, image, 0.0, stage.roots()[:1])
+        observer.observe(stage.data, LEVEL, image, 0.0, stage.roots()[:1])
     with pytest.raises(ParameterError, match="image"):
-        maker.observe(stage.data, LEVEL, image[:5], 0.0, stage.roots())
+        observer.observe(stage.data, LEVEL, image[:5], 0.0, stage.roots())
     assert renderer.near_m == pytest.approx(NEAR)

@@ -19,7 +19,7 @@ from pftrack_sim.truth.observer import TruthObserver
 
 
 def brute_force(stage: Stage, renderer: Rasteriser, pose: np.ndarray) -> dict[str, dict[str, Any]]:
-    """The same of two whole pictures per person: everything, and the person alone in the world."""
+    """Truth from two full segmentations per person: of everything, and of the person alone."""
     everything = renderer.ids(stage.data, pose, K).ids
     image = renderer.color(stage.data, pose, K)
     owners = [stage.owner(geom) for geom in range(stage.model.ngeom)]
@@ -70,7 +70,7 @@ SOLIDS = {
 
 
 @pytest.mark.parametrize("solid", SOLIDS)
-def test_amodal_boxes_are_the_extents_of_what_is_drawn(solid: str, drawing: Drawing):
+def test_amodal_boxes_are_the_extents_of_rendered_pixels(solid: str, drawing: Drawing):
     kind, size = SOLIDS[solid]
     rng = np.random.default_rng(sum(map(ord, solid)))
     # Blunt: a tip thinner than a pixel reaches farther than any pixel that shows it.
@@ -79,7 +79,7 @@ def test_amodal_boxes_are_the_extents_of_what_is_drawn(solid: str, drawing: Draw
     vertices = unit * (0.25, 0.3, 0.5) if solid == "mesh" else None
     stage = single(kind, size, vertices)
     renderer = drawing(stage)
-    maker = TruthObserver(stage.model, stage.people, renderer, K)
+    observer = TruthObserver(stage.model, stage.people, renderer, K)
     image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     compared = 0
     for _ in range(300):
@@ -89,7 +89,7 @@ def test_amodal_boxes_are_the_extents_of_what_is_drawn(solid: str, drawing: Draw
         turn(stage.data, rng)
         mujoco.mj_forward(stage.model, stage.data)
         pose = looking((0.0, 0.0, 0.0), (1.0, *rng.normal(size=2) * 0.05), rng.normal() * 0.2)
-        (truth,) = maker.observe(stage.data, pose, image, 0.0, stage.roots())
+        (truth,) = observer.observe(stage.data, pose, image, 0.0, stage.roots())
         seen = boxes.from_mask(renderer.ids(stage.data, pose, K).ids >= 0)
         if np.isnan(seen).any():
             assert truth.state == "out_of_view"
@@ -105,7 +105,7 @@ def test_amodal_boxes_are_the_extents_of_what_is_drawn(solid: str, drawing: Draw
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_truth_is_what_brute_force_finds(seed: int, drawing: Drawing):
+def test_truth_agrees_with_brute_force(seed: int, drawing: Drawing):
     rng = np.random.default_rng(100 + seed)
     stage = build(seed, people=int(rng.integers(1, 6)), pillars=int(rng.integers(0, 6)), ground=seed % 3 > 0)
     renderer = drawing(stage)
@@ -126,7 +126,7 @@ def test_truth_is_what_brute_force_finds(seed: int, drawing: Drawing):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_boxes_nest_and_numbers_stay_in_their_ranges(seed: int, drawing: Drawing):
+def test_boxes_are_nested_and_values_are_in_range(seed: int, drawing: Drawing):
     rng = np.random.default_rng(200 + seed)
     stage = build(seed, people=5, slices=64)
     renderer, pose = drawing(stage), random_view(rng)

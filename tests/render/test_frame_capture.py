@@ -24,7 +24,7 @@ from pftrack_sim.truth.observer import TruthObserver
 
 FRAME_S = 0.04
 NO_LENS = (0.0, 0.0, 0.0, 0.0, 0.0)
-BENT = DistortionAxis(severity=1.0, k1=-0.3, k2=0.09).coefficients
+DISTORTED = DistortionAxis(severity=1.0, k1=-0.3, k2=0.09).coefficients
 POLES = {"pole": [4.0, 0.0, 0.0], "ball": [-9.0, 0.0, 0.0], "both": [2.5, 0.05, 0.0]}
 STILL = CameraShake.band_limited(Jitter(), np.random.default_rng(0))
 
@@ -38,7 +38,7 @@ def facing(yaw: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -
 
 
 class Studio:
-    """A white ball (the target) or pole before a black wall, evenly lit; frames at FRAME_S."""
+    """A white sphere (the target) or pole in front of a black wall, uniformly lit; a frame every FRAME_S."""
 
     def __init__(self, kind: str, shutter: Shutter, lens: tuple[float, ...]) -> None:
         spec = new_spec(slices=96)
@@ -77,10 +77,10 @@ class Studio:
         root = np.eye(4)[None]
         time_s = self.frames * FRAME_S
         self.capture.record(self.data, time_s, pose, root)
-        taken = self.capture.capture(self.renderer)
-        (truth,) = self.truth.observe_captured(taken, taken.image, time_s)
+        captured = self.capture.capture(self.renderer)
+        (truth,) = self.truth.observe_captured(captured, captured.image, time_s)
         self.frames += 1
-        return Frame(self.frames - 1, time_s, taken.image, truth, (truth,))
+        return Frame(self.frames - 1, time_s, captured.image, truth, (truth,))
 
 
 @pytest.fixture
@@ -121,30 +121,30 @@ def sides(box: np.ndarray) -> np.ndarray:
     return np.concatenate([box[:2], box[:2] + box[2:]])
 
 
-def test_a_ball_through_the_lens_is_where_its_outline_is_projected(studio):
-    room = studio("ball", lens=BENT)
+def test_the_box_of_a_sphere_is_that_of_its_outline_projected_by_opencv(studio):
+    scene = studio("ball", lens=DISTORTED)
     for y, z in ((0.0, 0.0), (1.2, 0.5), (-1.4, -0.8), (-1.0, 0.9)):
-        truth = room.shoot((4.0, y, z), facing()).truth
-        expected = sphere_extent(np.array([-y, -z, 4.0]), 0.4, BENT)
+        truth = scene.shoot((4.0, y, z), facing()).truth
+        expected = sphere_extent(np.array([-y, -z, 4.0]), 0.4, DISTORTED)
         assert np.abs(sides(truth.amodal_box) - expected).max() < 1.0
         assert np.abs(sides(truth.visible_box) - expected).max() < 1.5
-        assert np.array_equal(truth.distortion, np.array(BENT))
+        assert np.array_equal(truth.distortion, np.array(DISTORTED))
         assert np.array_equal(truth.swept_box, truth.amodal_box)
         assert truth.visible_fraction == 1.0
 
 
-def test_the_picture_agrees_with_the_box_through_the_lens(studio):
-    room = studio("ball", lens=BENT)
+def test_the_image_agrees_with_the_box_through_the_lens(studio):
+    scene = studio("ball", lens=DISTORTED)
     for y, z in ((0.3, 0.1), (1.2, 0.5), (-1.4, -0.8)):
-        frame = room.shoot((4.0, y, z), facing())
+        frame = scene.shoot((4.0, y, z), facing())
         seen = boxes.from_mask(lit(frame.image) > 0.5)
         assert np.abs(sides(frame.truth.visible_box) - sides(seen)).max() <= 1.0
 
 
-def test_every_corner_of_a_bent_image_is_filled(studio):
-    room = studio("ball", lens=BENT)
-    assert (room.shoot((9.0, 40.0, 0.0), facing()).image.min(axis=2) < 40).all()  # the wall, not the sky beyond
-    assert room.renderer.width_px > WIDTH
+def test_every_corner_of_a_distorted_image_is_rendered(studio):
+    scene = studio("ball", lens=DISTORTED)
+    assert (scene.shoot((9.0, 40.0, 0.0), facing()).image.min(axis=2) < 40).all()  # the wall, not the sky beyond
+    assert scene.renderer.width_px > WIDTH
 
 
 def middles(image: np.ndarray) -> np.ndarray:
@@ -155,9 +155,9 @@ def middles(image: np.ndarray) -> np.ndarray:
 
 def test_a_pole_slants_by_speed_times_readout_when_panning(studio):
     readout_s, turn = 0.03, 1.2
-    room = studio("pole", readout_s=readout_s)
+    scene = studio("pole", readout_s=readout_s)
     for index in (-1, 0):
-        image = room.shoot((-9.0, 0.0, 0.0), facing(turn * FRAME_S * index)).image
+        image = scene.shoot((-9.0, 0.0, 0.0), facing(turn * FRAME_S * index)).image
     found = middles(image)
     # Turning to the left, it saw the pole farther to the left before.
     before = readout_s * (1.0 - (np.arange(HEIGHT) + 0.5) / HEIGHT)
@@ -168,9 +168,9 @@ def test_a_pole_slants_by_speed_times_readout_when_panning(studio):
 @pytest.mark.parametrize("height_m", [0.0, 1.2])
 def test_a_pole_slants_by_speed_times_readout_when_driving_past(studio, height_m: float):
     readout_s, speed = 0.03, 2.0
-    room = studio("pole", readout_s=readout_s)
+    scene = studio("pole", readout_s=readout_s)
     for index in (-1, 0):
-        image = room.shoot((-9.0, 0.0, 0.0), facing(0.0, (0.0, speed * FRAME_S * index, height_m))).image
+        image = scene.shoot((-9.0, 0.0, 0.0), facing(0.0, (0.0, speed * FRAME_S * index, height_m))).image
     found = middles(image)
     before = readout_s * (1.0 - (np.arange(HEIGHT) + 0.5) / HEIGHT)
     # The pole's front is at 3.95 m.
@@ -179,16 +179,16 @@ def test_a_pole_slants_by_speed_times_readout_when_driving_past(studio, height_m
     assert abs(slant - K[0, 0] * speed * readout_s / 3.95) < 1.0
 
 
-@pytest.mark.parametrize("lens", [NO_LENS, BENT])
+@pytest.mark.parametrize("lens", [NO_LENS, DISTORTED])
 @pytest.mark.parametrize("way", ["person", "pan", "drive"])
-def test_boxes_are_those_of_each_rows_own_instant(studio, lens, way: str):
+def test_boxes_are_those_at_each_rows_mid_exposure(studio, lens, way: str):
     readout_s = 0.03
-    room = studio("ball", readout_s=readout_s, lens=lens)
+    scene = studio("ball", readout_s=readout_s, lens=lens)
     for index in (-1, 0):
         moved = FRAME_S * index
         ball = (4.0, 0.6 + 2.0 * moved * (way == "person"), 0.5)
         pose = facing(0.8 * moved * (way == "pan"), (0.0, 2.0 * moved * (way == "drive"), 0.0))
-        frame = room.shoot(ball, pose)
+        frame = scene.shoot(ball, pose)
 
     def where(before: float) -> np.ndarray:
         y = 0.6 - 2.0 * before * (way == "person") + 2.0 * before * (way == "drive")
@@ -214,11 +214,11 @@ def test_boxes_are_those_of_each_rows_own_instant(studio, lens, way: str):
 @pytest.mark.parametrize("way", ["person", "pan"])
 def test_a_moving_edge_is_as_wide_as_speed_times_exposure(studio, way: str):
     exposure_s = 0.03
-    room = studio("ball", exposure_s=exposure_s)
+    scene = studio("ball", exposure_s=exposure_s)
     for index in (-1, 0):
         moved = FRAME_S * index
         pose = facing(0.75 * moved * (way == "pan"))
-        frame = room.shoot((4.0, 3.0 * moved * (way == "person") + 0.045 * (way == "person"), 0.0), pose)
+        frame = scene.shoot((4.0, 3.0 * moved * (way == "person") + 0.045 * (way == "person"), 0.0), pose)
     row = lit(frame.image)[HEIGHT // 2]
     width = K[0, 0] * (0.75 if way == "pan" else 3.0 / 4.0) * exposure_s
     # The spread of a ramp's steps is its width over the root of 12.
@@ -232,40 +232,40 @@ def test_a_moving_edge_is_as_wide_as_speed_times_exposure(studio, way: str):
     assert np.abs(sides(truth.amodal_box) - sides(boxes.from_mask(lit(frame.image) > 0.5))).max() < 1.5
 
 
-def test_a_still_scene_is_the_same_however_long_it_is_exposed(studio):
+def test_a_static_scene_does_not_depend_on_the_exposure(studio):
     instant = studio("ball", readout_s=0.02).shoot((4.0, 0.4, 0.2), facing())
-    rooms = studio("ball", exposure_s=0.03, readout_s=0.02)
+    second = studio("ball", exposure_s=0.03, readout_s=0.02)
     for _ in range(2):
-        long = rooms.shoot((4.0, 0.4, 0.2), facing())
+        long = second.shoot((4.0, 0.4, 0.2), facing())
     assert np.array_equal(long.image, instant.image)
     assert np.array_equal(long.truth.visible_box, instant.truth.visible_box)
     assert np.abs(long.truth.swept_box - long.truth.amodal_box).max() < 1e-9
 
 
-@pytest.mark.parametrize("lens", [NO_LENS, BENT])
+@pytest.mark.parametrize("lens", [NO_LENS, DISTORTED])
 @pytest.mark.parametrize(("exposure_s", "height_m"), [(0.0, 0.0), (0.02, 0.0), (0.0, 1.2)])
-def test_visible_pixels_are_those_that_each_row_sees_at_its_own_instant(studio, lens, exposure_s, height_m):
-    room = studio("both", exposure_s=exposure_s, readout_s=0.02, lens=lens)
-    renderer, capture = room.renderer, room.capture
+def test_visible_pixels_are_those_at_each_rows_mid_exposure(studio, lens, exposure_s, height_m):
+    scene = studio("both", exposure_s=exposure_s, readout_s=0.02, lens=lens)
+    renderer, capture = scene.renderer, scene.capture
     for index in (-1, 0):
         moved = FRAME_S * index
-        room.data.mocap_pos[0] = (4.0, 0.3 + 1.5 * moved, 0.5)
-        mujoco.mj_forward(room.model, room.data)
+        scene.data.mocap_pos[0] = (4.0, 0.3 + 1.5 * moved, 0.5)
+        mujoco.mj_forward(scene.model, scene.data)
         pose = facing(0.9 * moved, (0.5 * moved, 0.8 * moved, height_m))
-        capture.record(room.data, room.frames * FRAME_S, pose, np.eye(4)[None])
-        taken = capture.capture(renderer)
-        (truth,) = room.truth.observe_captured(taken, taken.image, room.frames * FRAME_S)
-        room.frames += 1
+        capture.record(scene.data, scene.frames * FRAME_S, pose, np.eye(4)[None])
+        captured = capture.capture(renderer)
+        (truth,) = scene.truth.observe_captured(captured, captured.image, scene.frames * FRAME_S)
+        scene.frames += 1
     # Row by row: the whole scene as it was just then, looked at along each pixel's ray.
     K_wide = np.array(K)
     K_wide[:2, 2] = renderer.width_px / 2, renderer.height_px / 2
     visible = np.zeros((HEIGHT, WIDTH), dtype=bool)
-    ball = room.model.body("target/pelvis").geomadr[0]
+    ball = scene.model.body("target/pelvis").geomadr[0]
     for row in range(HEIGHT):
-        when = float(room.shutter.row_s(row + 0.5))
+        when = float(scene.shutter.row_s(row + 0.5))
         if not truth.amodal_box[1] - 3 < row < truth.amodal_box[1] + truth.amodal_box[3] + 3:
             continue
-        ids = renderer.ids(capture.scene_at(when), taken.trajectory.at(when), K_wide).ids
+        ids = renderer.ids(capture.scene_at(when), captured.trajectory.at(when), K_wide).ids
         pixels = np.column_stack([np.arange(WIDTH) + 0.5, np.full(WIDTH, row + 0.5)])
         at = np.floor(capture.lens.to_normalized(pixels) * K[(0, 1), (0, 1)] + K_wide[:2, 2]).astype(int)
         visible[row] = ids[at[:, 1], at[:, 0]] == ball
