@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import subprocess
@@ -14,6 +13,7 @@ import pytest
 from hypothesis import settings
 from render_stage import HEIGHT, WIDTH, Stage, build
 
+from pftrack_sim.render.gl import context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 
 # On a busy machine, the duration of an example says nothing about the code.
@@ -61,10 +61,5 @@ def digest_in_new_process() -> Callable[[str, int], dict]:
 @pytest.fixture
 def osmesa_present() -> None:
     """Skips where OSMesa is not installed."""
-    for name in ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"):
-        try:
-            ctypes.CDLL(name)
-        except OSError:
-            continue
-        return
-    pytest.skip("OSMesa is not installed")
+    if not any(context._loads(name) for name in ("libOSMesa.so.8", "libOSMesa.so.6")):
+        pytest.skip("OSMesa is not installed")

@@ -100,7 +100,7 @@ class Rasteriser(RendererBase):
         area = mujoco.MjrRect(0, 0, self.width_px, height)
         drawn = scene.color_scene(data, checked_poses(T_world_camera), matrix, (self.width_px, height))
         with self._context.current():
-            scene.update_sky(self._resources[0])
+            scene.sky.update(self._resources[0])
             self._draw(drawn, area)
             mujoco.mjr_readPixels(pixels, None, area, self._resources[0])
         # OpenGL counts rows from the bottom.

@@ -45,7 +45,7 @@ class ModelScene:
         self._ids = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._ids.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True
         self._ids.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
-        self._sky = _Sky(model)
+        self.sky = Sky(model)
 
     def color_scene(
         self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int]
@@ -67,10 +67,6 @@ class ModelScene:
             # MuJoCo left some geoms out or added others.
             order = np.array([geom.objid for geom in list(self._ids.geoms)[: self._ids.ngeom]], dtype=np.intp)
         return self._ids, np.concatenate([[-1], order]).astype(np.int32)
-
-    def update_sky(self, resources: mujoco.MjrContext) -> None:
-        """Upload the sky again if its brightness has changed since; the OpenGL context must be current."""
-        self._sky.update(resources)
 
     def _compose(
         self,
@@ -116,7 +112,7 @@ class ModelScene:
             self._color_geoms[index].type = int(mujoco.mjtGeom.mjGEOM_NONE)
 
 
-class _Sky:
+class Sky:
     """Keeps OpenGL's sky texture as bright as the model's sky material.
 
     OpenGL draws a sky without lighting, so its texture itself is made brighter or darker.
@@ -130,6 +126,7 @@ class _Sky:
         self._uploaded = 1.0
 
     def update(self, resources: mujoco.MjrContext) -> None:
+        """Upload the texture again if the brightness has changed; the OpenGL context must be current."""
         model, texture = self._model, self._texture
         if texture < 0 or (brightness := float(model.mat_emission[self._material])) == self._uploaded:
             return
