@@ -47,11 +47,11 @@ class ObstacleMap:
         length, inside = distance, distance <= 0.0
         if inside.any():
             nearer_u = over[0] > over[1]
-            away = np.where(inside, np.stack([nearer_u, ~nearer_u]), away)
+            away = np.where(inside, np.array([nearer_u, ~nearer_u]), away)
             length = np.where(inside, 1.0, distance)
             distance = np.where(inside, over.max(axis=0), distance)
         u, v = np.copysign(away / length, local)
-        return distance, np.stack([self._cos * u - self._sin * v, self._sin * u + self._cos * v])
+        return distance, np.array([self._cos * u - self._sin * v, self._sin * u + self._cos * v])
 
     def clearance_m(self, points_m: ArrayLike) -> FloatArray:
         """Distance from each of `(N, 2)` points to the nearest rectangle `(N,)` [m], negative inside."""
@@ -98,7 +98,7 @@ class ObstacleMap:
     def _to_local(self, offset: FloatArray) -> FloatArray:
         """World vectors `(2, ..., F)` in the axes of the rectangles."""
         x, y = offset
-        return np.stack([self._cos * x + self._sin * y, self._cos * y - self._sin * x])
+        return np.array([self._cos * x + self._sin * y, self._cos * y - self._sin * x])
 
 
 def outside_circle(point_m: Xy, centre_m: Sequence[float], radius_m: float) -> Xy:

@@ -73,19 +73,20 @@ class ReactivePedestrians:
             goals: Their next waypoints and desired speeds.
         """
         neighbours = self._neighbours._replace(state=state.take(self._order, axis=1))
-        position, velocity = np.split(neighbours.state[:, : len(self.columns)], 2)
+        own = neighbours.state[:, : len(self.columns)]
+        position, velocity = own[:2], own[2:]
         heading = heading_rad[self.columns]
-        facing = np.stack([np.cos(heading), np.sin(heading)])
+        facing = np.array([np.cos(heading), np.sin(heading)])
         desired = self._desired_velocity(position, heading, goals)
         distance, away = self._obstacles.distances(position)
         force = avoidance.social_force(neighbours, facing) + avoidance.wall_force(distance, away)
         acceleration = (desired - velocity) / RELAXATION_S + force * self._force_share
         velocity = velocity + acceleration * (_limit_factor(acceleration, MAX_ACCELERATION_M_S2) * dt_s)
-        backward = np.maximum(-_MAX_BACKWARD_M_S - (velocity * facing).sum(axis=0), 0.0)
+        backward = np.maximum(-_MAX_BACKWARD_M_S - avoidance.dot(velocity, facing), 0.0)
         velocity = velocity * _limit_factor(velocity, MAX_SPEED_M_S) + backward * facing
         velocity = avoidance.person_barrier(neighbours, velocity)
         velocity = avoidance.wall_barrier(distance, away, velocity)
-        state[:, self.columns] = np.vstack([position + velocity * dt_s, velocity])
+        state[:2, self.columns], state[2:, self.columns] = position + velocity * dt_s, velocity
         near_wall = bool(distance.min() < _MIN_WALL_DISTANCE_M + MAX_SPEED_M_S * dt_s)
         self._separate(dt_s, state, position, near_wall=near_wall)
 
@@ -95,10 +96,10 @@ class ReactivePedestrians:
         error = wrapped(np.arctan2(offset[1], offset[0]) - heading)
         speed = goals.desired_speed_m_s[self.columns] * np.maximum(np.cos(error), 0.4)
         # Waiting pedestrians come to rest at their waiting position, and return to it after stepping aside.
-        approach = np.clip((np.sqrt((offset * offset).sum(axis=0)) - 0.15) / 0.8, 0.0, 1.0)
+        approach = np.minimum(np.maximum((np.sqrt(avoidance.dot(offset, offset)) - 0.15) / 0.8, 0.0), 1.0)
         speed = np.where(self._waiting, speed * approach, speed)
-        direction = heading + np.clip(error, -_MAX_HEADING_OFFSET_RAD, _MAX_HEADING_OFFSET_RAD)
-        return speed * np.stack([np.cos(direction), np.sin(direction)])
+        direction = heading + np.minimum(np.maximum(error, -_MAX_HEADING_OFFSET_RAD), _MAX_HEADING_OFFSET_RAD)
+        return speed * np.array([np.cos(direction), np.sin(direction)])
 
     def _separate(self, dt_s: float, state: FloatArray, start: FloatArray, *, near_wall: bool) -> None:
         """Shift people out of walls and out of each other where the barriers could not keep the least distances."""
@@ -127,8 +128,9 @@ class ReactivePedestrians:
 def turn(dt_s: float, velocity: FloatArray, heading_rad: FloatArray) -> None:
     """Turn `(N,)` headings in place towards `(2, N)` velocities, at no more than `MAX_TURN_RATE_RAD_S`."""
     error = wrapped(np.arctan2(velocity[1], velocity[0]) - heading_rad)
-    share = np.minimum(np.sqrt((velocity * velocity).sum(axis=0)) / 0.4, 1.0)
-    heading_rad += np.clip(share * error / _TURN_TIME_CONSTANT_S, -MAX_TURN_RATE_RAD_S, MAX_TURN_RATE_RAD_S) * dt_s
+    share = np.minimum(np.sqrt(avoidance.dot(velocity, velocity)) / 0.4, 1.0)
+    rate = np.maximum(share * error / _TURN_TIME_CONSTANT_S, -MAX_TURN_RATE_RAD_S)
+    heading_rad += np.minimum(rate, MAX_TURN_RATE_RAD_S) * dt_s
 
 
 def wrapped(angle_rad: FloatArray) -> FloatArray:
@@ -138,4 +140,4 @@ def wrapped(angle_rad: FloatArray) -> FloatArray:
 
 def _limit_factor(vector: FloatArray, limit: float) -> FloatArray:
     """`(M,)` factors that shorten `(2, M)` vectors to a length."""
-    return np.minimum(1.0, limit / np.sqrt((vector * vector).sum(axis=0) + 1e-9))
+    return np.minimum(1.0, limit / np.sqrt(avoidance.dot(vector, vector) + 1e-9))
