@@ -148,7 +148,7 @@ class FootPlacement:
     def _stride_frequency(self, phases: FloatArray) -> FloatArray:
         """Stride frequency `(P,)` [Hz]: speed over stride length, higher for a foot that lags or is out of place.
 
-        Also decides who is at rest.
+        Also updates which people are at rest.
         """
         speed, stride = self.speed, self.parameters.stride_m
         offset = self._foothold - self._positions[:, None]
