@@ -15,6 +15,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import occluders
 from brushes import Canvas
 from fronts import facades, posters, shops
 from parts import parts
@@ -57,15 +58,22 @@ PICTURES: dict[str, Callable[[np.random.Generator], Canvas]] = {
     "sky-night": sky_night,
 }
 
+OCCLUDERS = {
+    "occluder-concrete": occluders.concrete,
+    "occluder-brick": occluders.brick,
+    "occluder-crate": occluders.crate,
+}
+
 
 def main() -> None:
     """Write every picture."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent / "textures"
     folder.mkdir(parents=True, exist_ok=True)
+    images = {name: draw() for name, draw in OCCLUDERS.items()}
     for name, draw in PICTURES.items():
-        image = draw(generator(name))
         # Steps of four grey levels are invisible under texture filtering and halve the files.
-        pixels = np.clip(np.round(image / 4.0) * 4.0, 0, 255).astype(np.uint8)
+        images[name] = np.clip(np.round(draw(generator(name)) / 4.0) * 4.0, 0, 255).astype(np.uint8)
+    for name, pixels in images.items():
         stored = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR)
         path = folder / f"{name}.png"
         cv2.imwrite(str(path), stored, [cv2.IMWRITE_PNG_COMPRESSION, 9])

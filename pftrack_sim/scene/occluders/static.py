@@ -12,7 +12,7 @@ import numpy as np
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint
-from pftrack_sim.scene.occluders import textures
+from pftrack_sim.scene.places.materials import read_image
 
 MAX_CRATES = 16
 """Largest number of crates in one stack."""
@@ -153,27 +153,23 @@ def _crates(width: float, thickness: float, height: float) -> Boxes:
 
 
 def _add_materials(spec: mujoco.MjSpec, kinds: set[str]) -> None:
-    flat, cube = mujoco.mjtTexture.mjTEXTURE_2D, mujoco.mjtTexture.mjTEXTURE_CUBE
-    for occluder, name, kind, draw, repeat in (
-        ("pillar", "occluder/concrete", flat, textures.concrete, 2.0),
-        ("wall", "occluder/brick", flat, textures.brick, 2.0),
-        ("boxes", "occluder/crate", cube, textures.crate, 1.0),
-    ):
-        if occluder not in kinds:
+    for kind, material, repeat in (("pillar", "concrete", 2.0), ("wall", "brick", 2.0), ("boxes", "crate", 1.0)):
+        if kind not in kinds:
             continue
-        image, faces = draw(), 6 if kind == cube else 1
+        name, (pixels, width, height) = f"occluder/{material}", read_image(f"occluder-{material}")
+        faces = 6 if kind == "boxes" else 1
         texture = spec.add_texture(
             name=name,
-            type=kind,
+            type=mujoco.mjtTexture.mjTEXTURE_CUBE if faces == 6 else mujoco.mjtTexture.mjTEXTURE_2D,
             colorspace=mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR,
-            width=image.shape[1],
-            height=image.shape[0] * faces,
+            width=width,
+            height=height * faces,
             nchannel=3,
         )
-        texture.data = np.concatenate([image] * faces).tobytes()
+        texture.data = pixels * faces
         roles = [""] * int(mujoco.mjtTextureRole.mjNTEXROLE)
         roles[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
-        material = {"texuniform": True, "texrepeat": [repeat] * 2, "specular": 0.1, "shininess": 0.1}
-        spec.add_material(name=name, textures=roles, **material)
+        properties = {"texuniform": True, "texrepeat": [repeat] * 2, "specular": 0.1, "shininess": 0.1}
+        spec.add_material(name=name, textures=roles, **properties)
     if kinds & {"pillar", "wall"}:
         spec.add_material(name="occluder/stone", rgba=[0.62, 0.61, 0.58, 1.0], specular=0.1, shininess=0.1)

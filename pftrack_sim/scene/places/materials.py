@@ -160,12 +160,13 @@ def add_skybox(spec: mujoco.MjSpec, name: str) -> None:
 
 
 def _add_texture(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtTexture) -> None:
-    pixels, width, height = _read_image(name)
+    pixels, width, height = read_image(name)
     spec.add_texture(name=name, type=kind, width=width, height=height, nchannel=3).data = pixels
 
 
 @cache
-def _read_image(name: str) -> tuple[bytes, int, int]:
+def read_image(name: str) -> tuple[bytes, int, int]:
+    """RGB bytes, width and height [px] of an image in `assets/textures`."""
     path = assets_dir() / "textures" / f"{name}.png"
     image = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
     if image is None:

@@ -1,12 +1,10 @@
-"""Procedural textures of static occluders: concrete, brick and crate wood."""
+"""Textures of static occluders: concrete, brick and crate wood."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-from pftrack_sim.core.types import FloatArray
 
 Image = NDArray[np.uint8]
 
@@ -64,5 +62,5 @@ def crate(size_px: int = 128) -> Image:
     return _tint(level, (1.0, 0.8, 0.55))
 
 
-def _tint(level: FloatArray, rgb: tuple[float, float, float]) -> Image:
+def _tint(level: NDArray[np.float64], rgb: tuple[float, float, float]) -> Image:
     return np.clip(level[..., None] * np.array(rgb), 0, 255).astype(np.uint8)
