@@ -1,4 +1,4 @@
-"""Wrappers of the environments, for learners that shall not see pixels."""
+"""Wrappers of the environments for learning without pixels."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from pftrack_sim.env import FollowEnv, TrackAndFollowEnv
 from pftrack_sim.policies import TrackingPolicy
 
 SENSES = ("wheel_left_m_s", "wheel_right_m_s", "gyro_z_rad_s", "pan_rad", "tilt_rad")
-"""What a controller needs to know of the robot's own motion, and no more."""
+"""Proprioception that a controller needs."""
 
 
 class BoxObservation(gym.Wrapper[NDArray[np.float32], Any, dict[str, Any], Any], gym.utils.RecordConstructorArgs):
     """`Follow-v0` with a tracker inside: the observation is its box instead of the image.
 
     Observation: `(5 + len(senses),)` float32: x, y of the box's centre from the image's centre in halves of the image
-    (-1 is the left or upper edge), w, h as shares of the image, the confidence, and then the senses. Before there is a
-    target, and where the tracker gives an empty box, the first five are 0.
+    (-1 is the left or upper edge), w, h as shares of the image, the confidence, and then the senses. Before the target
+    is selected, and where the tracker gives an empty box, the first five are 0.
 
-    A new tracker is made for every episode, from its seed; `estimate` holds what it said last, whole.
+    A new tracker is made for every episode from its seed; `estimate` holds its latest estimate.
 
     Args:
         env: `pftrack_sim/Follow-v0`, wrapped or not.
@@ -76,36 +76,38 @@ class BoxObservation(gym.Wrapper[NDArray[np.float32], Any, dict[str, Any], Any],
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode, with a tracker that knows nothing of the one before."""
+        """Start an episode with a new tracker."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._policy = self._new_policy(self._base.episode_seed)
-        return self._look(observation, info), info
+        return self._observe(observation, info), info
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Drive until the next frame, and look for the target in it."""
+        """Drive until the next frame, and track the target in it."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        return self._look(observation, info), float(reward), terminated, truncated, info
+        return self._observe(observation, info), float(reward), terminated, truncated, info
 
     @property
     def estimate(self) -> Estimate | None:
-        """What the tracker said last."""
+        """Latest estimate of the tracker."""
         return self._policy.estimate
 
     def _new_policy(self, seed: int) -> TrackingPolicy:
         name, preset, params = self._made
         return TrackingPolicy(trackers.make(name, seed=seed, preset=preset, **params))
 
-    def _look(self, observation: Any, info: dict[str, Any]) -> NDArray[np.float32]:
+    def _observe(self, observation: Any, info: dict[str, Any]) -> NDArray[np.float32]:
         self._policy(observation, info)
         assert self.estimate is not None
         height_px, width_px = observation["image"].shape[:2]
-        return np.concatenate([seen_as(self.estimate, width_px, height_px), observation["proprio"][self._senses]])
+        return np.concatenate(
+            [normalised_estimate(self.estimate, width_px, height_px), observation["proprio"][self._senses]]
+        )
 
 
-def seen_as(estimate: Estimate, width_px: int, height_px: int) -> NDArray[np.float32]:
-    """An estimate as five numbers that do not depend on the size of the image; see `BoxObservation`.
+def normalised_estimate(estimate: Estimate, width_px: int, height_px: int) -> NDArray[np.float32]:
+    """An estimate as five numbers independent of the image size; see `BoxObservation`.
 
-    >>> seen_as(Estimate([40, 0, 40, 60], 0.5), 80, 60).tolist()
+    >>> normalised_estimate(Estimate([40, 0, 40, 60], 0.5), 80, 60).tolist()
     [0.5, 0.0, 0.5, 1.0, 0.5]
     """
     x, y, w, h = estimate.box.tolist()

@@ -342,11 +342,12 @@ def _by_name(plan: Plan) -> dict[str, Any]:
 def _differences(path: str, given: Any, stored: Any) -> Iterator[str]:
     if given == stored:
         return
-    if isinstance(given, Mapping) and isinstance(stored, Mapping) and set(given) & set(stored):
+    if isinstance(given, Mapping) and isinstance(stored, Mapping):
         mine, theirs = cast("Mapping[str, Any]", given), cast("Mapping[str, Any]", stored)
-        for key in dict.fromkeys([*mine, *theirs]):
-            yield from _differences(f"{path}.{key}" if path else key, mine.get(key), theirs.get(key))
-        return
+        if set(mine) & set(theirs):
+            for key in dict.fromkeys([*mine, *theirs]):
+                yield from _differences(f"{path}.{key}" if path else key, mine.get(key), theirs.get(key))
+            return
     yield f"{path}: {_short(stored)} there, {_short(given)} asked for"
 
 

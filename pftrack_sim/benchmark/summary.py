@@ -110,11 +110,11 @@ def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Resu
     """Every row of the view `summary`, in the plan's order."""
     conditions = {one.name: one for sweep in plan.sweeps for one in sweep.conditions}
     table = database.execute("SELECT * EXCLUDE levels FROM summary ORDER BY number, place")
-    names = [one[0] for one in table.description or ()]
+    names = [str(one[0]) for one in table.description or ()]
     for row in table.fetchall():
         values: dict[str, Any] = dict(zip(names, row, strict=True))
-        condition = conditions[values["condition"]]
-        yield Result(plan.trackers[values["place"]], values["scenario"], condition, values["seed"], values)
+        tracker, condition = plan.trackers[int(values["place"])], conditions[values["condition"]]
+        yield Result(tracker, values["scenario"], condition, int(values["seed"]), values)
 
 
 def load_summary(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, *, hashes: bool = False) -> int:

@@ -1,4 +1,4 @@
-"""What the three environments share: observations, information, rendering, the end of an episode."""
+"""Base of the three environments: observations, information, rendering, the end of an episode."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ class CameraEnv(gym.Env[Observation, Any]):
         init_box: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, else zeros.
         first: 1 in the frame in which the target is selected, else 0: the first in which anything of it can be seen.
             Unless the target starts out of view that is the first frame of the episode.
-        proprio: `(n,)` float32, the robot's own senses (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
+        proprio: `(n,)` float32, proprioception (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
         overrides: Dotted keys and values, `{"duration_s": 5, "axes.jitter.severity": 2.0}`.
-        render_mode: `"rgb_array"` or None. What it draws has the truth and the last answer on it.
+        render_mode: `"rgb_array"` or None. Pictures have the truth and the last action drawn on them.
         backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
 
     Raises:
         UnknownNameError: No such scenario.
-        ScenarioError: The scenario or an override is wrong; every mistake is named.
+        ScenarioError: The scenario or an override is wrong; every mistake is listed.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}  # noqa: RUF012 - Gymnasium's own way
@@ -58,12 +58,12 @@ class CameraEnv(gym.Env[Observation, Any]):
         self.scenario = scenarios.load(scenario, overrides)
         camera = self.scenario.resolve(0).camera
         self.metadata = {**type(self).metadata, "render_fps": round(camera.rate_hz)}
-        self._size = (camera.width_px, camera.height_px)
-        far = float(max(self._size))
+        self.image_size_px = (camera.width_px, camera.height_px)
+        far = float(max(self.image_size_px))
         self.observation_space = gym.spaces.Dict(
             {
                 "image": gym.spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8),
-                # A box that is selected lies inside the image.
+                # A selected box lies inside the image.
                 "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
                 "first": gym.spaces.Discrete(2),
                 "proprio": gym.spaces.Box(-PROPRIO_HIGH, PROPRIO_HIGH, dtype=np.float32),
@@ -93,21 +93,21 @@ class CameraEnv(gym.Env[Observation, Any]):
         return self._observation(self._frame), self._info(self._frame)
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """`(H, W, 3)` uint8: the frame last answered, with the truth and the answer; None without a render mode.
+        """`(H, W, 3)` uint8: the last frame answered by an action, with truth and action; None without a render mode.
 
         Before the first step it is the first frame with its truth.
         """
         if self.render_mode is None:
             gym.logger.warn("render() needs render_mode='rgb_array', given to gym.make")
             return None
-        return draw_frame(*(self._answered if self._answered is not None else (self._current, {})))
+        frame, estimates = self._answered or (self._current, dict[str, Estimate]())
+        return draw_frame(frame, estimates)
 
     def show(self, estimates: Mapping[str, Estimate]) -> None:
-        """Have `render` draw these over the frame in the observation, instead of the bare action that answers it.
+        """Draw these estimates in `render`, instead of the box of the next action; valid for one step.
 
-        An action is a box; an estimate also tells whether the target is held to be covered and, if the tracker gives
-        them, the particles: `env.unwrapped.show({"ko2012": policy.estimate})` before `env.step`. It holds for one
-        step.
+        An estimate also holds whether the target is occluded, and particles where the tracker gives them:
+        `env.unwrapped.show({"ko2012": policy.estimate})` before `env.step`.
 
         Args:
             estimates: By name, in the order of their colours.
@@ -131,7 +131,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         first = int(frame.index == self._selected_in)
         box = frame.truth.box.copy() if first else np.zeros(4)
         proprio = np.clip(self.simulation.world.proprio(), -PROPRIO_HIGH, PROPRIO_HIGH)
-        # Wrappers and learners may write into an observation: it is theirs.
+        # Copies: wrappers and learners may write into an observation.
         return {"image": frame.image.copy(), "init_box": box, "first": first, "proprio": proprio.astype(np.float32)}
 
     def _info(self, frame: Frame) -> dict[str, Any]:
@@ -144,7 +144,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         }
 
     def _advance(self, command: NDArray[np.float64] | None, answer: Estimate | None, late_s: float = 0.0) -> Frame:
-        """Keep the answer for `render`, then move on to the next frame."""
+        """Keep the frame and its estimates for `render`, then advance to the next frame."""
         shown = self._current
         bare = {} if answer is None else {"action": answer}
         self._answered = (shown, bare if self._shown is None else self._shown)
@@ -160,7 +160,7 @@ class CameraEnv(gym.Env[Observation, Any]):
 
 def box_space(env: CameraEnv) -> BoundingBox:
     """The action space of boxes in the image of an environment."""
-    return BoundingBox(*env._size)
+    return BoundingBox(*env.image_size_px)
 
 
 def checked_command(action: ArrayLike) -> NDArray[np.float64]:

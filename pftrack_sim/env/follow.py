@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -34,7 +34,7 @@ def following_reward(distance_error: float, bearing_error: float) -> float:
 
 
 class FollowEnv(CameraEnv):
-    """Following the target with the robot.
+    """Follow the target with the robot.
 
     Action: `(4,)` command in [-1, 1]: forward speed, turn rate, pan rate, tilt rate, as shares of the robot's limits
     (`robot.max_speed_m_s` and so on); beyond the limits it is clipped, and the frames where it was are counted.
@@ -58,7 +58,7 @@ class FollowEnv(CameraEnv):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode, at the place and distance the scenario's script starts from."""
+        """Start an episode at the initial pose of the scenario's script."""
         self._seen_s = 0.0
         self._clipped, self._exceeds = 0, False
         return super().reset(seed=seed, options=options)
@@ -102,7 +102,7 @@ class FollowEnv(CameraEnv):
 
 
 class TrackAndFollowEnv(FollowEnv):
-    """Tracking and following at once, both scored on the same episode.
+    """Track and follow at once, both scored on the same episode.
 
     Action: `{"box": (4,) box [px], "command": (4,) in [-1, 1]}`: the box answers the frame shown, the command drives. A
     third key, `"late_s"`, gives the time from the frame until the command is given; until then the one before stays in
@@ -120,16 +120,17 @@ class TrackAndFollowEnv(FollowEnv):
         super().__init__(*args, **kwargs)
         self.action_space = gym.spaces.Dict({"box": box_space(self), "command": command_space()})
 
-    def step(self, action: dict[str, ArrayLike]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Answer the frame shown, drive on, and see the next one."""
-        if not isinstance(action, dict) or set(action) - {"late_s"} != {"box", "command"}:
-            given = sorted(action) if isinstance(action, dict) else repr(action)
+    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Score the box on the frame shown, drive, and return the next frame."""
+        values = cast("dict[str, Any]", action if isinstance(action, dict) else {})
+        if set(values) - {"late_s"} != {"box", "command"}:
+            given = sorted(values) if isinstance(action, dict) else repr(action)
             raise ParameterError(f"an action must be a dict with the keys 'box' and 'command', got {given}")
-        answer = Estimate(boxes.checked(action["box"], what="action['box']"))
-        late_s = _checked_late(action.get("late_s", 0.0))
+        answer = Estimate(boxes.checked(values["box"], what="action['box']"))
+        late_s = _checked_late(values.get("late_s", 0.0))
         shown = self._current
         overlapping = overlap(shown, answer.box)
-        observation, following, terminated, truncated, info = self._drive(action["command"], answer, late_s)
+        observation, following, terminated, truncated, info = self._drive(values["command"], answer, late_s)
         info = {**info, "overlap": overlapping, "following": following, "scored": shown.truth.scored}
         return observation, 0.5 * (overlapping + following), terminated, truncated, info
 

@@ -1,7 +1,7 @@
 """A Gymnasium space for bounding boxes.
 
-`gymnasium.spaces.Box` bounds each number on its own, so most of what it samples in pixels is no bounding box of the
-image, and for actions it asks to be normalised to [-1, 1]. This space holds every valid box and samples likely ones.
+`gymnasium.spaces.Box` bounds each number separately, so most of its samples are no boxes of the image, and it wants
+actions normalised to [-1, 1]. This space contains every valid box and samples boxes inside the image.
 """
 
 from __future__ import annotations

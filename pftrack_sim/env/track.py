@@ -1,4 +1,4 @@
-"""`Track-v0`: say where the target is while the robot follows its script."""
+"""`Track-v0`: locate the target while the robot follows its script."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pftrack_sim.env.base import CameraEnv, Observation, box_space, overlap
 
 
 class TrackEnv(CameraEnv):
-    """Tracking from a moving camera; the robot follows the scenario's script.
+    """Track from a moving camera; the robot follows the scenario's script.
 
-    Action: `(4,)` box x, y, w, h [px], the answer to the frame just shown. Boxes may leave the image.
+    Action: `(4,)` box x, y, w, h [px] of the target in the frame of the observation. Boxes may leave the image.
     Reward: overlap (intersection over union) of that box with the amodal box of the target in that frame, clipped to
     the image (Ko et al. 2012, eq. 14); 0 while the target is out of view.
     Information: `truth` and `people` of the frame in the observation; after a step also `overlap` (the reward) and
@@ -22,7 +22,7 @@ class TrackEnv(CameraEnv):
     End: truncated after the scenario's duration; never terminated.
 
     Raises:
-        BoxError: An action that is no box: NaN, infinite, a negative size, or not of shape (4,).
+        BoxError: An invalid box: NaN, infinite, a negative size, or not of shape (4,).
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -30,7 +30,7 @@ class TrackEnv(CameraEnv):
         self.action_space = box_space(self)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Answer the frame shown and see the next one."""
+        """Score the box on the frame shown and return the next frame."""
         answer = Estimate(boxes.checked(action, what="action"))
         shown = self._current
         reward = overlap(shown, answer.box)

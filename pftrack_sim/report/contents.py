@@ -163,12 +163,13 @@ class _Counts:
 
 
 def _episode(store: RunStore, result: Result, frames: _Frames) -> dict[str, Any]:
-    rate_hz, time_s = result.number("rate_hz"), frames.time_s - frames.time_s[0]
-    regular = bool(np.abs(time_s - np.arange(time_s.size) / rate_hz).max() < 1e-3)
+    rate_hz = result.number("rate_hz")
+    time_s: FloatArray = frames.time_s - frames.time_s[0]
+    regular = np.allclose(time_s, np.arange(len(time_s)) / rate_hz, rtol=0.0, atol=1e-3)
     return {
         "seed": result.seed,
         "rate_hz": _json(rate_hz),
-        "time": None if regular else np.round(time_s, 3).tolist(),
+        "time": None if regular else [round(float(time), 3) for time in time_s],
         "overlap": {},
         "occluded": _spans(frames.visible_fraction < COVERED_BELOW),
         "video": video_link(store, result) if store.plan.kind == "open" else None,

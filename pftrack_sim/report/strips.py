@@ -84,7 +84,7 @@ def _strip(title: str, result: Result, video: Path) -> Strip:
         result.label,
         result.number("mean_overlap"),
         indices,
-        tuple(_data_uri(frames[index]) for index in indices),
+        tuple(_data_uri(np.asarray(frames[index], dtype=np.uint8)) for index in indices),
     )
 
 
