@@ -1,4 +1,4 @@
-"""Time that a tracker takes is charged to the simulation."""
+"""The processing time of a tracker is charged to the simulation."""
 
 import hashlib
 import math

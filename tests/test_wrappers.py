@@ -29,14 +29,14 @@ def follow() -> Iterator[gym.Env[Any, Any]]:
         yield env
 
 
-def test_it_is_an_environment(follow: gym.Env[Any, Any]):
+def test_the_wrapper_passes_the_gymnasium_checker(follow: gym.Env[Any, Any]):
     env = BoxObservation(follow)
     check_env(env, skip_render_check=True)
     assert env.spec is not None
     assert env.spec.additional_wrappers[-1].name == "BoxObservation"
 
 
-def test_the_oracle_shows_the_true_box_in_shares_of_the_image(follow: gym.Env[Any, Any]):
+def test_the_oracle_gives_the_true_box_relative_to_the_image(follow: gym.Env[Any, Any]):
     env = BoxObservation(follow, "oracle")
     seen, info = env.reset(seed=3)
     for _ in range(5):
@@ -50,7 +50,7 @@ def test_the_oracle_shows_the_true_box_in_shares_of_the_image(follow: gym.Env[An
         assert not truncated
 
 
-def test_the_senses_are_those_that_were_asked_for(follow: gym.Env[Any, Any]):
+def test_the_observation_has_the_requested_senses(follow: gym.Env[Any, Any]):
     env = BoxObservation(follow, senses=("pan_rad", "wheel_left_m_s"))
     plain, _ = follow.reset(seed=1)
     seen, _ = env.reset(seed=1)
@@ -58,7 +58,7 @@ def test_the_senses_are_those_that_were_asked_for(follow: gym.Env[Any, Any]):
     assert seen.shape == env.observation_space.shape == (7,)
 
 
-def test_every_episode_has_a_tracker_of_its_own(follow: gym.Env[Any, Any]):
+def test_every_episode_has_a_new_tracker(follow: gym.Env[Any, Any]):
     env = BoxObservation(follow, "ko2012", particle_count=30)
 
     def episode() -> list[np.ndarray]:
@@ -70,7 +70,7 @@ def test_every_episode_has_a_tracker_of_its_own(follow: gym.Env[Any, Any]):
     assert first[0].shape == (5 + len(SENSES),)
 
 
-def test_what_cannot_be_wrapped_is_refused(follow: gym.Env[Any, Any]):
+def test_other_environments_are_errors(follow: gym.Env[Any, Any]):
     track = gym.make("pftrack_sim/Track-v0", scenario="corridor", overrides=SMALL)
     with track, pytest.raises(ParameterError, match="wraps pftrack_sim/Follow-v0, got TrackEnv"):
         BoxObservation(track)

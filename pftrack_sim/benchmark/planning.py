@@ -173,19 +173,11 @@ def plan_all(
     if not closed_loop and controllers is None:
         suites = [suite.open_loop() for suite in suites]
     alone = [name for name in names if not is_suite(name)]
-    plans = [
-        plan_suite(
-            suite,
-            trackers=trackers,
-            seeds=seeds,
-            axes=axes,
-            overrides=overrides,
-            preset=preset,
-            controllers=controllers or suite.controllers or fallback,
-            latency_ms=latency_ms,
-        )
-        for suite in suites
-    ]
+    shared: dict[str, Any] = {"axes": axes, "overrides": overrides, "latency_ms": latency_ms}
+    plans: list[Plan] = []
+    for suite in suites:
+        drivers = controllers or suite.controllers or fallback
+        plans.append(plan_suite(suite, trackers=trackers, seeds=seeds, preset=preset, controllers=drivers, **shared))
     if alone or not plans:
         unknown = [name for name in alone if name not in scenarios.names() and not name.endswith(".toml")]
         if unknown:
@@ -195,11 +187,9 @@ def plan_all(
                 alone,
                 trackers if trackers is not None else CLOSED_LOOP_TRACKERS if controllers or fallback else TRACKERS,
                 seeds if seeds is not None else SEEDS,
-                axes=axes,
-                overrides=overrides,
                 preset=preset or "default",
                 controllers=controllers or fallback,
-                latency_ms=latency_ms,
+                **shared,
             )
         )
     return join_plans(plans, truth=cast("ScoredBox", truth))
@@ -216,24 +206,10 @@ def plan_suite(
     controllers: Sequence[str] | None = None,
     latency_ms: Mapping[str, float] | None = None,
 ) -> Plan:
-    """Make the plan of a suite.
+    """Make the plan of a suite; arguments as in `plan_all`, each in place of the suite's own.
 
-    Args:
-        suite: The suite.
-        trackers: Instead of its own; its table and claims are then of those among them.
-        seeds: Instead of its own.
-        axes: Added to its own; levels of the same axis are replaced.
-        overrides: Dotted keys set in every scenario, after its own.
-        preset: Instead of its own.
-        controllers: Instead of its own.
-        latency_ms: Charged for a frame, by the tracker's name or `base_label`.
-
-    Raises:
-        UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
-        ScenarioError: A wrong scenario, override or level.
-        ParameterError: An episode or tracker given twice.
+    Axes are added to those of the suite; levels of the same axis are replaced.
     """
-    chosen = preset if preset is not None else suite.preset
     plans = [
         make_plan(
             block.scenarios,
@@ -241,7 +217,7 @@ def plan_suite(
             seeds if seeds is not None else parse_seeds(suite.seeds),
             axes={**block.axes, **(axes or {})},
             overrides={**block.changes, **(overrides or {})},
-            preset=chosen,
+            preset=preset if preset is not None else suite.preset,
             controllers=controllers if controllers is not None else suite.controllers,
             latency_ms=latency_ms,
             variant=block.variant,

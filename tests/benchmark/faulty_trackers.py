@@ -1,11 +1,10 @@
-"""Strangers' trackers that go wrong, each in its own way, at their second update (frame 2)."""
+"""Third-party trackers with one fault each, at their second update (frame 2)."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import sys
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -16,15 +15,15 @@ from pftrack_sim.core.records import Estimate
 BAD_FRAME = 2
 
 
-class Stranger:
-    """Says the first box until its bad moment comes.
+class FaultyTracker:
+    """Returns the first box until `BAD_FRAME`.
 
     Args:
-        misdeed: What it does then; what that returns is its answer.
+        fault: Called from then on; its result is returned.
     """
 
-    def __init__(self, misdeed: Callable[[np.ndarray], Any]) -> None:
-        self._misdeed = misdeed
+    def __init__(self, fault: Callable[[np.ndarray], Any]) -> None:
+        self._fault = fault
 
     def init(self, image: np.ndarray, box: np.ndarray) -> None:
         self._seen, self._box = 0, np.array(box)
@@ -32,91 +31,83 @@ class Stranger:
     def update(self, image: np.ndarray) -> Any:
         self._seen += 1
         if self._seen >= BAD_FRAME:
-            return self._misdeed(image)
+            return self._fault(image)
         return Estimate(self._box)
 
 
-def good(**_: Any) -> Stranger:
-    return Stranger(lambda image: Estimate([1, 2, 30, 40]))
+def good(**_: Any) -> FaultyTracker:
+    return FaultyTracker(lambda image: Estimate([1, 2, 30, 40]))
 
 
-def raises(**_: Any) -> Stranger:
-    def misdeed(image: np.ndarray) -> Any:
+def raises(**_: Any) -> FaultyTracker:
+    def fault(image: np.ndarray) -> Any:
         raise ValueError("lost my way")
 
-    return Stranger(misdeed)
+    return FaultyTracker(fault)
 
 
-def says_nan(**_: Any) -> Stranger:
-    return Stranger(lambda image: Estimate([np.nan, 0, 5, 5]))
+def returns_nan(**_: Any) -> FaultyTracker:
+    return FaultyTracker(lambda image: Estimate([np.nan, 0, 5, 5]))
 
 
-def wrong_shape(**_: Any) -> Stranger:
-    return Stranger(lambda image: np.zeros(3))
+def returns_an_array(**_: Any) -> FaultyTracker:
+    return FaultyTracker(lambda image: np.zeros(3))
 
 
-def says_nothing(**_: Any) -> Stranger:
-    return Stranger(lambda image: None)
+def returns_none(**_: Any) -> FaultyTracker:
+    return FaultyTracker(lambda image: None)
 
 
-def endless(**_: Any) -> Stranger:
-    def misdeed(image: np.ndarray) -> Any:
+def never_returns(**_: Any) -> FaultyTracker:
+    def fault(image: np.ndarray) -> Any:
         while True:
             pass
 
-    return Stranger(misdeed)
+    return FaultyTracker(fault)
 
 
-def segfault(**_: Any) -> Stranger:
-    return Stranger(lambda image: ctypes.string_at(0))
+def segfaults(**_: Any) -> FaultyTracker:
+    return FaultyTracker(lambda image: ctypes.string_at(0))
 
 
-def sys_exit(**_: Any) -> Stranger:
-    return Stranger(lambda image: sys.exit(0))
+def calls_sys_exit(**_: Any) -> FaultyTracker:
+    return FaultyTracker(lambda image: sys.exit(0))
 
 
-def os_exit(**_: Any) -> Stranger:
-    return Stranger(lambda image: os._exit(3))
+def calls_os_exit(**_: Any) -> FaultyTracker:
+    return FaultyTracker(lambda image: os._exit(3))
 
 
-def greedy(**_: Any) -> Stranger:
-    def misdeed(image: np.ndarray) -> Any:
-        hoard = [np.empty(10_000_000) for _ in range(100)]
-        return Estimate([float(len(hoard)), 0, 5, 5])
+def takes_too_much_memory(**_: Any) -> FaultyTracker:
+    def fault(image: np.ndarray) -> Any:
+        arrays = [np.empty(10_000_000) for _ in range(100)]
+        return Estimate([float(len(arrays)), 0, 5, 5])
 
-    return Stranger(misdeed)
+    return FaultyTracker(fault)
 
 
-def scribbles(**_: Any) -> Stranger:
-    def misdeed(image: np.ndarray) -> Any:
+def writes_into_its_image(**_: Any) -> FaultyTracker:
+    def fault(image: np.ndarray) -> Any:
         image[:] = 0
         return Estimate([1, 2, 30, 40])
 
-    return Stranger(misdeed)
+    return FaultyTracker(fault)
 
 
-def prints(**_: Any) -> Stranger:
-    def misdeed(image: np.ndarray) -> Any:
+def prints(**_: Any) -> FaultyTracker:
+    def fault(image: np.ndarray) -> Any:
         os.write(1, b"rubbish " * 20_000)
         os.write(2, b"more rubbish\n")
         return Estimate([1, 2, 30, 40])
 
-    return Stranger(misdeed)
+    return FaultyTracker(fault)
 
 
-def cannot_be_made_later(*, seed: int, **_: Any) -> Stranger:
+def fails_for_seed_4(*, seed: int, **_: Any) -> FaultyTracker:
     if seed == 4:
         raise OSError("no weights")
     return good()
 
 
-def slow(**_: Any) -> Stranger:
-    def misdeed(image: np.ndarray) -> Any:
-        time.sleep(0.02)
-        return Estimate([1, 2, 30, 40])
-
-    return Stranger(misdeed)
-
-
-def dies_while_imported(**_: Any) -> Stranger:
+def ends_while_imported(**_: Any) -> FaultyTracker:
     os._exit(5)

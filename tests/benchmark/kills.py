@@ -1,4 +1,4 @@
-"""Kill a run at random moments, go on with it, and compare with one that nobody disturbed."""
+"""Kill a run at random moments, resume it, and compare it with an undisturbed one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def command(out: Path, episodes: int) -> list[str]:
 
 
 def survive(folder: Path, *, kills: int, episodes: int, seed: int) -> None:
-    """Assert that a run that is killed again and again ends like an undisturbed one.
+    """Assert that a run that is killed repeatedly ends like an undisturbed one.
 
     Args:
         folder: Empty folder to work in.
@@ -50,7 +50,7 @@ def survive(folder: Path, *, kills: int, episodes: int, seed: int) -> None:
 
 
 def _disturb(words: list[str], after_s: float, whole: bool, rng: random.Random) -> tuple[bool, bool]:
-    """Start a run and kill it, or one of its workers, after a while: whether it came to its end, whether it was hit."""
+    """Start a run and kill it, or one of its workers, later; return whether it finished and whether it was killed."""
     run = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     time.sleep(after_s)
     hit = False
@@ -65,7 +65,7 @@ def _disturb(words: list[str], after_s: float, whole: bool, rng: random.Random) 
 
 
 def children(pid: int) -> list[int]:
-    """Worker processes of a run, from what Linux says; not the one that only watches over shared memory."""
+    """Worker processes of a run, from `/proc`, without the resource tracker."""
     found: list[int] = []
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():

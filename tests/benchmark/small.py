@@ -1,4 +1,4 @@
-"""Episodes as small as they can be, and how two runs are compared."""
+"""Small episodes, and the comparison of two runs."""
 
 from pathlib import Path
 from typing import Any

@@ -59,7 +59,7 @@ def test_a_cluster_gives_the_same_bits(scheduler: str, tmp_path: Path):
     assert contents(here.path) == contents(there.path)
 
 
-def test_a_cluster_that_is_not_there(monkeypatch: pytest.MonkeyPatch):
+def test_an_unreachable_cluster_is_an_error(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("pftrack_sim.benchmark.cluster._CONNECT_S", 1)
     with pytest.raises(RunError, match="no Dask scheduler at"):
         DaskExecutor("tcp://127.0.0.1:9")

@@ -19,7 +19,7 @@ THIS = "tests.benchmark.test_follow"
 
 
 class Raises:
-    """Works for two frames."""
+    """Fails after two frames."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -35,14 +35,14 @@ class Raises:
 
 
 class Unsure(Raises):
-    """Commands that are no numbers."""
+    """Gives commands that are not finite."""
 
     def act(self, estimate, proprio):
         return np.full(4, np.nan)
 
 
 class Greedy(Raises):
-    """Commands beyond the limits."""
+    """Gives commands beyond the limits."""
 
     def act(self, estimate, proprio):
         return np.array([0.0, 7.0, 0.0, 0.0])
@@ -64,7 +64,7 @@ def frames(path: Path, columns: str, tracker: str) -> np.ndarray:
     return np.array(RunStore(path).query(sql).rows, dtype=np.float64)
 
 
-def test_a_run_folder_says_all(one: RunStore):
+def test_a_run_folder_is_complete(one: RunStore):
     assert check(one.path).good
     assert [Path(file).name for file, *_ in contents(one.path)] == [
         "seed-0000__oracle-servo-avoid.parquet",
@@ -74,7 +74,7 @@ def test_a_run_folder_says_all(one: RunStore):
     ]
     identity = "tracker, label, controller, latency_ms"
     sql = f"SELECT {identity}, outcome, mean_overlap FROM summary WHERE seed = 0 ORDER BY place"
-    first, second = RunStore(one.path).query(sql).rows
+    first, second = one.query(sql).rows
     assert first == ("oracle", "oracle+servo-avoid", "servo-avoid", 0.0, "finished", 1.0)
     assert second[:5] == ("stay", "stay@130ms+servo-avoid", "servo-avoid", 130.0, "finished")
     assert len(list((one.path / "videos").rglob("*.mp4"))) == 2
@@ -82,7 +82,7 @@ def test_a_run_folder_says_all(one: RunStore):
     assert all(following is not None and following.length == 4 for following in followed)
 
 
-def test_where_a_command_leads_is_where_the_next_frame_is_drawn(one: RunStore):
+def test_the_pose_after_a_command_is_that_of_the_next_frame(one: RunStore):
     here, then = frames(one.path, "robot_x_m, robot_y_m", "oracle"), frames(one.path, "after_x_m, after_y_m", "oracle")
     assert np.array_equal(here[1:], then[:-1])
     gaps = frames(one.path, "robot_x_m - target_x_m, robot_y_m - target_y_m", "oracle")
@@ -96,7 +96,7 @@ def test_two_workers_and_another_order_give_the_same_bits(one: RunStore, tmp_pat
     assert contents(two.path) == contents(one.path)
 
 
-def test_a_resumed_run_drives_only_what_is_missing(one: RunStore, tmp_path: Path):
+def test_a_resumed_run_runs_only_missing_episodes(one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)
     lost, *kept = RunStore(begun).episode_files()
@@ -121,16 +121,16 @@ def test_a_resumed_run_drives_only_what_is_missing(one: RunStore, tmp_path: Path
     assert not half.exists()
 
 
-def test_late_frames_are_skipped_and_the_latency_axis_overrules(one: RunStore, tmp_path: Path):
+def test_a_busy_tracker_skips_frames_and_the_latency_axis_replaces_its_latency(one: RunStore, tmp_path: Path):
     plan = driving(range(1), ("oracle",), axes={"latency": [0.0, 130.0]}, latency_ms={"oracle": 500.0})
     late = run(plan, tmp_path / "late", videos="none")
-    rows = RunStore(late.path).query("SELECT condition, latency_ms FROM summary ORDER BY number").rows
+    rows = late.query("SELECT condition, latency_ms FROM summary ORDER BY number").rows
     assert rows == [("latency=0", 0.0), ("latency=130", 130.0)]
-    statuses = RunStore(late.path).query("SELECT condition, status FROM frames ORDER BY condition, frame").rows
+    statuses = late.query("SELECT condition, status FROM frames ORDER BY condition, frame").rows
     assert [status for condition, status in statuses if condition == "latency=0"] == ["init", "ok", "ok", "ok"]
     assert [status for condition, status in statuses if condition == "latency=130"] == ["init", "busy", "ok", "busy"]
-    fresh = RunStore(late.path).query("SELECT frames_digest FROM summary WHERE latency_ms = 0").rows
-    assert fresh == RunStore(one.path).query("SELECT frames_digest FROM summary WHERE seed = 0 AND place = 0").rows
+    fresh = late.query("SELECT frames_digest FROM summary WHERE latency_ms = 0").rows
+    assert fresh == one.query("SELECT frames_digest FROM summary WHERE seed = 0 AND place = 0").rows
 
 
 @pytest.mark.parametrize(
@@ -141,9 +141,9 @@ def test_late_frames_are_skipped_and_the_latency_axis_overrules(one: RunStore, t
         ("Greedy", None, 4),
     ],
 )
-def test_a_controller_that_misbehaves_is_written_down(controller: str, says: str | None, clipped: int, tmp_path: Path):
+def test_the_failure_of_a_controller_is_recorded(controller: str, says: str | None, clipped: int, tmp_path: Path):
     wrong = run(driving(range(1), ("oracle",), controllers=[f"{THIS}:{controller}"]), tmp_path / "run", videos="none")
-    ((failure, counted, outcome),) = RunStore(wrong.path).query("SELECT failure, clipped, outcome FROM summary").rows
+    ((failure, counted, outcome),) = wrong.query("SELECT failure, clipped, outcome FROM summary").rows
     assert counted == clipped
     assert outcome in ("finished", "lost")
     assert failure is None if says is None else failure.startswith(says)
@@ -157,7 +157,7 @@ def test_a_controller_that_misbehaves_is_written_down(controller: str, says: str
 def test_a_tracker_that_fails_stops_the_robot(tmp_path: Path):
     plan = driving(range(1), ("tests.benchmark.faulty_trackers:raises",))
     failed = run(plan, tmp_path / "run", videos="none")
-    ((failure, frames_there),) = RunStore(failed.path).query("SELECT failure, episode_frames FROM summary").rows
+    ((failure, frames_there),) = failed.query("SELECT failure, episode_frames FROM summary").rows
     assert failure == "frame 2: ValueError: lost my way"
     assert frames_there == 4
     assert not frames(failed.path, "command_forward, command_turn", "tests")[2:].any()
@@ -185,7 +185,7 @@ def test_unknown_names():
         driving(latency_ms={"ko2012": 5.0})
 
 
-def test_what_is_driven_when_nothing_is_said():
+def test_defaults_of_closed_loop_plans():
     assert plan_all(["corridor"], closed_loop=True).labels == ("oracle+servo-avoid",)
     assert plan_all(["quick"], closed_loop=True).labels == tuple(
         f"{name}+servo-avoid" for name in ("ko2012", "opencv-mil", "stay")
@@ -218,4 +218,4 @@ def test_a_third_party_tracker_is_measured_in_a_process_of_its_own():
     """It leaves the process with `os._exit`: in this process nothing would be left to report."""
     scenario = load("corridor", {**SMALL, "duration_s": 0.5})
     with pytest.raises(RunError, match=r"cannot measure the latency .* exit code 3"):
-        measure_ms(TrackerSpec(name="tests.benchmark.faulty_trackers:os_exit"), scenario)
+        measure_ms(TrackerSpec(name="tests.benchmark.faulty_trackers:calls_os_exit"), scenario)

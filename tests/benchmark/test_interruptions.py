@@ -1,4 +1,4 @@
-"""Whatever ends a run, nothing is lost and nothing half-done counts."""
+"""An interrupted run loses no finished episode and counts no unfinished one."""
 
 import os
 import resource
@@ -24,7 +24,7 @@ def test_killed_at_random_moments(tmp_path: Path):
     survive(tmp_path, kills=2, episodes=4, seed=1)
 
 
-def test_ctrl_c_says_how_to_go_on(tmp_path: Path):
+def test_ctrl_c_prints_the_command_to_resume(tmp_path: Path):
     words = command(tmp_path / "run", 40)
     words[words.index("quiet")] = "json"
     begun = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
@@ -52,7 +52,7 @@ def little_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", str(place)], check=True)
 
 
-def test_a_full_disk_harms_nothing(little_disk: Path, tmp_path: Path):
+def test_a_full_disk_loses_no_finished_episode(little_disk: Path, tmp_path: Path):
     plan = small_plan(range(8), ["oracle", "stay"])
     with pytest.raises(RunError, match="No space left on device") as caught:
         run(plan, little_disk / "run", videos="none")
@@ -67,7 +67,7 @@ def test_a_full_disk_harms_nothing(little_disk: Path, tmp_path: Path):
     assert contents(little_disk / "run") == contents(run(plan, tmp_path / "whole", videos="none").path)
 
 
-def test_files_that_cannot_grow_harm_nothing(tmp_path: Path):
+def test_a_file_size_limit_loses_no_finished_episode(tmp_path: Path):
     plan = small_plan(range(3), ["oracle"])
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
@@ -85,8 +85,8 @@ def test_files_that_cannot_grow_harm_nothing(tmp_path: Path):
     assert check(tmp_path / "run").good
 
 
-def test_the_first_frame_comes_soon_however_long_the_plan_is(tmp_path: Path):
-    """Nothing is done for every episode before the first is drawn: asked for as work, not as seconds."""
+def test_the_work_before_the_first_frame_does_not_grow_with_the_plan(tmp_path: Path):
+    """No work is done for every episode before the first frame: counted in calls, not in seconds."""
     plan = small_plan(range(1000), ["oracle"])
     resolved: list[int] = []
     scenario = next(plan.episodes()).scenario

@@ -1,4 +1,4 @@
-"""A plan is every combination, once; names in it are safe as files."""
+"""A plan has every combination once, and safe file names."""
 
 import pytest
 
@@ -80,7 +80,7 @@ def test_wrong_names_and_levels():
 
 
 @pytest.mark.parametrize("text", ["", "a", "3:3", "5:2", "1,,2", "-1", "1:2:3"])
-def test_seeds_that_are_none(text: str):
+def test_invalid_seeds(text: str):
     with pytest.raises(ParameterError, match="seeds are written"):
         parse_seeds(text)
 
@@ -94,6 +94,6 @@ def test_no_name_leaves_the_folder(name: str):
     assert not made.startswith(".")
 
 
-def test_names_that_look_alike_get_files_of_their_own():
+def test_similar_names_get_different_files():
     made = distinct_slugs(["a/b", "a b", "A-B", "a-b-2"])
     assert len({one.lower() for one in made.values()}) == 4

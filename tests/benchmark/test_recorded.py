@@ -14,7 +14,7 @@ from pftrack_sim.formats import RecordedSequence
 
 
 def record(folder: Path, count: int = 6) -> RecordedSequence:
-    """A white square that moves right over black; in the fourth frame nobody drew a box."""
+    """A white square that moves right over black; the fourth frame has no annotated box."""
     folder.mkdir()
     paths, truth = [], []
     for index in range(count):
@@ -31,7 +31,7 @@ def frames(path: Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 
 
-def test_scores_of_the_two_ends_of_the_scale(tmp_path: Path):
+def test_scores_of_the_oracle_and_of_a_fixed_box(tmp_path: Path):
     ticks: list[int] = []
     found = evaluate([record(tmp_path / "a")], ["oracle", "stay"], [0, 1], on_frame=lambda: ticks.append(1))
     assert [(one.tracker.name, one.seed) for one in found] == [("oracle", 0), ("stay", 0), ("oracle", 1), ("stay", 1)]
@@ -72,7 +72,7 @@ def test_several_sequences_go_into_a_folder(tmp_path: Path):
     assert [len(frames(tmp_path / "videos" / f"{name}.mp4")) for name in "ab"] == [6, 4]
 
 
-def test_names_of_videos_that_cannot_be(tmp_path: Path):
+def test_impossible_names_of_videos(tmp_path: Path):
     one, other = record(tmp_path / "a"), record(tmp_path / "b")
     assert video_paths([one], tmp_path / "x.mp4") == [tmp_path / "x.mp4"]
     with pytest.raises(ParameterError, match="give a folder instead of"):

@@ -1,4 +1,4 @@
-"""A run leaves a folder that says everything, and the same plan gives the same scores."""
+"""The contents of a run folder."""
 
 import json
 from pathlib import Path
@@ -24,7 +24,7 @@ SMALL: dict[str, Any] = {
 
 
 class Raises:
-    """A stranger's tracker that breaks at its third frame."""
+    """A third-party tracker that fails at its third frame."""
 
     def init(self, image: np.ndarray, box: np.ndarray) -> None:
         self.seen = 0
@@ -46,7 +46,7 @@ def rows(path: Path, query: str) -> list[tuple[Any, ...]]:
     return duckdb.sql(query.replace("{}", str(path))).fetchall()
 
 
-def test_a_run_folder_tells_everything(tmp_path: Path):
+def test_a_run_folder_holds_plan_frames_scores_and_videos(tmp_path: Path):
     seen: list[RunProgress] = []
     plan = make_plan(["warehouse"], ["oracle", "stay"], [0, 1], overrides=SMALL)
     results = run(plan, tmp_path / "out", on_progress=seen.append).results
@@ -75,7 +75,7 @@ def test_a_run_folder_tells_everything(tmp_path: Path):
     assert not list((tmp_path / "out").rglob("*.part*"))
 
 
-def test_a_broken_tracker_in_the_same_process_hurts_only_itself(tmp_path: Path):
+def test_an_exception_ends_only_its_own_tracker(tmp_path: Path):
     overrides = {**SMALL, "camera.width_px": 160, "camera.height_px": 120}
     alone = run(make_plan(["corridor"], ["ko2012"], [4], overrides=overrides), tmp_path / "a", videos="none")
     names = ["tests.benchmark.test_run:breaking", "ko2012"]

@@ -1,4 +1,4 @@
-"""A suite is checked whole, and its claims are judged by their intervals over seeds."""
+"""Suites are validated, and their claims are tested by intervals over seeds."""
 
 import math
 from pathlib import Path
@@ -89,7 +89,7 @@ def test_other_parameters_are_another_tracker():
     assert first.comparisons[0].seeds == 0
 
 
-def test_following_is_claimed_only_where_something_follows():
+def test_claims_on_following_need_controllers():
     claims = [{"kind": "reaches", "statement": "x", "tracker": "good", "value": 0.5, "measure": "follow_success"}]
     with pytest.raises(ScenarioError, match="measures of following need"):
         make_suite("t", tree(claims=claims))
@@ -98,12 +98,12 @@ def test_following_is_claimed_only_where_something_follows():
     assert claim.verdict == "holds"
 
 
-def test_a_word_tells_conditions_of_equal_levels_apart():
+def test_variants_distinguish_conditions_of_equal_levels():
     names = {one.condition.name for one in plan_suite(load_suite("follow"), seeds=[0]).episodes()}
     assert {"stranger occlusion=1", "lookalike occlusion=1", "latency=55", "jitter=0"} <= names
 
 
-def test_a_suite_that_is_driven_can_be_run_on_the_script_too():
+def test_a_closed_loop_suite_can_be_run_in_open_loop():
     (driven,), (scripted,) = (
         plan_all(["kwon2005"], seeds=[0], closed_loop=closed_loop).suites for closed_loop in (True, False)
     )
@@ -118,7 +118,7 @@ def test_a_suite_that_is_driven_can_be_run_on_the_script_too():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [4, 9])
-def test_everybody_who_comes_between_in_the_follow_suite_has_room(seed: int):
+def test_every_occluding_pedestrian_of_the_follow_suite_has_room(seed: int):
     arranged = 0
     for episode in plan_suite(load_suite("follow"), seeds=[seed], trackers=["oracle"]).episodes():
         if "occlusion" in dict(episode.condition.levels):
@@ -132,7 +132,7 @@ def test_a_claim_without_results_is_undecided():
     assert {one.verdict for one in evaluate_claims(make_suite("t", tree()), [])} == {"undecided"}
 
 
-def test_the_papers_table_and_ours_are_in_one_unit():
+def test_results_are_in_the_unit_of_the_papers_table():
     (row,) = compare_with_paper(make_suite("t", tree()), results())
     assert row.printed == (90.0, 70.0)
     assert np.abs(np.array(row.ours)[:, 0] - row.printed).max() < 2.0
@@ -151,7 +151,7 @@ def test_the_papers_table_and_ours_are_in_one_unit():
         ({"claims": [{"kind": "beat", "statement": "x"}]}, "did you mean 'beats'"),
     ],
 )
-def test_a_wrong_suite_is_told(change: dict[str, Any], words: str):
+def test_mistakes_in_a_suite_are_reported(change: dict[str, Any], words: str):
     with pytest.raises(ScenarioError, match=words):
         make_suite("t", tree(**change))
 
@@ -180,7 +180,7 @@ def test_every_shipped_suite_names_what_exists(name: str):
         assert episode.scenario.resolve(0).frame_count > 1
 
 
-def test_a_suite_becomes_a_plan_that_carries_it():
+def test_the_plan_of_a_suite_contains_it():
     suite = make_suite(
         "t",
         {

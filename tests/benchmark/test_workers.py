@@ -55,7 +55,7 @@ def test_two_workers_that_are_killed_give_the_same_bits(
     assert check(two.path).good
 
 
-def test_a_resumed_run_plays_only_what_is_missing(plan: Plan, one: RunStore, tmp_path: Path):
+def test_a_resumed_run_runs_only_missing_episodes(plan: Plan, one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)
     files = list(RunStore(begun).episode_files())
@@ -166,13 +166,13 @@ def test_ctrl_c_stops_and_keeps_what_is_finished(plan: Plan, one: RunStore, tmp_
 
 
 def test_queries(one: RunStore):
-    answer = RunStore(one.path).query("SELECT tracker, count(*) AS n FROM frames GROUP BY tracker ORDER BY tracker")
+    answer = one.query("SELECT tracker, count(*) AS n FROM frames GROUP BY tracker ORDER BY tracker")
     assert answer.columns == ("tracker", "n")
     assert answer.rows == [("ko2012", 20), ("oracle", 20)]
-    assert RunStore(one.path).query("SELECT count(*), sum(episode_frames) FROM episodes").rows == [(5, 20)]
-    assert RunStore(one.path).query("SELECT avg(mean_overlap) FROM summary WHERE tracker = 'oracle'").rows == [(1.0,)]
+    assert one.query("SELECT count(*), sum(episode_frames) FROM episodes").rows == [(5, 20)]
+    assert one.query("SELECT avg(mean_overlap) FROM summary WHERE tracker = 'oracle'").rows == [(1.0,)]
     with pytest.raises(RunError, match="the query failed"):
-        RunStore(one.path).query("SELECT nonsense FROM frames")
+        one.query("SELECT nonsense FROM frames")
 
 
 def test_options_that_are_not_allowed(plan: Plan, tmp_path: Path):
@@ -189,7 +189,7 @@ def test_tables_are_written(one: RunStore):
     assert "ko2012 & 5 & " in (one.path / "tables/trackers.tex").read_text()
 
 
-def test_workers_leave_with_their_parent(plan: Plan):
+def test_closing_an_executor_ends_its_workers(plan: Plan):
     """Nothing is left running when a pool is closed."""
     pool = LocalExecutor(1)
     started = threading.Event()

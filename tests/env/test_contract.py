@@ -44,7 +44,7 @@ def env():
 
 
 @pytest.mark.parametrize("env_id", IDS)
-def test_gymnasium_checker_is_content_and_silent(env_id: str):
+def test_gymnasium_checker_passes_without_warnings(env_id: str):
     env = make(env_id, render_mode="rgb_array")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -71,7 +71,7 @@ def test_same_seed_same_bits(env_id: str, name: str):
     assert runs[0] == runs[1]
 
 
-def test_nothing_leaks_from_one_episode_into_the_next(env: gym.Env[Any, Any]):
+def test_episodes_are_independent(env: gym.Env[Any, Any]):
     def episode(seed: int) -> list[bytes]:
         observation, _ = env.reset(seed=seed)
         images = [observation["image"].tobytes()]
@@ -137,13 +137,13 @@ def test_reward_is_the_overlap_with_the_frame_that_was_shown(env: gym.Env[Any, A
         ("box", "four numbers"),
     ],
 )
-def test_a_box_that_is_no_box_is_refused(env: gym.Env[Any, Any], action: object, words: str):
+def test_invalid_boxes_are_errors(env: gym.Env[Any, Any], action: object, words: str):
     env.reset(seed=1)
     with pytest.raises(BoxError, match=words):
         env.unwrapped.step(action)
 
 
-def test_wrong_commands_are_refused_and_strong_ones_clipped():
+def test_invalid_commands_are_errors_and_large_ones_clipped():
     env = make(IDS[1])
     env.reset(seed=1)
     with pytest.raises(CommandError, match="finite"):
@@ -277,7 +277,7 @@ def test_resets_do_not_grow_memory():
     assert grown_mb < 12
 
 
-def test_import_registers_and_does_nothing_else():
+def test_import_only_registers_the_environments():
     code = (
         "import os, sys, threading; before = dict(os.environ); import pftrack_sim\n"
         "assert dict(os.environ) == before\n"

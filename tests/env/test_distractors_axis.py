@@ -12,7 +12,7 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
 
 PLACES = [name for name in scenario.names() if "/" not in name]
-"""One scenario for each place; those of the suites are the same places again."""
+"""One scenario for each place; the suites use the same places."""
 BASE: dict[str, Any] = {"lights.shadows": False}
 
 

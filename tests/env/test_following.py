@@ -1,4 +1,4 @@
-"""A controller that is told the truth follows the target in every shipped scenario."""
+"""With ground-truth boxes a controller follows the target in every shipped scenario."""
 
 import itertools
 
@@ -11,7 +11,7 @@ from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.env.follow import following_reward
 
 PLACES = [name for name in scenario.names() if "/" not in name]
-"""One scenario for each place; those of the suites are the same places again."""
+"""One scenario for each place; the suites use the same places."""
 SMALL = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 10}
 
 

@@ -11,7 +11,7 @@ from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.simulation.simulation import Simulation
 
 PLACES = [name for name in scenario.names() if "/" not in name]
-"""One scenario for each place; those of the suites are the same places again."""
+"""One scenario for each place; the suites use the same places."""
 AT_S, RATE_HZ, FRAMES = 2.6, 30.0, 2
 CLEAR: dict[str, Any] = {
     "camera.width_px": 240,

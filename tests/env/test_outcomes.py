@@ -1,4 +1,4 @@
-"""Whatever goes wrong with a robot ends in something clear."""
+"""Outcomes of an episode in closed loop."""
 
 from typing import Any
 
@@ -39,13 +39,13 @@ def follow(env: gym.Env[Any, Any], controller: str, seed: int = 3) -> dict[str, 
 BACKWARDS = {"camera.mount": "back", "robot.gaze": "forward"}
 
 
-def test_a_camera_mounted_backwards_and_nobody_to_turn_it_is_lost():
+def test_a_target_behind_a_camera_that_does_not_turn_is_lost():
     info = follow(make(BACKWARDS), "still")
     assert info["outcome"] == "lost"
     assert info["steps"] == 91  # lost_after_s and one frame
 
 
-def test_who_starts_out_of_view_is_selected_when_first_seen():
+def test_a_target_that_starts_out_of_view_is_selected_when_first_visible():
     env = make({**BACKWARDS, "follow.lost_after_s": 8.0})
     observation, info = env.reset(seed=3)
     assert observation["first"] == 0
@@ -97,7 +97,7 @@ def test_commands_beyond_the_limits_are_clipped_and_counted():
 
 
 @pytest.mark.parametrize("wrong", [[np.nan, 0, 0, 0], [0, np.inf, 0, 0]])
-def test_a_command_that_is_no_number_is_refused_and_nothing_moves(wrong: list[float]):
+def test_a_command_that_is_not_finite_is_an_error_and_nothing_moves(wrong: list[float]):
     env = make({})
     env.reset(seed=3)
     world = env.unwrapped.simulation.world  # type: ignore[attr-defined]
@@ -108,7 +108,7 @@ def test_a_command_that_is_no_number_is_refused_and_nothing_moves(wrong: list[fl
 
 
 @pytest.mark.parametrize("late_s", [-0.1, float("inf"), "soon", float("nan")])
-def test_a_delay_is_a_time(late_s: Any):
+def test_the_delay_of_a_command_must_be_finite_and_not_negative(late_s: Any):
     env = make({}, "pftrack_sim/TrackAndFollow-v0")
     env.reset(seed=3)
     with pytest.raises(ParameterError, match="late_s"):

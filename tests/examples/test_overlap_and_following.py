@@ -1,4 +1,4 @@
-"""The example that asks whether overlap predicts following, on real runs and on made-up ones."""
+"""The example that correlates overlap and following, on real and synthetic runs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def written(folder: Path, column: str, rows: list[tuple[str, int, float]]) -> Pa
     return folder
 
 
-def test_correlation_is_over_the_episodes_that_all_have(tmp_path: Path):
+def test_correlation_is_over_the_episodes_that_all_trackers_have(tmp_path: Path):
     seeds = range(4)
     overlaps = {"a": 0.2, "b": 0.5, "c": 0.9}
     opened = written(tmp_path / "open", "mean_overlap", [(one, s, v) for one, v in overlaps.items() for s in seeds])
@@ -48,7 +48,7 @@ def test_correlation_is_over_the_episodes_that_all_have(tmp_path: Path):
     assert picture.std() > 10.0
 
 
-def test_shares_between_nothing_and_all_are_drawn_too(tmp_path: Path):
+def test_measures_between_0_and_1_are_drawn(tmp_path: Path):
     seeds = range(3)
     overlaps, within = {"a": 0.2, "b": 0.5, "c": 0.9}, {"a": 0.3, "b": 0.1, "c": 0.8}
     opened = written(tmp_path / "open", "mean_overlap", [(one, s, v) for one, v in overlaps.items() for s in seeds])
@@ -60,7 +60,7 @@ def test_shares_between_nothing_and_all_are_drawn_too(tmp_path: Path):
     assert (tmp_path / "scatter.png").stat().st_size > 5000
 
 
-def test_runs_that_share_nothing_are_refused(tmp_path: Path):
+def test_runs_without_common_trackers_are_errors(tmp_path: Path):
     opened = written(tmp_path / "open", "mean_overlap", [("a", 0, 0.5)])
     closed = written(tmp_path / "closed", "follow_success", [("b", 0, 1.0)])
     done = compared(opened, closed, "--out", tmp_path / "scatter.png")

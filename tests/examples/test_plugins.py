@@ -1,4 +1,4 @@
-"""The examples run as their first lines say."""
+"""The examples run with the command in their docstring."""
 
 from __future__ import annotations
 

@@ -1,3 +1,3 @@
-"""A name that tries to be more than a name."""
+"""A name with markup and a script."""
 
 HOSTILE = '<script>document.title = "taken"</script><img src=x onerror="document.title=\'taken\'">'

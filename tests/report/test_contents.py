@@ -1,4 +1,4 @@
-"""What the page is told agrees with the run folder."""
+"""The data of the page agree with the run folder."""
 
 import base64
 import json
@@ -37,7 +37,7 @@ def test_rows_and_curves_are_those_of_the_folder(finished: Path):
     json.dumps(told, allow_nan=False)
 
 
-def test_axes_are_told_in_their_own_unit():
+def test_axes_have_their_own_unit():
     def axis(*levels: tuple[str, float]):
         return axis_of(Condition(levels=levels))
 
@@ -82,7 +82,7 @@ def test_an_unfinished_run_is_reported_as_far_as_it_goes(finished: Path, tmp_pat
     report.write_report(path)
 
 
-def test_what_is_no_run_folder_is_told(tmp_path: Path):
+def test_a_folder_without_a_run_is_an_error(tmp_path: Path):
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(RunError, match="is not a run folder"):
             report.write_report(path)
@@ -107,7 +107,7 @@ def test_figures_for_papers(finished: Path, tmp_path: Path, name: str):
     assert [path.name for path in target.parent.iterdir()] == [name]
 
 
-def test_unknown_figures_are_told(finished: Path, tmp_path: Path):
+def test_unknown_figures_are_errors(finished: Path, tmp_path: Path):
     with pytest.raises(UnknownNameError, match="did you mean 'success'"):
         report.write_figure(finished, tmp_path / "succes.pdf")
     with pytest.raises(ParameterError, match=r"\.pdf, \.svg or \.png"):

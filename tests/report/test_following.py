@@ -31,7 +31,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_what_the_page_is_told_is_what_was_driven(driven: Path):
+def test_the_data_of_the_page_agree_with_the_episode(driven: Path):
     first, second = following_episodes(RunStore(driven))
     sql = "SELECT after_distance_m FROM frames WHERE controller = 'still' ORDER BY frame"
     assert second["distance"] == pytest.approx([row[0] for row in RunStore(driven).query(sql).rows], abs=0.006)
@@ -43,7 +43,7 @@ def test_what_the_page_is_told_is_what_was_driven(driven: Path):
     assert "out of view; never found again" in second["lost"][0]["why"]
 
 
-def test_a_run_with_a_script_has_no_drives(finished: Path):
+def test_an_open_loop_run_has_no_closed_loop_episodes(finished: Path):
     assert following_episodes(RunStore(finished)) == []
 
 
@@ -72,5 +72,5 @@ def test_the_slider_moves_cone_cursor_and_video(driven: Path, browser: Any):
 
 
 def test_strips_show_no_tracker_that_has_the_truth(driven: Path):
-    """Whatever controller it drives with: `oracle+servo-avoid` is the oracle."""
+    """With any controller: `oracle+servo-avoid` is the oracle."""
     assert strips(RunStore(driven)) == []
