@@ -8,11 +8,9 @@ from typing import Any
 
 import duckdb
 import pytest
-from report_stage import HOSTILE
+from report_stage import HOSTILE, SMALL
 
 from pftrack_sim.benchmark import RunStore, make_plan, run
-
-SMALL = {"duration_s": 0.8, "camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "occluders": []}
 
 
 @pytest.fixture(scope="session")

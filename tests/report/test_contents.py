@@ -8,10 +8,10 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pytest
-from report_stage import HOSTILE
+from report_stage import HOSTILE, SMALL
 
 from pftrack_sim import report, score
-from pftrack_sim.benchmark import Condition, RunStore
+from pftrack_sim.benchmark import Condition, RunStore, make_plan, run
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.report.contents import axis_of, contents
 
@@ -56,6 +56,15 @@ def test_axes_have_their_own_unit():
     named = axis_of(Condition(levels=(("occlusion", 1.0),), variant="stranger"))
     assert named is not None
     assert named["axis"] == "stranger occlusion"
+
+
+def test_frames_of_a_lossy_stream_have_their_own_times(tmp_path: Path, finished: Path):
+    overrides = {**SMALL, "duration_s": 1.5, "axes.stream.severity": 2.0}
+    store = run(make_plan(["corridor"], ["stay"], [1], overrides=overrides), tmp_path / "run", videos="none")
+    (episode,) = contents(store)["episodes"]
+    assert len(episode["time"]) < 45
+    assert episode["time"] == pytest.approx([row[0] for row in store.query("SELECT time_s FROM frames").rows], abs=1e-3)
+    assert {episode["time"] for episode in contents(RunStore(finished))["episodes"]} == {None}
 
 
 def test_the_matrix_is_paired_by_seed(finished: Path):
