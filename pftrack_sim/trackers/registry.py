@@ -46,7 +46,7 @@ _BUILTIN = {  # name: (module, description)
 }
 
 
-def _make_builtin(module: str, name: str, **arguments: Any) -> Tracker:
+def _make_builtin(module: str, name: str, /, **arguments: Any) -> Tracker:
     # Imported on first use: numba alone would double the time to import this package.
     return importlib.import_module(f"pftrack_sim.trackers.{module}").make(name, **arguments)
 

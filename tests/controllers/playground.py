@@ -18,12 +18,12 @@ HALF_VIEW_RAD = math.atan2(320.0, FOCAL_PX)
 
 
 class Playground:
-    """Drive it with a controller.
+    """Robot and person on a plane, driven by a controller with `play`.
 
     Args:
-        target_m: Where the person stands.
-        height_m: How tall they are.
-        posts: x, y and radius [m] of round things that stand about: only the range finder sees them.
+        target_m: Position of the person.
+        height_m: Height of the person.
+        posts: x, y and radius [m] of round obstacles, measured by the range finder only.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Playground:
         velocity: tuple[float, float] = (0.0, 0.0),
         sure: bool = True,
     ) -> None:
-        """The person walks; with `sure` they are seen when they are in view."""
+        """Simulate; the tracker detects the person while in view, if `sure`. Velocity of the person [m/s]."""
         for _ in range(round(seconds * 30.0)):
             seen = sure and self.in_view
             estimate = Estimate(self.box() if seen else np.zeros(4), confidence=1.0 if seen else 0.0)

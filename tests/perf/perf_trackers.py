@@ -99,7 +99,7 @@ def clock_ms(call: Callable[[], Any]) -> float:
 
 
 def make(name: str, count: int = COUNT) -> Any:
-    """A tracker with so many particles, if it can be told."""
+    """A tracker with `count` particles, if it has that parameter."""
     try:
         return trackers.make(name, particle_count=count)
     except ParameterError:

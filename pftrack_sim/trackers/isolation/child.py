@@ -49,8 +49,8 @@ def serve(requests: Connection, output: Connection, memory_limit_mb: float) -> N
         try:
             if tracker is None:
                 _limit_memory(memory_limit_mb)
-                options = {"seed": request["seed"], "preset": request["preset"], **request["params"]}
-                tracker = trackers.make(request["name"], **options)
+                seed, preset = request["seed"], request["preset"]
+                tracker = trackers.make(request["name"], seed=seed, preset=preset, **request["params"])
                 reply: dict[str, Any] = {"needs_truth": isinstance(tracker, trackers.NeedsTruth)}
             else:
                 assert shared is not None
