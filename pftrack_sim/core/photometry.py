@@ -1,35 +1,33 @@
-"""Light and the numbers of a frame: a display-coded value is luminance to the power 1 / 2.2."""
+"""Photometry: display coding, luminance and the colour of black bodies."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pftrack_sim.core.types import FloatArray
 
 DISPLAY_GAMMA = 2.2
-"""Exponent of the display: luminance is the coded value to this power (ITU-R BT.709 displays, sRGB nearly so)."""
+"""Exponent of the display: luminance is the display-coded value to this power (ITU-R BT.709, approximately sRGB)."""
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 LUMINANCE.setflags(write=False)
-"""Share of linear red, green and blue in luminance (ITU-R BT.709)."""
+"""Weights of linear red, green and blue in luminance (ITU-R BT.709)."""
 
 _RGB_OF_XYZ = np.array(
     [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
 )
-"""Linear sRGB of CIE XYZ (IEC 61966-2-1)."""
+"""Linear sRGB from CIE XYZ (IEC 61966-2-1)."""
 
 
 def gain(stops: float) -> float:
-    """Factor on display-coded light for a change of so many stops."""
+    """Factor on display-coded light for a change of its luminance by stops [EV]."""
     return float(2.0 ** (stops / DISPLAY_GAMMA))
 
 
 def chromaticity(kelvin: float) -> tuple[float, float]:
     """CIE 1931 x, y of a black body.
 
-    Cubic fits of Kim et al. 2002 (US patent 7024034), good to 0.0005 from 1667 K to 25000 K.
-
-    Args:
-        kelvin: Its temperature.
+    Cubic fits of Kim et al. 2002 (US patent 7024034), exact to 0.0005 from 1667 K to 25000 K.
     """
     t = 1e3 / kelvin
     if kelvin <= 4000.0:
@@ -45,19 +43,18 @@ def chromaticity(kelvin: float) -> tuple[float, float]:
     return x, y
 
 
-def tint(kelvin: float, white_k: float) -> NDArray[np.float64]:
-    """`(3,)` factors on linear red, green and blue when light of one temperature takes the place of another.
-
-    A grey thing keeps its luminance.
+def tint(kelvin: float, white_k: float) -> FloatArray:
+    """`(3,)` factors on linear red, green and blue for a change of the light's colour; grey keeps its luminance.
 
     Args:
-        kelvin: Temperature of the light.
-        white_k: Temperature of the light that the camera shows as white.
+        kelvin: Colour temperature of the light.
+        white_k: Colour temperature that the camera shows as white.
     """
     factors = _primaries(kelvin) / _primaries(white_k)
     return factors / (LUMINANCE @ factors)
 
 
-def _primaries(kelvin: float) -> NDArray[np.float64]:
+def _primaries(kelvin: float) -> FloatArray:
+    """Linear red, green and blue of a black body at unit luminance."""
     x, y = chromaticity(kelvin)
     return _RGB_OF_XYZ @ np.array([x / y, 1.0, (1.0 - x - y) / y])

@@ -129,20 +129,8 @@ class PassPlanner:
         distances, geoms = np.empty(len(rays)), np.empty(len(rays), dtype=np.int32)
         groups = np.zeros(6, dtype=np.uint8)
         groups[SCENERY_GROUP] = 1
-        mujoco.mj_multiRay(
-            self._model,
-            data,
-            pose[:3, 3],
-            directions.ravel(),
-            groups,
-            True,
-            -1,
-            geoms,
-            distances,
-            None,
-            len(rays),
-            mujoco.mjMAXVAL,
-        )
+        ends = geoms, distances, None, len(rays), mujoco.mjMAXVAL
+        mujoco.mj_multiRay(self._model, data, pose[:3, 3], directions.ravel(), groups, True, -1, *ends)
         hit = geoms >= 0
         return np.concatenate([pose[:3, 3] + distances[hit, None] * directions[hit], self._nearest_points(pose, data)])
 
