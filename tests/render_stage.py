@@ -206,7 +206,7 @@ def digest(backend: str | None, samples: int = 0) -> dict:
 
 if __name__ == "__main__":
     before = dict(os.environ)
-    asked, multisamples = (sys.argv[1] if sys.argv[1] != "any" else None), int(sys.argv[2])
-    found = digest(asked, multisamples)
-    found["environment_unchanged"] = before == dict(os.environ)
-    sys.stdout.write(json.dumps(found) + "\n")
+    backend_name, multisamples = (sys.argv[1] if sys.argv[1] != "any" else None), int(sys.argv[2])
+    result = digest(backend_name, multisamples)
+    result["environment_unchanged"] = before == dict(os.environ)
+    sys.stdout.write(json.dumps(result) + "\n")
