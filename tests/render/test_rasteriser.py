@@ -232,14 +232,6 @@ def test_the_image_size_is_independent_of_the_offscreen_size_of_the_model():
             assert renderer.ids(stage.data, pose, 0.9).ids.shape == (size[1], size[0])
 
 
-def test_fog_changes_the_image_and_not_the_ids():
-    stage, pose = build(), looking((0, 0, 1.2), (5, 0, 1))
-    stage.model.vis.map.fogstart, stage.model.vis.map.fogend = 1.0, 4.0
-    with Rasteriser(stage.model, WIDTH, HEIGHT) as clear, Rasteriser(stage.model, WIDTH, HEIGHT, fog=True) as foggy:
-        assert not np.array_equal(clear.color(stage.data, pose, K), foggy.color(stage.data, pose, K))
-        assert np.array_equal(clear.ids(stage.data, pose, K).ids, foggy.ids(stage.data, pose, K).ids)
-
-
 def test_invalid_arguments_raise(drawing: Drawing):
     stage = build()
     renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))

@@ -31,29 +31,19 @@ class Rasteriser(RendererBase):
     Any thread may use it, one at a time. Several can exist in one process.
 
     Args:
-        model: What to draw. Its `vis` settings hold for multisampling, shadow size, near and far plane and the fog's
-            colour and range; its off-screen size is ignored.
+        model: What to draw. Its `vis` settings hold for multisampling, shadow size, near and far plane; its
+            off-screen size is ignored.
         width_px: Image width.
         height_px: Image height.
         context: The OpenGL context, closed with the renderer; None opens one with `open_context`.
-        fog: Whether color images have the model's fog.
 
     Raises:
         ParameterError: An empty image.
         RenderError: No OpenGL library can draw.
     """
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        width_px: int,
-        height_px: int,
-        context: GLContext | None = None,
-        *,
-        fog: bool = False,
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int, context: GLContext | None = None) -> None:
         super().__init__(width_px, height_px)
-        self._fog = fog
         self._context = context or open_context(size=(self.width_px, self.height_px))
         self.info = self._context.info
         self.description = f"{self.info.backend}: {self.info.renderer}, {self.info.vendor}, OpenGL {self.info.version}"
@@ -76,7 +66,7 @@ class Rasteriser(RendererBase):
             resources.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # the buffer's own values, not converted
             resources.readPixelFormat = _GL_RGBA  # the buffer's own format: ten times quicker to read than RGB
         self._read_model(model)
-        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self._far_m), fog=self._fog)
+        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self._far_m))
 
     def unbind(self) -> None:
         """Release the model, its textures and its meshes, until the next `rebind`."""

@@ -28,17 +28,16 @@ class ModelScene:
         model: The model.
         visible: `(ngeom,)` geoms that are drawn at all.
         clip_m: Depths of the near and far plane.
-        fog: Whether the color image has the model's fog.
     """
 
-    def __init__(self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float], *, fog: bool) -> None:
+    def __init__(self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float]) -> None:
         self._model = model
         self._visible = visible
         self._clip_m = clip_m
         self._options = _geoms_only()
         self._bounds = Bounds(model)
         self._color = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
-        self._color.flags[mujoco.mjtRndFlag.mjRND_FOG] = fog
+        self._color.flags[mujoco.mjtRndFlag.mjRND_FOG] = False
         self._color_geoms = list(self._color.geoms)
         # Segmentations hide geoms by their group, in a copy of the model: several threads may share the caller's.
         self._ids_model = copy.copy(model)
