@@ -78,7 +78,7 @@ def add_agents(
         settings.target.height_m,
         settings.distractors.count,
         settings.distractors.similarity,
-        [walker.similarity for walker in walkers(settings)],
+        [walker.similarity for walker in _walkers(settings)],
         [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
     )
     for person in people:
@@ -88,7 +88,7 @@ def add_agents(
     return people
 
 
-def walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:
+def _walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:
     """The walkers that cross: those of the scenario, then those of the occlusion axis."""
     axis = settings.axes.occlusion
     listed = tuple(occluder for occluder in settings.occluders if occluder.kind == "walker")

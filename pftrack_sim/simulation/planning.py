@@ -31,7 +31,7 @@ _DEPTH_GAP_S = 2.5
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything arranged for one episode.
+    """Planned events of one episode.
 
     Attributes:
         layout: The place with the static occluders in it.

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.entity import SceneState
+from pftrack_sim.agents.entity import Entity, SceneState
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.robot.robot import Robot
@@ -55,8 +56,9 @@ class World:
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         self._ticks = 0
         self._collision: str | None = None
-        self.robot.reset(self.data)
-        self.traffic.reset(self.data)
+        entities: tuple[Entity, ...] = (self.robot, self.traffic)
+        for entity in entities:
+            entity.reset(self.data)
         self._update_poses()
 
     def advance(self, command: FloatArray | None = None, delay_s: float = 0.0) -> None:
@@ -92,7 +94,7 @@ class World:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
         return self.traffic.root_poses()
 
-    def proprio(self) -> np.ndarray:
+    def proprio(self) -> NDArray[np.float32]:
         """`(n,)` float32 proprioception of the robot, see `pftrack_sim.core.proprioception`."""
         return self.robot.drive.proprio(self.data)
 

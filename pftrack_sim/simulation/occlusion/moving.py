@@ -234,7 +234,7 @@ def _side_effect_cost(crossing: Crossing, run: DryRun, start_s: float, times: Fl
 def _waiting_place(
     occluder: model.Occluder, run: DryRun, depth: float, side: int, lead: float, aside: float, half_m: float
 ) -> tuple[float, float]:
-    """x, y [m] of the waiting place from which the course to the crossing is a natural one."""
+    """x, y [m] of the waiting place with an easy course to the crossing."""
     camera, target = run.at([occluder.at_s - 0.1, occluder.at_s, occluder.at_s + 0.1])
     points = camera[:, :2] + depth * (target - camera[:, :2])
     if lead < 1.5:
