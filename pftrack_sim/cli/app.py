@@ -343,6 +343,18 @@ def report(
     _report(run)
 
 
+@app.command("tables")
+def update_tables(
+    document: Annotated[Path, typer.Argument(help="Markdown file with blocks of tables.")],
+    runs: Annotated[Path, typer.Option(help="Folder that holds the run folders.")] = Path("runs"),
+) -> None:
+    """Write tables of run folders into a document, between <!-- tables of RUN --> and <!-- end -->."""
+    from pftrack_sim.report.markdown import update_document
+
+    written, kept = update_document(document, runs)
+    tables.print_lines([*(f"written: {name}" for name in written), *(f"kept, no run folder: {name}" for name in kept)])
+
+
 @app.command()
 def schema(
     out: Annotated[Path | None, typer.Argument(help="File to write; default is standard output.")] = None,

@@ -1,0 +1,155 @@
+"""Tables of runs as Markdown, written into documents between markers that name the run folder."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from pftrack_sim import score
+from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.claims import Interval, compare_with_paper, evaluate_claims
+from pftrack_sim.benchmark.files import write_bytes
+from pftrack_sim.benchmark.suite import Suite
+from pftrack_sim.core import random_streams
+from pftrack_sim.core.errors import RunError
+
+_BLOCK = re.compile(r"(?P<begin><!-- tables of (?P<name>[^\s>]+) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL)
+
+_FOLLOWING = {
+    "success": "success",
+    "tracking rate": "tracking_rate",
+    "within": "within",
+    "collided": "collision",
+    "RMS of distance [m]": "distance_rms_m",
+    "RMS of bearing [deg]": "bearing_rms_deg",
+}
+_PROPORTIONS = ("success", "collision")
+
+
+def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
+    """Replace every block `<!-- tables of NAME -->` ... `<!-- end -->` by the tables of the run folder `runs/NAME`.
+
+    Args:
+        document: Markdown file.
+        runs: Folder that holds the run folders.
+
+    Returns:
+        Names of the blocks written, and of those left as they are because there is no such run folder.
+
+    Raises:
+        RunError: The document cannot be read or written, has no block, or a run folder cannot be read.
+    """
+    try:
+        text = document.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RunError(f"{document} cannot be read: {error}") from None
+    written: list[str] = []
+    kept: list[str] = []
+
+    def replaced(block: re.Match[str]) -> str:
+        folder = runs / block["name"]
+        if not (folder / "run.json").is_file():
+            kept.append(block["name"])
+            return block[0]
+        written.append(block["name"])
+        return f"{block['begin']}\n{tables(RunStore(folder))}\n{block['end']}"
+
+    updated = _BLOCK.sub(replaced, text)
+    if not written and not kept:
+        raise RunError(f"{document} has no block <!-- tables of NAME --> ... <!-- end -->")
+    write_bytes(document, updated.encode())
+    return written, kept
+
+
+def tables(store: RunStore) -> str:
+    """Tables of a run: of its suites with their claims, else mean overlaps; and of following in closed loop."""
+    results, parts = store.results, list[str]()
+    if not any(suite.table for suite in store.plan.suites):
+        parts.append(_overlaps(results))
+    if any(result.following for result in results):
+        parts.append(_following(results))
+    for suite in store.plan.suites:
+        parts += _suite(suite, results)
+    return "\n".join(parts)
+
+
+def _suite(suite: Suite, results: Sequence[Result]) -> Iterator[str]:
+    if suite.table is not None:
+        heads = [name.rpartition("/")[2] for name in suite.table.columns]
+        rows = [
+            [
+                f"`{row.tracker}`",
+                *(
+                    f"{_number(printed, 1)} / {_number(ours[0], 1)}"
+                    for printed, ours in zip(row.printed, row.ours, strict=True)
+                ),
+                f"{sum(row.printed) / len(row.printed):.1f} / {_ranged(row.ours_mean, 1)}",
+            ]
+            for row in compare_with_paper(suite, results)
+        ]
+        yield _table([f"{suite.table.title}: printed / simulated", *heads, "mean"], rows)
+    claims = evaluate_claims(suite, results)
+    if claims:
+        rows = [
+            [
+                claim.statement,
+                claim.verdict,
+                "; ".join(
+                    f"{part.name} {_ranged((part.difference, part.low, part.high), 3)}" for part in claim.comparisons
+                ),
+            ]
+            for claim in claims
+        ]
+        yield _table(["Claim of the paper", "Verdict", "Difference (95 % interval over seeds)"], rows)
+
+
+def _overlaps(results: Sequence[Result]) -> str:
+    """Mean overlap by tracker, in descending order; a column per scenario and condition."""
+    columns = list(dict.fromkeys(_column(result) for result in results))
+    rows: list[tuple[float, list[str]]] = []
+    for label in dict.fromkeys(result.label for result in results):
+        own = [result for result in results if result.label == label]
+        means = [_interval("mean_overlap", [one for one in own if _column(one) == name])[0] for name in columns]
+        overall = _interval("mean_overlap", own)
+        rows.append((overall[0], [f"`{label}`", *(_number(mean, 3) for mean in means), _ranged(overall, 3)]))
+    rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
+    return _table(["Mean overlap", *columns, "mean"], [cells for _, cells in rows])
+
+
+def _following(results: Sequence[Result]) -> str:
+    """Measures of following by scenario, condition and tracker."""
+    rows: list[list[str]] = []
+    for column, label in dict.fromkeys((_column(result), result.label) for result in results):
+        own = [result for result in results if (_column(result), result.label) == (column, label)]
+        cells = [_ranged(_interval(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in _FOLLOWING.values()]
+        rows.append([f"{column}, `{label}`", str(len(own)), *cells])
+    return _table(["Following", "seeds", *_FOLLOWING], rows)
+
+
+def _column(result: Result) -> str:
+    return result.scenario if not result.condition.levels else f"{result.scenario} {result.condition.name}"
+
+
+def _interval(measure: str, results: Sequence[Result], proportion: bool = False) -> Interval:
+    values = [value for result in results if not math.isnan(value := result.number(measure))]
+    if not values:
+        return math.nan, math.nan, math.nan
+    rng = random_streams.stream(0, "bootstrap")
+    low, high = score.proportion_interval(values) if proportion else score.bootstrap_interval(values, rng)
+    return sum(values) / len(values), low, high
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |\n" for line in lines)
+
+
+def _ranged(interval: Interval, digits: int) -> str:
+    mean, low, high = (_number(value, digits) for value in interval)
+    return mean if low == "-" else f"{mean} ({low} to {high})"
+
+
+def _number(value: float, digits: int) -> str:
+    return "-" if math.isnan(value) else f"{value:.{digits}f}"

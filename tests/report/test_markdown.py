@@ -1,0 +1,73 @@
+"""Tables in documents are those of the run folders that their markers name."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import RunStore, plan_all, run
+from pftrack_sim.core.errors import RunError
+from pftrack_sim.report.markdown import tables, update_document
+
+SUITE = """
+title = "T"
+seeds = "0:2"
+trackers = ["oracle", "stay"]
+[[run]]
+scenarios = ["corridor"]
+changes = { duration_s = 0.3, "camera.width_px" = 64, "camera.height_px" = 48, "lights.shadows" = false }
+[table]
+title = "Table 1"
+columns = ["corridor"]
+printed = { oracle = [99.0], stay = [11.0] }
+[[claims]]
+kind = "beats"
+statement = "Truth | beats a constant box."
+tracker = "oracle"
+others = ["stay"]
+"""
+
+
+def test_overlaps_are_those_of_the_summary(finished: Path):
+    lines = tables(RunStore(finished)).splitlines()
+    assert lines[0].startswith("| Mean overlap | corridor jitter=0 | corridor jitter=2 | plaza-walk jitter=0 |")
+    assert lines[2].startswith("| `oracle` | 1.000 |")
+    stay = [one.number("mean_overlap") for one in RunStore(finished).results if one.label == "stay"]
+    assert f"| {np.mean(stay):.3f} (" in lines[3]
+
+
+def test_blocks_with_a_run_folder_are_replaced_and_others_kept(finished: Path, tmp_path: Path):
+    shutil.copytree(finished, tmp_path / "runs/first")
+    document = tmp_path / "results.md"
+    document.write_text(
+        "Before.\n<!-- tables of first -->\nold\n<!-- end -->\nBetween.\n"
+        "<!-- tables of absent -->\nkept\n<!-- end -->\nAfter.\n"
+    )
+    assert update_document(document, tmp_path / "runs") == (["first"], ["absent"])
+    text = document.read_text()
+    assert "old" not in text
+    assert "| `oracle` | 1.000 |" in text
+    assert [line for line in text.splitlines() if line[:1].isalpha()] == ["Before.", "Between.", "kept", "After."]
+    update_document(document, tmp_path / "runs")
+    assert document.read_text() == text
+
+
+def test_a_suite_gives_the_paper_s_table_and_its_claims(tmp_path: Path):
+    (tmp_path / "tiny.toml").write_text(SUITE)
+    plan = plan_all([str(tmp_path / "tiny.toml")])
+    run(plan, tmp_path / "run", videos="none", workers=0)
+    text = tables(RunStore(tmp_path / "run"))
+    assert "| Table 1: printed / simulated | corridor | mean |" in text
+    assert "| `oracle` | 99.0 / 100.0 | 99.0 / 100.0 (100.0 to 100.0) |" in text
+    assert "Truth \\| beats a constant box. |" in text
+
+
+def test_a_document_without_blocks_is_refused(tmp_path: Path):
+    document = tmp_path / "results.md"
+    with pytest.raises(RunError, match="cannot be read"):
+        update_document(document, tmp_path)
+    document.write_text("# Results\n")
+    with pytest.raises(RunError, match="has no block"):
+        update_document(document, tmp_path)
+    assert document.read_text() == "# Results\n"
