@@ -1,4 +1,4 @@
-"""Commands and their options. What they do lives in the rooms below; here is only reading and printing."""
+"""Commands and their options: parsing and printing only."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pftrack_sim.cli import progress as bars
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import (
     Backend,
@@ -31,7 +30,7 @@ from pftrack_sim.cli.options import (
     Videos,
     Workers,
 )
-from pftrack_sim.cli.run_progress import cores, show_run
+from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.values import (
     parse_axes,
     parse_latency,
@@ -60,7 +59,7 @@ app = typer.Typer(
 def list_names(
     what: Annotated[str, typer.Argument(help="scenarios, suites, trackers, controllers or axes.")] = "scenarios",
 ) -> None:
-    """List what there is by name."""
+    """List scenarios, suites, trackers, controllers or stress axes."""
     tables.print_names(what)
 
 
@@ -91,7 +90,7 @@ def bench(
     memory_limit_mb: MemoryLimit = 4096.0,
     progress: ProgressMode = "",
 ) -> None:
-    """Run trackers on suites or scenarios: every frame is drawn once and shown to all of them."""
+    """Run trackers on suites or scenarios in open loop: every frame is rendered once for all trackers."""
     from pftrack_sim.benchmark import parse_seeds, plan_all
     from pftrack_sim.trackers.isolation import Limits
 
@@ -120,7 +119,7 @@ def _run(
     part: str,
     progress: str,
 ) -> None:
-    """Run a plan, print what came of it, and write the report."""
+    """Run a plan, print its results, and write the report."""
     from pftrack_sim.benchmark import new_run_path, run
 
     path = out if out is not None else new_run_path(plan)
@@ -149,7 +148,7 @@ def merge(
     out: Annotated[Path, typer.Argument(help="Run folder to make, or to add to.")],
     folders: Annotated[list[Path], typer.Argument(help="Run folders of the same plan.")],
 ) -> None:
-    """Join what several machines did of one plan (bench --part)."""
+    """Merge run folders of one plan from several machines (bench --part)."""
     from pftrack_sim.benchmark.merge import merge as merge_runs
 
     tables.print_lines(merge_runs(out, folders).lines())
@@ -157,7 +156,7 @@ def merge(
 
 @app.command()
 def check(folder: Annotated[Path, typer.Argument(help="Run folder.")]) -> None:
-    """Verify a run folder: every episode there once, unharmed, and of the plan it names."""
+    """Verify a run folder: every episode of its plan is present once and undamaged."""
     from pftrack_sim.benchmark.check import check as check_run
 
     found = check_run(folder)
@@ -168,10 +167,10 @@ def check(folder: Annotated[Path, typer.Argument(help="Run folder.")]) -> None:
 @app.command()
 def query(
     folder: Annotated[Path, typer.Argument(help="Run folder.")],
-    sql: Annotated[str, typer.Argument(help="A question to the views episodes, frames and summary.")],
+    sql: Annotated[str, typer.Argument(help="SQL over the views episodes, frames and summary.")],
     format_: Annotated[str, typer.Option("--format", help="table, csv or json.")] = "table",
 ) -> None:
-    """Ask a run folder in SQL."""
+    """Run SQL over a run's tables."""
     from pftrack_sim.benchmark import RunStore
 
     tables.print_query(RunStore(folder).query(sql), format_)
@@ -218,7 +217,7 @@ def follow(
     memory_limit_mb: MemoryLimit = 4096.0,
     progress: ProgressMode = "",
 ) -> None:
-    """Let trackers drive the robot: overlap and following are scored on the same episode."""
+    """Run trackers in closed loop: a controller drives the robot with their boxes; overlap and following are scored."""
     from pftrack_sim import scenario as all_scenarios
     from pftrack_sim.benchmark import parse_seeds, plan_all
     from pftrack_sim.benchmark.latency import resolve_latencies
@@ -266,7 +265,7 @@ def evaluate(
         typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
     ] = None,
 ) -> None:
-    """Run trackers on recorded sequences with known boxes."""
+    """Run trackers on recorded sequences with true boxes."""
     from pftrack_sim.benchmark import parse_seeds
     from pftrack_sim.benchmark.recorded import evaluate as evaluate_recorded
     from pftrack_sim.formats import read_sequence
@@ -274,7 +273,7 @@ def evaluate(
     contestants = parse_trackers(tracker, preset, params or [])
     chosen = parse_seeds(seeds)
     read = [read_sequence(path) for path in sequences]
-    with bars.bar("tracking", sum(len(sequence) for sequence in read)) as tick:
+    with progress_bar("tracking", sum(len(sequence) for sequence in read)) as tick:
         results = evaluate_recorded(read, contestants, chosen, video=video, on_frame=tick)
     tables.print_recorded(results)
     if video is not None:
@@ -288,17 +287,17 @@ def render(
     video: Annotated[Path | None, typer.Option(help="MP4 to write.")] = None,
     image: Annotated[Path | None, typer.Option(help="PNG to write: one frame.")] = None,
     at_s: Annotated[float, typer.Option(min=0.0, help="Time of the frame for --image.")] = 0.0,
-    truth: Annotated[bool, typer.Option("--truth", help="Draw the truth's boxes.")] = False,
+    truth: Annotated[bool, typer.Option("--truth", help="Draw the true boxes.")] = False,
     tracker: Annotated[
         str | None,
-        typer.Option("--trackers", "--tracker", metavar="A,B", help="Draw what these trackers say, and the truth."),
+        typer.Option("--trackers", "--tracker", metavar="A,B", help="Draw the boxes of these trackers, and the truth."),
     ] = None,
     preset: Preset = "default",
     params: Params = None,
     settings: Settings = None,
     backend: Backend = None,
 ) -> None:
-    """Look at a scenario: write its episode as a video, or one of its frames."""
+    """Render an episode as a video, or one of its frames as an image."""
     from pftrack_sim import scenario as scenarios
     from pftrack_sim.benchmark.rendering import save_image, save_video
     from pftrack_sim.benchmark.tracker_runner import make_runners
@@ -310,7 +309,7 @@ def render(
         raise ParameterError("--param needs --trackers: it is theirs")
     runners = make_runners(parse_trackers(tracker, preset, params or []) if tracker is not None else [], seed=seed)
     if video is not None:
-        with bars.bar("drawing", loaded.frame_count(seed)) as tick:
+        with progress_bar("drawing", loaded.frame_count(seed)) as tick:
             save_video(loaded, seed, video, truth=truth, runners=runners, backend=backend, on_frame=tick)
     if image is not None:
         save_image(loaded, seed, image, at_s=at_s, truth=truth, runners=runners, backend=backend)
@@ -321,7 +320,7 @@ def _report(run: Path) -> None:
     from pftrack_sim.benchmark import RunStore
     from pftrack_sim.report import write_report
 
-    with bars.bar("reading", sum(1 for _ in RunStore(run).episode_files())) as tick:
+    with progress_bar("reading", sum(1 for _ in RunStore(run).episode_files())) as tick:
         page = write_report(run, on_episode=tick)
     tables.print_folder(page)
 
@@ -331,10 +330,10 @@ def report(
     run: Annotated[Path, typer.Argument(help="Run folder that bench wrote.")],
     figure: Annotated[
         Path | None,
-        typer.Option(help="Draw one figure for a paper instead: success.pdf, precision.pdf or axis.pdf (.svg, .png)."),
+        typer.Option(help="Write one figure for a paper instead: success.pdf, precision.pdf or axis.pdf (.svg, .png)."),
     ] = None,
 ) -> None:
-    """Write report.html into a run folder: one page that opens from disk, with every result of the run."""
+    """Write report.html into a run folder: a self-contained page with all results."""
     from pftrack_sim.report import write_figure
 
     if figure is not None:
@@ -359,7 +358,7 @@ def update_tables(
 def schema(
     out: Annotated[Path | None, typer.Argument(help="File to write; default is standard output.")] = None,
 ) -> None:
-    """Write the JSON Schema of scenario files, from which editors complete their keys."""
+    """Write the JSON Schema of scenario files, for completion in editors."""
     from pftrack_sim.scenario import editor_schema
 
     text = json.dumps(editor_schema(), indent=2) + "\n"
@@ -374,13 +373,13 @@ def schema(
 
 @app.command()
 def doctor(
-    check: Annotated[bool, typer.Option("--check", help="Say nothing; exit with 1 if nothing can draw.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Print nothing; exit with 1 if no renderer works.")] = False,
 ) -> None:
-    """Say what draws the frames on this machine, and what is missing."""
+    """Report which renderers work on this machine, and what is missing."""
+    from pftrack_sim.cli.doctor import print_doctor
     from pftrack_sim.render.doctor import report
 
     found = report()
     if not check:
-        tables.print_doctor(found)
-        tables.print_frame_times(found)
+        print_doctor(found)
     raise typer.Exit(0 if found.usable else 1)

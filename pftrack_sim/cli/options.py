@@ -1,4 +1,4 @@
-"""Options that several commands share, said once."""
+"""Options shared by several commands."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the scenario; may be repeated.")
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scenario; may be repeated."),
 ]
 Seeds = Annotated[str, typer.Option(metavar="SEEDS", help="Seeds: 3, 0:20 (20 excluded) or 1,5,9.")]
 Trackers = Annotated[
@@ -48,13 +49,15 @@ ScoredBox = Annotated[
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(help="Run folder; the same command goes on with one. Default is a new one in runs/."),
+    typer.Option(help="Run folder; the same command resumes it. Default: a new one in runs/."),
 ]
 Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")]
-Workers = Annotated[int | None, typer.Option(min=0, help="Processes; default is one for each core.")]
+Workers = Annotated[int | None, typer.Option(min=0, help="Worker processes; default: one per core.")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]
 Part = Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")]
-Isolation = Annotated[str, typer.Option(help="Trackers in processes of their own: auto, always or never.")]
-FrameLimit = Annotated[float, typer.Option(help="Time for a frame, for those trackers.")]
-MemoryLimit = Annotated[float, typer.Option(help="Memory for each of them; 0 is no limit.")]
+Isolation = Annotated[
+    str, typer.Option(help="Trackers in separate processes: auto (third-party trackers), always or never.")
+]
+FrameLimit = Annotated[float, typer.Option(help="Time limit per frame of isolated trackers.")]
+MemoryLimit = Annotated[float, typer.Option(help="Memory limit of each isolated tracker; 0 is no limit.")]
 ProgressMode = Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")]

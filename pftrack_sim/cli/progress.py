@@ -1,16 +1,39 @@
-"""A progress bar with the time left, on standard error so that results can be piped."""
+"""Progress on standard error, so that tables can be piped: a bar, lines, or JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import json
+import math
+import os
+import shlex
+import signal
+import sys
+import time
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from pftrack_sim.core.errors import ParameterError
+
+if TYPE_CHECKING:
+    pass
+
+MODES = ("bar", "lines", "json", "quiet")
+
+_LINE_EVERY_S = 5.0
+
+
+def cores() -> int:
+    """Number of cores available to this process."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
 
 @contextmanager
-def bar(what: str, total: int) -> Iterator[Callable[[], None]]:
+def progress_bar(what: str, total: int) -> Generator[Callable[[], None]]:
     """Show progress while the block runs.
 
     Args:
@@ -31,3 +54,101 @@ def bar(what: str, total: int) -> Iterator[Callable[[], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task(what, total=total)
         yield lambda: shown.advance(task)
+
+
+@contextmanager
+def show_run(mode: str, path: Path) -> Generator[Callable[[RunProgress], None]]:
+    """Show a run's progress while the block runs; after Ctrl-C print the command that resumes it.
+
+    Args:
+        mode: `"bar"`; `"lines"`: a line every few seconds; `"json"`: a line of JSON per episode; `"quiet"`; or empty
+            for a bar on a terminal and lines elsewhere.
+        path: The run folder.
+
+    Yields:
+        A function to call with every status.
+
+    Raises:
+        ParameterError: No such mode.
+    """
+    from pftrack_sim.benchmark import Interrupted
+
+    chosen = mode or ("bar" if sys.stderr.isatty() else "lines")
+    if chosen not in MODES:
+        raise ParameterError(f"progress must be one of {', '.join(MODES)}, got {mode!r}")
+    try:
+        if chosen == "bar":
+            with _bar() as show:
+                yield show
+        else:
+            yield {"lines": _Lines(), "json": _show_json, "quiet": _show_nothing}[chosen]
+    except Interrupted as stopped:
+        # A second Ctrl-C during the exit would print a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        print(f"pftrack-sim: {stopped}. Resume with: {_resume_command(path)}", file=sys.stderr)  # noqa: T201
+        sys.exit(130)
+
+
+@contextmanager
+def _bar() -> Generator[Callable[[RunProgress], None]]:
+    columns = (BarColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("", total=1.0)
+        yield lambda status: shown.update(task, completed=status.share, description=_line(status))
+
+
+class _Lines:
+    """Prints a line at most every few seconds, and one at the end."""
+
+    def __init__(self) -> None:
+        self._last_s = -math.inf
+
+    def __call__(self, status: RunProgress) -> None:
+        now_s = time.monotonic()
+        finished = status.episode is not None and status.done == status.total
+        if finished or (status.episode is not None and now_s - self._last_s >= _LINE_EVERY_S):
+            self._last_s = now_s
+            print(_line(status), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
+
+
+def _show_json(status: RunProgress) -> None:
+    if status.episode is None:
+        return
+    record = {
+        "episode": status.episode,
+        "done": status.done,
+        "total": status.total,
+        "frames": status.frames,
+        "elapsed_s": round(status.elapsed_s, 3),
+        "left_s": None if math.isnan(status.left_s) else round(status.left_s, 1),
+        "means": {name: None if math.isnan(mean) else mean for name, mean in status.means.items()},
+        "failures": dict(status.failures),
+    }
+    print(json.dumps(record), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
+
+
+def _show_nothing(status: RunProgress) -> None:
+    pass
+
+
+def _line(status: RunProgress) -> str:
+    means = ", ".join(
+        f"{name} {mean:.3f}" + (f" ({status.failures[name]} failed)" if status.failures.get(name) else "")
+        for name, mean in status.means.items()
+        if not math.isnan(mean)
+    )
+    left = "" if math.isnan(status.left_s) else f"  {_clock(status.left_s)} left"
+    return f"{status.done} of {status.total} episodes{left}  {means}".rstrip()
+
+
+def _clock(seconds: float) -> str:
+    whole = round(seconds)
+    hours, minutes = whole // 3600, whole // 60 % 60
+    return f"{hours}:{minutes:02d}:{whole % 60:02d}"
+
+
+def _resume_command(path: Path) -> str:
+    words = ["pftrack-sim", *sys.argv[1:]]
+    if not any(word == "--out" or word.startswith("--out=") for word in words):
+        words += ["--out", str(path)]
+    return shlex.join(words)

@@ -1,4 +1,4 @@
-"""Tables for people to read."""
+"""Tables on standard output."""
 
 from __future__ import annotations
 
@@ -16,28 +16,27 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from pftrack_sim.core.errors import ParameterError, RenderError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan, Result
     from pftrack_sim.benchmark.recorded import RecordedResult
     from pftrack_sim.benchmark.store import QueryResult
-    from pftrack_sim.render.doctor import Report
     from pftrack_sim.score import Summary
     from pftrack_sim.score.following import Following
 
-# More than this nobody reads on a terminal; the run folder has them all.
+# Longer lists are in the run folder.
 _MOST_EPISODES, _MOST_FAILURES = 40, 20
 
 _LEAST_NAME = 12
-"""Width of a column of names, however many numbers there are beside it [characters]."""
+"""Least width of a column of names [characters]."""
 
-# In a file or a pipe there is no terminal's width to keep to. Brackets are those of `ko2012[alpha=0.5]`, not markup.
+# Files and pipes have no width. No markup: brackets are those of `ko2012[alpha=0.5]`.
 _console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 200)
 
 
 def print_names(what: str) -> None:
-    """Names of scenarios, trackers, controllers or stress axes, one on a line with what it is."""
+    """Print the names of scenarios, suites, trackers, controllers or stress axes with a description each."""
     listings: dict[str, Callable[[], Iterable[tuple[str, str]]]] = {
         "scenarios": _scenarios,
         "suites": _suites,
@@ -87,7 +86,7 @@ def _axes() -> Iterable[tuple[str, str]]:
 
 
 def print_bench(results: Sequence[Result]) -> None:
-    """Overlap of each tracker in each episode, then over all seeds."""
+    """Print the overlap of each tracker in each episode, and over all seeds."""
     _print_episodes(results)
     groups: dict[tuple[str, ...], list[Summary]] = {}
     for one in results:
@@ -106,7 +105,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
     if len(results) > _MOST_EPISODES * len(trackers):
         return
     by_episode = _table(
-        "Mean overlap per episode (frames where the target can be seen)",
+        "Mean overlap per episode (frames in which the target is visible)",
         ("scenario", "condition"),
         ("seed", "frames", *trackers),
     )
@@ -121,7 +120,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
 
 
 def print_suites(plan: Plan, results: Sequence[Result]) -> None:
-    """For each suite of a plan the paper's table beside ours, and what became of its claims."""
+    """Print the paper's table beside the results and the verdict on each claim, for every suite of a plan."""
     from pftrack_sim.benchmark.claims import compare_with_paper, evaluate_claims
 
     for suite in plan.suites:
@@ -151,7 +150,7 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
 
 
 def print_follow(results: Sequence[Result]) -> None:
-    """How each tracker drove its controller, over all seeds; nothing where the robot had a script."""
+    """Print measures of following over all seeds; nothing for runs in open loop."""
     groups: dict[tuple[str, ...], list[Following]] = {}
     for one in results:
         if one.following is not None:
@@ -173,17 +172,17 @@ def print_follow(results: Sequence[Result]) -> None:
 
 
 def _ranged(values: Sequence[float], *, share: bool = False) -> str:
-    """A mean, and below it its interval."""
+    """A mean with its interval below."""
     from pftrack_sim.score import bootstrap_interval, proportion_interval
 
     low, high = proportion_interval(values) if share else bootstrap_interval(values, np.random.default_rng(0))
     mean = _mean(values)
-    told = "-" if math.isnan(mean) else f"{mean:.2f}"
-    return told if math.isnan(low) else f"{told}\n{low:.2f}-{high:.2f}"
+    text = "-" if math.isnan(mean) else f"{mean:.2f}"
+    return text if math.isnan(low) else f"{text}\n{low:.2f}-{high:.2f}"
 
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:
-    """Scores of each tracker on each sequence, over all seeds."""
+    """Print the scores of each tracker on each sequence, over all seeds."""
     groups: dict[tuple[str, ...], list[Summary]] = {}
     for one in results:
         groups.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
@@ -202,7 +201,7 @@ def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ..
         cells: list[str] = []
         for key in ("mean_overlap", "success", "precision"):
             scores = [float(getattr(one, key)) for one in summaries]
-            # One stream for every cell: a group's interval does not depend on which others are printed with it.
+            # The same random stream for every cell: an interval does not depend on the other rows.
             low, high = bootstrap_interval(scores, np.random.default_rng(0))
             several = several or not math.isnan(low)
             cells.append(_number(_mean(scores)) + ("" if math.isnan(low) else f"\n{low:.3f}-{high:.3f}"))
@@ -214,7 +213,7 @@ def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ..
 
 
 def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
-    """Prints the title; an empty table: names on the left, never cut short, numbers on the right."""
+    """Print the title and return an empty table: names on the left, numbers on the right."""
     _console.print(f"\n{title}", soft_wrap=True)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for head in names:
@@ -225,18 +224,18 @@ def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
 
 
 def print_folder(path: Path | None) -> None:
-    """Where the results lie."""
+    """Print the path of the results."""
     _console.print(f"written: {path}", soft_wrap=True)
 
 
 def print_lines(lines: Iterable[str]) -> None:
-    """Lines as they are."""
+    """Print lines without wrapping."""
     for line in lines:
         _console.print(line, soft_wrap=True)
 
 
 def print_query(answer: QueryResult, layout: str) -> None:
-    """The rows that SQL gave: as a table, or as CSV or JSON lines for other programs.
+    """Print the rows of a query as a table, as CSV, or as lines of JSON.
 
     Raises:
         ParameterError: No such layout.
@@ -258,28 +257,6 @@ def print_query(answer: QueryResult, layout: str) -> None:
         _console.print(table)
     else:
         raise ParameterError(f"--format must be table, csv or json, got {layout!r}")
-
-
-def print_doctor(report: Report) -> None:
-    """What can draw here, and the remedy where something cannot."""
-    for line in report.lines():
-        _console.print(line, soft_wrap=True)
-
-
-def print_frame_times(report: Report) -> None:
-    """What a frame with its truth costs with each renderer that can draw here; the first is compiled for, untimed."""
-    from pftrack_sim.cli.timing import SIZE_PX, frame_ms
-
-    drawing = [report.chosen.backend] if report.chosen else []
-    if report.warp:
-        drawing.append("warp")
-    for name in drawing:
-        try:
-            said = f"takes {frame_ms(name):.0f} ms"
-        except RenderError as error:
-            said = f"fails: {error}"
-        line = f"{name}: a frame of {SIZE_PX[0]}x{SIZE_PX[1]} with its truth {said}"
-        _console.print(line, soft_wrap=True)
 
 
 def _mean(values: Sequence[float]) -> float:
