@@ -122,7 +122,7 @@ def _plan_axis_occlusions(settings: ResolvedScenario, plan: Plan, run: DryRun, p
         shifts = sorted(np.round(np.arange(0.3, 0.7001, 0.05) - axis.depth, 3).tolist(), key=abs)
         free = [shift for shift in shifts if all(abs(axis.depth + shift - depth) >= _DEPTH_GAP for depth in occupied)]
         try:
-            title = f"axes.occlusion, cover {number}"
+            title = f"axes.occlusion, occlusion {number}"
             crossings.append(plan_axis_crossing(axis, occluder, run, plan.layout, title, tuple(free or shifts)))
         except ParameterError as error:
             problems.append(str(error))
@@ -156,7 +156,7 @@ def _plan_oncoming(
         if abs(lateral) > 1.0:
             # Seen from the side, a pedestrian on the far side of the target is in view and does not cover it.
             side = -1 if lateral > 0.0 else 1
-        name = f"axes.distractors, passing {number + 1}"
+        name = f"axes.distractors, pedestrian {number + 1}"
         try:
             oncoming = plan_oncoming_pass(
                 at_s, meeting_s_m, axis.distance_m, speed, path, obstacles, side, name, waiting_places

@@ -99,7 +99,7 @@ def plan_crossing(
     if best.hits_obstacle:
         raise ParameterError(
             f"{name}: a {mover.name} that covers the target from {occluder.at_s:g} s to "
-            f"{occluder.at_s + occluder.duration_s:g} s would have to walk through something that stands there, "
+            f"{occluder.at_s + occluder.duration_s:g} s would have to pass through an obstacle "
             "at any depth from 0.2 to 0.9; use another at_s or a shorter duration_s"
         )
     if mover.half_width_m != WALKER_HALF_WIDTH_M:
