@@ -24,12 +24,13 @@ from pftrack_sim.benchmark.episode_file import (
     truth_columns,
     write_episode,
 )
-from pftrack_sim.benchmark.plan import Episode, TrackerSpec
+from pftrack_sim.benchmark.plan import Episode
 from pftrack_sim.benchmark.rollout import Driver, EnvironmentSource, SimulatedSource, Sink, Source, rollout
 from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, VideoWriter, picture
 from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.env import TrackAndFollowEnv
+from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits
 
@@ -43,7 +44,6 @@ class EpisodeJob:
 
     Attributes:
         episode: Which.
-        trackers: Trackers that are shown its frames.
         video: Whether to write a video.
         backend: Renderer, by name.
         isolation: Which trackers run in a process of their own.
@@ -52,7 +52,6 @@ class EpisodeJob:
     """
 
     episode: Episode
-    trackers: tuple[TrackerSpec, ...]
     video: bool = False
     backend: str | None = None
     isolation: Isolation = "auto"
@@ -97,7 +96,7 @@ def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) ->
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pftrack-sim-")))
         except OSError as error:
             raise RunError(f"cannot make a temporary folder: {error.strerror}") from None
-        runners = make_runners(job.trackers, seed=episode.seed, isolation=job.isolation, limits=job.limits)
+        runners = make_runners(episode.trackers, seed=episode.seed, isolation=job.isolation, limits=job.limits)
         for runner in runners:
             stack.callback(runner.close)
         settings = episode.scenario.resolve(episode.seed)
@@ -107,40 +106,33 @@ def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) ->
             env = TrackAndFollowEnv(episode.scenario, backend=job.backend)
             stack.callback(env.close)
             simulation, source = env.simulation, EnvironmentSource(env, episode.seed)
-            driver = _driver(episode, runners[0])
+            driver = _driver(runners[0], settings, episode.latency_ms)
             sinks.append(course)
         else:
             simulation = stack.enter_context(Simulation(episode.scenario, backend=job.backend))
             source: Source = SimulatedSource(simulation, episode.seed)
+        table, video = folder / "episode.parquet", folder / "episode.mp4"
         with ExitStack() as open_video:
             if job.video:
-                writer = open_video.enter_context(VideoWriter(folder / "episode.mp4", settings.camera.rate_hz))
+                writer = open_video.enter_context(VideoWriter(video, settings.camera.rate_hz))
                 sinks.append(lambda step: writer.add(picture(step.sample, runners), step.sample.time_s))
             rollout(source, runners, driver=driver, sinks=[*sinks, lambda step: on_frame()])
-        following: dict[str, Any] = {}
-        if episode.kind == "follow":
-            following = course.scores(settings, simulation.frame_count)
-        table = folder / "episode.parquet"
-        rows = _write(table, episode, log, runners, course.columns(), following, simulation.graphics)
-        return EpisodeFiles(
-            table=table.read_bytes(),
-            video=(folder / "episode.mp4").read_bytes() if job.video else None,
-            frames=len(log.truths),
-            rows=tuple(rows),
-        )
+        following = course.scores(settings, simulation.frame_count) if driver is not None else {}
+        rows = _write(table, episode, settings, log, runners, course.columns(), following, simulation.graphics)
+        return EpisodeFiles(table.read_bytes(), video.read_bytes() if job.video else None, len(log.truths), tuple(rows))
 
 
-def _driver(episode: Episode, runner: TrackerRunner) -> Driver:
-    settings = episode.scenario.resolve(episode.seed)
+def _driver(runner: TrackerRunner, settings: ResolvedScenario, latency_ms: float) -> Driver:
     assert runner.spec.controller is not None
     controller = controllers.make(runner.spec.controller)
-    robot = policies.robot_parameters(settings, episode.latency_ms)
-    return Driver(runner, controller, robot, episode.latency_ms, settings.camera.rate_hz)
+    robot = policies.robot_parameters(settings, latency_ms)
+    return Driver(runner, controller, robot, latency_ms, settings.camera.rate_hz)
 
 
 def _write(
     path: Path,
     episode: Episode,
+    settings: ResolvedScenario,
     log: TruthLog,
     runners: list[TrackerRunner],
     course: Columns,
@@ -174,7 +166,7 @@ def _write(
         "truth": episode.truth,
         "levels": dict(episode.condition.levels),
         "frames": len(truths),
-        "rate_hz": episode.scenario.resolve(episode.seed).camera.rate_hz,
+        "rate_hz": settings.camera.rate_hz,
         "frames_digest": log.frames_digest,
         "graphics": graphics,
         "version": pftrack_sim.__version__,

@@ -88,7 +88,7 @@ def run(
 
     def job(episode: Episode) -> EpisodeJob:
         video = videos == "all" or (videos == "first" and episode.is_first_seed)
-        return EpisodeJob(episode, episode.trackers, video, backend, isolated, limits)
+        return EpisodeJob(episode, video, backend, isolated, limits)
 
     with contextlib.closing(make_executor(plan, workers, scheduler)) as executor, RunStore.begin(path, plan) as store:
         counter = ProgressCounter(store, part)

@@ -1,4 +1,4 @@
-"""A run folder as a page worth reading: one HTML file that opens from disk, videos beside it, figures for papers."""
+"""Report of a run folder: one HTML page that opens from disk with its videos beside it, and figures for papers."""
 
 from pftrack_sim.report.build import write_report
 from pftrack_sim.report.figure import FIGURES, write_figure

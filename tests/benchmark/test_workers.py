@@ -195,7 +195,7 @@ def test_closing_an_executor_ends_its_workers(plan: Plan):
     started = threading.Event()
     from pftrack_sim.benchmark.episode import EpisodeJob
 
-    jobs = (EpisodeJob(episode, plan.trackers) for episode in plan.episodes())
+    jobs = (EpisodeJob(episode) for episode in plan.episodes())
     for done in pool.run_all(jobs):
         if done is not None:
             started.set()

@@ -70,7 +70,7 @@ def eight() -> tuple[float, float]:
         for isolation, found in ratios.items():
             with _clocked_drawing() as drawn_s:
                 began = time.perf_counter()
-                outcome = run_episode(EpisodeJob(episode, plan.trackers, isolation=isolation))
+                outcome = run_episode(EpisodeJob(episode, isolation=isolation))
                 whole = time.perf_counter() - began
             found.append(whole / (sum(drawn_s) + _own_times(outcome.table)))
     return median(ratios["never"]), median(ratios["always"])
