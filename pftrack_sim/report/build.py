@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +13,7 @@ import plotly.offline  # pyright: ignore[reportMissingTypeStubs]
 from markupsafe import Markup
 
 from pftrack_sim.benchmark import RunStore
-from pftrack_sim.core.errors import RunError
+from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.strips import strips
 from pftrack_sim.report.suites import suite_contents
@@ -41,12 +40,8 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
     """
     store = RunStore(path)
     page = _page(store, contents(store, on_episode))
-    target, part = path / "report.html", path / ".report.html.part"
-    try:
-        part.write_text(page, encoding="utf-8")
-        os.replace(part, target)
-    except OSError as error:
-        raise RunError(f"cannot write {target}: {error.strerror or error}") from None
+    target = path / "report.html"
+    write_bytes(target, page.encode())
     return target
 
 

@@ -1,25 +1,22 @@
-"""A static figure for a paper."""
+"""Static figures of a run for papers."""
 
 from __future__ import annotations
 
 import importlib.util
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark.files import atomic_write
 from pftrack_sim.core import random_streams
-from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import axis_of, by_episode, read_frames
-
-if TYPE_CHECKING:
-    pass
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008), the yellow darkened for thin lines on white."""
@@ -54,15 +51,10 @@ def write_figure(path: Path, target: Path) -> Path:
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)
     axes.legend(fontsize=7, frameon=False)
-    part = target.with_name(f".{target.stem}.part{target.suffix}")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        # No date in it: the same run gives the same file.
-        figure.savefig(part, dpi=200, metadata={"CreationDate": None} if target.suffix == ".pdf" else {})
-        os.replace(part, target)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise RunError(f"cannot write {target}: {error.strerror or error}") from None
+    with atomic_write(target) as part:
+        # Without a date the same run gives the same file.
+        metadata = {"CreationDate": None} if target.suffix == ".pdf" else {}
+        figure.savefig(part, dpi=200, format=target.suffix[1:], metadata=metadata)
     return target
 
 
