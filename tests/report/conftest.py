@@ -8,7 +8,7 @@ from typing import Any
 
 import duckdb
 import pytest
-from report_stage import HOSTILE, SMALL
+from small_report import HOSTILE, SMALL
 
 from pftrack_sim.benchmark import RunStore, make_plan, run
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pytest
-from report_stage import HOSTILE, SMALL
+from small_report import HOSTILE, SMALL
 
 from pftrack_sim import report, score
 from pftrack_sim.benchmark import Condition, RunStore, make_plan, run

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from report_stage import HOSTILE
+from small_report import HOSTILE
 
 from pftrack_sim import report
 
