@@ -135,6 +135,19 @@ def test_osmesa_draws_where_egl_finds_no_device(osmesa_present: None):
     subprocess.run([sys.executable, "-c", program], check=True, env=environment)
 
 
+def test_threads_that_open_contexts_at_once_leave_the_environment_unchanged():
+    program = (
+        "import os; import gymnasium, cv2; before = dict(os.environ)\n"
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "import sys; sys.setswitchinterval(1e-6)\n"
+        "from pftrack_sim.render.gl.context import open_context\n"
+        "with ThreadPoolExecutor(8) as pool:\n"
+        "    opened = list(pool.map(lambda _: open_context(), range(64)))\n"
+        "assert before == dict(os.environ)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
 def test_several_rasterisers_in_one_thread_are_independent():
     stages = [build(seed) for seed in range(3)]
     alone = []

@@ -13,6 +13,7 @@ import ctypes
 import importlib
 import os
 import sys
+import threading
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -177,6 +178,7 @@ class _Process:
 
 
 _process = _Process()
+_opening = threading.Lock()
 
 
 def _open(backend: str, size: tuple[int, int]) -> GLContext:
@@ -186,7 +188,8 @@ def _open(backend: str, size: tuple[int, int]) -> GLContext:
             raise RenderError(f"{files[0]} is not installed")
     # `mujoco.egl` and `mujoco.osmesa` set PYOPENGL_PLATFORM for the whole process. MuJoCo needs MUJOCO_GL where both
     # libraries are loaded: after an EGL without a device it would otherwise not find OSMesa.
-    with _environment({"PYOPENGL_PLATFORM": backend, "MUJOCO_GL": backend} if backend in BACKENDS else {}):
+    # The lock keeps threads from restoring each other's values.
+    with _opening, _environment({"PYOPENGL_PLATFORM": backend, "MUJOCO_GL": backend} if backend in BACKENDS else {}):
         try:
             context = _backend_module(backend).GLContext(*size)
             with context.as_current():
