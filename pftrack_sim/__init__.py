@@ -21,7 +21,7 @@ def register_envs() -> None:
         "TrackAndFollow-v0": "pftrack_sim.env:TrackAndFollowEnv",
     }.items():
         if f"pftrack_sim/{name}" not in _gym.registry:
-            _gym.register(id=f"pftrack_sim/{name}", entry_point=entry)
+            _gym.register(id=f"pftrack_sim/{name}", entry_point=entry)  # pyright: ignore[reportUnknownMemberType]
 
 
 register_envs()
