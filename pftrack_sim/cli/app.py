@@ -319,8 +319,9 @@ def render(
 def _report(run: Path) -> None:
     from pftrack_sim.benchmark import RunStore
     from pftrack_sim.report import write_report
+    from pftrack_sim.report.contents import by_episode
 
-    with progress_bar("reading", sum(1 for _ in RunStore(run).episode_files())) as tick:
+    with progress_bar("reading", len(by_episode(RunStore(run).results))) as tick:
         page = write_report(run, on_episode=tick)
     tables.print_folder(page)
 
