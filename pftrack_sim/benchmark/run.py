@@ -106,7 +106,7 @@ def run(
         except KeyboardInterrupt:
             raise Interrupted(f"stopped; {counter}") from None
         except RunError as error:
-            raise RunError(f"{error}\n{counter}; the same command goes on from there") from None
+            raise RunError(f"{error}\n{counter}; the same command resumes it") from None
         if problems:
             raise RunError("\n".join([f"{len(problems)} of the episodes could not be run; {counter}", *problems]))
         store.write_summary()

@@ -35,7 +35,7 @@ def test_ctrl_c_prints_the_command_to_resume(tmp_path: Path):
     _, said = begun.communicate(timeout=60)
     last = said.decode().strip().splitlines()[-1]
     assert begun.returncode == 130
-    assert "of 40 episodes are finished. Go on with: pftrack-sim bench corridor" in last
+    assert "of 40 episodes are finished. Resume with: pftrack-sim bench corridor" in last
     assert "Traceback" not in said.decode()
     assert not check(tmp_path / "run").good
     assert not [one for one in check(tmp_path / "run").problems if not one.startswith("missing")]
@@ -56,7 +56,7 @@ def test_a_full_disk_loses_no_finished_episode(little_disk: Path, tmp_path: Path
     plan = small_plan(range(8), ["oracle", "stay"])
     with pytest.raises(RunError, match="No space left on device") as caught:
         run(plan, little_disk / "run", videos="none")
-    assert "of 8 episodes are finished; the same command goes on from there" in str(caught.value)
+    assert "of 8 episodes are finished; the same command resumes it" in str(caught.value)
     missing = check(little_disk / "run").problems
     assert 0 < len(missing) < 8
     assert all(one.startswith("missing") for one in missing)
