@@ -19,14 +19,7 @@ from pftrack_sim.core.errors import RunError
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Result of a check.
-
-    Attributes:
-        path: The run folder.
-        episodes: Number of intact episodes.
-        total: Episodes of the plan.
-        problems: One line each.
-    """
+    """Result of a check: how many episodes of the plan are intact, and one line for each problem."""
 
     path: Path
     episodes: int

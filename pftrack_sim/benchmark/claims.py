@@ -26,15 +26,9 @@ Interval: TypeAlias = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class ClaimComparison:
-    """One paired comparison of a claim.
+    """The mean of a paired difference over seeds, with its 95 % interval.
 
-    Attributes:
-        name: What is subtracted from what.
-        difference: Mean over seeds.
-        low: Lower end of its 95 % interval.
-        high: Upper end.
-        verdict: `"holds"` when the whole interval is above 0, `"fails"` when it is below, else `"undecided"`.
-        seeds: Number of seeds.
+    The verdict is `"holds"` when the whole interval is above 0, `"fails"` when it is below, else `"undecided"`.
     """
 
     name: str
@@ -47,13 +41,7 @@ class ClaimComparison:
 
 @dataclass(frozen=True)
 class ClaimResult:
-    """A claim after the test.
-
-    Attributes:
-        statement: The claim in words.
-        verdict: `"holds"` when every comparison does, `"fails"` when one does, else `"undecided"`.
-        comparisons: Its comparisons.
-    """
+    """A claim after the test: it holds when every comparison does, and fails when one does."""
 
     statement: str
     verdict: Verdict

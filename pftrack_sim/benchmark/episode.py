@@ -26,7 +26,7 @@ from pftrack_sim.benchmark.episode_file import (
 )
 from pftrack_sim.benchmark.plan import Episode
 from pftrack_sim.benchmark.rollout import Driver, EnvironmentSource, SimulatedSource, Sink, Source, rollout
-from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, VideoWriter, picture
+from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.env import TrackAndFollowEnv
@@ -40,16 +40,7 @@ _render_lock = threading.Lock()
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """An episode and how to run it.
-
-    Attributes:
-        episode: Which.
-        video: Whether to write a video.
-        backend: Renderer, by name.
-        isolation: Which trackers run in a process of their own.
-        limits: Limits of those.
-        version: Version of this package where the job was made.
-    """
+    """An episode, how to run it, and the version of this package where the job was made; workers need the same."""
 
     episode: Episode
     video: bool = False
@@ -61,14 +52,7 @@ class EpisodeJob:
 
 @dataclass(frozen=True)
 class EpisodeFiles:
-    """What an episode leaves.
-
-    Attributes:
-        table: Its Parquet file.
-        video: Its MP4 file, or None.
-        frames: Number of frames.
-        rows: For each tracker its scores, as in `summary.parquet`.
-    """
+    """The Parquet and MP4 files of an episode, its number of frames, and each tracker's row of `summary.parquet`."""
 
     table: bytes
     video: bytes | None
@@ -114,8 +98,8 @@ def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) ->
         table, video = folder / "episode.parquet", folder / "episode.mp4"
         with ExitStack() as open_video:
             if job.video:
-                writer = open_video.enter_context(VideoWriter(video, settings.camera.rate_hz))
-                sinks.append(lambda step: writer.add(picture(step.sample, runners), step.sample.time_s))
+                add = open_video.enter_context(video_writer(video, settings.camera.rate_hz))
+                sinks.append(lambda step: add(picture(step.sample, runners), step.sample.time_s))
             rollout(source, runners, driver=driver, sinks=[*sinks, lambda step: on_frame()])
         following = course.scores(settings, simulation.frame_count) if driver is not None else {}
         rows = _write(table, episode, settings, log, runners, course.columns(), following, simulation.graphics)

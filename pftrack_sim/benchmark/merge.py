@@ -16,15 +16,7 @@ from pftrack_sim.core.errors import ParameterError, RunError
 
 @dataclass(frozen=True)
 class MergeReport:
-    """Result of a merge.
-
-    Attributes:
-        path: The merged run folder.
-        added: Episodes added.
-        shared: Episodes found more than once, with equal content.
-        done: Episodes there now.
-        total: Episodes of the plan.
-    """
+    """Numbers of episodes: added, found more than once with equal content, there now, and in the plan."""
 
     path: Path
     added: int

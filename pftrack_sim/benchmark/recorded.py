@@ -12,7 +12,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.rollout import RecordedSource, Sink, rollout
-from pftrack_sim.benchmark.sinks import VideoWriter, picture
+from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner, make_runners
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.formats import RecordedSequence
@@ -86,8 +86,8 @@ def _run(
     sinks: list[Sink] = [lambda step: on_frame()]
     with ExitStack() as open_video:
         if video is not None:
-            writer = open_video.enter_context(VideoWriter(video, RATE_HZ))
-            sinks.append(lambda step: writer.add(picture(step.sample, by_seed[0]), step.sample.time_s))
+            add = open_video.enter_context(video_writer(video, RATE_HZ))
+            sinks.append(lambda step: add(picture(step.sample, by_seed[0]), step.sample.time_s))
         rollout(RecordedSource(sequence, RATE_HZ), [one for runners in by_seed for one in runners], sinks=sinks)
 
 

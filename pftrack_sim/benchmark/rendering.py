@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 
 from pftrack_sim.benchmark.rollout import Sample, SimulatedSource, Sink, Step, rollout
-from pftrack_sim.benchmark.sinks import VideoWriter, picture
+from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.records import Image
@@ -39,9 +39,9 @@ def save_video(
         on_frame: Called after every frame.
     """
     rate_hz = scenario.resolve(seed).camera.rate_hz
-    with Simulation(scenario, backend=backend) as simulation, VideoWriter(path, rate_hz) as writer:
+    with Simulation(scenario, backend=backend) as simulation, video_writer(path, rate_hz) as add:
         sinks: list[Sink] = [
-            lambda step: writer.add(_drawn(step.sample, truth, runners), step.sample.time_s),
+            lambda step: add(_drawn(step.sample, truth, runners), step.sample.time_s),
             lambda step: on_frame(),
         ]
         rollout(SimulatedSource(simulation, seed), runners, sinks=sinks)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import math
-import os
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Sequence
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import av
 import numpy as np
 
 from pftrack_sim.benchmark.episode_file import Column, column
+from pftrack_sim.benchmark.files import atomic_write
 from pftrack_sim.benchmark.rollout import Sample, Step
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
-from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Image, Truth
 from pftrack_sim.render.overlay import draw_frame, draw_recorded
 from pftrack_sim.scenario.model import ResolvedScenario
@@ -55,62 +55,45 @@ class TruthLog:
         return self._images.hexdigest()
 
 
-class VideoWriter:
-    """An H.264 video that browsers play; the file appears under its name when it is complete.
+@contextlib.contextmanager
+def video_writer(path: Path, rate_hz: float, quality: int = 21) -> Generator[Callable[[Image, float], None]]:
+    """Write an H.264 video that browsers play; the file appears under its name when it is complete.
 
     Args:
         path: File to write, ending in `.mp4`.
-        rate_hz: Nominal frames per second; each frame is shown at its own time.
+        rate_hz: Nominal frames per second.
         quality: Constant rate factor of H.264: 18 is visually lossless, 28 is small.
+
+    Yields:
+        A function that appends a frame `(H, W, 3)` uint8 RGB, shown at a time [s]. All frames have one size; an odd
+        last row or column is dropped.
 
     Raises:
         ParameterError: The name does not end in `.mp4`.
-        RunError: The folder cannot be written to.
+        RunError: The file cannot be written.
     """
+    if path.suffix.lower() != ".mp4":
+        raise ParameterError(f"a video's name must end in .mp4, got {str(path)!r}")
+    rate = Fraction(rate_hz).limit_denominator(1001)
+    with atomic_write(path) as part:
+        container: Any
+        with av.open(str(part), "w", format="mp4", options={"movflags": "faststart"}) as container:
+            options = {"crf": str(quality), "preset": "veryfast", "threads": "1"}
+            stream: Any = container.add_stream("libx264", rate=rate, options=options)
+            stream.codec_context.time_base = _TIME_BASE
+            # The only pixel format that every browser decodes; it needs even sizes.
+            stream.pix_fmt = "yuv420p"
 
-    def __init__(self, path: Path, rate_hz: float, quality: int = 21) -> None:
-        if path.suffix.lower() != ".mp4":
-            raise ParameterError(f"a video's name must end in .mp4, got {str(path)!r}")
-        self.path = path
-        self._part = path.with_name(f".{path.stem}.part.mp4")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._container: Any = av.open(str(self._part), "w", options={"movflags": "faststart"})
-        except OSError as error:
-            raise RunError(f"cannot write the video {path}: {error.strerror or error}") from None
-        rate = Fraction(rate_hz).limit_denominator(1001)
-        self._stream: Any = self._container.add_stream(
-            "libx264", rate=rate, options={"crf": str(quality), "preset": "veryfast", "threads": "1"}
-        )
-        self._stream.codec_context.time_base = _TIME_BASE
-        # The only pixel format that every browser decodes; it needs even sizes.
-        self._stream.pix_fmt = "yuv420p"
-        self._sized = False
+            def add(image: Image, time_s: float) -> None:
+                height, width = (size - size % 2 for size in image.shape[:2])
+                if not stream.codec_context.is_open:
+                    stream.width, stream.height = width, height
+                frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image[:height, :width]), format="rgb24")
+                frame.pts, frame.time_base = round(time_s / _TIME_BASE), _TIME_BASE
+                container.mux(stream.encode(frame))
 
-    def add(self, image: Image, time_s: float) -> None:
-        """Append a frame `(H, W, 3)` uint8 RGB; all of one size. An odd last row or column is dropped."""
-        height, width = (size - size % 2 for size in image.shape[:2])
-        if not self._sized:
-            self._stream.width, self._stream.height = width, height
-            self._sized = True
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image[:height, :width]), format="rgb24")
-        frame.pts, frame.time_base = round(time_s / _TIME_BASE), _TIME_BASE
-        self._container.mux(self._stream.encode(frame))
-
-    def __enter__(self) -> VideoWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        complete = self._sized and kind is None
-        if complete:
-            self._container.mux(self._stream.encode())
-        self._container.close()
-        if complete:
-            os.replace(self._part, self.path)
-        else:
-            self._part.unlink(missing_ok=True)
+            yield add
+            container.mux(stream.encode())
 
 
 class FollowLog:

@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import CommandError, ParameterError
 from pftrack_sim.core.proprioception import PROPRIO_HIGH
 from pftrack_sim.core.records import Estimate, Frame
-from pftrack_sim.env.spaces import BoundingBox
 from pftrack_sim.render.overlay import draw_frame
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.simulation.simulation import Simulation
@@ -158,11 +156,6 @@ class CameraEnv(gym.Env[Observation, Any]):
         return self._current.index >= self.simulation.frame_count
 
 
-def box_space(env: CameraEnv) -> BoundingBox:
-    """The action space of boxes in the image of an environment."""
-    return BoundingBox(*env.image_size_px)
-
-
 def checked_command(action: ArrayLike) -> NDArray[np.float64]:
     """A `(4,)` command as four finite numbers; not clipped.
 
@@ -180,8 +173,3 @@ def checked_command(action: ArrayLike) -> NDArray[np.float64]:
     if not np.isfinite(command).all():
         raise CommandError(f"a command must be finite, got {command.tolist()}")
     return command
-
-
-def overlap(frame: Frame, box: ArrayLike) -> float:
-    """Overlap of a box with the truth of a frame, in [0, 1]; 0 when the target is out of view."""
-    return boxes.iou(frame.truth.box, box)

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate, Frame
-from pftrack_sim.env.base import CameraEnv, Observation, box_space, checked_command, overlap
+from pftrack_sim.env.base import CameraEnv, Observation, checked_command
+from pftrack_sim.env.spaces import BoundingBox
 
 
 def following_reward(distance_error: float, bearing_error: float) -> float:
@@ -118,7 +119,7 @@ class TrackAndFollowEnv(FollowEnv):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.action_space = gym.spaces.Dict({"box": box_space(self), "command": command_space()})
+        self.action_space = gym.spaces.Dict({"box": BoundingBox(*self.image_size_px), "command": command_space()})
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Score the box on the frame shown, drive, and return the next frame."""
@@ -129,7 +130,7 @@ class TrackAndFollowEnv(FollowEnv):
         answer = Estimate(boxes.checked(values["box"], what="action['box']"))
         late_s = _checked_late(values.get("late_s", 0.0))
         shown = self._current
-        overlapping = overlap(shown, answer.box)
+        overlapping = boxes.iou(shown.truth.box, answer.box)
         observation, following, terminated, truncated, info = self._drive(values["command"], answer, late_s)
         info = {**info, "overlap": overlapping, "following": following, "scored": shown.truth.scored}
         return observation, 0.5 * (overlapping + following), terminated, truncated, info

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Estimate
-from pftrack_sim.env.base import CameraEnv, Observation, box_space, overlap
+from pftrack_sim.env.base import CameraEnv, Observation
+from pftrack_sim.env.spaces import BoundingBox
 
 
 class TrackEnv(CameraEnv):
@@ -27,13 +28,13 @@ class TrackEnv(CameraEnv):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.action_space = box_space(self)
+        self.action_space = BoundingBox(*self.image_size_px)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Score the box on the frame shown and return the next frame."""
         answer = Estimate(boxes.checked(action, what="action"))
         shown = self._current
-        reward = overlap(shown, answer.box)
+        reward = boxes.iou(shown.truth.box, answer.box)
         frame = self._advance(None, answer)
         info = {**self._info(frame), "overlap": reward, "scored": shown.truth.scored}
         return self._observation(frame), reward, False, self._over, info

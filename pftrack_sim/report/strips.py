@@ -22,15 +22,7 @@ _QUALITY = 82
 
 @dataclass(frozen=True)
 class Strip:
-    """Frames of one episode.
-
-    Attributes:
-        title: The episode.
-        tracker: The tracker whose overlap it was chosen by.
-        overlap: Its mean overlap.
-        frames: Index of each picture.
-        pictures: JPEG as data URIs.
-    """
+    """Frames of one episode, chosen by a tracker's mean overlap: their indices, and JPEG pictures as data URIs."""
 
     title: str
     tracker: str
