@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-TICK_HZ = 25.0
-"""Lowest rate of control ticks, at which people and controllers move."""
-
-PHYSICS_HZ = 500.0
-"""Lowest rate of physics steps."""
+TICK_HZ = 25.0  # Lowest rate of control ticks, at which people and controllers move
+PHYSICS_HZ = 500.0  # Lowest rate of physics steps
 
 
 @dataclass(frozen=True)

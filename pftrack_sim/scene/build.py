@@ -17,10 +17,7 @@ from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.people.person import Person, add_person, sample_people
 from pftrack_sim.scene.robot import add_robot
 
-NEAR_M = 0.05
-FAR_M = 120.0
-"""Clipping planes of the camera: nothing nearer or farther is drawn."""
-
+NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 SHADOW_PIXELS = 2048
 
 

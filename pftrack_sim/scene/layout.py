@@ -15,8 +15,7 @@ HIDDEN_GROUP = 3
 HIDDEN_ROBOT_GROUP = 4
 """MuJoCo geom groups. Hidden geoms collide and are not drawn; those of the robot are ignored by its range finder."""
 
-SKY = "sky"
-"""Name of the material whose emission is the brightness of the sky's texture."""
+SKY = "sky"  # Name of the material whose emission is the brightness of the sky's texture
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,9 @@ from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, plan_axis_crossing, plan_crossing
 from pftrack_sim.simulation.occlusion.static import plan_static
 
-AFTER_S = 3.0
-"""The dry run continues for this time after the last planned event."""
-
+AFTER_S = 3.0  # The dry run continues for this time after the last planned event
 _DEPTH_GAP = 0.25
-_DEPTH_GAP_S = 2.5
-"""Crossings within this time of each other differ by `_DEPTH_GAP` in depth."""
+_DEPTH_GAP_S = 2.5  # Crossings within this time of each other differ by `_DEPTH_GAP` in depth
 
 
 @dataclass(frozen=True)

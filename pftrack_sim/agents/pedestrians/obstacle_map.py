@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.layout import WalkableArea
 
-Xy: TypeAlias = tuple[float, float]
-"""x, y [m] in the world frame."""
-
+Xy: TypeAlias = tuple[float, float]  # x, y [m] in the world frame
 _BORDER_HALF_M = 50.0  # Half thickness of the slabs around the walkable area
 
 

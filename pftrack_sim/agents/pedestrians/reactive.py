@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pftrack_sim.agents.gait.kinematics import wrapped
 from pftrack_sim.agents.pedestrians import avoidance
 from pftrack_sim.agents.pedestrians.goal_manager import GoalManager
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
@@ -131,11 +132,6 @@ def turn(dt_s: float, velocity: FloatArray, heading_rad: FloatArray) -> None:
     share = np.minimum(np.sqrt(avoidance.dot(velocity, velocity)) / 0.4, 1.0)
     rate = np.maximum(share * error / _TURN_TIME_CONSTANT_S, -MAX_TURN_RATE_RAD_S)
     heading_rad += np.minimum(rate, MAX_TURN_RATE_RAD_S) * dt_s
-
-
-def wrapped(angle_rad: FloatArray) -> FloatArray:
-    """Angles in [-pi, pi)."""
-    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def _limit_factor(vector: FloatArray, limit: float) -> FloatArray:

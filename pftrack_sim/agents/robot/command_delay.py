@@ -7,9 +7,7 @@ from typing import TypeAlias
 
 from pftrack_sim.agents.clock import Clock
 
-Speeds: TypeAlias = tuple[float, float, float, float]
-"""Forward speed [m/s], turn, pan and tilt rate [rad/s]."""
-
+Speeds: TypeAlias = tuple[float, float, float, float]  # Forward speed [m/s], turn, pan and tilt rate [rad/s]
 _AT_REST: Speeds = (0.0, 0.0, 0.0, 0.0)
 
 

@@ -11,25 +11,17 @@ from numpy.typing import ArrayLike
 from pftrack_sim.agents.path import Path
 from pftrack_sim.core.types import FloatArray
 
-BRAKE_M_S2 = 0.8
-"""Deceleration before a bend and at the end of a route."""
-
-_CONVERGENCE_M = 0.5
-"""Distance driven in which a lateral error falls to 1/e (critically damped)."""
-_LATERAL_ACCELERATION_M_S2 = 0.9
-"""Limit of the lateral acceleration in bends."""
-_PREVIEW_S = 0.2
-"""Curvature is taken this far ahead, to compensate the delay of motors and acceleration limit."""
-_MAX_HEADING_ERROR_RAD = 1.2
-"""With a larger error of heading the robot turns on the spot."""
+BRAKE_M_S2 = 0.8  # Deceleration before a bend and at the end of a route
+_CONVERGENCE_M = 0.5  # Distance driven in which a lateral error falls to 1/e (critically damped)
+_LATERAL_ACCELERATION_M_S2 = 0.9  # Limit of the lateral acceleration in bends
+_PREVIEW_S = 0.2  # Curvature is taken this far ahead, to compensate the delay of motors and acceleration limit
+_MAX_HEADING_ERROR_RAD = 1.2  # With a larger error of heading the robot turns on the spot
 
 GAZE_DEAD_ZONE_RAD = math.radians(6.0)
 """The head does not react to smaller errors of direction: the target stays in view, but is rarely centred."""
 _GAZE_TIME_CONSTANT_S = 0.6
-_GAZE_URGENCY_RAD = math.radians(8.0)
-"""An error beyond the dead zone by this much doubles the gain."""
-_GAZE_HEIGHT_M = 1.1
-"""Height of the point of the target that the camera is turned to."""
+_GAZE_URGENCY_RAD = math.radians(8.0)  # An error beyond the dead zone by this much doubles the gain
+_GAZE_HEIGHT_M = 1.1  # Height of the point of the target that the camera is turned to
 _MIN_DISTANCE_M = 0.3
 
 

@@ -22,9 +22,7 @@ ACCELERATION.setflags(write=False)
 WHEEL_UNLOADING_SHARE = 0.35
 """Turns are slowed down where they would take more than this share of the load off the inner wheel."""
 
-WINDUP_RAD = 0.3
-"""Limit of the distance between the head and its servo's reference."""
-
+WINDUP_RAD = 0.3  # Limit of the distance between the head and its servo's reference
 _SETTLE_S = 1.5
 _FAR_M = 1000.0
 _OPENCV_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])

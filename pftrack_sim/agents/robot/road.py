@@ -25,12 +25,8 @@ from pftrack_sim.scene.robot import (
 ROUGHNESS_M3 = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
 """G_d(n_0): displacement power spectral density at `REFERENCE_CYCLES_M`, geometric mean of each class (ISO 8608)."""
 
-REFERENCE_CYCLES_M = 0.1
-"""Spatial frequency n_0 [cycles/m]."""
-
-LOOP_M = 64.0
-"""Period of the road."""
-
+REFERENCE_CYCLES_M = 0.1  # Spatial frequency n_0 [cycles/m]
+LOOP_M = 64.0  # Period of the road
 SHORTEST_M, LONGEST_M = 0.05, 2.0
 """Wavelengths of the profile: longer ones do not shake the robot, shorter ones average out under a wheel."""
 

@@ -20,16 +20,10 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scenario.axes import TargetAxis
 
-GAP_TIME_CONSTANT_S = 0.8
-"""Time constant at which the robot closes a gap to its place abreast of the target."""
-
-_TURN_AWAY_S = 0.35
-_COME_BACK_S = 0.1
-"""Time that the camera needs until the target has left the view, and until a part of it is back."""
-
-_BODY_RAD = math.radians(14.0)
-"""Half the angular width of a person, with a margin."""
-
+GAP_TIME_CONSTANT_S = 0.8  # Time constant at which the robot closes a gap to its place abreast of the target
+_TURN_AWAY_S = 0.35  # Time that the camera needs until the target has left the view
+_COME_BACK_S = 0.1  # Time until a part of the target is back in the view
+_BODY_RAD = math.radians(14.0)  # Half the angular width of a person, with a margin
 _SAMPLE_M = 0.1
 _FAR_M = 1e4
 

@@ -13,8 +13,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import HIDDEN_GROUP
 from pftrack_sim.scene.robot import BASE, TRACK_M, WHEEL_RADIUS_M
 
-BEAM_HEIGHT_M = 0.2
-"""Height of the beams above the ground with the robot at rest: shins of people are in it."""
+BEAM_HEIGHT_M = 0.2  # Height of the beams above the ground with the robot at rest: shins of people are in it
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,7 @@ from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint
 from pftrack_sim.scene.places.materials import read_image
 
-MAX_CRATES = 16
-"""Largest number of crates in one stack."""
-
+MAX_CRATES = 16  # Largest number of crates in one stack
 _CRATE_M = 0.62
 _SKIN_M = 0.002
 _QUARTER = float(np.sqrt(0.5))

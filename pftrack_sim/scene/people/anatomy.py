@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
 
-Colour: TypeAlias = tuple[int, int, int]
-"""RGB, 0..255."""
-
+Colour: TypeAlias = tuple[int, int, int]  # RGB, 0..255
 HairStyle: TypeAlias = Literal["short", "medium", "long", "bun", "cap", "bald"]
 
 # fmt: off

@@ -26,20 +26,15 @@ from pftrack_sim.simulation.occlusion.static import check_times
 
 STEP_S = 1.0 / 30.0
 MAX_SPEED_M_S = 2.2
-WALL_GAP_M = 0.42
-"""Preferred distance of the mover's centre to walls and obstacles."""
+WALL_GAP_M = 0.42  # Preferred distance of the mover's centre to walls and obstacles
 _PREFERRED_SPEED_M_S = 1.2
-_NO_FAULT_COST = 0.35
-"""A crossing with a lower cost is good enough: other depths are not tried."""
+_NO_FAULT_COST = 0.35  # A crossing with a lower cost is good enough: other depths are not tried
 
-_SHOULDERS_M = 0.22
-_CHEST_M = 0.14
-"""Half widths of a walking person with swinging arms, seen from behind and from the side."""
-_ARMS_M = 0.03
-"""Part of the half width that is swinging arms, which cover little."""
+# Half widths of a walking person with swinging arms, seen from behind and from the side.
+_SHOULDERS_M, _CHEST_M = 0.22, 0.14
+_ARMS_M = 0.03  # Part of the half width that is swinging arms, which cover little
 
-EDGE_M_S = 1.3
-"""Speed of a cart's edge across the line of sight: the target is covered and uncovered in about 0.25 s."""
+EDGE_M_S = 1.3  # Speed of a cart's edge across the line of sight: the target is covered and uncovered in about 0.25 s
 PERSON_EDGE_M_S = 1.1
 CART_HALF_WIDTH_M = (0.27, 0.36)
 """Narrowest and widest cart: half way between camera and target, each covers a walking person's stride."""

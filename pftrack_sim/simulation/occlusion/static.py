@@ -19,9 +19,8 @@ from pftrack_sim.scene.occluders.static import Placement
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.line_of_sight import covered_by_box, line_in_box, spans
 
-TARGET_GAP_M = 0.45
-ROBOT_GAP_M = 0.5
-"""Least distances from the box to the paths of target and robot."""
+TARGET_GAP_M = 0.45  # Least distance from the box to the path of the target
+ROBOT_GAP_M = 0.5  # and to that of the robot
 OBSTACLE_GAP_M = 0.05
 PILLAR_HEIGHT_M = 2.6
 DEPTHS: FloatArray = np.round(np.arange(0.2, 0.9001, 0.02), 3)
@@ -30,8 +29,7 @@ _HALF_THICKNESS_M = {"pillar": 0.22, "wall": 0.1, "boxes": 0.28}
 _ARTICLE = {"pillar": "a pillar", "wall": "a wall", "boxes": "boxes"}
 _MIN_HALF_WIDTH_M = 0.06
 _MIN_HEIGHT_M = 0.1
-_TURNS_RAD = (0.0, 0.3, -0.3, 0.6, -0.6)
-"""Rotations of the box away from facing the camera, tried in this order."""
+_TURNS_RAD = (0.0, 0.3, -0.3, 0.6, -0.6)  # Rotations of the box away from facing the camera, tried in this order
 _SHIFTS_S = (0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0, 6.0, -6.0)
 _NOT_MONOTONIC = "the line of sight turns back in between"
 
