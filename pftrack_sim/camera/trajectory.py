@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core.types import FloatArray
 
 # Written out, as scipy.spatial.transform.Rotation goes through quaternions: the last bits of every frame and box under
-# blur or rolling shutter would differ, and its logarithm takes four times as long.
+# blur or rolling shutter would differ, and its logarithm takes 3.5 times as long.
 
 
 def exp_so3(vectors: ArrayLike) -> FloatArray:
