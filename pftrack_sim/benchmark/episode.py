@@ -5,6 +5,7 @@ It runs in any process on any machine; workers and the parent need no common dis
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
@@ -25,7 +26,7 @@ from pftrack_sim.benchmark.episode_file import (
     write_episode,
 )
 from pftrack_sim.benchmark.plan import Episode
-from pftrack_sim.benchmark.rollout import Driver, EnvironmentSource, SimulatedSource, Sink, Source, rollout
+from pftrack_sim.benchmark.rollout import Driver, Sink, drive, rollout, simulated
 from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
@@ -84,24 +85,22 @@ def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) ->
         for runner in runners:
             stack.callback(runner.close)
         settings = episode.scenario.resolve(episode.seed)
-        log, course, driver = TruthLog(), FollowLog(), None
+        log, course = TruthLog(), FollowLog()
         sinks: list[Sink] = [log]
-        if episode.kind == "follow":
-            env = TrackAndFollowEnv(episode.scenario, backend=job.backend)
-            stack.callback(env.close)
-            simulation, source = env.simulation, EnvironmentSource(env, episode.seed)
-            driver = _driver(runners[0], settings, episode.latency_ms)
-            sinks.append(course)
-        else:
-            simulation = stack.enter_context(Simulation(episode.scenario, backend=job.backend))
-            source: Source = SimulatedSource(simulation, episode.seed)
         table, video = folder / "episode.parquet", folder / "episode.mp4"
         with ExitStack() as open_video:
             if job.video:
                 add = open_video.enter_context(video_writer(video, settings.camera.rate_hz))
                 sinks.append(lambda step: add(picture(step.sample, runners), step.sample.time_s))
-            rollout(source, runners, driver=driver, sinks=[*sinks, lambda step: on_frame()])
-        following = course.scores(settings, simulation.frame_count) if driver is not None else {}
+            sinks.append(lambda step: on_frame())
+            if episode.kind == "follow":
+                env = stack.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=job.backend)))
+                simulation = env.simulation
+                drive(env, episode.seed, _driver(runners[0], settings, episode.latency_ms), [*sinks, course])
+            else:
+                simulation = stack.enter_context(Simulation(episode.scenario, backend=job.backend))
+                rollout(simulated(simulation, episode.seed), runners, sinks)
+        following = course.scores(settings, simulation.frame_count) if episode.kind == "follow" else {}
         rows = _write(table, episode, settings, log, runners, course.columns(), following, simulation.graphics)
         return EpisodeFiles(table.read_bytes(), video.read_bytes() if job.video else None, len(log.truths), tuple(rows))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.planning import match_trackers
-from pftrack_sim.benchmark.rollout import SimulatedSource, rollout
+from pftrack_sim.benchmark.rollout import rollout, simulated
 from pftrack_sim.benchmark.store import RunStore, is_run
 from pftrack_sim.benchmark.tracker_runner import Isolation, make_runners
 from pftrack_sim.core.errors import RunError
@@ -69,7 +69,7 @@ def measure_ms(
     try:
         with Simulation(scenario) as simulation:
             until_s = (FRAMES - 1) / scenario.resolve(0).camera.rate_hz
-            rollout(SimulatedSource(simulation, 0, until_s=until_s), [runner])
+            rollout(simulated(simulation, 0, until_s=until_s), [runner])
     finally:
         runner.close()
     times = [ms for ms, status in zip(runner.ms, runner.statuses, strict=True) if status == "ok"]

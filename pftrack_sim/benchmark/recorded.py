@@ -11,7 +11,7 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.rollout import RecordedSource, Sink, rollout
+from pftrack_sim.benchmark.rollout import Sink, recorded, rollout
 from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner, make_runners
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -88,7 +88,7 @@ def _run(
         if video is not None:
             add = open_video.enter_context(video_writer(video, RATE_HZ))
             sinks.append(lambda step: add(picture(step.sample, by_seed[0]), step.sample.time_s))
-        rollout(RecordedSource(sequence, RATE_HZ), [one for runners in by_seed for one in runners], sinks=sinks)
+        rollout(recorded(sequence, RATE_HZ), [one for runners in by_seed for one in runners], sinks)
 
 
 def video_paths(sequences: Sequence[RecordedSequence], video: Path) -> list[Path]:

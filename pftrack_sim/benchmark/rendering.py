@@ -8,7 +8,7 @@ from pathlib import Path
 
 import cv2
 
-from pftrack_sim.benchmark.rollout import Sample, SimulatedSource, Sink, Step, rollout
+from pftrack_sim.benchmark.rollout import Sample, Sink, Step, rollout, simulated
 from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -44,7 +44,7 @@ def save_video(
             lambda step: add(_drawn(step.sample, truth, runners), step.sample.time_s),
             lambda step: on_frame(),
         ]
-        rollout(SimulatedSource(simulation, seed), runners, sinks=sinks)
+        rollout(simulated(simulation, seed), runners, sinks)
 
 
 def save_image(
@@ -75,7 +75,7 @@ def save_image(
         raise ParameterError(f"the episode lasts {duration_s:g} s, so there is no frame at {at_s:g} s")
     last: deque[Step] = deque(maxlen=1)
     with Simulation(scenario, backend=backend) as simulation:
-        rollout(SimulatedSource(simulation, seed, until_s=at_s), runners, sinks=[last.append])
+        rollout(simulated(simulation, seed, until_s=at_s), runners, [last.append])
     image = _drawn(last[0].sample, truth, runners)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

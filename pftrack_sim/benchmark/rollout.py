@@ -1,15 +1,15 @@
-"""The loop over the frames of an episode, simulated or recorded, open or closed loop.
+"""The loops over the frames of an episode, simulated or recorded, open or closed loop.
 
-A source gives frames, trackers estimate boxes in them, a driver turns one tracker's boxes into robot commands, and
-sinks (files, scores, progress) receive every step. All commands use this loop.
+Trackers estimate boxes in frames, a driver turns one tracker's boxes into robot commands, and sinks (files, scores,
+progress) receive every step. All commands use these loops.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +34,7 @@ NO_ACTION: Action = {"box": np.zeros(4), "command": np.zeros(4)}
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A frame of a source.
+    """A frame of an episode.
 
     Attributes:
         time_s: Time since the first frame.
@@ -69,123 +69,70 @@ class Step:
 Sink: TypeAlias = Callable[[Step], None]
 
 
-class Source(Protocol):
-    """Frames of one episode, in order."""
-
-    def reset(self) -> Sample:
-        """Start the episode and return its first frame."""
-        ...
-
-    def advance(self, action: Action | None) -> tuple[Sample | None, Mapping[str, Any] | None]:
-        """Return the next frame, None at the end, and in closed loop the information about it."""
-        ...
-
-
-def rollout(
-    source: Source, runners: Sequence[TrackerRunner], *, driver: Driver | None = None, sinks: Sequence[Sink] = ()
-) -> None:
-    """Run an episode to its end.
+def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: Sequence[Sink] = ()) -> None:
+    """Show every frame to every tracker, in open loop.
 
     Args:
-        source: Where the frames come from.
-        runners: Fresh trackers; each is shown every frame.
-        driver: Drives the robot in closed loop; it then calls its tracker itself, and `runners` is ignored.
+        samples: The frames, from `simulated` or `recorded`.
+        runners: Fresh trackers.
         sinks: Called after every frame, in this order.
     """
-    sample: Sample | None = source.reset()
-    while sample is not None:
-        action = driver.act(sample) if driver is not None else None
-        for runner in runners if driver is None else ():
+    for sample in samples:
+        for runner in runners:
             runner.step(sample.image, sample.true_box, sample.visible)
-        following, info = source.advance(action)
+        for sink in sinks:
+            sink(Step(sample, None, None))
+
+
+def drive(env: TrackAndFollowEnv, seed: int, driver: Driver, sinks: Sequence[Sink] = ()) -> None:
+    """Let a driver's actions move the robot until the environment ends the episode.
+
+    Args:
+        env: The environment.
+        seed: Root seed of the episode.
+        driver: Gives the actions; it calls its tracker itself.
+        sinks: Called after every frame, in this order.
+    """
+
+    def posed(info: Mapping[str, Any]) -> dict[str, Any]:
+        return {**info, "robot_pose": env.simulation.world.robot_pose()}
+
+    observation, given = env.reset(seed=seed)
+    info = posed(given)
+    while info.get("outcome") is None:
+        sample = _sample(env.simulation.frame, observation=observation, info=info)
+        action = driver.act(sample)
+        observation, _, _, _, given = env.step(dict(action))
+        info = posed(given)
         for sink in sinks:
             sink(Step(sample, action, info))
-        sample = following
 
 
-class SimulatedSource:
-    """A scenario in which the robot follows its script.
+def simulated(simulation: Simulation, seed: int, *, until_s: float = math.inf) -> Iterator[Sample]:
+    """Frames of a scenario in which the robot follows its script.
 
     Args:
         simulation: The simulation.
         seed: Root seed of the episode.
         until_s: The frame at this time is the last one.
     """
-
-    def __init__(self, simulation: Simulation, seed: int, *, until_s: float = math.inf) -> None:
-        self._simulation, self._seed, self._until_s = simulation, seed, until_s
-
-    def reset(self) -> Sample:
-        """See `Source`."""
-        return _simulated(self._simulation.reset(self._seed))
-
-    def advance(self, action: Action | None) -> tuple[Sample | None, None]:
-        """See `Source`."""
-        shown, period_s = self._simulation.frame, 1.0 / self._simulation.settings.camera.rate_hz
-        if shown.index + 1 == self._simulation.frame_count or shown.time_s >= self._until_s - 0.5 * period_s:
-            return None, None
-        return _simulated(self._simulation.advance()), None
+    frame = simulation.reset(seed)
+    yield _sample(frame)
+    last_s = until_s - 0.5 / simulation.settings.camera.rate_hz
+    while frame.index + 1 < simulation.frame_count and frame.time_s < last_s:
+        frame = simulation.advance()
+        yield _sample(frame)
 
 
-class EnvironmentSource:
-    """A scenario in which actions drive the robot; the episode ends as the environment says.
-
-    Args:
-        env: The environment.
-        seed: Root seed of the episode.
-    """
-
-    def __init__(self, env: TrackAndFollowEnv, seed: int) -> None:
-        self._env, self._seed = env, seed
-
-    def reset(self) -> Sample:
-        """See `Source`."""
-        return self._sample(*self._env.reset(seed=self._seed))
-
-    def advance(self, action: Action | None) -> tuple[Sample | None, Mapping[str, Any]]:
-        """See `Source`."""
-        observation, _, _, _, info = self._env.step(dict(action or NO_ACTION))
-        sample = self._sample(observation, info)
-        return (sample if info["outcome"] is None else None), sample.info
-
-    def _sample(self, observation: Mapping[str, Any], info: Mapping[str, Any]) -> Sample:
-        simulation = self._env.simulation
-        posed = {**info, "robot_pose": simulation.world.robot_pose()}
-        return _simulated(simulation.frame, observation=observation, info=posed)
-
-
-def _simulated(frame: Frame, **more: Any) -> Sample:
+def _sample(frame: Frame, **more: Any) -> Sample:
     return Sample(frame.time_s, frame.image, frame.truth.box, frame.truth.scored, frame, **more)
 
 
-class RecordedSource:
-    """A recorded sequence; the target counts as visible where it has a box.
-
-    Args:
-        sequence: The sequence.
-        rate_hz: Frames per second: folders of images do not tell.
-    """
-
-    def __init__(self, sequence: RecordedSequence, rate_hz: float) -> None:
-        self._sequence, self._rate_hz = sequence, rate_hz
-        self._index = 0
-
-    def reset(self) -> Sample:
-        """See `Source`."""
-        self._index = 0
-        return self._sample()
-
-    def advance(self, action: Action | None) -> tuple[Sample | None, None]:
-        """See `Source`."""
-        self._index += 1
-        return (self._sample() if self._index < len(self._sequence) else None), None
-
-    def _sample(self) -> Sample:
-        index, box = self._index, self._sequence.truth[self._index]
-        caption = f"{self._sequence.name}   frame {index + 1} of {len(self._sequence)}"
-        return Sample(
-            index / self._rate_hz, self._sequence.image(index), box, bool(np.isfinite(box[0])), caption=caption
-        )
+def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
+    """Frames of a recorded sequence at a rate [Hz]; the target counts as visible where it has a box."""
+    for index, box in enumerate(sequence.truth):
+        caption = f"{sequence.name}   frame {index + 1} of {len(sequence)}"
+        yield Sample(index / rate_hz, sequence.image(index), box, bool(np.isfinite(box[0])), caption=caption)
 
 
 class Driver:

@@ -1,4 +1,4 @@
-"""Frames of a source reach every tracker and every sink, at their own times."""
+"""Frames of an episode reach every tracker and every sink, at their own times."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.benchmark.rendering import save_video
-from pftrack_sim.benchmark.rollout import SimulatedSource, Step, rollout
+from pftrack_sim.benchmark.rollout import Step, rollout, simulated
 from pftrack_sim.benchmark.tracker_runner import make_runners
 from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import SMALL
@@ -19,11 +19,11 @@ def test_every_frame_reaches_trackers_and_sinks_until_the_end():
     steps: list[Step] = []
     with Simulation(scenario.load("corridor", SMALL)) as simulation:
         runners = make_runners(["oracle", "stay"], seed=0)
-        rollout(SimulatedSource(simulation, 0), runners, sinks=[steps.append])
+        rollout(simulated(simulation, 0), runners, [steps.append])
         assert len(steps) == simulation.frame_count == 4
         assert [runner.statuses for runner in runners] == [["init", "ok", "ok", "ok"]] * 2
         early: list[Step] = []
-        rollout(SimulatedSource(simulation, 0, until_s=0.1), [], sinks=[early.append])
+        rollout(simulated(simulation, 0, until_s=0.1), [], [early.append])
     assert [step.sample.time_s for step in early] == pytest.approx([0.0, 0.1])
 
 
@@ -32,7 +32,7 @@ def test_a_video_shows_frames_at_their_own_times(tmp_path: Path):
     loaded = scenario.load("corridor", LOSSY)
     steps: list[Step] = []
     with Simulation(loaded) as simulation:
-        rollout(SimulatedSource(simulation, 1), [], sinks=[steps.append])
+        rollout(simulated(simulation, 1), [], [steps.append])
     times = [step.sample.time_s for step in steps]
     assert len(times) < 45
     save_video(loaded, 1, tmp_path / "lossy.mp4")
