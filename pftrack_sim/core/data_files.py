@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -20,3 +23,9 @@ def envs_dir() -> Path:
 def assets_dir() -> Path:
     """Folder of the shipped textures and MJCF fragments."""
     return _root() / "assets"
+
+
+@cache
+def asset_table(name: str) -> dict[str, Any]:
+    """The values of a TOML file among the assets, read once; callers must not change them."""
+    return tomllib.loads((assets_dir() / f"{name}.toml").read_text(encoding="utf-8"))

@@ -14,20 +14,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import ParameterError
 
 Colour: TypeAlias = tuple[int, int, int]  # RGB, 0..255
 HairStyle: TypeAlias = Literal["short", "medium", "long", "bun", "cap", "bald"]
-
-# fmt: off
-_SKIN_TONES: tuple[Colour, ...] = (
-    (241, 208, 184), (232, 190, 160), (221, 172, 138), (198, 147, 112), (168, 118, 84), (132, 88, 60), (98, 64, 45),
-)
-_HAIR_COLOURS: tuple[Colour, ...] = (
-    (30, 26, 24), (46, 34, 27), (74, 50, 34), (104, 74, 48), (150, 112, 68), (186, 152, 98), (140, 68, 38),
-    (150, 148, 146),
-)
-# fmt: on
 
 
 def rgb(values: ArrayLike) -> Colour:
@@ -107,12 +98,13 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
     spread = np.clip(rng.normal(0.0, 1.0, 12), -2.2, 2.2)
     girth = float(np.clip(rng.normal(1.0, 0.085), 0.88, 1.22))
     tone, shade = rng.random(), rng.random()
-    tones = range(len(_SKIN_TONES))
-    skin = rgb([np.interp(tone * tones[-1], tones, channel) for channel in zip(*_SKIN_TONES, strict=True)])
+    colours = asset_table("people")["colours"]
+    tones = range(len(colours["skin"]))
+    skin = rgb([np.interp(tone * tones[-1], tones, channel) for channel in zip(*colours["skin"], strict=True)])
     # Light hair is rare with dark skin; the last colour is grey.
     shares = (0.22, 0.22, 0.19, 0.13, 0.09, 0.06, 0.03, 0.06) if tone < 0.55 else (0.60, 0.28, 0.04, 0, 0, 0, 0, 0.08)
     index = int(np.count_nonzero(np.cumsum(np.array(shares)) <= 0.999 * shade))
-    hair = rgb(np.array(_HAIR_COLOURS[index]) + rng.integers(-8, 9))
+    hair = rgb(np.array(colours["hair"][index]) + rng.integers(-8, 9))
     style_drawn, beard_drawn = rng.random(), rng.random()
 
     height = drawn_height if height_m is None else float(height_m)

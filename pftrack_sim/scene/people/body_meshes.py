@@ -1,7 +1,7 @@
 """Meshes of trunk, arms, legs and feet.
 
-Profiles are in statures of a person of average build, drawn by eye from anatomical charts; a person's segment lengths
-and girth scale them.
+Profiles (in `assets/people.toml`) are drawn by eye from anatomical charts; a person's segment lengths and girth scale
+them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,14 @@ import numpy as np
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
-from pftrack_sim.scene.people.mesh import TriangleMesh, lofted_mesh, merged, profile, ring_angles, superellipse_rings
+from pftrack_sim.scene.people.mesh import (
+    TriangleMesh,
+    load_profile,
+    lofted_mesh,
+    merged,
+    ring_angles,
+    superellipse_rings,
+)
 from pftrack_sim.scene.people.outfit import Outfit
 from pftrack_sim.scene.people.texture_atlas import BOTTOM, SHOES, TOP, cloth_mesh, skin_mesh
 
@@ -21,13 +28,7 @@ _SLEEVE_COLUMN = 96.0  # sleeves show cloth from beside the chest, outside the p
 def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     """Waist (the origin) to the base of the neck, in a top that hangs over the trousers."""
     h, g, f, ease = anatomy.height_m, anatomy.girth, anatomy.figure, 0.0015 + 0.007 * outfit.looseness
-    table = profile(
-        z=(-0.046, -0.050, -0.026, 0.010, 0.060, 0.105, 0.140, 0.165, 0.186, 0.200, 0.210, 0.219, 0.227, 0.234, 0.229),
-        x=(0.0, -0.001, 0.0, 0.004, 0.002, 0.0, -0.003, -0.006, -0.008, -0.009, -0.010, -0.010, -0.009, -0.008, -0.008),
-        front=(0.030, 0.071, 0.067, 0.061, 0.063, 0.067, 0.064, 0.060, 0.052, 0.044, 0.037, 0.034, 0.033, 0.0325, 0.0),
-        back=(0.030, 0.074, 0.067, 0.058, 0.062, 0.066, 0.066, 0.063, 0.057, 0.050, 0.042, 0.038, 0.036, 0.035, 0.0),
-        side=(0.05, 0.096, 0.092, 0.085, 0.089, 0.097, 0.098, -0.006, 0.005, 0.004, -0.008, 0.07, 0.047, 0.0365, 0.0),
-    )
+    table = load_profile("torso")
     table[1:7, 3:5] += ease
     table[7, 3:5] += (0.5 * ease, ease)
     table[2:4, 3] += 0.05 * (g - 1.0)  # belly
@@ -48,31 +49,16 @@ def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
 def pelvis_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     """Hips in trousers; the origin is midway between the hip joints."""
     h, g, hips = anatomy.height_m, anatomy.girth, 1.0 + 0.04 * anatomy.figure
-    table = profile(
-        z=(0.088, 0.086, 0.052, 0.018, -0.015, -0.038, -0.056, -0.066, -0.070),
-        x=(0.000, 0.000, 0.000, -0.003, -0.006, -0.008, -0.008, -0.006, -0.004),
-        front=(0.026, 0.048, 0.054, 0.060, 0.058, 0.052, 0.042, 0.026, 0.0),
-        back=(0.026, 0.046, 0.054, 0.069, 0.076, 0.070, 0.052, 0.030, 0.0),
-        side=(0.040, 0.070, 0.078 * hips, 0.091 * hips, 0.096 * hips, 0.090 * hips, 0.070, 0.040, 0.0),
-    )
+    table = load_profile("pelvis")
+    table[2:6, 5] *= hips
     table[:, 3:] *= 1.0 + 0.9 * (g - 1.0)
     return cloth_mesh(superellipse_rings(table * h, 12, power=2.25), BOTTOM, _FRONT_COLUMN, 0.10 * h)
-
-
-_THIGH = profile(
-    z=(0.042, 0.022, -0.010, -0.045, -0.095, -0.145, -0.195, -0.228, -0.252, -0.266, -0.269),
-    x=(0.000, -0.002, -0.003, -0.002, 0.000, 0.002, 0.002, 0.002, 0.001, 0.000, 0.000),
-    y=(0.004, 0.003, 0.001, 0.000, -0.001, -0.002, -0.003, -0.003, -0.003, -0.003, -0.003),
-    front=(0.020, 0.046, 0.053, 0.0535, 0.051, 0.046, 0.040, 0.036, 0.029, 0.015, 0.0),
-    back=(0.024, 0.056, 0.062, 0.060, 0.050, 0.043, 0.037, 0.034, 0.029, 0.015, 0.0),
-    side=(0.022, 0.042, 0.0475, 0.0475, 0.0450, 0.0410, 0.0370, 0.0345, 0.0300, 0.0160, 0.0),
-)
 
 
 def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     """The left thigh below its hip joint (the origin)."""
     h, ease = anatomy.height_m, 0.001 + 0.005 * outfit.looseness
-    skin = _scaled(_THIGH, anatomy, anatomy.thigh_m / 0.245)
+    skin = _scaled("thigh", anatomy, anatomy.thigh_m / 0.245)
     garment = skin.copy()
     garment[2:, 3:] += ease * h
     if outfit.long_legs:
@@ -84,19 +70,10 @@ def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     return merged([cloth_mesh(shorts, BOTTOM, _FRONT_COLUMN, 0.02, length_m=0.28 * h), leg])
 
 
-_SHANK = profile(
-    z=(0.031, 0.027, 0.014, -0.012, -0.050, -0.085, -0.130, -0.180, -0.225, -0.250),
-    x=(0.000, 0.000, 0.001, 0.002, 0.000, -0.001, -0.002, -0.003, -0.003, -0.002),
-    front=(0.0, 0.017, 0.031, 0.034, 0.030, 0.027, 0.023, 0.019, 0.018, 0.012),
-    back=(0.0, 0.016, 0.029, 0.034, 0.039, 0.040, 0.031, 0.022, 0.020, 0.012),
-    side=(0.0, 0.016, 0.029, 0.033, 0.033, 0.032, 0.026, 0.020, 0.018, 0.012),
-)
-
-
 def shank_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     """A lower leg below its knee joint (the origin)."""
     h, stretch = anatomy.height_m, anatomy.shank_m / 0.245
-    skin = _scaled(_SHANK, anatomy, stretch)
+    skin = _scaled("shank", anatomy, stretch)
     if not outfit.long_legs:
         return skin_mesh(superellipse_rings(skin, 10))
     garment = skin.copy()
@@ -113,21 +90,11 @@ def shank_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     return cloth_mesh(rings, BOTTOM, _FRONT_COLUMN, 0.04, length_m=0.30 * h)
 
 
-_UPPER_ARM = profile(
-    z=(0.015, 0.0125, 0.005, -0.012, -0.040, -0.085, -0.130, -0.164, -0.182, -0.190),
-    x=(0.000, 0.000, -0.001, -0.001, 0.000, 0.001, 0.001, 0.000, 0.000, 0.000),
-    y=(-0.002, -0.002, -0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    front=(0.0, 0.014, 0.0240, 0.0290, 0.029, 0.027, 0.0245, 0.0225, 0.017, 0.0),
-    back=(0.0, 0.015, 0.0250, 0.0295, 0.029, 0.026, 0.0235, 0.0225, 0.017, 0.0),
-    side=(0.0, 0.013, 0.0215, 0.0255, 0.0265, 0.0245, 0.0225, 0.0215, 0.0170, 0.0),
-)
-
-
 def upper_arm_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     """An upper arm below its shoulder joint (the origin)."""
     h = anatomy.height_m
     ease = (0.001 + 0.005 * outfit.looseness) * h
-    skin = _scaled(_UPPER_ARM, anatomy, anatomy.upper_arm_m / 0.170)
+    skin = _scaled("upper-arm", anatomy, anatomy.upper_arm_m / 0.170)
     garment = skin.copy()
     garment[2:-1, 3:] += ease * np.array([0.3, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0])[:, None]
     if outfit.long_sleeves:
@@ -140,36 +107,14 @@ def upper_arm_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     return merged([cloth_mesh(sleeve, TOP, _SLEEVE_COLUMN, 0.03 * h), arm])
 
 
-_FOREARM = profile(
-    z=(0.022, 0.016, 0.000, -0.030, -0.070, -0.110, -0.140),
-    x=(0.000, 0.000, 0.000, 0.001, 0.001, 0.001, 0.001),
-    front=(0.0, 0.0145, 0.0225, 0.0245, 0.0215, 0.0175, 0.0155),
-    back=(0.0, 0.0145, 0.0225, 0.0240, 0.0210, 0.0170, 0.0155),
-    side=(0.0, 0.0145, 0.0215, 0.0215, 0.0185, 0.0145, 0.0115),
-)
-
-
 def forearm_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     """The left forearm with its hand below the elbow joint (the origin), thumb to the front."""
-    skin = _scaled(_FOREARM, anatomy, anatomy.forearm_m / 0.146)
+    skin = _scaled("forearm", anatomy, anatomy.forearm_m / 0.146)
     h, hand = anatomy.height_m, anatomy.hand_m / anatomy.height_m / 0.105
     wrist = -anatomy.forearm_m / h
-    palm = profile(
-        z=wrist - np.array([0.010, 0.028, 0.048, 0.068, 0.086, 0.096, 0.099]) * hand,
-        x=(0.002, 0.004, 0.005, 0.006, 0.008, 0.009, 0.009),
-        y=(0.000, -0.001, -0.002, -0.005, -0.010, -0.014, -0.015),
-        front=(0.0175, 0.0215, 0.0220, 0.0200, 0.0165, 0.0100, 0.0),
-        back=(0.0165, 0.0200, 0.0210, 0.0200, 0.0165, 0.0100, 0.0),
-        side=(0.0120, 0.0135, 0.0130, 0.0115, 0.0100, 0.0070, 0.0),
-    )
-    thumb = profile(
-        z=wrist - np.array([0.014, 0.032, 0.050, 0.060]) * hand,
-        x=(0.012, 0.025, 0.030, 0.031),
-        y=(-0.002, -0.006, -0.009, -0.011),
-        front=(0.006, 0.0075, 0.0065, 0.0),
-        back=(0.006, 0.0075, 0.0065, 0.0),
-        side=(0.006, 0.007, 0.006, 0.0),
-    )
+    palm, thumb = load_profile("palm"), load_profile("thumb")
+    for table in (palm, thumb):
+        table[:, 0] = wrist - table[:, 0] * hand
     thumb_mesh = skin_mesh(superellipse_rings(thumb * h, 5))
     if not outfit.long_sleeves:
         arm = superellipse_rings(np.concatenate([skin, palm * h]), 8, power=2.2)
@@ -217,9 +162,9 @@ def foot_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     return lofted_mesh(rings, np.stack([columns, rows], axis=-1))
 
 
-def _scaled(table: FloatArray, anatomy: Anatomy, stretch: float) -> FloatArray:
+def _scaled(name: str, anatomy: Anatomy, stretch: float) -> FloatArray:
     """A profile in metres: lengths scaled by the person's segment, thickness by half of the person's girth."""
-    scaled = table * anatomy.height_m
+    scaled = load_profile(name) * anatomy.height_m
     scaled[:, 0] *= stretch / anatomy.height_m
     scaled[:, 2:] *= 1.0 + 0.55 * (anatomy.girth - 1.0)
     return scaled

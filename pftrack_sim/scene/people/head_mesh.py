@@ -7,25 +7,20 @@ import numpy as np
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
 from pftrack_sim.scene.people.head_texture import HEAD_SIZE, hairline, texture_row
-from pftrack_sim.scene.people.mesh import TriangleMesh, lofted_mesh, merged, profile, ring_angles, superellipse_rings
+from pftrack_sim.scene.people.mesh import (
+    TriangleMesh,
+    load_profile,
+    lofted_mesh,
+    merged,
+    profile,
+    ring_angles,
+    superellipse_rings,
+)
 from pftrack_sim.scene.people.texture_atlas import CAP, HAIR, HEAD, SKIN, Region, region_mesh
 
 _CROWN_Z = 0.160
 _RING_POINTS = 16
-
-# fmt: off
-_SKULL = profile(
-    z=(-0.025, 0.012, 0.027, 0.033, 0.042, 0.0625, 0.073, 0.092, 0.106, 0.122, 0.138, 0.150, 0.157, 0.160),
-    x=(-0.006, -0.002, 0.003, 0.006, 0.007, 0.005, 0.004, 0.003, 0.002, 0.001, -0.001, -0.003, -0.004, -0.005),
-    front=(
-        0.030, 0.029, 0.037, 0.047, 0.0505, 0.0515, 0.0515, 0.0505, 0.0535, 0.0515, 0.0450, 0.0330, 0.0180, 0.0,
-    ),
-    back=(0.032, 0.032, 0.038, 0.041, 0.045, 0.054, 0.057, 0.060, 0.062, 0.061, 0.053, 0.039, 0.022, 0.0),
-    side=(
-        0.034, 0.030, 0.033, 0.036, 0.0390, 0.0440, 0.0450, 0.0465, 0.0470, 0.0460, 0.0410, 0.0290, 0.0160, 0.0,
-    ),
-)
-# fmt: on
+_SKULL = load_profile("skull")
 _NOSE = {5: 0.0135, 6: 0.0085}  # offset of the front vertex, by ring
 _EYE_RING = 7
 
@@ -50,14 +45,7 @@ def _skull() -> TriangleMesh:
 
 
 def _ear(side: float) -> TriangleMesh:
-    table = profile(
-        z=(0.062, 0.068, 0.083, 0.094, 0.096),
-        x=(0.000, -0.001, -0.003, -0.004, -0.004),
-        front=(0.003, 0.006, 0.008, 0.005, 0.0),
-        back=(0.003, 0.005, 0.009, 0.008, 0.0),
-        side=(0.0015, 0.004, 0.005, 0.004, 0.0),
-    )
-    rings = superellipse_rings(table, 5)
+    rings = superellipse_rings(load_profile("ear"), 5)
     rings[..., 1] += side * 0.0465
     return region_mesh(rings, SKIN)
 
@@ -122,25 +110,10 @@ def _back_hair(low: float, high: float) -> TriangleMesh:
 
 
 def _bun() -> TriangleMesh:
-    radius = np.array([0.0, 0.014, 0.019, 0.014, 0.0])
-    table = profile(
-        z=(0.098, 0.104, 0.116, 0.128, 0.134),
-        x=(-0.072, -0.072, -0.074, -0.073, -0.072),
-        front=radius,
-        back=radius,
-        side=(0.0, 0.015, 0.020, 0.015, 0.0),
-    )
-    return region_mesh(superellipse_rings(table, 8), HAIR)
+    return region_mesh(superellipse_rings(load_profile("bun"), 8), HAIR)
 
 
 def _brim() -> TriangleMesh:
-    table = profile(
-        z=(0.112, 0.1115, 0.1085, 0.108),
-        x=(0.066, 0.050, 0.050, 0.066),
-        front=(0.0, 0.046, 0.047, 0.0),
-        back=(0.0, 0.02, 0.02, 0.0),
-        side=(0.0, 0.036, 0.037, 0.0),
-    )
-    rings = superellipse_rings(table, 12)
+    rings = superellipse_rings(load_profile("brim"), 12)
     rings[..., 2] -= 0.10 * np.clip(rings[..., 0] - 0.05, 0.0, None) + 2.0 * rings[..., 1] ** 2
     return region_mesh(rings, CAP)

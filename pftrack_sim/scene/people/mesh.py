@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
 
@@ -30,6 +31,11 @@ class TriangleMesh:
     normals: FloatArray
     pixels: FloatArray
     faces: NDArray[np.int32]
+
+
+def load_profile(name: str) -> FloatArray:
+    """The table of `profile` for a part of the body, from `assets/people.toml`."""
+    return profile(**asset_table("people")["profiles"][name])
 
 
 def profile(

@@ -8,13 +8,13 @@ from the reference.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Colour, rgb
@@ -24,29 +24,6 @@ Pattern: TypeAlias = Literal["plain", "stripes", "pinstripes", "checks", "print"
 _COLOUR_SIGMA = 13.0  # standard deviation of a cloth's pixel values through folds and pattern [8-bit units]
 # RGB distance of main colours from which two garments count as clearly different.
 _DISSIMILAR_DISTANCE = {"top": 110.0, "bottom": 70.0, "shoes": 40.0}
-
-# Colours and their relative frequencies.
-# fmt: off
-_TOP_COLOURS: tuple[tuple[Colour, float], ...] = (
-    ((32, 33, 37), 1.2), ((226, 224, 218), 1.2), ((128, 130, 134), 1.0), ((34, 47, 88), 1.1), ((56, 98, 158), 0.9),
-    ((138, 176, 212), 0.7), ((176, 36, 40), 1.0), ((108, 28, 44), 0.7), ((44, 92, 62), 0.8), ((104, 110, 66), 0.6),
-    ((208, 162, 48), 0.7), ((214, 112, 44), 0.6), ((206, 188, 156), 0.6), ((110, 78, 56), 0.5), ((40, 124, 128), 0.6),
-    ((206, 126, 148), 0.5), ((104, 70, 132), 0.5),
-)
-_BOTTOM_COLOURS: tuple[tuple[Colour, float], ...] = (
-    ((52, 70, 104), 1.6), ((88, 112, 146), 0.9), ((34, 35, 40), 1.5), ((86, 88, 92), 1.0), ((158, 142, 112), 1.0),
-    ((196, 184, 158), 0.5), ((92, 72, 54), 0.6), ((76, 82, 60), 0.6), ((118, 44, 46), 0.2), ((200, 200, 198), 0.3),
-)
-_SHOE_COLOURS: tuple[tuple[Colour, float], ...] = (
-    ((36, 34, 34), 1.5), ((92, 60, 38), 1.0), ((222, 222, 220), 1.0), ((70, 76, 92), 0.6), ((150, 40, 42), 0.3),
-    ((120, 122, 126), 0.6),
-)
-_TOP_PATTERNS: tuple[tuple[Pattern, float], ...] = (
-    ("plain", 0.36), ("stripes", 0.17), ("checks", 0.16), ("print", 0.13), ("block", 0.10), ("dots", 0.08),
-)
-_BOTTOM_PATTERNS: tuple[tuple[Pattern, float], ...] = (("plain", 0.82), ("pinstripes", 0.10), ("checks", 0.08))
-_SHOE_PATTERNS: tuple[tuple[Pattern, float], ...] = (("plain", 1.0),)
-# fmt: on
 
 
 @dataclass(frozen=True)
@@ -89,9 +66,9 @@ class Outfit:
 def sample_outfit(rng: np.random.Generator) -> Outfit:
     """Sample everyday clothes."""
     return Outfit(
-        top=_sample_garment(rng, _TOP_COLOURS, _TOP_PATTERNS, contrast=70.0),
-        bottom=_sample_garment(rng, _BOTTOM_COLOURS, _BOTTOM_PATTERNS, contrast=25.0),
-        shoes=_sample_garment(rng, _SHOE_COLOURS, _SHOE_PATTERNS, contrast=60.0),
+        top=_sample_garment(rng, "top", contrast=70.0),
+        bottom=_sample_garment(rng, "bottom", contrast=25.0),
+        shoes=_sample_garment(rng, "shoes", contrast=60.0),
         long_sleeves=bool(rng.random() < 0.6),
         long_legs=bool(rng.random() < 0.88),
         open_front=bool(rng.random() < 0.4),
@@ -133,12 +110,10 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
     )
 
 
-def _sample_garment(
-    rng: np.random.Generator,
-    colours: Sequence[tuple[Colour, float]],
-    patterns: Sequence[tuple[Pattern, float]],
-    contrast: float,
-) -> Garment:
+def _sample_garment(rng: np.random.Generator, name: str, contrast: float) -> Garment:
+    palette = asset_table("people")["garments"][name]
+    colours: list[tuple[Colour, float]] = palette["colours"]
+    patterns: list[tuple[Pattern, float]] = palette["patterns"]
     weights = np.array([weight for _, weight in colours])
     main, *others = [colours[int(index)][0] for index in rng.choice(len(colours), size=8, p=weights / weights.sum())]
     tints = rng.normal(0.0, 7.0, (2, 3))

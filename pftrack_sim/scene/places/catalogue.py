@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.core.data_files import assets_dir
+from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.scene.places.materials import Texture, texture
 from pftrack_sim.scene.places.meshes import (
     ALL_FACES,
@@ -37,12 +36,7 @@ def load_prop(name: str, **textures: str) -> Prop:
         name: `"bench"`, `"car"`, ...
         textures: Textures of the parts that the catalogue marks with `$`.
     """
-    return tuple(mesh for primitive in _catalogue()[name] for mesh in _meshes(primitive, textures))
-
-
-@cache
-def _catalogue() -> dict[str, list[dict[str, Any]]]:
-    return tomllib.loads((assets_dir() / "props.toml").read_text(encoding="utf-8"))
+    return tuple(mesh for primitive in asset_table("props")[name] for mesh in _meshes(primitive, textures))
 
 
 def _meshes(primitive: dict[str, Any], textures: dict[str, str]) -> list[TexturedMesh]:
