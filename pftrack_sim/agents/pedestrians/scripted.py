@@ -54,8 +54,8 @@ class Surroundings(NamedTuple):
     robot_m: Xy
 
 
-class CrossingPedestrian:
-    """A pedestrian that covers the line of sight from the camera to the target once."""
+class _Crosser:
+    """What covers the line of sight from the camera to the target once."""
 
     phase: Phase
     state: FloatArray
@@ -67,6 +67,10 @@ class CrossingPedestrian:
         """Wait at the position in `state`, which later updates read and write."""
         self.state, self.phase = state, Phase.WAITING
         self._trajectory, self._updates = OcclusionTrajectory(self.crossing), 0
+
+
+class CrossingPedestrian(_Crosser):
+    """A pedestrian that crosses; it is released as soon as the target is uncovered and anything is in its way."""
 
     def update(self, dt_s: float, time_s: float, around: Surroundings) -> None:
         """Advance phase and state by one tick that ends at `time_s`."""
@@ -100,24 +104,20 @@ class CrossingPedestrian:
         return detour != desired or avoidance.wall_barrier_active(*self._obstacles.distances(position), velocity)
 
 
-class Cart:
+class Cart(_Crosser):
     """An omnidirectional cart that covers the line of sight once, keeps its broad side towards the camera, and stops.
 
     Attributes:
         yaw_rad: Direction of the line of sight on which it faces the camera.
     """
 
-    phase: Phase
-    state: FloatArray
-
-    def __init__(self, crossing: Crossing, obstacles: ObstacleMap) -> None:
-        self._crossing, self._obstacles = crossing, obstacles
+    yaw_rad: float
 
     def reset(self, state: FloatArray) -> None:
         """Move to the waiting position; later updates read and write `state`."""
-        self.state, self.phase, self.yaw_rad = state, Phase.WAITING, 0.0
-        self._trajectory, self._first_update = OcclusionTrajectory(self._crossing), True
-        state[:] = (*self._crossing.waiting_m, 0.0, 0.0)
+        super().reset(state)
+        self.yaw_rad = 0.0
+        state[:] = (*self.crossing.waiting_m, 0.0, 0.0)
 
     @property
     def position_m(self) -> Xy:
@@ -126,16 +126,17 @@ class Cart:
 
     def update(self, dt_s: float, time_s: float, around: Surroundings) -> None:
         """Advance phase and state by one tick that ends at `time_s`."""
-        crossing, trajectory = self._crossing, self._trajectory
+        crossing, trajectory = self.crossing, self._trajectory
         x, y, vx, vy = self.state.tolist()
         trajectory.update(dt_s, time_s, around.camera_m, around.target_m)
         if self.phase is Phase.WAITING and time_s >= crossing.start_s:
-            trajectory.begin(dt_s, time_s, (x, y), None if self._first_update else (vx, vy))
+            trajectory.begin(dt_s, time_s, (x, y), None if self._updates == 0 else (vx, vy))
             self.phase = Phase.SCRIPTED
         (camera_x, camera_y), (target_x, target_y) = around.camera_m, around.target_m
         sight_rad = math.atan2(target_y - camera_y, target_x - camera_x)
-        if self._first_update:
-            self.yaw_rad, self._first_update = sight_rad, False
+        if self._updates == 0:
+            self.yaw_rad = sight_rad
+        self._updates += 1
         if self.phase is Phase.WAITING:
             return
         if self.phase is Phase.SCRIPTED:

@@ -1,13 +1,11 @@
 """Textures and materials of the places, by name.
 
 A face shows a tiling texture (`tiling("paving")`) or one region of a texture atlas (`texture("steel")`).
-`assets/draw_textures.py` draws the images. Materials whose name starts with "glow" emit light; those that start with
-"glow-lamp" follow the brightness of the lamps.
+`assets/materials.toml` names them, `assets/draw_textures.py` draws the images.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import TypeAlias
@@ -17,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.core.data_files import assets_dir
+from pftrack_sim.core.data_files import asset_table, assets_dir
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import SKY
@@ -60,50 +58,14 @@ class AtlasRegion:
 
 Texture: TypeAlias = TilingTexture | AtlasRegion
 
-_TILINGS = {
-    "paving": TilingTexture("paving", 3.2, 3.2),
-    "pavement": TilingTexture("pavement", 2.0, 2.0),
-    "asphalt": TilingTexture("asphalt", 4.0, 4.0),
-    "concrete": TilingTexture("concrete", 6.0, 6.0),
-    "linoleum": TilingTexture("linoleum", 2.4, 2.4),
-    "corridor-wall": TilingTexture("corridor-wall", 3.0, 2.8),
-    "ceiling": TilingTexture("glow-lamp-ceiling", 1.2, 1.2),
-    "roof": TilingTexture("glow-lamp-roof", 2.0, 2.0),
-    "brick": TilingTexture("brick", 1.9, 1.9),
-    "cladding": TilingTexture("cladding", 2.0, 2.0),
-}
-
-# Names of the cells of each atlas, row by row, as `assets/draw_textures.py` draws them.
-_PARTS = (
-    "wood-light", "wood-dark", "wood-green", "wood-plain", "steel", "steel-dark", "steel-blue", "paint-orange",
-    "paint-red", "paint-yellow", "hazard", "rubber", "chrome", "white", "paint-silver", "paint-blue",
-    "carton-plain", "carton-label", "carton-arrows", "carton-fragile", "carton-logo", "carton-white", "carton-blue",
-    "wrapped",
-    "leaves-dark", "leaves-light", "hedge", "bark", "soil", "flowers-red", "flowers-yellow", "terracotta",
-    "side-glass", "front-glass", "nose", "tail", "wheel", "concrete", "stone", "awning-red",
-    "awning-green", "awning-blue", "awning-sand", "fabric-red", "fabric-blue", "fabric-green", "radiator", "grille",
-    "books", "magazines", "clock", "door-wood", "door-window", "door-red", "fruit", "sign-exit",
-    "sign-stop", "sign-parking", "sign-aisle", "slats", "paint-green", "paint-maroon", "paint-black", "paint-cream",
-)  # fmt: skip
-_EMISSIVE = (*(f"{kind}-{k}" for kind in ("window", "display", "neon") for k in range(4)),
-             "lamp-panel", "lamp-warm", "lamp-cold", "rear-light")  # fmt: skip
-CARTONS = (*(name for name in _PARTS if name.startswith("carton")), "wrapped")
-
-
-def _regions(atlas: str, columns: int, rows: int, names: Iterable[str]) -> dict[str, AtlasRegion]:
-    return {
-        name: AtlasRegion("glow-lamp" if name.startswith("lamp") else atlas, k % columns, k // columns, columns, rows)
-        for k, name in enumerate(names)
-    }
-
-
+_TABLE = asset_table("materials")
+_TILINGS = {name: TilingTexture(*values) for name, values in _TABLE["tilings"].items()}
 _REGIONS = {
-    **_regions("parts", 8, 8, _PARTS),
-    **_regions("glow", 4, 4, _EMISSIVE),
-    **_regions("posters", 4, 4, (f"poster-{k}" for k in range(16))),
-    **_regions("facades", 2, 2, ("facade-brick", "facade-cream", "facade-rose", "facade-office")),
-    **_regions("shops", 1, 4, (f"shops-{k}" for k in range(4))),
+    name: AtlasRegion("glow-lamp" if name.startswith("lamp") else atlas, k % columns, k // columns, columns, rows)
+    for atlas, (columns, rows, names) in _TABLE["atlases"].items()
+    for k, name in enumerate(names)
 }
+CARTONS = (*(name for name in _REGIONS if name.startswith("carton")), "wrapped")
 
 
 def tiling(name: str) -> TilingTexture:
@@ -121,18 +83,6 @@ def texture(name: str) -> AtlasRegion:
     return _REGIONS[name]
 
 
-# Colours that multiply grey images.
-_TINTS = {
-    "asphalt": (0.62, 0.63, 0.66),
-    "pavement": (0.93, 0.91, 0.87),
-    "cladding": (0.72, 0.80, 0.86),
-    "glow-lamp-roof": (0.72, 0.80, 0.86),
-}
-_IMAGES = {"glow-lamp": "glow", "glow-lamp-ceiling": "ceiling", "glow-lamp-roof": "cladding"}
-# Lamps that shine downwards do not light the ceiling; this replaces the light that the floor reflects to it.
-_EMISSION = {"glow-lamp-ceiling": 0.38, "glow-lamp-roof": 0.12}
-
-
 def add_material(spec: mujoco.MjSpec, name: str) -> None:
     """Add a material and its texture to the spec, unless it has them.
 
@@ -141,16 +91,15 @@ def add_material(spec: mujoco.MjSpec, name: str) -> None:
     """
     if spec.material(name) is not None:
         return
-    image = _IMAGES.get(name, name)
+    image = _TABLE["images"].get(name, name)
     if spec.texture(image) is None:
         _add_texture(spec, image, mujoco.mjtTexture.mjTEXTURE_2D)
     material = spec.add_material(name=name)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = image
-    material.rgba = (*_TINTS.get(name, (1.0, 1.0, 1.0)), 1.0)
+    material.rgba = (*_TABLE["tints"].get(name, (1.0, 1.0, 1.0)), 1.0)
     # Light is computed per vertex, which makes highlights on large triangles wrong.
-    material.specular = 0.0
-    material.shininess = 0.0
-    material.emission = _EMISSION.get(name, 0.85 if name.startswith("glow") else 0.0)
+    material.specular = material.shininess = 0.0
+    material.emission = _TABLE["emission"].get(name, 0.85 if name.startswith("glow") else 0.0)
 
 
 def add_skybox(spec: mujoco.MjSpec, name: str) -> None:
