@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Generator
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -96,13 +98,16 @@ def run(
         episodes = islice(plan.episodes(shuffle=shuffle), part[0] - 1, None, part[1])
         problems: list[str] = []
         try:
-            for done in executor.run_all(job(episode) for episode in episodes if not store.has(episode)):
-                if done is not None and done.files is not None:
-                    store.add(done.job.episode, done.files.table, done.files.video)
-                    counter.add(done.job.episode, done.files)
-                elif done is not None:
-                    problems.append(f"  {done.problem}")
-                on_progress(counter.progress(executor.frames_done))
+            with _deferred_interrupt(not isinstance(executor, SerialExecutor)) as interrupted:
+                for done in executor.run_all(job(episode) for episode in episodes if not store.has(episode)):
+                    if done is not None and done.files is not None:
+                        store.add(done.job.episode, done.files.table, done.files.video)
+                        counter.add(done.job.episode, done.files)
+                    elif done is not None:
+                        problems.append(f"  {done.problem}")
+                    on_progress(counter.progress(executor.frames_done))
+                    if interrupted():
+                        raise KeyboardInterrupt
         except KeyboardInterrupt:
             raise Interrupted(f"stopped; {counter}") from None
         except RunError as error:
@@ -111,6 +116,26 @@ def run(
             raise RunError("\n".join([f"{len(problems)} of the episodes could not be run; {counter}", *problems]))
         store.write_summary()
     return RunStore(path)
+
+
+@contextlib.contextmanager
+def _deferred_interrupt(wanted: bool) -> Generator[Callable[[], bool]]:
+    """Record the first Ctrl-C instead of raising it: within a callback of the executor the exception would be lost."""
+    received: list[int] = []
+
+    def record(number: int, _: object) -> None:
+        received.append(number)
+        if len(received) > 1:
+            raise KeyboardInterrupt
+
+    if not wanted or threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    previous = signal.signal(signal.SIGINT, record)
+    try:
+        yield lambda: bool(received)
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 def make_executor(plan: Plan, workers: int, scheduler: str | None) -> Executor:
