@@ -121,15 +121,13 @@ class PaperTableRow:
 
     Attributes:
         tracker: Name.
-        printed: `(C,)` the paper's numbers.
-        ours: `(C,)` means over seeds in the table's unit, with intervals; NaN where there is no result.
-        ours_mean: Mean over the columns.
+        printed: `(C + 1,)` the paper's numbers and their mean.
+        ours: `(C + 1,)` the same of the run, in the table's unit, over seeds; NaN where there is no result.
     """
 
     tracker: str
     printed: tuple[float, ...]
     ours: tuple[Interval, ...]
-    ours_mean: Interval
 
 
 def compare_with_paper(suite: Suite, results: Iterable[Result]) -> list[PaperTableRow]:
@@ -142,11 +140,13 @@ def compare_with_paper(suite: Suite, results: Iterable[Result]) -> list[PaperTab
         values = means.by_seed(tracker, scenarios, measure).values()
         return _interval(tracker, [scale * value for value in values])
 
-    columns, rows = suite.table.columns, list[PaperTableRow]()
-    for tracker, printed in suite.table.printed.items():
-        ours = tuple(interval(tracker, [name]) for name in columns)
-        rows.append(PaperTableRow(tracker, printed, ours, interval(tracker, columns)))
-    return rows
+    columns = [*((name,) for name in suite.table.columns), suite.table.columns]
+    return [
+        PaperTableRow(
+            tracker, (*printed, sum(printed) / len(printed)), tuple(interval(tracker, names) for names in columns)
+        )
+        for tracker, printed in suite.table.printed.items()
+    ]
 
 
 def _interval(stream: str, values: Sequence[float]) -> Interval:

@@ -1,4 +1,4 @@
-"""Executors of episodes: this process or local worker processes; `cluster` has one for Dask.
+"""Executors of episodes: this process, local worker processes, or the workers of a Dask cluster.
 
 Each local worker is a `concurrent.futures.ProcessPoolExecutor` of one process. A pool of several, and loky's, fails all
 of its running jobs when one process dies, so that the episode that killed it would not be known.
@@ -16,16 +16,20 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol
 
 from pftrack_sim.benchmark.episode import EpisodeFiles, EpisodeJob, run_episode
-from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.core.errors import RunError, ScenarioError
 
 MAX_DEATHS = 3
 """An episode whose worker dies this often is given up."""
 
 _PROGRESS_PERIOD_S = 0.2
+_CONNECT_S = 30
+_JOBS_PER_THREAD = 2
+"""Episodes given to a cluster for each of its threads: one runs, the other waits beside it."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,13 @@ class FinishedJob:
     job: EpisodeJob
     files: EpisodeFiles | None
     problem: str | None = None
+
+
+def _finish(job: EpisodeJob, result: Callable[[], EpisodeFiles]) -> FinishedJob:
+    try:
+        return FinishedJob(job, result())
+    except ScenarioError as error:
+        return FinishedJob(job, None, str(error))
 
 
 class Executor(Protocol):
@@ -67,10 +78,7 @@ class SerialExecutor:
     def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
         """See `Executor`."""
         for job in jobs:
-            try:
-                yield FinishedJob(job, run_episode(job, self._count))
-            except ScenarioError as error:
-                yield FinishedJob(job, None, str(error))
+            yield _finish(job, partial(run_episode, job, self._count))
 
     def close(self) -> None:
         """See `Executor`."""
@@ -112,9 +120,7 @@ class LocalExecutor:
                 index, job = running.pop(future)
                 idle.append(index)
                 try:
-                    yield FinishedJob(job, future.result())
-                except ScenarioError as error:
-                    yield FinishedJob(job, None, str(error))
+                    yield _finish(job, future.result)
                 except BrokenExecutor:
                     self._restart(index)
                     deaths[job.episode.path] += 1
@@ -152,6 +158,57 @@ class LocalExecutor:
         for pid in self.process_ids:
             with contextlib.suppress(OSError):
                 os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+
+
+class DaskExecutor:
+    """Runs episodes on the workers of a scheduler. They need this package in the same version, and no common disk.
+
+    Args:
+        address: Of the scheduler, for example `tcp://10.0.0.1:8786`.
+
+    Raises:
+        RunError: `distributed` is not installed, or the scheduler does not answer.
+    """
+
+    frames_done: None = None
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise RunError("a Dask cluster needs the extra: pip install 'pftrack-sim[dask]'") from None
+        try:
+            self._client: Any = Client(address, timeout=_CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise RunError(f"no Dask scheduler at {address!r}: {error}") from None
+
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
+        """See `Executor`. The scheduler repeats an episode whose worker dies."""
+        from distributed import KilledWorker, as_completed
+
+        running: dict[str, EpisodeJob] = {}
+        finished: Any = as_completed()
+        self._submit(jobs, running, finished)
+        while running:
+            future = next(finished)
+            job = running.pop(future.key)
+            try:
+                yield _finish(job, future.result)
+            except KilledWorker:
+                yield FinishedJob(job, None, f"{job.episode.name}: its workers died repeatedly")
+            future.release()
+            self._submit(jobs, running, finished)
+
+    def _submit(self, jobs: Iterator[EpisodeJob], running: dict[str, EpisodeJob], finished: Any) -> None:
+        threads = sum(one["nthreads"] for one in self._client.scheduler_info(n_workers=-1)["workers"].values())
+        while len(running) < _JOBS_PER_THREAD * max(threads, 1) and (job := next(jobs, None)) is not None:
+            future = self._client.submit(run_episode, job, pure=False)
+            running[future.key] = job
+            finished.add(future)
+
+    def close(self) -> None:
+        """See `Executor`."""
+        self._client.close()
 
 
 _count_frame: Callable[[], None] = lambda: None  # noqa: E731 - set once in each worker

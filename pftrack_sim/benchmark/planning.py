@@ -152,12 +152,12 @@ def plan_all(
         names: Suites and scenarios, by name or path.
         trackers: None: a suite's own; for scenarios `TRACKERS`, in closed loop `CLOSED_LOOP_TRACKERS`.
         seeds: None: a suite's own; for scenarios `SEEDS`.
-        axes: Axis levels of all episodes.
-        overrides: Dotted keys set in every scenario.
+        axes: As in `make_plan`; they are added to those of a suite, and replace its levels of the same axis.
+        overrides: As in `make_plan`; they are added to those of a suite.
         preset: Preset of every tracker; None: a suite's own; for scenarios `"default"`.
         truth: True box that estimates are compared with: `"box"`, `"amodal_box"` or `"visible_box"`.
         controllers: Controllers of all episodes.
-        latency_ms: Charged for a frame, by the tracker's name or `base_label`.
+        latency_ms: As in `make_plan`.
         closed_loop: Whether the trackers drive the robot where `controllers` is None: with a suite's own, and with
             `CONTROLLERS` in scenarios. Otherwise the robot follows its script, in suites too.
 
@@ -173,11 +173,23 @@ def plan_all(
     if not closed_loop and controllers is None:
         suites = [suite.open_loop() for suite in suites]
     alone = [name for name in names if not is_suite(name)]
-    shared: dict[str, Any] = {"axes": axes, "overrides": overrides, "latency_ms": latency_ms}
     plans: list[Plan] = []
     for suite in suites:
-        drivers = controllers or suite.controllers or fallback
-        plans.append(plan_suite(suite, trackers=trackers, seeds=seeds, preset=preset, controllers=drivers, **shared))
+        blocks = [
+            make_plan(
+                block.scenarios,
+                trackers if trackers is not None else suite.trackers,
+                seeds if seeds is not None else parse_seeds(suite.seeds),
+                axes={**block.axes, **(axes or {})},
+                overrides={**block.changes, **(overrides or {})},
+                preset=preset or suite.preset,
+                controllers=controllers or suite.controllers or fallback,
+                latency_ms=latency_ms,
+                variant=block.variant,
+            )
+            for block in suite.run
+        ]
+        plans.append(join_plans(blocks, suites=(suite,)))
     if alone or not plans:
         unknown = [name for name in alone if name not in scenarios.names() and not name.endswith(".toml")]
         if unknown:
@@ -187,44 +199,14 @@ def plan_all(
                 alone,
                 trackers if trackers is not None else CLOSED_LOOP_TRACKERS if controllers or fallback else TRACKERS,
                 seeds if seeds is not None else SEEDS,
+                axes=axes,
+                overrides=overrides,
                 preset=preset or "default",
                 controllers=controllers or fallback,
-                **shared,
+                latency_ms=latency_ms,
             )
         )
     return join_plans(plans, truth=cast("ScoredBox", truth))
-
-
-def plan_suite(
-    suite: Suite,
-    *,
-    trackers: Sequence[str | TrackerSpec] | None = None,
-    seeds: Sequence[int] | None = None,
-    axes: Mapping[str, Sequence[float]] | None = None,
-    overrides: Mapping[str, Any] | None = None,
-    preset: str | None = None,
-    controllers: Sequence[str] | None = None,
-    latency_ms: Mapping[str, float] | None = None,
-) -> Plan:
-    """Make the plan of a suite; arguments as in `plan_all`, each in place of the suite's own.
-
-    Axes are added to those of the suite; levels of the same axis are replaced.
-    """
-    plans = [
-        make_plan(
-            block.scenarios,
-            trackers if trackers is not None else suite.trackers,
-            seeds if seeds is not None else parse_seeds(suite.seeds),
-            axes={**block.axes, **(axes or {})},
-            overrides={**block.changes, **(overrides or {})},
-            preset=preset if preset is not None else suite.preset,
-            controllers=controllers if controllers is not None else suite.controllers,
-            latency_ms=latency_ms,
-            variant=block.variant,
-        )
-        for block in suite.run
-    ]
-    return join_plans(plans, suites=(suite,))
 
 
 def _check_axis(axis: str) -> None:

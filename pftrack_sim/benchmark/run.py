@@ -10,9 +10,8 @@ from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 
-from pftrack_sim.benchmark.cluster import DaskExecutor
 from pftrack_sim.benchmark.episode import EpisodeJob
-from pftrack_sim.benchmark.executor import Executor, LocalExecutor, SerialExecutor
+from pftrack_sim.benchmark.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor
 from pftrack_sim.benchmark.files import slug
 from pftrack_sim.benchmark.plan import Episode, Plan
 from pftrack_sim.benchmark.progress import ProgressCounter, RunProgress

@@ -135,8 +135,6 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
                     f"{printed:.1f} / {ours:.1f}\n{low:.1f}-{high:.1f}"
                     for printed, (ours, low, high) in zip(row.printed, row.ours, strict=True)
                 ]
-                mean, low, high = row.ours_mean
-                cells.append(f"{sum(row.printed) / len(row.printed):.1f} / {mean:.1f}\n{low:.1f}-{high:.1f}")
                 table.add_row(row.tracker, *cells)
             _console.print(table)
         for claim in evaluate_claims(suite, results):

@@ -78,17 +78,11 @@ def tables(store: RunStore) -> str:
 def _suite(suite: Suite, results: Sequence[Result]) -> Iterator[str]:
     if suite.table is not None:
         heads = [name.rpartition("/")[2] for name in suite.table.columns]
-        rows = [
-            [
-                f"`{row.tracker}`",
-                *(
-                    f"{_number(printed, 1)} / {_number(ours[0], 1)}"
-                    for printed, ours in zip(row.printed, row.ours, strict=True)
-                ),
-                f"{sum(row.printed) / len(row.printed):.1f} / {_ranged(row.ours_mean, 1)}",
-            ]
-            for row in compare_with_paper(suite, results)
-        ]
+        rows: list[list[str]] = []
+        for row in compare_with_paper(suite, results):
+            ours = [*(_number(one[0], 1) for one in row.ours[:-1]), _ranged(row.ours[-1], 1)]
+            cells = [f"{_number(printed, 1)} / {own}" for printed, own in zip(row.printed, ours, strict=True)]
+            rows.append([f"`{row.tracker}`", *cells])
         yield _table([f"{suite.table.title}: printed / simulated", *heads, "mean"], rows)
     claims = evaluate_claims(suite, results)
     if claims:
@@ -96,9 +90,7 @@ def _suite(suite: Suite, results: Sequence[Result]) -> Iterator[str]:
             [
                 claim.statement,
                 claim.verdict,
-                "; ".join(
-                    f"{part.name} {_ranged((part.difference, part.low, part.high), 3)}" for part in claim.comparisons
-                ),
+                "; ".join(f"{one.name} {_ranged((one.difference, one.low, one.high), 3)}" for one in claim.comparisons),
             ]
             for claim in claims
         ]
