@@ -15,11 +15,9 @@ class SceneState:
     """What the entities observe at one instant.
 
     Attributes:
-        time_s: Since the start of the episode.
         robot_pose: x, y [m] and heading [rad].
         T_world_camera: `(4, 4)` camera on its mast, without vibration of the mount.
         target_m: `(2,)` x, y of the target.
-        target_s_m: Arc length of the target along its path.
     """
 
     time_s: float

@@ -17,15 +17,7 @@ from pftrack_sim.scene.people.person import Person
 
 
 class Traffic:
-    """Paths from the crowd, limbs from the gait, and the mocap bodies of both people and carts.
-
-    Args:
-        model: Compiled model with the people and the carts.
-        people: The target first.
-        cart_names: In the order of the crowd's carts.
-        crowd: Moves people and carts on the ground.
-        seed: Root seed of the episode, for the gait.
-    """
+    """Paths from the crowd, limbs from the gait, and the mocap bodies of both people and carts."""
 
     def __init__(
         self, model: mujoco.MjModel, people: Sequence[Person], cart_names: Sequence[str], crowd: Crowd, seed: int
@@ -44,12 +36,7 @@ class Traffic:
         self.write(data)
 
     def update(self, dt_s: float, state: SceneState) -> None:
-        """Move by one tick.
-
-        Args:
-            dt_s: Length of the tick.
-            state: Time, robot and camera at its end.
-        """
+        """Move by one tick."""
         crowd, (x, y, _) = self.crowd, state.robot_pose
         crowd.tick(dt_s, state.time_s, (x, y), state.T_world_camera[:2, 3])
         self._gait.advance(dt_s, crowd.positions_m, crowd.headings_rad, crowd.crouching, crowd.running)

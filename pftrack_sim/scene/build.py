@@ -27,7 +27,6 @@ class Stage:
 
     Attributes:
         spec: All that the dry run needs; `add_agents` completes it.
-        layout: Walkable area of the place.
     """
 
     spec: mujoco.MjSpec
@@ -35,13 +34,7 @@ class Stage:
 
 
 def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> Stage:
-    """Build the place and the robot of one episode.
-
-    Args:
-        settings: The scenario, every range drawn.
-        seed: Root seed of the episode.
-        step_s: Physics step.
-    """
+    """Build the place and the robot of one episode."""
     spec = mujoco.MjSpec()
     spec.option.timestep = step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -58,14 +51,7 @@ def add_agents(
     static_occluders: Mapping[str, Placement],
     carts: Mapping[str, CartSize],
 ) -> tuple[Person, ...]:
-    """Complete a stage with its people, occluders and carts.
-
-    Args:
-        spec: The stage's.
-        settings: The scenario, every range drawn.
-        seed: Root seed of the episode.
-        static_occluders: Pose and size of each, by body name.
-        carts: Size of each, by body name.
+    """Complete a stage with its people, and with occluders and carts by body name.
 
     Returns:
         The people, the target first.

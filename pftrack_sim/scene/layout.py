@@ -23,11 +23,9 @@ class Footprint:
     """An upright box that people walk around: an oriented rectangle on the ground.
 
     Attributes:
-        name: Name of its body.
         centre_m: x, y, world frame.
         half_m: Half sizes along its own axes.
         yaw_rad: Angle of its first axis to the world's x.
-        height_m: Its height.
     """
 
     name: str

@@ -47,8 +47,6 @@ class Lighting:
     lamps, as their light is reflected by the walls. Every call starts from the model's original light.
 
     Args:
-        model: The compiled scene.
-        lights: The scenario's lights.
         axis: Stress axis on top; its colour is applied by the camera.
         rng: Draws the phase of the flicker.
     """

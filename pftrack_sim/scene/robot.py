@@ -73,11 +73,8 @@ class Mast:
 def add_robot(spec: mujoco.MjSpec, robot: model.Robot, camera: model.Camera) -> None:
     """Attach the robot to the world at the origin, facing +x, resting on the ground z = 0.
 
-    Args:
-        spec: Gains bodies, joints, actuators, sensors and the camera, all named `"robot/..."`. It needs a colliding
-            ground plane at z = 0 and gravity along -z.
-        robot: Friction of the tyres on the floor. The drive (`agents.robot`) applies speed limits.
-        camera: Field of view, height of the optical centre and tilt at rest.
+    The spec gains bodies, joints, actuators, sensors and the camera, all named `"robot/..."`. It needs a colliding
+    ground plane at z = 0 and gravity along -z. The drive (`agents.robot`) applies the speed limits.
     """
     mjcf = mujoco.MjSpec.from_file(str(assets_dir() / "robot.xml"))
     mast = Mast.for_camera(camera.height_m, math.radians(camera.tilt_deg))

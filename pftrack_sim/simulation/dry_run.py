@@ -23,7 +23,6 @@ class DryRun:
         camera_m: `(T, 3)` optical centre without vibration, world frame.
         target_m: `(T, 2)` centre line of the target on the ground.
         robot_m: `(T, 2)` centre of the robot on the ground.
-        target_height_m: Body height of the target.
     """
 
     times_s: FloatArray
@@ -55,16 +54,7 @@ class DryRun:
 def dry_run(
     model: mujoco.MjModel, clock: Clock, robot: Robot, crowd: Crowd, until_s: float, target_height_m: float
 ) -> DryRun:
-    """Let the robot follow its script up to a time, and record camera, target and robot at every control tick.
-
-    Args:
-        model: The compiled stage.
-        clock: Length of ticks and physics steps.
-        robot: The robot of that stage.
-        crowd: The target alone.
-        until_s: The record ends with the first tick after it.
-        target_height_m: Body height of the target.
-    """
+    """Let the robot follow its script up to a time, and record camera, target and robot at every control tick."""
     data = mujoco.MjData(model)
     crowd.reset()
     robot.reset(data)

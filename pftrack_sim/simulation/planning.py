@@ -32,10 +32,6 @@ class Plan:
 
     Attributes:
         layout: The place with the static occluders in it.
-        static_occluders: Pose and size of each, by body name.
-        crossings: Occlusions by pedestrians.
-        carts: Occlusions by carts.
-        cart_sizes: Size of each cart, by body name.
         oncoming: Pedestrians that pass close by the target.
     """
 
@@ -54,13 +50,6 @@ def make_plan(
 
     Target and robot follow their scripts whatever else moves, so the dry run has no other people. The scenario's own
     occluders are planned first, and from their part of the dry run only: the stress axes do not change them.
-
-    Args:
-        settings: The scenario, every range drawn.
-        seed: Root seed of the episode.
-        layout: The place.
-        path: The target's.
-        dry_run: Runs the script up to a time.
 
     Raises:
         ScenarioError: A requested event is impossible.

@@ -24,10 +24,6 @@ from pftrack_sim.simulation.planning import Plan, make_plan
 class World:
     """Place, robot, people and carts of one episode, at time 0.
 
-    Args:
-        settings: The scenario, every range drawn.
-        seed: Root seed of the episode.
-
     Raises:
         ScenarioError: A requested occlusion or oncoming pedestrian is impossible.
     """
@@ -107,11 +103,7 @@ class World:
         return self.robot.drive.pose(self.data)
 
     def light(self, exposure_ev: float = 0.0) -> None:
-        """Set the lights to the present time.
-
-        Args:
-            exposure_ev: Stops by which the camera exposes longer than in the first frame.
-        """
+        """Set the lights to the present time; the camera exposes `exposure_ev` stops longer than in the first frame."""
         self._lighting.apply(self.time_s, self.traffic.crowd.target_s_m, exposure_ev)
 
     def _state(self) -> SceneState:

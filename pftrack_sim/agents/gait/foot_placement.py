@@ -38,23 +38,15 @@ _UNSETTLED = np.array([[0.085], [0.50]])
 class FootPlacement:
     """Feet of `P` people. Arrays are `(P,)`, or `(P, 2)` for left and right, unless stated otherwise.
 
-    Args:
-        anatomies: Bodies.
-        toe_out_rad: Angle of the feet to the heading.
-        walk_half_m: Ankle to the line of progress when walking.
-        stand_half_m: Ankle to the mid-plane when standing.
-        start_phase: Gait phase of a walker after a reset.
+    `walk_half_m` is the distance of the ankles from the line of progress, `stand_half_m` that from the mid-plane.
 
     Attributes:
         phase: Gait phase: fraction of the stride since the left heel strike.
         speed: Of the smoothed velocity of the body [m/s].
         turn: Smoothed turn rate [rad/s].
-        parameters: Gait parameters at the present speed.
         ankles: `(P, 2, 3)` [m].
-        yaw: Direction of the feet [rad].
         pitch: Toes-up angle of the feet [rad].
         in_stance: Whether a foot is on the ground.
-        running: Share of running in the gait.
     """
 
     def __init__(
@@ -74,13 +66,7 @@ class FootPlacement:
         self._tables = np.stack([walking_table(one) for one in anatomies])
 
     def reset(self, positions: FloatArray, headings: FloatArray, speeds: FloatArray) -> None:
-        """Start in a steady walk at these speeds, or at rest.
-
-        Args:
-            positions: `(P, 2)` [m].
-            headings: `(P,)` [rad].
-            speeds: `(P,)` forward speeds [m/s].
-        """
+        """Start in a steady walk at forward speeds [m/s], or at rest, at `(P, 2)` positions [m] and headings [rad]."""
         self.running = np.zeros(len(positions))
         self._positions, self._headings = positions.copy(), headings.copy()
         self._velocity = _forward(headings) * speeds[:, None]
@@ -108,14 +94,7 @@ class FootPlacement:
         return (self.phase[:, None] + _PHASE_OFFSETS) % 1.0
 
     def advance(self, dt_s: float, positions: FloatArray, headings: FloatArray, running: BoolArray) -> None:
-        """Follow the bodies to their present positions.
-
-        Args:
-            dt_s: Time since the last call [s].
-            positions: `(P, 2)` [m].
-            headings: `(P,)` [rad].
-            running: `(P,)` whether each person runs; the transition takes about two steps.
-        """
+        """Follow the bodies to `(P, 2)` positions [m] and headings [rad]; changing to a run takes about two steps."""
         if running.any() or self.running.any():
             step = dt_s / _RUN_TRANSITION_S
             self.running = np.clip(self.running + np.where(running, step, -step), 0.0, 1.0)

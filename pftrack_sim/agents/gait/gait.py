@@ -47,11 +47,7 @@ class Gait:
     """Walking, running, turning, crouching and standing of `P` people.
 
     Args:
-        anatomies: Bodies.
         rngs: One generator per person, for individual step width, arm swing, posture and start phase.
-
-    Attributes:
-        feet: Gait phase and poses of the feet.
 
     Raises:
         ParameterError: The numbers of bodies and generators differ.
@@ -100,13 +96,7 @@ class Gait:
         self.reset(np.zeros((people, 2)), np.zeros(people), np.zeros(people))
 
     def reset(self, positions_m: ArrayLike, headings_rad: ArrayLike, speeds_m_s: ArrayLike) -> None:
-        """Start in a steady walk, or at rest.
-
-        Args:
-            positions_m: `(P, 2)` on the ground.
-            headings_rad: `(P,)`.
-            speeds_m_s: `(P,)` forward speeds.
-        """
+        """Start in a steady walk, or at rest, at `(P, 2)` positions, `(P,)` headings and forward speeds."""
         self._time_s = 0.0
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)

@@ -28,11 +28,8 @@ class GaitParameters(NamedTuple):
 
     Attributes:
         stride_m: Stride length (two steps).
-        stance_fraction: Stance as a fraction of the stride.
         heel_strike_rad: Toes-up angle of the foot at heel strike.
         toe_off_rad: Heel-up angle of the foot at toe-off.
-        hip_low_m: Lowest height of the hips over the ground.
-        hip_high_m: Highest height of the hips.
         clearance_m: Height of the sole in mid-swing.
         sway_m: Lateral amplitude of the pelvis.
         amplitude: Relative amplitude of the rotations of pelvis, trunk and arms; 1 at natural speed.

@@ -12,11 +12,7 @@ from pftrack_sim.scene.people.person import PARTS
 
 
 class MocapWriter:
-    """The mocap bodies of the people with these names, in the order of the poses.
-
-    Raises:
-        KeyError: A person is not in the model.
-    """
+    """The mocap bodies of the people with these names, in the order of the poses."""
 
     def __init__(self, model: mujoco.MjModel, names: Sequence[str]) -> None:
         mocap_ids = [[model.body(f"{name}/{part}").mocapid[0] for part in PARTS] for name in names]

@@ -39,16 +39,8 @@ class Crowd:
     """The `P` pedestrians of one episode, in the order target, distractor-1.., crosser-1.., passer-1.., and the carts.
 
     Args:
-        layout: Walkable area and obstacles.
-        target: Settings of the target.
-        target_path: Its path.
-        distractors: Number and speed of the distractors.
-        crossings: Crossings of pedestrians.
         seed: Root seed of the episode; every pedestrian has a random stream.
         robot_start_m: `(2,)` start of the robot, kept free of pedestrians; None if it does not matter.
-        oncoming: Passes of oncoming pedestrians.
-        carts: Crossings of carts.
-        target_axis: Manoeuvres of the target; None for none.
     """
 
     def __init__(
@@ -162,14 +154,7 @@ class Crowd:
             self._goals.wait_at(person, state[:2].copy())
 
     def tick(self, dt_s: float, time_s: float, robot_m: ArrayLike, camera_m: ArrayLike) -> None:
-        """Advance everything by one tick.
-
-        Args:
-            dt_s: Length of the tick.
-            time_s: Time at its end.
-            robot_m: `(2,)` position of the robot at its end.
-            camera_m: `(2,)` position of the camera at its end, without vibration.
-        """
+        """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at `(2,)` positions."""
         self._update_robot(dt_s, _xy(robot_m))
         self._target.update(dt_s, self._state[:, self._robot_column])
         self._store_target()

@@ -41,8 +41,6 @@ class GoalManager:
     """Tasks and next waypoints of all pedestrians; those of column 0, the target, are never used.
 
     Args:
-        graph: Shortest routes.
-        sampler: Sampler of new goals.
         rngs: One generator per pedestrian after the target.
         distractors: Number of distractors, columns 1..: half of their goals are near the target.
 

@@ -27,10 +27,8 @@ class OncomingPass:
     """One pass of the target.
 
     Attributes:
-        at_s: Time of the pass.
         meeting_s_m: Arc length of the target on its path then.
         left_m: Offset of the pedestrian to the left of the path; negative is right.
-        speed_m_s: Walking speed.
         waiting_m: Waiting position away from the path; None for a pedestrian that is on the path from the start.
     """
 
@@ -54,16 +52,8 @@ def plan_oncoming_pass(
 ) -> OncomingPass:
     """Plan a pass at `distance_m` from the target, on the side with more room.
 
-    Args:
-        at_s: Time of the pass.
-        meeting_s_m: Arc length of the target on its path then.
-        distance_m: Distance from the target then.
-        speed_m_s: Walking speed.
-        path: Path of the target.
-        obstacles: Obstacle map of the place.
-        side: Preferred side: 1 is left of the target's path, -1 right.
-        name: Name in error messages.
-        waiting_positions_m: `(N, 2)` free positions away from the path.
+    At `at_s` the target is at the arc length `meeting_s_m` of its path. `side` is the preferred side: 1 is left of the
+    path, -1 right. `waiting_positions_m` are `(N, 2)` free positions away from the path.
 
     Raises:
         ParameterError: There is no room on either side.

@@ -34,7 +34,6 @@ class ReactivePedestrians:
     """The pedestrians that react to others, as columns of a common state.
 
     Args:
-        obstacles: Obstacle map of the place.
         reactive: Columns of the reactive pedestrians, rising.
         waiting: Whether each of these stays at its waiting position.
         scripted: Columns of the pedestrians that do not react.
@@ -67,11 +66,8 @@ class ReactivePedestrians:
     def update(self, dt_s: float, state: FloatArray, heading_rad: FloatArray, goals: GoalManager) -> None:
         """Move the reactive pedestrians by one tick.
 
-        Args:
-            dt_s: Length of the tick.
-            state: `(4, C)` x, y [m], vx, vy [m/s] of everything that moves; the reactive columns are overwritten.
-            heading_rad: `(P,)` headings of the pedestrians.
-            goals: Their next waypoints and desired speeds.
+        `state` `(4, C)` holds x, y [m], vx, vy [m/s] of everything that moves; the reactive columns are overwritten.
+        `heading_rad` `(P,)` are the headings of the pedestrians.
         """
         neighbours = self._neighbours._replace(state=state.take(self._order, axis=1))
         own = neighbours.state[:, : len(self.columns)]

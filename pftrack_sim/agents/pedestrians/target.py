@@ -38,7 +38,6 @@ class TargetWalk:
         state: x, y [m] and vx, vy [m/s].
         heading_rad: Heading of the body: the path's direction, except in the manoeuvre "turn".
         crouch: 0 upright, 1 squatting.
-        running: Whether it runs.
     """
 
     def __init__(self, path: Path, speed_m_s: float, axis: TargetAxis) -> None:

@@ -12,12 +12,7 @@ _AT_REST: Speeds = (0.0, 0.0, 0.0, 0.0)
 
 
 class CommandDelay:
-    """Delays commands by a constant latency, rounded to physics steps.
-
-    Args:
-        clock: Length of ticks and physics steps.
-        latency_ms: Delay of each command.
-    """
+    """Delays commands by a constant latency, rounded to physics steps."""
 
     def __init__(self, clock: Clock, latency_ms: float) -> None:
         self._clock = clock
@@ -33,9 +28,7 @@ class CommandDelay:
     def segments(self, speeds: Speeds, delay_s: float = 0.0) -> list[tuple[int, Speeds]]:
         """Take the command of a tick, and return what reaches the motors during the tick.
 
-        Args:
-            speeds: The command.
-            delay_s: How far into the tick it is given; until then the previous one stays in force.
+        The command is given `delay_s` into the tick; until then the previous one stays in force.
 
         Returns:
             Numbers of physics steps, which sum to those of a tick, each with the command in force.

@@ -46,12 +46,8 @@ def follow_path(
     with the path's curvature kappa, lateral error y and heading error e. For small errors y obeys, per metre driven,
     y'' + K_theta y' + K_y y = 0: critically damped with the length L when K_y = 1 / L^2 and K_theta = 2 / L.
 
-    Args:
-        path: Path to follow.
-        s_m: Arc length of the point nearest to the robot.
-        pose: x, y [m] and heading [rad] of the robot.
-        speed_m_s: Wanted speed; a negative one counts as 0.
-        limits: Limits of the drive.
+    `s_m` is the arc length of the point nearest to the robot, `pose` its x, y [m] and heading [rad]. A negative wanted
+    speed counts as 0.
 
     Returns:
         Forward speed [m/s] and turn rate [rad/s].

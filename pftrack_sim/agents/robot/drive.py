@@ -34,8 +34,6 @@ class Drive:
 
     Args:
         model: Compiled from a spec that went through `add_robot` with the same `robot` and `camera`.
-        robot: Limits of the drive and the head.
-        camera: Rest pan (by its mount) and rest tilt.
         calibration: Wheel radii and track that the odometry assumes; None for the true ones.
     """
 
@@ -88,14 +86,10 @@ class Drive:
     def reset(
         self, data: mujoco.MjData, x_m: float, y_m: float, heading_rad: float, pan_rad: float | None = None
     ) -> None:
-        """Stand still in static equilibrium on the suspension.
+        """Stand still in static equilibrium on the suspension, with the middle of the axle at x, y.
 
-        Args:
-            data: Its derived quantities are updated too.
-            x_m: Middle of the axle.
-            y_m: Middle of the axle.
-            heading_rad: Counter-clockwise from +x.
-            pan_rad: Pan of the head, counter-clockwise from straight ahead; None for the rest of the mount.
+        The head pans to `pan_rad`, counter-clockwise from straight ahead; None is the rest of the mount. The derived
+        quantities in `data` are updated too.
         """
         self._reset_references()
         if pan_rad is not None:
@@ -129,15 +123,8 @@ class Drive:
     ) -> None:
         """Set the motors for the coming physics steps.
 
-        Speeds are clipped to the robot's limits and approached no faster than `ACCELERATION`.
-
-        Args:
-            data: Its `ctrl` is written.
-            forward_m_s: Speed of the base.
-            turn_rad_s: Counter-clockwise.
-            pan_rad_s: Counter-clockwise.
-            tilt_rad_s: Upwards.
-            duration_s: Time until the next command.
+        Speeds are clipped to the robot's limits and approached no faster than `ACCELERATION`. Turn and pan rate are
+        counter-clockwise, the tilt rate is upwards.
         """
         self._odometry = self._current_odometry(data)
         wanted = np.clip([forward_m_s, turn_rad_s, pan_rad_s, tilt_rad_s], -self.limits, self.limits)

@@ -37,10 +37,6 @@ def road_profile(road_class: str, rng: np.random.Generator) -> FloatArray:
     """`(N,)` heights [m] every 5 mm over `LOOP_M` along one track.
 
     The displacement spectrum is G_d(n) = G_d(n_0) (n / n_0)^-2 (ISO 8608), with random phases.
-
-    Args:
-        road_class: `"A"` to `"E"`.
-        rng: Draws the phases.
     """
     count = round(LOOP_M / _SAMPLE_M)
     cycles_m = np.arange(count // 2 + 1) / LOOP_M
@@ -54,13 +50,7 @@ def road_profile(road_class: str, rng: np.random.Generator) -> FloatArray:
 
 
 class RoadExcitation:
-    """Applies the forces of a rough road to the suspension.
-
-    Args:
-        model: Compiled model with the robot.
-        axis: Road class and severity.
-        seed: Root seed of the episode.
-    """
+    """Applies the forces of a rough road to the suspension."""
 
     def __init__(self, model: mujoco.MjModel, axis: JitterAxis, seed: int) -> None:
         tracks = [road_profile(axis.road_class, stream(seed, "jitter", "road", side)) for side in ("left", "right")]

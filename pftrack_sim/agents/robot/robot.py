@@ -21,15 +21,7 @@ from pftrack_sim.scenario import ResolvedScenario
 
 
 class Robot:
-    """Follows its script or external commands. Its pose is part of the physics state: `write` acts every physics step.
-
-    Args:
-        model: Compiled model with the robot.
-        settings: The scenario, every range drawn.
-        clock: Length of ticks and physics steps.
-        target_path: Path of the target, which the script refers to.
-        seed: Root seed of the episode, for the road and the odometry.
-    """
+    """Follows its script or external commands. Its pose is part of the physics state: `write` acts in every step."""
 
     def __init__(
         self, model: mujoco.MjModel, settings: ResolvedScenario, clock: Clock, target_path: Path, seed: int
@@ -62,12 +54,8 @@ class Robot:
     def update(self, dt_s: float, state: SceneState, command: ArrayLike | None = None, delay_s: float = 0.0) -> None:
         """Choose the speeds of the coming tick.
 
-        Args:
-            dt_s: Length of the tick.
-            state: State of the scene at its beginning.
-            command: `(4,)` forward, turn, pan, tilt as shares of the robot's limits in [-1, 1]; None follows the
-                script.
-            delay_s: How far into the tick the command is given; until then the previous one stays in force.
+        The `(4,)` command holds forward, turn, pan, tilt as shares of the robot's limits in [-1, 1]; None follows the
+        script. It is given `delay_s` into the tick; until then the previous one stays in force.
         """
         if command is None:
             forward, turn = self._script.drive(state.time_s, state.robot_pose, state.target_s_m)

@@ -41,9 +41,6 @@ class Script:
     """Drives a route relative to the target's path, and keeps the camera on the target.
 
     Args:
-        robot: Route, gaze and limits.
-        target: The target's path.
-        target_speed_m_s: Speed of the target at the start.
         axis: Variation of the distance to the target, and times at which the camera turns away from it.
         camera: Its field of view decides how far the camera must turn to lose the target.
     """
@@ -87,13 +84,7 @@ class Script:
         return StartPose(x, y, heading, pan)
 
     def drive(self, time_s: float, pose: tuple[float, float, float], target_s_m: float) -> tuple[float, float]:
-        """Forward speed [m/s] and turn rate [rad/s] for the coming tick.
-
-        Args:
-            time_s: Since the start of the episode; never decreases without `reset`.
-            pose: x, y [m] and heading [rad] of the robot.
-            target_s_m: Arc length of the target along its path.
-        """
+        """Forward speed [m/s] and turn rate [rad/s] for the coming tick, from x, y [m], heading [rad] of the robot."""
         speed = self._target_speed(time_s, target_s_m)
         lane = self._lane
         if lane is None:
@@ -115,14 +106,7 @@ class Script:
     def gaze(
         self, T_world_camera: FloatArray, target_m: ArrayLike, tick_s: float, time_s: float = 0.0
     ) -> tuple[float, float]:
-        """Pan and tilt rate [rad/s] for the coming tick.
-
-        Args:
-            T_world_camera: `(4, 4)` camera pose.
-            target_m: `(2,)` x, y of the target.
-            tick_s: Length of the tick.
-            time_s: Since the start of the episode.
-        """
+        """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and `(2,)` x, y of the target."""
         if self._robot.gaze == "forward":
             return 0.0, 0.0
         point = np.asarray(target_m, dtype=np.float64)
@@ -147,7 +131,6 @@ class _Lane:
     """The robot's path, and its arc length for each arc length of the target.
 
     Args:
-        path: Path of the robot.
         target_s_m: `(N,)` rising arc lengths of the target [m].
         s_m: `(N,)` arc lengths of the robot that belong to them [m].
     """

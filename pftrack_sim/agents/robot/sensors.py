@@ -70,9 +70,6 @@ class RangeFinder:
 
     The beams meet hidden collision geoms, not what is drawn; they pass through the robot itself. On a robot that
     pitches they may meet the ground.
-
-    Args:
-        model: Compiled model with the robot.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:

@@ -106,12 +106,7 @@ def _boxes(size: CartSize) -> dict[str, tuple[Colour, Corner, Corner]]:
 
 
 class CartWriter:
-    """Writes the poses of carts to their mocap bodies.
-
-    Args:
-        model: Compiled with `add_carts`.
-        names: The carts, in the order of the poses.
-    """
+    """Writes the poses of carts to their mocap bodies, in the order of their names."""
 
     def __init__(self, model: mujoco.MjModel, names: Sequence[str]) -> None:
         self._mocap_ids = [int(model.body_mocapid[model.body(name).id]) for name in names]

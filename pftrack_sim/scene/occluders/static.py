@@ -44,11 +44,8 @@ class Placement:
     """Pose and size of a static occluder.
 
     Attributes:
-        kind: Kind of occluder.
-        centre_m: x, y of its centre.
         half_m: Half its width and half its thickness.
         yaw_rad: Angle of its width to the world's x.
-        height_m: Its height.
         depth: Its place on the line from the camera (0) to the target (1).
         spans_s: Begin and end of each time at which it covers the target's centre line in the dry run.
     """
@@ -75,12 +72,7 @@ def occluder_names(occluders: Sequence[scenario.Occluder]) -> tuple[str | None, 
 
 
 def add_static_occluders(spec: mujoco.MjSpec, placements: Mapping[str, Placement]) -> None:
-    """Add a body for every static occluder.
-
-    Args:
-        spec: Scene to add to.
-        placements: Pose and size by body name.
-    """
+    """Add a body for every static occluder."""
     _add_materials(spec, {placement.kind for placement in placements.values()})
     for name, placement in placements.items():
         yaw = placement.yaw_rad

@@ -56,10 +56,7 @@ def ring_angles(count: int) -> FloatArray:
 def superellipse_rings(table: FloatArray, count: int, *, power: float = 2.0) -> FloatArray:
     """`(R, count, 3)` points of superelliptic rings about the z axis.
 
-    Args:
-        table: `(R, 6)` cross-sections, see `profile`.
-        count: Points per ring.
-        power: Exponent of the superellipse: 2 gives ellipses, more gives squarer rings.
+    `table` is that of `profile`, `(R, 6)`. A `power` of 2 gives ellipses, more gives squarer rings.
     """
     angle = ring_angles(count)
     cos, sin = np.cos(angle), np.sin(angle)

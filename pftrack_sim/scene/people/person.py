@@ -60,14 +60,9 @@ def sample_people(
 ) -> tuple[Person, ...]:
     """Sample the target and all other people; random streams are per person, so adding one changes no other.
 
-    Args:
-        seed: Root seed of the episode.
-        target_height_m: Stature of the target [m].
-        distractor_count: Number of pedestrians that walk about.
-        distractor_similarity: Appearance similarity of distractors to the target, in clothes, height and girth, from 0
-            to 1 (the same clothes and body).
-        crosser_similarities: Similarity of each pedestrian that crosses the line of sight.
-        passer_similarities: Similarity of each pedestrian that passes close by the target.
+    A similarity is that of the appearance to the target, in clothes, height and girth, from 0 to 1 (the same clothes
+    and body): one for all distractors, one for each pedestrian that crosses the line of sight, and one for each that
+    passes close by the target.
 
     Returns:
         `target`, `distractor-1`.., `crosser-1`.., `passer-1`...

@@ -77,13 +77,8 @@ def cloth_mesh(
 ) -> TriangleMesh:
     """A mesh that shows cloth; texture columns are proportional to the arc length from the front.
 
-    Args:
-        rings: `(R, N, 3)` points [m].
-        region: Region of the cloth in the atlas.
-        front_column: Column of the region at the front of the body.
-        top_m: Height [m] that shows row `first_row`.
-        length_m: Length [m] over which the region's rows are stretched; None keeps the scale of the cloth.
-        first_row: Row of the region at `top_m`.
+    The front of the body, in `(R, N, 3)` rings [m], shows `front_column` of the region, and the height `top_m` shows
+    its row `first_row`. The region's rows are stretched over `length_m`; None keeps the scale of the cloth.
     """
     closed = np.concatenate([rings, rings[:, :1]], axis=1)
     step = np.sqrt((np.diff(closed, axis=1) ** 2).sum(axis=2))

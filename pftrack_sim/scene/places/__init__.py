@@ -24,22 +24,10 @@ _BUILDERS: dict[str, Callable[[PlaceBuilder, Lights], WalkableArea]] = {
 
 
 def add_place(spec: mujoco.MjSpec, place: Place, lights: Lights, rng: np.random.Generator) -> WalkableArea:
-    """Add a place to a spec: ground, walls, furniture and lights.
+    """Add a place to a spec: ground, walls, furniture and lights. Returns its walkable area.
 
     Walls, pillars and everything else that is fixed has the same pose for every seed; loose furniture, posters and the
     goods on shelves are drawn.
-
-    Args:
-        spec: The model under construction; gains bodies, meshes, materials, textures, lights and statistics.
-        place: Which place, and its share of loose furniture.
-        lights: Direction of the sun, and whether there are shadows.
-        rng: Draws what varies.
-
-    Returns:
-        The walkable area.
-
-    Raises:
-        PftrackError: A texture is missing from the installation.
     """
     builder = PlaceBuilder(spec, rng, place.clutter, lights.shadows)
     builder.add_ground_plane()

@@ -41,10 +41,7 @@ class PlaceBuilder:
     """A place under construction.
 
     Attributes:
-        spec: The model that everything is added to.
-        rng: Draws what varies from seed to seed.
         clutter: Share of the loose props that is put out.
-        shadows: Whether the main light casts shadows.
     """
 
     spec: mujoco.MjSpec
@@ -64,13 +61,8 @@ class PlaceBuilder:
     ) -> None:
         """Add a prop as a body with one drawn geom per material.
 
-        Args:
-            name: Unique name of the body.
-            prop: Meshes in the frame of the body, whose origin lies on the ground.
-            position: x, y and optionally z [m].
-            yaw_rad: Rotation about z.
-            collider: Box that the robot collides with and people avoid; None for what hangs or lies flat.
-            casts_shadow: Whether the shadow pass draws it.
+        The origin of the prop lies on the ground; `position` is x, y and optionally z [m]. The collider is a box that
+        the robot collides with and people avoid; None for what hangs or lies flat.
         """
         x, y, z = (*position, 0.0)[:3]
         quaternion = [np.cos(0.5 * yaw_rad), 0.0, 0.0, np.sin(0.5 * yaw_rad)]
@@ -115,11 +107,8 @@ class PlaceBuilder:
     ) -> None:
         """Add the directional light that casts the shadows of the place.
 
-        Args:
-            name: `"sun"` or `"lamp-..."`.
-            direction: `(3,)` in which the light travels.
-            diffuse: `(3,)` colour.
-            shadow_area: x, y of the centre of the area with shadows, and half its width [m].
+        The light travels in `direction` `(3,)`. `shadow_area` is x, y of the centre of the area with shadows, and half
+        its width [m].
         """
         unit = np.asarray(direction, dtype=np.float64)
         unit = unit / np.linalg.norm(unit)
@@ -146,14 +135,8 @@ class PlaceBuilder:
     ) -> None:
         """Add a spotlight that shines straight down.
 
-        Args:
-            name: `"lamp-1"`, ...
-            position: `(3,)` [m].
-            diffuse: `(3,)` colour on the axis at distance 0.
-            cutoff_deg: Half angle of its cone.
-            attenuation: `(3,)` constant, linear and quadratic.
-            exponent: Exponent of the cosine fall-off towards the edge of the cone.
-            casts_shadow: Whether it is the lamp of the place that casts shadows.
+        `diffuse` `(3,)` is the colour on the axis at distance 0, `cutoff_deg` half the angle of its cone, `attenuation`
+        `(3,)` constant, linear and quadratic, and `exponent` that of the cosine fall-off towards the edge of the cone.
         """
         shadow = casts_shadow and self.shadows
         light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_SPOT, (0.0, 0.0, -1.0), diffuse, shadow)

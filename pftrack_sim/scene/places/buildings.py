@@ -25,14 +25,9 @@ def house(
 ) -> Prop:
     """A front of three shops and upper floors, 12 m wide from x = 0, that faces -y at y = 0.
 
-    Args:
-        kind: Upper floors: `"brick"`, `"cream"`, `"rose"` or `"office"`.
-        shop: Image of the shops, 0 to 3.
-        awning: Texture of the awnings over the shop windows; None for no awnings.
-        balconies: Whether the first floor has balconies.
-        storeys: Floors above the shops, 1 to 3.
-        lit_windows: Night: draws which windows are lit. None is day.
-        fine: Subdivide the walls for street lamps: light is computed per vertex.
+    `kind` is that of the upper floors: `"brick"`, `"cream"`, `"rose"` or `"office"`; `shop` the image of the shops, 0
+    to 3; `storeys` the floors above them, 1 to 3. At night, `lit_windows` draws which windows are lit. `fine`
+    subdivides the walls for street lamps: light is computed per vertex.
     """
     stone = texture("stone")
     height = _STOREY_HEIGHT_M * storeys

@@ -32,9 +32,7 @@ _FACES = {"all": ALL_FACES, "sides": SIDES, "wall": ("-y", "+x", "-x", "+z")}
 def load_prop(name: str, **textures: str) -> Prop:
     """Build a prop of the catalogue, once per set of textures.
 
-    Args:
-        name: `"bench"`, `"car"`, ...
-        textures: Textures of the parts that the catalogue marks with `$`.
+    `textures` are those of the parts that the catalogue marks with `$`.
     """
     return tuple(mesh for primitive in asset_table("props")[name] for mesh in _meshes(primitive, textures))
 

@@ -23,7 +23,6 @@ class TexturedMesh:
     """Triangles of one material.
 
     Attributes:
-        material: Name of the material.
         vertices: `(N, 3)` [m].
         normals: `(N, 3)` unit vectors.
         uv: `(N, 2)` texture coordinates.
@@ -109,14 +108,7 @@ def _cube(faces: tuple[str, ...]) -> tuple[FloatArray, FloatArray, FloatArray, F
 
 
 def box(texture: Texture, centre: ArrayLike, size: ArrayLike, faces: tuple[str, ...] = NO_BOTTOM) -> TexturedMesh:
-    """A box along the axes.
-
-    Args:
-        texture: Shown on each face.
-        centre: `(3,)` [m].
-        size: `(3,)` edge lengths [m].
-        faces: Which faces to draw; the bottom is rarely seen.
-    """
+    """A box along the axes with the texture on each of some faces; centre and edge lengths are `(3,)` [m]."""
     vertices, normals, unit, edges, triangles = _cube(faces)
     lengths = np.asarray(size, dtype=np.float64)
     face_sizes = np.repeat(edges @ lengths, 4, axis=0)
@@ -129,13 +121,7 @@ def cylinder(
 ) -> TexturedMesh:
     """An upright cylinder or truncated cone with a lid, shaded smoothly; the texture goes round once.
 
-    Args:
-        texture: Shown on the side and on the lid.
-        base: `(3,)` centre of the lower end [m].
-        radius: At the lower end [m].
-        height: [m].
-        sides: Number of flat sides.
-        top_radius: At the upper end [m]; None is `radius`.
+    `base` `(3,)` is the centre of the lower end [m]; radii and height are in metres.
     """
     top = radius if top_radius is None else top_radius
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
@@ -166,13 +152,8 @@ def rough_ellipsoid(
 ) -> TexturedMesh:
     """An ellipsoid with random bumps: the crown of a tree, a bush. Neighbouring cells mirror the texture.
 
-    Args:
-        texture: Shown once per cell.
-        centre: `(3,)` [m].
-        radii: `(3,)` half axes [m].
-        rng: Draws the bumps.
-        roughness: Standard deviation of the radius, relative to it.
-        segments: Number of cells around; half as many from bottom to top.
+    `centre` and half axes `radii` are `(3,)` [m]. `roughness` is the standard deviation of the radius, relative to it.
+    There are `segments` cells around, and half as many from bottom to top; each shows the texture once.
     """
     rings = segments // 2 + 1
     azimuth, elevation = np.meshgrid(
@@ -200,9 +181,8 @@ def rough_ellipsoid(
 def loft(texture: Texture, sections: Sequence[tuple[float, float, float, float, float]]) -> TexturedMesh:
     """A hull along x through upright trapezoids, closed at both ends: car bodies, cabins.
 
-    Args:
-        texture: Shown on each side once, from the first section to the last.
-        sections: x, lower z, upper z, lower half width, upper half width [m], by growing x.
+    Sections are x, lower z, upper z, lower half width, upper half width [m], by growing x. Each side shows the texture
+    once.
     """
     x, low, high, wide, narrow = (np.asarray(column, dtype=np.float64) for column in zip(*sections, strict=True))
     u = (x - x[0]) / (x[-1] - x[0])

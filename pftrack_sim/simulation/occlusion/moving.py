@@ -53,7 +53,6 @@ class Mover:
     """What crosses.
 
     Attributes:
-        name: Its name in errors.
         edge_m_s: Speed across the line of sight as it covers and uncovers the target; None for one constant speed.
         half_width_m: Half of the width that covers the line of sight.
         min_gap_m: Least distance of its centre to obstacles while it covers the target.
@@ -78,13 +77,6 @@ def plan_crossing(
     """Choose side, depth and waiting place so that the mover has an easy course through free space.
 
     Every candidate is evaluated on the positions of camera and target in the dry run.
-
-    Args:
-        occluder: The request; its kind is "walker".
-        run: Paths of camera, target and robot.
-        layout: Obstacles, static occluders included.
-        name: Its name in errors.
-        mover: What crosses.
 
     Raises:
         ParameterError: Every course leads through obstacles while it covers the target, or the times do not fit.
@@ -112,14 +104,6 @@ def plan_axis_crossing(
     depth_shifts: tuple[float, ...],
 ) -> Crossing:
     """Plan one occlusion of the stress axis, by a cart or by a pedestrian.
-
-    Args:
-        axis: The axis.
-        occluder: This occlusion.
-        run: Paths of camera, target and robot.
-        layout: Obstacles.
-        name: Its name in errors.
-        depth_shifts: Depths to try, relative to the requested one.
 
     Raises:
         ParameterError: It is impossible.

@@ -37,12 +37,6 @@ _NOT_MONOTONIC = "the line of sight turns back in between"
 def plan_static(occluder: model.Occluder, run: DryRun, layout: WalkableArea, name: str = "occluder") -> Placement:
     """Place one pillar, wall or stack of boxes.
 
-    Args:
-        occluder: The request.
-        run: Paths of camera, target and robot.
-        layout: Existing obstacles, other occluders included.
-        name: Its name in errors.
-
     Returns:
         The placement whose depth is nearest to the requested one; among equals, the one facing the camera.
 
