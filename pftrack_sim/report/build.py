@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
@@ -12,11 +12,13 @@ import jinja2
 import plotly.offline  # pyright: ignore[reportMissingTypeStubs]
 from markupsafe import Markup
 
-from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper, evaluate_claims
 from pftrack_sim.benchmark.files import write_bytes
+from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.report.contents import contents
+from pftrack_sim.report.markdown import number_text
 from pftrack_sim.report.strips import strips
-from pftrack_sim.report.suites import suite_contents
 from pftrack_sim.scenario import Scenario
 
 _PAGE = Path(__file__).parent / "page"
@@ -58,7 +60,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         plotly=Markup(plotly.offline.get_plotlyjs()),
         data=Markup(_script_json(data)),
         strips=[asdict(one) for one in strips(store)],
-        suites=[suite_contents(suite, store.results) for suite in store.plan.suites],
+        suites=[_suite(suite, store.results) for suite in store.plan.suites],
         how=_provenance(store),
         scenarios=_hashes(store),
         failures=[result for result in store.results if result.failure],
@@ -94,3 +96,30 @@ def _words(value: object) -> str:
         items = cast("list[object]", value)
         return " ".join(str(item) for item in items) if len(items) <= 40 else f"{len(items)} of them"
     return str(value)
+
+
+def _suite(suite: Suite, results: Sequence[Result]) -> dict[str, Any]:
+    """The paper's table beside the results, and the tested claims."""
+    rows: list[dict[str, Any]] = []
+    for row in compare_with_paper(suite, results):
+        cells = [_cell(*pair) for pair in zip(row.printed, row.ours, strict=True)]
+        rows.append({"tracker": row.tracker, "cells": cells})
+    claims: list[dict[str, Any]] = []
+    for claim in evaluate_claims(suite, results):
+        comparisons = [_comparison(one) for one in claim.comparisons]
+        claims.append({"statement": claim.statement, "verdict": claim.verdict, "comparisons": comparisons})
+    table = None
+    if suite.table is not None:
+        table = {"title": suite.table.title, "columns": suite.table.columns, "rows": rows}
+    return {"title": suite.title, "source": suite.source, "table": table, "claims": claims}
+
+
+def _comparison(one: ClaimComparison) -> str:
+    """`"ko2012 - ko2012-rgb: 0.053 [0.021, 0.084] (holds, 20 seeds)"`."""
+    interval = f"{number_text(one.difference, 3)} [{number_text(one.low, 3)}, {number_text(one.high, 3)}]"
+    return f"{one.name}: {interval} ({one.verdict}, {one.seeds} seeds)"
+
+
+def _cell(printed: float, ours: Interval) -> dict[str, str]:
+    mean, low, high = (number_text(value, 1) for value in ours)
+    return {"printed": number_text(printed, 1), "ours": mean, "interval": f"{low} to {high}"}

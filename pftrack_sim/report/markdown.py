@@ -80,8 +80,8 @@ def _suite(suite: Suite, results: Sequence[Result]) -> Iterator[str]:
         heads = [name.rpartition("/")[2] for name in suite.table.columns]
         rows: list[list[str]] = []
         for row in compare_with_paper(suite, results):
-            ours = [*(_number(one[0], 1) for one in row.ours[:-1]), _ranged(row.ours[-1], 1)]
-            cells = [f"{_number(printed, 1)} / {own}" for printed, own in zip(row.printed, ours, strict=True)]
+            ours = [*(number_text(one[0], 1) for one in row.ours[:-1]), _ranged(row.ours[-1], 1)]
+            cells = [f"{number_text(printed, 1)} / {own}" for printed, own in zip(row.printed, ours, strict=True)]
             rows.append([f"`{row.tracker}`", *cells])
         yield _table([f"{suite.table.title}: printed / simulated", *heads, "mean"], rows)
     claims = evaluate_claims(suite, results)
@@ -105,7 +105,7 @@ def _overlaps(results: Sequence[Result]) -> str:
         own = [result for result in results if result.label == label]
         means = [_interval("mean_overlap", [one for one in own if _column(one) == name])[0] for name in columns]
         overall = _interval("mean_overlap", own)
-        rows.append((overall[0], [f"`{label}`", *(_number(mean, 3) for mean in means), _ranged(overall, 3)]))
+        rows.append((overall[0], [f"`{label}`", *(number_text(mean, 3) for mean in means), _ranged(overall, 3)]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
     return _table(["Mean overlap", *columns, "mean"], [cells for _, cells in rows])
 
@@ -139,9 +139,10 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _ranged(interval: Interval, digits: int) -> str:
-    mean, low, high = (_number(value, digits) for value in interval)
+    mean, low, high = (number_text(value, digits) for value in interval)
     return mean if low == "-" else f"{mean} ({low} to {high})"
 
 
-def _number(value: float, digits: int) -> str:
+def number_text(value: float, digits: int) -> str:
+    """A number with so many decimals, or `-` for NaN."""
     return "-" if math.isnan(value) else f"{value:.{digits}f}"
