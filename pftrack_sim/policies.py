@@ -64,11 +64,7 @@ def frames_per_result(latency_ms: float, rate_hz: float) -> int:
 
 
 class TrackingPolicy:
-    """A tracker as the policy of `Track-v0`.
-
-    Args:
-        tracker: Any `records.Tracker`.
-    """
+    """Any `records.Tracker` as the policy of `Track-v0`."""
 
     def __init__(self, tracker: Tracker) -> None:
         self.tracker = tracker

@@ -143,12 +143,7 @@ def read_metadata(database: duckdb.DuckDBPyConnection, paths: Sequence[Path]) ->
 
 
 def content_digest(database: duckdb.DuckDBPyConnection, source: str) -> str:
-    """SHA-256 of the rows of a table, in their order, without the columns of wall-clock time.
-
-    Args:
-        database: Where the table is.
-        source: Its name, or a function that reads it.
-    """
+    """SHA-256 of the rows of a table or table function, in their order, without the columns of wall-clock time."""
     digest = hashlib.sha256()
     table = cast("Any", database.execute(f"SELECT * FROM {source}")).fetchnumpy()
     for name in sorted(table):

@@ -307,11 +307,7 @@ def make_checked_plan(
 
 
 def read_plan(record: object, source: str) -> Plan:
-    """Make a plan of its JSON record.
-
-    Args:
-        record: What `json.loads` returned.
-        source: Where it comes from, for the message.
+    """Make a plan of its JSON record; `source` is named in the message.
 
     Raises:
         RunError: It is no plan.

@@ -139,12 +139,7 @@ class FollowLog:
         return {name: column(values) for name, values in self._columns.items()}
 
     def scores(self, settings: ResolvedScenario, frame_count: int) -> dict[str, Any]:
-        """Scores of following, as columns of the summary.
-
-        Args:
-            settings: The resolved scenario.
-            frame_count: Frames of a full episode.
-        """
+        """Scores of following, as columns of the summary; `frame_count` is that of a full episode."""
         after, task, info = self.columns(), settings.follow, self._last
         path = following.DrivenPath(
             after["after_s"],

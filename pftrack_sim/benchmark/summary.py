@@ -57,15 +57,7 @@ _LATEX_ESCAPES = {
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Scores of one tracker in one episode: a row of the summary.
-
-    Attributes:
-        tracker: The tracker.
-        scenario: Name of the scenario.
-        condition: Axis levels.
-        seed: Root seed.
-        values: Every column of the summary.
-    """
+    """Scores of one tracker in one episode: a row of the summary, with every column in `values`."""
 
     tracker: TrackerSpec
     scenario: str
@@ -118,16 +110,9 @@ def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Resu
 
 
 def load_summary(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, *, hashes: bool = False) -> int:
-    """Make a table `summary` of the finished episodes of a run folder, a few hundred at a time.
+    """Fill a table `summary` of finished episodes, with the files' hashes if asked; returns their number.
 
-    Args:
-        database: Where.
-        path: The folder.
-        plan: Its plan, which gives the order.
-        hashes: Whether to compute the hash of every file.
-
-    Returns:
-        Number of episodes.
+    The episodes are read a few hundred at a time, in the plan's order.
     """
     files = ((number, path / "episodes" / f"{one.path}.parquet") for number, one in enumerate(plan.episodes()))
     present = ((number, file) for number, file in files if file.is_file())
@@ -167,14 +152,7 @@ def _rows(plan: Plan, number: int, file: str, metadata: dict[str, Any], sha256: 
 
 
 def write_summary(path: Path, plan: Plan) -> int:
-    """Write the summary and the tables of the episodes that are there.
-
-    Args:
-        path: Run folder.
-        plan: Its plan.
-
-    Returns:
-        Number of episodes; with 0 nothing is written.
+    """Write the summary and the tables of a run folder's episodes; returns their number, and writes nothing with 0.
 
     Raises:
         RunError: They cannot be written.

@@ -69,11 +69,7 @@ class _Frames:
 
 
 def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, _Frames]:
-    """The frames of an episode's trackers, by label.
-
-    Args:
-        store: The run folder.
-        results: The episode's results.
+    """The frames of the trackers in an episode, by label, from the episode's results.
 
     Raises:
         RunError: A file is missing, broken, or outside the run folder.
@@ -98,12 +94,7 @@ def by_episode(results: Iterable[Result]) -> dict[tuple[str, str, int], list[Res
 
 
 def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> dict[str, Any]:
-    """The page's data.
-
-    Args:
-        store: The run folder.
-        on_episode: Called after every episode that was read.
-    """
+    """The page's data; `on_episode` is called after every episode that was read."""
     results = store.results
     trackers = list(dict.fromkeys(result.label for result in results))
     scenarios = list(dict.fromkeys(result.scenario for result in results))
