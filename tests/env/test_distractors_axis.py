@@ -53,6 +53,22 @@ def test_oncoming_pedestrians_are_visible_as_they_pass():
         assert people["target"].visible_fraction > 0.7
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_pedestrians_pass_on_the_far_side_of_a_target_seen_from_the_side(side: str):
+    route = {"kind": "beside", "distance_m": 3.0, "side": side}
+    axis = {f"axes.distractors.{key}": value for key, value in {"severity": 1.0, "count": 2, "at_s": 3.0}.items()}
+    for seed in range(3):
+        keys = {**BASE, **axis, "robot.route": route, "distractors.count": 0, "occluders": [], "lights.shadows": False}
+        world = World(scenario.load("plaza-walk", keys).resolve(seed), seed)
+        passers = [index for index, person in enumerate(world.people) if person.startswith("passer")]
+        for _ in range(90):
+            world.advance()
+        people, camera = world.root_poses()[:, :2, 3], world.camera_pose()[:2, 3]
+        sight = people[0] - camera
+        beyond = (people[passers[0]] - people[0]) @ sight / np.linalg.norm(sight)
+        assert beyond > 0.4
+
+
 def test_severity_scales_the_number_of_pedestrians():
     for severity, count in ((0.0, 0), (0.5, 1), (1.0, 2), (2.0, 4)):
         assert len(DistractorsAxis(severity=severity).passings_s) == count
