@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import mujoco
 
@@ -21,27 +20,15 @@ NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or 
 SHADOW_PIXELS = 2048
 
 
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """The place with the robot in it, not compiled.
-
-    Attributes:
-        spec: All that the dry run needs; `add_agents` completes it.
-    """
-
-    spec: mujoco.MjSpec
-    layout: WalkableArea
-
-
-def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> Stage:
-    """Build the place and the robot of one episode."""
+def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> tuple[mujoco.MjSpec, WalkableArea]:
+    """Build the place with the robot in it, all that the dry run needs; `add_agents` completes the spec."""
     spec = mujoco.MjSpec()
     spec.option.timestep = step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     _set_graphics(spec, settings)
     layout = places.add_place(spec, settings.place, settings.lights, random_streams.stream(seed, "place"))
     add_robot(spec, settings.robot, settings.camera)
-    return Stage(spec, layout)
+    return spec, layout
 
 
 def add_agents(

@@ -33,16 +33,16 @@ class World:
         self.clock = Clock.for_rate(settings.camera.rate_hz)
         self._seed = seed
         self._path = Path(settings.target.path_m)
-        stage = build_stage(settings, seed, self.clock.step_s)
+        spec, layout = build_stage(settings, seed, self.clock.step_s)
 
         def run(until_s: float) -> DryRun:
-            model = stage.spec.copy().compile()
-            alone = self._crowd(Plan(stage.layout), distractors=0)
+            model = spec.copy().compile()
+            alone = self._crowd(Plan(layout), distractors=0)
             return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m)
 
-        plan = make_plan(settings, seed, stage.layout, self._path, run)
-        people = add_agents(stage.spec, settings, seed, plan.static_occluders, plan.cart_sizes)
-        self.model = stage.spec.compile()
+        plan = make_plan(settings, seed, layout, self._path, run)
+        people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)
+        self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.people = tuple(person.name for person in people)
         self.robot = self._robot(self.model)

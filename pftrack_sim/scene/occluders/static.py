@@ -26,14 +26,9 @@ _BOX_QUAT = {
 """MuJoCo maps flat textures onto the faces of local z: these boxes are turned so that it is the body's y or x."""
 
 _BOX_SIZE_ORDER = {"shaft": [0, 2, 1], "slab": [0, 2, 1], "shaft-sides": [1, 2, 0]}
-_MATERIAL = {
-    "shaft": "occluder/concrete",
-    "shaft-sides": "occluder/concrete",
-    "plinth": "occluder/stone",
-    "capital": "occluder/stone",
-    "slab": "occluder/brick",
-    "coping": "occluder/stone",
-}
+_MATERIAL = {"shaft": "concrete", "shaft-sides": "concrete", "slab": "brick"} | dict.fromkeys(
+    ("plinth", "capital", "coping"), "stone"
+)
 
 Boxes: TypeAlias = dict[str, tuple[FloatArray, FloatArray]]
 """Centre `(3,)` and half sizes `(3,)` [m] of each named box, along the axes of its body."""
@@ -96,7 +91,7 @@ def add_static_occluders(spec: mujoco.MjSpec, placements: Mapping[str, Placement
                 conaffinity=2 * collides,
             )
             if part in _MATERIAL:
-                geom.material = _MATERIAL[part]
+                geom.material = f"occluder/{_MATERIAL[part]}"
             elif part.startswith("crate"):
                 geom.material = "occluder/crate"
                 shade = 0.82 + 0.18 * ((order * 7) % 5) / 4.0
