@@ -46,6 +46,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
             one.wait()
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_bits(scheduler: str, tmp_path: Path):
     plan = small_plan(range(4), ["ko2012", "tests.benchmark.faulty_trackers:raises"])
     here = run(plan, tmp_path / "here")

@@ -20,6 +20,7 @@ from tests.benchmark.small import contents, small_plan
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills processes and fills disks the Linux way")
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments(tmp_path: Path):
     survive(tmp_path, kills=2, episodes=4, seed=1)
 
@@ -52,6 +53,7 @@ def little_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", str(place)], check=True)
 
 
+@pytest.mark.slow
 def test_a_full_disk_loses_no_finished_episode(little_disk: Path, tmp_path: Path):
     plan = small_plan(range(8), ["oracle", "stay"])
     with pytest.raises(RunError, match="No space left on device") as caught:

@@ -40,6 +40,7 @@ def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str,
         assert apart.argmin() / 30.0 == pytest.approx(at_s, abs=0.25)
 
 
+@pytest.mark.slow
 def test_oncoming_pedestrians_are_visible_as_they_pass():
     keys = {"axes.distractors.count": 1, "axes.distractors.at_s": 2.0, "distractors.count": 0, "occluders": []}
     small = {"camera.width_px": 160, "camera.height_px": 120}
@@ -87,6 +88,7 @@ def clothes(frame: Frame, name: str) -> np.ndarray:
     return frame.image[rows, round(x + 0.35 * w) : round(x + 0.65 * w)]
 
 
+@pytest.mark.slow
 def test_similarity_of_the_rendered_clothes_grows_with_the_parameter():
     means = []
     for similarity in (0.0, 0.35, 0.7, 1.0):

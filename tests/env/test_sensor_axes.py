@@ -121,6 +121,7 @@ def test_the_command_is_held_while_frames_are_lost():
     assert max(gaps) > 1
 
 
+@pytest.mark.slow
 def test_the_error_grows_as_the_jpeg_quality_falls(base: list[Frame]):
     errors = []
     for quality in (95, 60, 20, 5):

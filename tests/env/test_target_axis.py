@@ -90,6 +90,7 @@ def test_the_target_leaves_the_view_for_the_requested_time(name: str):
     assert observed[-1].state != "out_of_view"
 
 
+@pytest.mark.slow
 def test_the_distance_to_the_target_varies_by_the_requested_range():
     def spread(range_m: float) -> float:
         requested = {"per_minute": 0.0, "leave_s": 0.0, "faster_m_s": 0.0, "range_m": range_m, "period_s": 10.0}

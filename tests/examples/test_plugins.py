@@ -16,6 +16,7 @@ SHORT = [f"{key}={value}" for key, value in {
 }.items()]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", ["my_tracker", "my_controller"])
 def test_a_plug_in_runs_by_the_command_it_shows(example: str, tmp_path: Path):
     told = ast.get_docstring(ast.parse((ROOT / "examples" / f"{example}.py").read_text()))

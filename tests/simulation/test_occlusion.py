@@ -145,6 +145,7 @@ def test_an_error_for_an_occupied_place_suggests_a_possible_time() -> None:
     plan_static(request.model_copy(update={"at_s": float(suggestion[1])}), run, taken)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["still", "beside", "trail"])
 def test_walkers_cover_at_the_requested_time_and_move_like_people(kind: str) -> None:
     fastest, hardest = [], []

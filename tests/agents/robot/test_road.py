@@ -73,6 +73,7 @@ def test_each_class_doubles_the_acceleration(lab: Callable[..., Any]):
     assert abs(np.array(rms[1:]) / rms[:-1] / 2.0 - 1.0).max() < 0.25
 
 
+@pytest.mark.slow
 def test_acceleration_grows_with_speed_as_linear_theory_predicts(lab: Callable[..., Any]):
     sprung_kg = body.BASE_KG + body.FOOT_KG + body.PAN_KG + body.HEAD_KG + body.MAST_KG_M
     speeds = (0.4, 0.8, 1.6)
