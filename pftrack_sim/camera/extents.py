@@ -142,7 +142,8 @@ class Bodies:
             farthest = points[np.arange(len(parts))[:, None], reach.argmax(axis=1)]
             steps = np.roll(farthest, -1, axis=1) - farthest
             chords = farthest[:, :, None] + _CHORD[:, None] * steps[:, :, None]
-            outlines[parts] = chords.reshape(len(parts), -1, 3)
+            # Sizes are named, since a stack may have no wanted part.
+            outlines[parts] = chords.reshape(len(parts), outlines.shape[1], 3)
         return outlines[wanted]
 
 
