@@ -77,7 +77,7 @@ class Condition(Section):
     Attributes:
         levels: Pairs of an axis and its severity, of `axis.parameter` and its value at severity 1, or of `latency` and
             milliseconds.
-        variant: Name of what else is changed, where the levels alone do not tell: `"stranger"`.
+        variant: Name of the other changes of a condition, where its levels do not identify it: `"stranger"`.
     """
 
     levels: tuple[tuple[str, float], ...] = ()
