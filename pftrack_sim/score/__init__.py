@@ -2,9 +2,11 @@
 
 `frames`: overlap and errors of single frames. `curves`: success and precision of OTB, TrackingNet and GOT-10k.
 `events`: failures, recoveries, drift over time. `episode`: all measures of an episode in one row. `following`: measures
-of a driven robot. `statistics`: intervals, paired comparisons, rank correlation.
+of a driven robot. `ceilings`: best possible scores of a box of fixed shape. `statistics`: intervals, paired
+comparisons, rank correlation.
 """
 
+from pftrack_sim.score.ceilings import Ceiling, fixed_shape_ceiling
 from pftrack_sim.score.curves import (
     NORMALISED_PRECISION_THRESHOLDS,
     PRECISION_PX,
@@ -49,6 +51,7 @@ __all__ = [
     "PRECISION_THRESHOLDS_PX",
     "SUCCESS_OVERLAP",
     "SUCCESS_THRESHOLDS",
+    "Ceiling",
     "Comparison",
     "FrameScores",
     "Measures",
@@ -62,6 +65,7 @@ __all__ = [
     "compare",
     "drift_per_second",
     "failures",
+    "fixed_shape_ceiling",
     "frame_scores",
     "holm",
     "measure",
