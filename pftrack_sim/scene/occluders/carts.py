@@ -12,7 +12,7 @@ import numpy as np
 
 from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scenario.model import Occluder
-from pftrack_sim.scene.layout import SCENERY_GROUP
+from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
 
 HALF_THICKNESS_M = 0.24
 _CHASSIS_M = 0.20
@@ -55,14 +55,15 @@ def add_carts(spec: mujoco.MjSpec, sizes: Mapping[str, CartSize]) -> None:
     for name, size in sizes.items():
         body = spec.worldbody.add_body(name=name, mocap=True, pos=[0.0, 0.0, _HIDDEN_Z_M])
         for part, (rgba, low, high) in _boxes(size).items():
-            collides = int(part == "body")
+            # Hidden as all colliders: the range finder measures those, not what is drawn.
+            collides = int(part == "solid")
             body.add_geom(
                 name=f"{name}/{part}",
                 type=mujoco.mjtGeom.mjGEOM_BOX,
                 size=0.5 * (np.array(high) - np.array(low)),
                 pos=0.5 * (np.array(high) + np.array(low)),
                 rgba=list(rgba),
-                group=SCENERY_GROUP,
+                group=HIDDEN_GROUP if collides else SCENERY_GROUP,
                 density=0.0,
                 contype=collides,
                 conaffinity=2 * collides,
@@ -70,9 +71,10 @@ def add_carts(spec: mujoco.MjSpec, sizes: Mapping[str, CartSize]) -> None:
 
 
 def _boxes(size: CartSize) -> dict[str, tuple[Colour, Corner, Corner]]:
-    """Colour, lowest and highest corner of each part."""
+    """Colour, lowest and highest corner of each part; `solid` collides, the others are drawn."""
     thick, wide, base, height = HALF_THICKNESS_M, size.half_width_m, _CHASSIS_M, size.height_m
     boxes: dict[str, tuple[Colour, Corner, Corner]] = {
+        "solid": (_STEEL, (-thick, -wide, 0.07), (thick, wide, height)),
         "body": (_STEEL, (-thick + 0.004, -wide, base), (thick - 0.004, wide, height - 0.03)),
         "chassis": (_DARK, (-thick, -wide, 0.07), (thick, wide, base)),
         "bumper": (_YELLOW, (-thick - 0.01, -wide, 0.11), (thick + 0.01, wide, 0.14)),

@@ -78,14 +78,15 @@ def add_static_occluders(spec: mujoco.MjSpec, placements: Mapping[str, Placement
             quat=[np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)],
         )
         for order, (part, (centre, half)) in enumerate(_boxes(placement).items()):
-            collides = int(order == 0)
+            # Hidden as all colliders: the range finder measures those, not what is drawn.
+            collides = int(part == "solid")
             geom = body.add_geom(
                 name=f"{name}/{part}",
                 type=mujoco.mjtGeom.mjGEOM_BOX,
                 size=half[_BOX_SIZE_ORDER.get(part, [0, 1, 2])],
                 pos=centre,
                 quat=_BOX_QUAT.get(part, (1.0, 0.0, 0.0, 0.0)),
-                group=HIDDEN_GROUP if part == "stack" else SCENERY_GROUP,
+                group=HIDDEN_GROUP if collides else SCENERY_GROUP,
                 density=0.0,
                 contype=collides,
                 conaffinity=2 * collides,
@@ -99,12 +100,13 @@ def add_static_occluders(spec: mujoco.MjSpec, placements: Mapping[str, Placement
 
 
 def _boxes(placement: Placement) -> Boxes:
-    """The boxes of an occluder; the first one collides."""
+    """The boxes of an occluder; the first one, `solid`, collides, the others are drawn."""
     (width, thickness), height = placement.half_m, placement.height_m
     whole = (np.array([0.0, 0.0, 0.5 * height]), np.array([width, thickness, 0.5 * height]))
     if placement.kind == "pillar":
         brim = np.array([width + 0.02, thickness + 0.02])
         return {
+            "solid": whole,
             "shaft": whole,
             # Each face is drawn by the one of two boxes whose texture lies flat on it.
             "shaft-sides": (whole[0], whole[1] + np.array([_SKIN_M, -_SKIN_M, 0.0])),
@@ -116,10 +118,11 @@ def _boxes(placement: Placement) -> Boxes:
         cap = min(0.05, 0.25 * height)
         half_z = (height - cap) / 2
         return {
+            "solid": whole,
             "slab": (np.array([0.0, 0.0, 0.5 * (height - cap)]), np.array([width, thickness, half_z])),
             "coping": (np.array([0.0, 0.0, height - 0.5 * cap]), np.array([width, thickness + 0.03, 0.5 * cap])),
         }
-    return {"stack": whole, **_crates(width, thickness, height)}
+    return {"solid": whole, **_crates(width, thickness, height)}
 
 
 def _crates(width: float, thickness: float, height: float) -> Boxes:

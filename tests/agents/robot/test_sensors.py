@@ -10,6 +10,8 @@ from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.model import Robot, StillRoute
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
+from pftrack_sim.scene.occluders.carts import CartSize, CartWriter, add_carts
+from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.robot import TRACK_M, WHEEL_RADIUS_M
 
 
@@ -88,3 +90,19 @@ def test_beams_are_ordered_from_right_to_left_and_limited_in_range(lab: Callable
 
 def test_beams_pass_through_visual_geoms(lab: Callable):
     assert (ranges(lab(furnish=box(2.0, 0.0, (0.3, 0.3), SCENERY_GROUP))) == RANGE_M).all()
+
+
+@pytest.mark.parametrize("kind", ["pillar", "wall", "boxes"])
+def test_static_occluders_are_measured(lab: Callable, kind):
+    placement = Placement(kind, (2.5, 0.0), (0.6, 0.2), math.pi / 2, 0.9, 0.5, ())
+    measured = ranges(lab(furnish=lambda spec: add_static_occluders(spec, {"occluder-1": placement})))
+    assert abs(measured[18] - 2.3) < 0.01
+    assert measured[18 - 4] == RANGE_M
+
+
+@pytest.mark.parametrize("height_m", [0.5, 1.9])
+def test_carts_are_measured(lab: Callable, height_m: float):
+    world = lab(furnish=lambda spec: add_carts(spec, {"cart-1": CartSize(0.5, height_m)}))
+    CartWriter(world.model, ["cart-1"]).write(world.data, [((2.5, 0.0), 0.0)])
+    mujoco.mj_kinematics(world.model, world.data)
+    assert abs(ranges(world)[18] - 2.26) < 0.01
