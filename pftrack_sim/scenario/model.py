@@ -173,6 +173,11 @@ class Target(Section):
     )
     speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=1.25, description="Walking speed.")
     height_m: Annotated[float, Field(ge=1.4, le=2.1)] = Field(default=1.74, description="Body height.")
+    wardrobe: Annotated[int, Field(ge=0)] = Field(
+        default=0,
+        description="Number of the set of random clothes and builds: scenarios with different numbers show different "
+        "people at the same seed.",
+    )
 
 
 class Distractors(Section):

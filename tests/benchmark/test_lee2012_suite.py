@@ -45,6 +45,13 @@ def test_the_light_changes_suddenly_more_than_once(name: str):
     assert abs(light.physical) >= 0.9
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_no_two_are_the_same_recording(seed: int):
+    targets = [scenario.load(name).resolve(seed).target for name in TABLES]
+    assert len({(target.path_m, round(target.speed_m_s, 6)) for target in targets}) == len(TABLES)
+    assert len({target.wardrobe for target in targets}) == len(TABLES)
+
+
 def test_the_suite_runs_each_of_them():
     suite = load_suite("lee2012")
     assert suite.scenarios == tuple(TABLES)

@@ -6,9 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from pftrack_sim import scenario
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.gait.mocap_writer import MocapWriter
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.scene.build import add_agents
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people.anatomy import sample_anatomy
 from pftrack_sim.scene.people.cloth_texture import GarmentName, cloth_texture
@@ -185,3 +187,14 @@ def test_similarity_applies_to_height_and_clothes():
     for other in same[1:]:
         assert abs(other.anatomy.height_m - 1.9) < 1e-9
         assert other.outfit == same[0].outfit
+
+
+def test_a_wardrobe_is_an_independent_set_of_people() -> None:
+    def cast(wardrobe: int) -> tuple[Person, ...]:
+        settings = scenario.load("plaza-walk", {"target.wardrobe": wardrobe, "distractors.count": 1}).resolve(3)
+        return add_agents(mujoco.MjSpec(), settings, 3, {}, {})[:2]
+
+    target = cast(0)[0]
+    assert target == sample_people(3, target.anatomy.height_m, 0, 0.0, ())[0]
+    assert cast(2) == cast(2)
+    assert len({person.outfit.top for wardrobe in range(3) for person in cast(wardrobe)}) == 6
