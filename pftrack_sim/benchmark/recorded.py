@@ -13,10 +13,11 @@ from pftrack_sim import score
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.rollout import Sink, recorded, rollout
 from pftrack_sim.benchmark.sinks import picture, video_writer
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner, make_runners
+from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.score import Summary
+from pftrack_sim.trackers.isolation import Limits
 
 RATE_HZ = 25.0
 """Frames per second of videos: folders of images do not tell how fast they were recorded."""
@@ -39,6 +40,8 @@ def evaluate(
     seeds: Sequence[int],
     *,
     video: Path | None = None,
+    isolation: Isolation = "never",
+    limits: Limits | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[RecordedResult]:
     """Run every tracker on every sequence with every seed.
@@ -50,6 +53,8 @@ def evaluate(
         trackers: Trackers; a name alone has no preset and parameters.
         seeds: Seeds of the trackers.
         video: Where to write the annotated and estimated boxes and particles at the first seed; see `video_paths`.
+        isolation: Which trackers run in a process of their own.
+        limits: Limits of those.
         on_frame: Called after every frame of a sequence.
 
     Raises:
@@ -60,11 +65,13 @@ def evaluate(
         RunError: A video cannot be written.
     """
     # Wrong names and presets are reported before anything is written.
-    make_runners(trackers, seed=0)
+    limits = limits or Limits()
+    specs = [one if isinstance(one, TrackerSpec) else TrackerSpec(name=one) for one in trackers]
+    check_trackers(specs, isolation, limits)
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
     results: list[RecordedResult] = []
     for sequence, path in zip(sequences, videos, strict=True):
-        by_seed = {seed: make_runners(trackers, seed=seed) for seed in seeds}
+        by_seed = {seed: make_runners(specs, seed=seed, isolation=isolation, limits=limits) for seed in seeds}
         _run(sequence, list(by_seed.values()), path, on_frame)
         scored = np.isfinite(sequence.truth[:, 0])
         for seed, runners in by_seed.items():
@@ -84,11 +91,14 @@ def _run(
 ) -> None:
     """Show every frame to every tracker, and film those of the first seed."""
     sinks: list[Sink] = [lambda step: on_frame()]
-    with ExitStack() as open_video:
+    runners = [one for runners in by_seed for one in runners]
+    with ExitStack() as opened:
+        for runner in runners:
+            opened.callback(runner.close)
         if video is not None:
-            add = open_video.enter_context(video_writer(video, RATE_HZ))
+            add = opened.enter_context(video_writer(video, RATE_HZ))
             sinks.append(lambda step: add(picture(step.sample, by_seed[0]), step.sample.time_s))
-        rollout(recorded(sequence, RATE_HZ), [one for runners in by_seed for one in runners], sinks)
+        rollout(recorded(sequence, RATE_HZ), runners, sinks)
 
 
 def video_paths(sequences: Sequence[RecordedSequence], video: Path) -> list[Path]:

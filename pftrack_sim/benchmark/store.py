@@ -196,14 +196,21 @@ class RunStore:
         return database
 
     def query(self, sql: str) -> QueryResult:
-        """Run SQL over the views `episodes`, `frames` and `summary`.
+        """Run a SELECT over the views `episodes`, `frames` and `summary`; nothing outside the run folder is read.
 
         Raises:
-            RunError: Nothing is there yet, or the SQL is wrong.
+            RunError: Nothing is there yet, or the SQL is wrong or does more than select.
         """
         with self.database() as database:
             try:
-                table = database.execute(sql)
+                statements = database.extract_statements(sql)
+                kinds = [statement.type.name for statement in statements]
+                if kinds not in (["SELECT"], ["EXPLAIN"]):
+                    raise RunError(f"a query is one SELECT statement, got {' and '.join(kinds) or 'none'}")
+                folder = sql_text(self.path.resolve())
+                database.execute(f"SET allowed_directories = [{folder}, {sql_text(self.path)}]")
+                database.execute("SET enable_external_access = false")
+                table = database.execute(statements[0])
                 return QueryResult(tuple(one[0] for one in table.description or ()), table.fetchall())
             except duckdb.Error as error:
                 raise RunError(f"the query failed: {error}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -47,19 +48,35 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="pftrack-sim",
-    help="Tracking people from a moving robot camera, simulated with exact truth.",
-    add_completion=False,
     no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from pftrack_sim import __version__
+
+        typer.echo(f"pftrack-sim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Track people from a moving robot camera, simulated with exact truth."""
 
 
 @app.command("list")
 def list_names(
     what: Annotated[str, typer.Argument(help="scenarios, suites, trackers, controllers or axes.")] = "scenarios",
 ) -> None:
-    """List scenarios, suites, trackers, controllers or stress axes."""
+    """List scenarios, suites, trackers, controllers or axes."""
     tables.print_names(what)
 
 
@@ -90,7 +107,10 @@ def bench(
     memory_limit_mb: MemoryLimit = 4096.0,
     progress: ProgressMode = "",
 ) -> None:
-    """Run trackers on suites or scenarios in open loop: every frame is rendered once for all trackers."""
+    """Run trackers in open loop on suites or scenarios.
+
+    Every frame is rendered once for all trackers.
+    """
     from pftrack_sim.benchmark import parse_seeds, plan_all
     from pftrack_sim.trackers.isolation import Limits
 
@@ -148,7 +168,7 @@ def merge(
     out: Annotated[Path, typer.Argument(help="Run folder to make, or to add to.")],
     folders: Annotated[list[Path], typer.Argument(help="Run folders of the same plan.")],
 ) -> None:
-    """Merge run folders of one plan from several machines (bench --part)."""
+    """Merge run folders of one plan, written with bench --part."""
     from pftrack_sim.benchmark.merge import merge as merge_runs
 
     tables.print_lines(merge_runs(out, folders).lines())
@@ -156,7 +176,7 @@ def merge(
 
 @app.command()
 def check(folder: Annotated[Path, typer.Argument(help="Run folder.")]) -> None:
-    """Verify a run folder: every episode of its plan is present once and undamaged."""
+    """Verify that a run folder is complete and undamaged."""
     from pftrack_sim.benchmark.check import check as check_run
 
     found = check_run(folder)
@@ -217,7 +237,10 @@ def follow(
     memory_limit_mb: MemoryLimit = 4096.0,
     progress: ProgressMode = "",
 ) -> None:
-    """Run trackers in closed loop: a controller drives the robot with their boxes; overlap and following are scored."""
+    """Run trackers in closed loop: their boxes drive the robot.
+
+    A controller turns the boxes into commands; overlap and following are scored.
+    """
     from pftrack_sim import scenario as all_scenarios
     from pftrack_sim.benchmark import parse_seeds, plan_all
     from pftrack_sim.benchmark.latency import resolve_latencies
@@ -264,20 +287,25 @@ def evaluate(
         Path | None,
         typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
     ] = None,
+    isolation: Isolation = "auto",
 ) -> None:
     """Run trackers on recorded sequences with true boxes."""
     from pftrack_sim.benchmark import parse_seeds
     from pftrack_sim.benchmark.recorded import evaluate as evaluate_recorded
+    from pftrack_sim.benchmark.tracker_runner import checked_isolation
     from pftrack_sim.formats import read_sequence
 
     contestants = parse_trackers(tracker, preset, params or [])
     chosen = parse_seeds(seeds)
     read = [read_sequence(path) for path in sequences]
     with progress_bar("tracking", sum(len(sequence) for sequence in read)) as tick:
-        results = evaluate_recorded(read, contestants, chosen, video=video, on_frame=tick)
+        results = evaluate_recorded(
+            read, contestants, chosen, video=video, isolation=checked_isolation(isolation), on_frame=tick
+        )
     tables.print_recorded(results)
     if video is not None:
         tables.print_folder(video)
+    raise typer.Exit(1 if any(one.failure is not None for one in results) else 0)
 
 
 @app.command()
@@ -296,24 +324,34 @@ def render(
     params: Params = None,
     settings: Settings = None,
     backend: Backend = None,
+    isolation: Isolation = "auto",
 ) -> None:
-    """Render an episode as a video, or one of its frames as an image."""
+    """Render an episode as a video, or a frame as an image."""
     from pftrack_sim import scenario as scenarios
     from pftrack_sim.benchmark.rendering import save_image, save_video
-    from pftrack_sim.benchmark.tracker_runner import make_runners
+    from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation, make_runners
+    from pftrack_sim.trackers.isolation import Limits
 
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
     if params and tracker is None:
         raise ParameterError("--param needs --trackers: it is theirs")
-    runners = make_runners(parse_trackers(tracker, preset, params or []) if tracker is not None else [], seed=seed)
-    if video is not None:
-        with progress_bar("drawing", loaded.frame_count(seed)) as tick:
-            save_video(loaded, seed, video, truth=truth, runners=runners, backend=backend, on_frame=tick)
-    if image is not None:
-        save_image(loaded, seed, image, at_s=at_s, truth=truth, runners=runners, backend=backend)
+    specs = parse_trackers(tracker, preset, params or []) if tracker is not None else []
+    check_trackers(specs, checked_isolation(isolation), Limits())
+    runners = make_runners(specs, seed=seed, isolation=checked_isolation(isolation))
+    with ExitStack() as opened:
+        for runner in runners:
+            opened.callback(runner.close)
+        if video is not None:
+            with progress_bar("drawing", loaded.frame_count(seed)) as tick:
+                save_video(loaded, seed, video, truth=truth, runners=runners, backend=backend, on_frame=tick)
+        if image is not None:
+            save_image(loaded, seed, image, at_s=at_s, truth=truth, runners=runners, backend=backend)
     tables.print_folder(video or image)
+    failures = [f"{one.spec.label} failed, {one.failure}" for one in runners if one.failure is not None]
+    tables.print_lines(failures)
+    raise typer.Exit(1 if failures else 0)
 
 
 def _report(run: Path) -> None:
@@ -334,7 +372,7 @@ def report(
         typer.Option(help="Write one figure for a paper instead: success.pdf, precision.pdf or axis.pdf (.svg, .png)."),
     ] = None,
 ) -> None:
-    """Write report.html into a run folder: a self-contained page with all results."""
+    """Write report.html, a page with all results of a run."""
     from pftrack_sim.report import write_figure
 
     if figure is not None:
@@ -348,7 +386,10 @@ def update_tables(
     document: Annotated[Path, typer.Argument(help="Markdown file with blocks of tables.")],
     runs: Annotated[Path, typer.Option(help="Folder that holds the run folders.")] = Path("runs"),
 ) -> None:
-    """Write tables of run folders into a document, between <!-- tables of RUN --> and <!-- end -->."""
+    """Write tables of run folders into a Markdown document.
+
+    They replace what stands between <!-- tables of RUN --> and <!-- end -->.
+    """
     from pftrack_sim.report.markdown import update_document
 
     written, kept = update_document(document, runs)
@@ -359,7 +400,7 @@ def update_tables(
 def schema(
     out: Annotated[Path | None, typer.Argument(help="File to write; default is standard output.")] = None,
 ) -> None:
-    """Write the JSON Schema of scenario files, for completion in editors."""
+    """Write the JSON Schema of scenarios, for editors."""
     from pftrack_sim.scenario import editor_schema
 
     text = json.dumps(editor_schema(), indent=2) + "\n"
@@ -376,7 +417,7 @@ def schema(
 def doctor(
     check: Annotated[bool, typer.Option("--check", help="Print nothing; exit with 1 if no renderer works.")] = False,
 ) -> None:
-    """Report which renderers work on this machine, and what is missing."""
+    """Report which renderers work, and what is missing."""
     from pftrack_sim.cli.doctor import print_doctor
     from pftrack_sim.render.doctor import report
 

@@ -17,17 +17,18 @@ class PftrackError(Exception):
 class UnknownNameError(PftrackError):
     """A name that is not in a registry (scenario, tracker, controller, axis)."""
 
-    def __init__(self, kind: str, given: object, allowed: Iterable[str]) -> None:
+    def __init__(self, kind: str, given: object, allowed: Iterable[str], hint: str = "") -> None:
         names = sorted(allowed)
         listed = ", ".join(names) if names else "none"
-        super().__init__(f"unknown {kind} {given!r}{did_you_mean(str(given), names)} (known: {listed})")
+        super().__init__(f"unknown {kind} {given!r}{did_you_mean(str(given), names)} (known: {listed}{hint})")
         self.kind = kind
         self.given = given
         self.allowed = names
+        self.hint = hint
 
-    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, object, list[str]]]:
+    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, object, list[str], str]]:
         # Errors cross process boundaries in vector environments: rebuild from the constructor's arguments.
-        return (type(self), (self.kind, self.given, self.allowed))
+        return (type(self), (self.kind, self.given, self.allowed, self.hint))
 
 
 class BoxError(PftrackError, ValueError):

@@ -59,7 +59,7 @@ class Registry(Generic[T]):
             return self.builtin[name].description
         installed = self._installed()
         if name not in installed:
-            raise UnknownNameError(self.kind, name, self.names())
+            raise self._unknown(name)
         return f"installed {self.kind} {installed[name].value}"
 
     def make(self, name: str, params: Mapping[str, Any], **always: Any) -> T:
@@ -89,6 +89,9 @@ class Registry(Generic[T]):
             raise self.error_type(f"{self.kind} {name!r}: its factory made a {made} without {methods}")
         return product
 
+    def _unknown(self, name: str) -> UnknownNameError:
+        return UnknownNameError(self.kind, name, self.names(), hint="; one of your own: package.module:factory")
+
     def _installed(self) -> dict[str, EntryPoint]:
         return {point.name: point for point in entry_points(group=self.group) if point.name not in self.builtin}
 
@@ -96,7 +99,7 @@ class Registry(Generic[T]):
         """Import a third-party factory, given its entry-point name or `package.module:factory`."""
         installed = self._installed()
         if name not in installed and ":" not in name:
-            raise UnknownNameError(self.kind, name, self.names())
+            raise self._unknown(name)
         path = installed[name].value if name in installed else name
         failure = f"{self.kind} {name!r} cannot be loaded"
         module_name, _, attribute = path.partition(":")

@@ -51,7 +51,10 @@ class CameraEnv(gym.Env[Observation, Any]):
         backend: str | None = None,
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ParameterError(f"render_mode must be 'rgb_array' or None, got {render_mode!r}")
+            raise ParameterError(
+                f"render_mode must be 'rgb_array' or None, got {render_mode!r} (no window is opened: show what "
+                "render() returns, or write a video with `pftrack-sim render`)"
+            )
         self.render_mode = render_mode
         self.scenario = scenarios.load(scenario, overrides)
         camera = self.scenario.resolve(0).camera
@@ -116,6 +119,10 @@ class CameraEnv(gym.Env[Observation, Any]):
         """Free the graphics context."""
         self.simulation.close()
         self._frame = self._answered = self._shown = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A pickled copy has no episode: it needs `reset`."""
+        return {**self.__dict__, "_frame": None, "_answered": None, "_shown": None}
 
     @property
     def _current(self) -> Frame:

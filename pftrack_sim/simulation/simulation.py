@@ -38,9 +38,11 @@ class Simulation:
     """
 
     def __init__(self, scenario: Scenario, *, backend: str | None = None) -> None:
-        self.scenario = scenario
         check_name(backend)  # A wrong name is an error now, not at the first reset.
-        self._backend = backend
+        self._clear(scenario, backend)
+
+    def _clear(self, scenario: Scenario, backend: str | None) -> None:
+        self.scenario, self._backend = scenario, backend
         self._image_size: tuple[int, int] | None = None
         self._renderer: Renderer | None = None
         self._world: World | None = None
@@ -202,6 +204,13 @@ class Simulation:
             self._renderer.close()
         self._renderer = None
         self._world = self._frame = None
+
+    def __getstate__(self) -> tuple[Scenario, str | None]:
+        """A pickled copy has no episode: models and graphics contexts belong to one process."""
+        return self.scenario, self._backend
+
+    def __setstate__(self, state: tuple[Scenario, str | None]) -> None:
+        self._clear(*state)
 
     def _no_episode(self) -> ScenarioError:
         return ScenarioError(self.scenario.name, ["no episode is running: call reset(seed) first"])

@@ -82,6 +82,8 @@ def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) ->
         ParameterError: An unknown preset or parameter, or a value that is not allowed.
         TrackerError: A third-party factory cannot be loaded, fails, or makes something else.
     """
+    if not isinstance(name, str):  # pyright: ignore[reportUnnecessaryIsInstance] - callers may be untyped
+        raise ParameterError(f"a tracker is given by its name or as 'package.module:factory', got {name!r}")
     try:
         root = operator.index(seed)
     except TypeError:

@@ -192,9 +192,66 @@ def test_lists_schema_and_doctor():
     assert "egl" in doctor.stdout.lower()
 
 
+FAILING = """
+import os
+from pftrack_sim.core.records import Estimate
+class Tracker:
+    def init(self, image, box): self.box, self.frame = box, 0
+    def update(self, image):
+        self.frame += 1
+        if self.frame == 3: FAULT
+        return Estimate(self.box)
+def make(**_): return Tracker()
+"""
+
+
+@pytest.mark.parametrize(("fault", "words"), [("raise ValueError('no')", "ValueError: no"), ("os.abort()", "SIGABRT")])
+def test_a_failing_tracker_is_named_and_the_exit_code_is_1(fault: str, words: str, tmp_path: Path):
+    (tmp_path / "failing_tracker.py").write_text(FAILING.replace("FAULT", fault))
+    done = pftrack_sim(
+        "render", "plaza-walk", "--image", "a.png", "--at-s", "0.4", "--tracker", "failing_tracker:make", *SMALL,
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "failing_tracker:make failed, frame 3" in done.stdout
+    assert words in done.stdout
+    assert (tmp_path / "a.png").is_file()
+    recorded = pftrack_sim(
+        "evaluate", str(sequence(tmp_path / "seq")), "--tracker", "failing_tracker:make,stay", "--seeds", "0",
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert recorded.returncode == 1
+    assert words in recorded.stdout
+    assert "stay" in recorded.stdout
+
+
+def test_queries_only_select(tmp_path: Path):
+    out = tmp_path / "run"
+    pftrack_sim("bench", "plaza-walk", "--trackers", "stay", "--seeds", "0", "--out", str(out), *SMALL)
+    before = sorted(out.rglob("*"))
+    for sql in (f"COPY (SELECT 1) TO '{tmp_path}/x.csv'", "DROP VIEW summary", "SELECT 1; SELECT 2", ""):
+        done = pftrack_sim("query", str(out), sql)
+        assert done.returncode == 2
+        assert "one SELECT statement" in done.stderr
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    outside = pftrack_sim("query", str(out), f"SELECT * FROM read_csv('{tmp_path}/other.csv')")
+    assert outside.returncode == 2
+    assert "other.csv" in outside.stderr
+    assert sorted(out.rglob("*")) == before
+
+
+def test_the_version_help_and_the_module_as_a_command():
+    assert pftrack_sim("--version").stdout.startswith("pftrack-sim 0.")
+    assert pftrack_sim("-h").stdout == pftrack_sim("--help").stdout
+    assert "..." not in pftrack_sim("-h").stdout.partition("Commands:")[2]
+    module = subprocess.run([sys.executable, "-m", "pftrack_sim", "--version"], capture_output=True, text=True)
+    assert module.stdout == pftrack_sim("--version").stdout
+
+
 WRONG = [
     (["bench", "plaza-wlk"], "did you mean 'plaza-walk'"),
     (["bench", "plaza-walk", "--trackers", "ko2021"], "did you mean 'ko2012'"),
+    (["bench", "plaza-walk", "--trackers", "mytrk"], "package.module:factory"),
     (["bench", "plaza-walk", "--trackers", ","], "expected names"),
     (["bench", "plaza-walk", "--preset", "papr"], "did you mean 'paper'"),
     (["bench", "plaza-walk", "--seeds", "x"], "seeds are written"),

@@ -256,6 +256,16 @@ def test_vector_environments(mode: str):
     envs.close()
 
 
+def test_a_pickled_environment_starts_anew_with_the_same_bits():
+    env = make()
+    first = env.reset(seed=3)[0]["image"]
+    copied = pickle.loads(pickle.dumps(env))
+    with pytest.raises(gym.error.ResetNeeded):
+        copied.unwrapped.step([0.0, 0.0, 1.0, 1.0])
+    np.testing.assert_array_equal(copied.reset(seed=3)[0]["image"], first)
+    copied.close()
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="asks glibc and /proc for the memory in use")
 def test_resets_do_not_grow_memory():

@@ -86,6 +86,11 @@ def test_an_unknown_preset_or_parameter_is_refused(name: str):
         trackers.make(name, particle_cont=3)
 
 
+def test_a_factory_itself_is_refused():
+    with pytest.raises(ParameterError, match=r"given by its name or as 'package\.module:factory', got <function"):
+        trackers.make(lambda **_: None)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("seed", [-1, 1.5, "one", None])
 def test_invalid_seeds_are_refused(seed: Any):
     with pytest.raises(ParameterError, match="seed must be a whole number >= 0"):
