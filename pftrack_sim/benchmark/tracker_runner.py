@@ -15,6 +15,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate, Image, Tracker
+from pftrack_sim.core.text import describe_error
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, try_make
@@ -88,7 +89,7 @@ class TrackerRunner:
             raise
         except (Exception, SystemExit) as error:  # a third-party tracker may raise anything
             self.close()
-            raise TrackerFault(f"{type(error).__name__}: {error}") from error
+            raise TrackerFault(describe_error(error)) from error
 
     def _call_isolated(self, tracker: IsolatedTracker, image: Image, true_box: Box, first: bool) -> Estimate:
         if tracker.needs_truth:

@@ -13,6 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
 from pftrack_sim.core.errors import ParameterError, PftrackError, UnknownNameError, did_you_mean
+from pftrack_sim.core.text import describe_error
 
 T = TypeVar("T")
 
@@ -82,8 +83,7 @@ class Registry(Generic[T]):
         except PftrackError:
             raise
         except Exception as error:
-            text = f"{type(error).__name__}: {error}"
-            raise self.error_type(f"{self.kind} {name!r} could not be made: {text}") from error
+            raise self.error_type(f"{self.kind} {name!r} could not be made: {describe_error(error)}") from error
         if not isinstance(product, self.interface):
             methods, made = " and ".join(self.methods), type(product).__name__
             raise self.error_type(f"{self.kind} {name!r}: its factory made a {made} without {methods}")
@@ -109,7 +109,7 @@ class Registry(Generic[T]):
         try:
             target: Any = importlib.import_module(module_name)
         except Exception as error:
-            raise self.error_type(f"{failure}: {type(error).__name__}: {error}") from error
+            raise self.error_type(f"{failure}: {describe_error(error)}") from error
         for part in attribute.split("."):
             if not hasattr(target, part):
                 near = did_you_mean(part, [key for key in dir(target) if not key.startswith("_")])

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import multiprocessing
 import os
 import signal
+import socket
+import sys
 import threading
+import time
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from multiprocessing.shared_memory import SharedMemory
 from typing import Any, cast
 
 import numpy as np
@@ -18,10 +21,14 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import BoxError, ParameterError, RunError, TrackerError
 from pftrack_sim.core.records import Estimate, Image
-from pftrack_sim.trackers.isolation.child import serve
+from pftrack_sim.core.text import one_line, printable
+from pftrack_sim.trackers.isolation.channel import ChannelError, receive, send
+from pftrack_sim.trackers.isolation.supervisor import supervise
 
 _MAX_REPLY_BYTES = 16 * 1024 * 1024
 _MAX_OUTPUT_BYTES = 2000
+_END_S = 5.0
+"""Time in which a supervisor must report how its tracker ended, and end itself."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +39,13 @@ class Limits:
         frame_s: Time for one frame.
         memory_mb: Memory besides Python's own; 0 is no limit. Enforced on Linux only.
         make_s: Time for making the tracker, including imports and model files.
+        namespaces: Whether its processes run in namespaces of their own where the system allows it (Linux).
     """
 
     frame_s: float = 60.0
     memory_mb: float = 4096.0
     make_s: float = 120.0
+    namespaces: bool = True
 
     def __post_init__(self) -> None:
         if not self.frame_s > 0 or not self.memory_mb >= 0:
@@ -70,14 +79,13 @@ class IsolatedTracker:
     def __init__(self, name: str, *, seed: int, preset: str, params: dict[str, Any], limits: Limits) -> None:
         self.took_ms = 0.0
         self._limits = limits
-        self._shared: SharedMemory | None = None
-        self._shape: tuple[int, ...] = ()
         self._truth: list[float] | None = None
         context = _context()
-        self._requests, child_requests = context.Pipe()
+        self._requests, child_requests = socket.socketpair()
+        self._life, child_life = socket.socketpair()
         self._output, child_output = context.Pipe(duplex=False)
-        arguments = (child_requests, child_output, limits.memory_mb)
-        self._process = context.Process(target=serve, args=arguments, daemon=True)
+        arguments = (child_requests, child_life, child_output, limits.memory_mb, limits.namespaces)
+        self._process = context.Process(target=supervise, args=arguments, daemon=True)
         try:
             self._process.start()
         except AssertionError:
@@ -85,8 +93,9 @@ class IsolatedTracker:
                 "a daemon process may not start the process of a tracker: start Dask workers with --no-nanny, "
                 "or with DASK_DISTRIBUTED__WORKER__DAEMON=False"
             ) from None
-        child_requests.close()
-        child_output.close()
+        finally:
+            for opened in (child_requests, child_life, child_output):
+                opened.close()
         self._printed = bytearray()
         self._printed_bytes = 0
         self._reader = threading.Thread(target=self._read_output, args=(self._output,), daemon=True)
@@ -94,7 +103,7 @@ class IsolatedTracker:
         self._needs_truth: bool | None = None
         # Failures here are reported by the first call.
         with contextlib.suppress(OSError):
-            self._send({"name": name, "seed": seed, "preset": preset, "params": params})
+            self._send({"name": name, "seed": seed, "preset": preset, "params": params}, limits.make_s)
 
     @property
     def needs_truth(self) -> bool:
@@ -122,83 +131,90 @@ class IsolatedTracker:
         """As `Tracker.update`; raises TrackerFault."""
         reply = self._call("update", image)
         try:
+            confidence, occluded = reply["confidence"], reply["occluded"]
+            if not isinstance(confidence, (int, float)) or not isinstance(occluded, bool):
+                raise TypeError("confidence must be a number and occluded true or false")
             box = np.array(reply["box"], dtype=np.float64)
-            return Estimate(box, reply["confidence"], reply["occluded"], reply["particles"])
-        except (KeyError, TypeError, ValueError, BoxError) as error:
-            raise TrackerFault(f"its answer cannot be read: {error}") from None
+            return Estimate(box, float(confidence), occluded, reply["particles"])
+        except (KeyError, TypeError, ValueError, OverflowError, BoxError) as error:
+            raise _unreadable(error) from None
 
     @property
     def printed(self) -> str | None:
         """The beginning of the tracker's standard output and error, or None."""
         if not self._printed_bytes:
             return None
-        text = bytes(self._printed).decode(errors="replace").strip()
+        text = printable(bytes(self._printed).decode(errors="replace").strip(), 2 * _MAX_OUTPUT_BYTES)
         more = self._printed_bytes - len(self._printed)
         return f"{text} [and {more} bytes more]" if more else text
 
     def close(self) -> None:
         """End the process and its children. May be called twice."""
+        self._life.close()
+        if sys.platform == "linux":
+            self._process.join(_END_S)  # the supervisor ends all of them
         pid = self._process.pid
-        if pid is not None:
-            # The process leads its own session; the leader may end before its group.
+        if pid is not None and self._process.is_alive():
+            # It leads its own session; the leader may end before its group.
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 if hasattr(os, "killpg") and os.getpgid(pid) == pid:
                     os.killpg(pid, signal.SIGKILL)
-        self._process.kill()
-        self._process.join()
+            self._process.kill()
+        self._process.join(_END_S)
         self._requests.close()
         self._reader.join(1.0)
         if not self._reader.is_alive():
             self._output.close()
-        self._free_image()
-
-    def _free_image(self) -> None:
-        if self._shared is not None:
-            self._shared.close()
-            self._shared.unlink()
-            self._shared = None
 
     def _call(self, command: str, image: Image, **arguments: Any) -> dict[str, Any]:
         """Send an image and a command, and return the reply."""
-        if self._shared is None or self._shape != image.shape:
-            self._free_image()
-            self._shared = SharedMemory(create=True, size=image.nbytes)
-            self._shape = image.shape
-        # One shared memory per tracker: a tracker cannot modify the image of another.
-        np.ndarray(image.shape, dtype=np.uint8, buffer=self._shared.buf)[:] = image
         self.wait_until_made()
-        frame = {"memory": self._shared.name, "shape": self._shape, "truth": self._truth}
+        request = {"command": command, **arguments, "shape": image.shape, "truth": self._truth}
         try:
-            self._send({"command": command, **arguments, **frame})
+            self._send(request, self._limits.frame_s)
+            send(self._requests, np.ascontiguousarray(image).data, limit_s=self._limits.frame_s)
+        except TimeoutError:
+            raise TrackerFault(f"it did not read its image within {self._limits.frame_s:g} s") from None
         except OSError:
             raise TrackerFault(self._exit_reason()) from None
         return self._receive(self._limits.frame_s)
 
-    def _send(self, request: dict[str, Any]) -> None:
-        self._requests.send_bytes(json.dumps(request).encode())
+    def _send(self, request: dict[str, Any], limit_s: float) -> None:
+        send(self._requests, json.dumps(request).encode(), limit_s=limit_s)
 
     def _receive(self, limit_s: float) -> dict[str, Any]:
+        began_s = time.monotonic()
         try:
-            if not self._requests.poll(limit_s):
-                raise TrackerFault(f"no answer within {limit_s:g} s")
-            message: object = json.loads(self._requests.recv_bytes(_MAX_REPLY_BYTES))
+            content = receive(self._requests, limit_bytes=_MAX_REPLY_BYTES, limit_s=limit_s)
+            message: object = json.loads(content)
+        except TimeoutError:
+            raise TrackerFault(f"no answer within {limit_s:g} s") from None
         except (EOFError, OSError):
             raise TrackerFault(self._exit_reason()) from None
-        except ValueError as error:
-            raise TrackerFault(f"its answer cannot be read: {error}") from None
+        except (ChannelError, ValueError, RecursionError) as error:
+            raise _unreadable(error) from None
         if not isinstance(message, dict):
-            raise TrackerFault("its answer cannot be read")
+            raise TrackerFault("its answer cannot be read: it is no table")
         reply = cast("dict[str, Any]", message)
         if "error" in reply:
-            raise TrackerFault(str(reply["error"]))
+            raise TrackerFault(one_line(str(reply["error"])))
         ms = reply.get("ms", 0.0)
-        self.took_ms = float(ms) if isinstance(ms, (int, float)) else 0.0
+        if isinstance(ms, bool) or not isinstance(ms, (int, float)) or not math.isfinite(ms) or ms < 0.0:
+            raise TrackerFault("its answer cannot be read: the time taken is no number of milliseconds")
+        self.took_ms = min(float(ms), (time.monotonic() - began_s) * 1e3)
         return reply
 
     def _exit_reason(self) -> str:
-        self._process.join(5.0)
-        code = self._process.exitcode
-        if code is None:
+        try:
+            how: object = json.loads(receive(self._life, limit_bytes=1000, limit_s=_END_S))
+        except (EOFError, OSError, ChannelError, ValueError):
+            how = None
+        report = cast("dict[str, float]", how) if isinstance(how, dict) else {}
+        if "memory_mb" in report:
+            return f"it and its children used more than the memory limit of {report['memory_mb']:g} MB"
+        self._process.join(_END_S)
+        code = int(report["exit"]) if "exit" in report else self._process.exitcode
+        if code is None or (not code and not report):
             return "it closed its side of the connection"
         if code < 0:
             return f"its process was ended by {signal.Signals(-code).name}"
@@ -234,10 +250,14 @@ def try_make(name: str, *, preset: str, params: dict[str, Any], limits: Limits) 
         tracker.close()
 
 
+def _unreadable(error: Exception) -> TrackerFault:
+    return TrackerFault(f"its answer cannot be read: {one_line(str(error))}")
+
+
 def _context() -> Any:
     """A fork server where available: forks of one clean process cost a hundredth of a new interpreter."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["pftrack_sim.trackers.isolation.child"])
+    context.set_forkserver_preload(["pftrack_sim.trackers.isolation.supervisor"])
     return context
