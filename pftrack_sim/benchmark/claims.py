@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark.suite import Beats, Claim, Harder, Measure, Reaches, Suite
+from pftrack_sim.benchmark.suite import Beats, Claim, Harder, Reaches, Suite
 from pftrack_sim.benchmark.summary import Result
 from pftrack_sim.core import random_streams
 
@@ -22,6 +22,9 @@ Verdict: TypeAlias = Literal["holds", "fails", "undecided"]
 
 Interval: TypeAlias = tuple[float, float, float]
 """Mean, lower and upper end of its 95 % bootstrap interval."""
+
+REFERENCES = ("stay", "ceiling")
+"""Rows below the trackers of a paper's table of overlaps or of frames tracked; see `score.DEFINITIONS`."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ class _SeedMeans:
                 key = (result.tracker.name, result.scenario, result.seed)
                 self._results.setdefault(key, []).append(result)
 
-    def by_seed(self, tracker: str, scenarios: Sequence[str], measure: Measure) -> dict[int, float]:
+    def by_seed(self, tracker: str, scenarios: Sequence[str], measure: str) -> dict[int, float]:
         """A tracker's mean over the scenarios for each seed that has them all."""
         seeds = sorted({seed for name, _, seed in self._results if name == tracker})
         means: dict[int, float] = {}
@@ -111,7 +114,7 @@ class _SeedMeans:
         return means
 
     @staticmethod
-    def _mean(results: Sequence[Result], measure: Measure) -> float:
+    def _mean(results: Sequence[Result], measure: str) -> float:
         return float(np.mean([result.number(measure) for result in results])) if results else math.nan
 
 
@@ -131,22 +134,23 @@ class PaperTableRow:
 
 
 def compare_with_paper(suite: Suite, results: Iterable[Result]) -> list[PaperTableRow]:
-    """The paper's table beside the results, row by row; empty for a suite without a table."""
+    """The paper's table beside the results, row by row, then `REFERENCES`; empty for a suite without a table."""
     if suite.table is None:
         return []
     means, measure, scale = _SeedMeans(results), suite.table.measure, suite.table.scale
-
-    def interval(tracker: str, scenarios: Sequence[str]) -> Interval:
-        values = means.by_seed(tracker, scenarios, measure).values()
-        return _interval(tracker, [scale * value for value in values])
-
     columns = [*((name,) for name in suite.table.columns), suite.table.columns]
-    return [
-        PaperTableRow(
-            tracker, (*printed, sum(printed) / len(printed)), tuple(interval(tracker, names) for names in columns)
-        )
-        for tracker, printed in suite.table.printed.items()
-    ]
+
+    def row(name: str, tracker: str, printed: tuple[float, ...], measure: str) -> PaperTableRow:
+        by_column = [means.by_seed(tracker, names, measure).values() for names in columns]
+        ours = tuple(_interval(name, [scale * value for value in values]) for values in by_column)
+        return PaperTableRow(name, (*printed, sum(printed) / len(printed)), ours)
+
+    rows = [row(tracker, tracker, printed, measure) for tracker, printed in suite.table.printed.items()]
+    if rows and measure in ("mean_overlap", "success"):
+        # They depend on the frames only, which all trackers share in open loop.
+        unknown = (math.nan,) * len(suite.table.columns)
+        rows += [row(name, rows[0].tracker, unknown, name) for name in REFERENCES]
+    return rows
 
 
 def _interval(stream: str, values: Sequence[float]) -> Interval:

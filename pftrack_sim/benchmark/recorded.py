@@ -76,9 +76,8 @@ def evaluate(
         scored = np.isfinite(sequence.truth[:, 0])
         for seed, runners in by_seed.items():
             for runner in runners:
-                overlap = score.overlaps(runner.boxes, sequence.truth)
-                error = score.centre_errors(runner.boxes, sequence.truth)
-                summary = score.summarise(overlap, error, scored, np.array(runner.ms))
+                frames = score.frame_scores(runner.boxes, sequence.truth)
+                summary = score.summarise(frames, scored, np.array(runner.ms))
                 results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.failure))
     return results
 

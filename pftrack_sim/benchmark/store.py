@@ -28,7 +28,7 @@ from pftrack_sim.benchmark.plan import Episode, Plan, differences, read_plan
 from pftrack_sim.benchmark.summary import Result, load_summary, results_of, write_summary
 from pftrack_sim.core.errors import RunError
 
-FORMAT = 3
+FORMAT = 4
 _VERSIONS_OF = ("pftrack-sim", "gymnasium", "mujoco", "numpy", "opencv-python-headless", "numba", "duckdb", "av")
 _LOCK = ".lock"
 

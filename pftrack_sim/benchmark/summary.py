@@ -30,21 +30,25 @@ _CASTS = {
     "level_values": "DOUBLE[]",
 }
 
-_SCORES = """
-    count(*)::INTEGER AS episodes,
-    avg(mean_overlap) FILTER (NOT isnan(mean_overlap)) AS mean_overlap,
-    avg(success) FILTER (NOT isnan(success)) AS success,
-    avg("precision") FILTER (NOT isnan("precision")) AS "precision",
-    count(failure)::INTEGER AS failures
-"""
+_MEAN_OF = ("mean_overlap", "stay", "success", "success_30", "centre_inside", "ceiling", "precision")
+_MEANS = {name: f'avg("{name}") FILTER (NOT isnan("{name}"))' for name in _MEAN_OF}
+# Of the means: the skill of one episode is unbounded where its target hardly moves.
+_MEANS["skill"] = "({mean_overlap} - {stay}) / nullif(1 - {stay}, 0)".format_map(_MEANS)
+_SCORES = ", ".join(
+    [
+        "count(*)::INTEGER AS episodes",
+        *(f'{_MEANS[name]} AS "{name}"' for name in (*_MEAN_OF[:2], "skill", *_MEAN_OF[2:])),
+        "count(failure)::INTEGER AS failures",
+    ]
+)
 
 # No times: the tables are the same in every run of a plan.
 _TABLES: Mapping[str, str] = {
     "trackers": f"SELECT label AS tracker, {_SCORES} FROM summary GROUP BY label ORDER BY min(place)",
     "conditions": f"SELECT scenario, condition, label AS tracker, {_SCORES} FROM summary "
     "GROUP BY scenario, condition, label ORDER BY min(number), min(place)",
-    "episodes": "SELECT scenario, condition, seed, label AS tracker, frames, mean_overlap, success, "
-    '"precision", failure FROM summary ORDER BY number, place',
+    "episodes": "SELECT scenario, condition, seed, label AS tracker, frames, mean_overlap, stay, "
+    'success, success_30, centre_inside, ceiling, "precision", failure FROM summary ORDER BY number, place',
 }
 _LATEX_TABLES = ("trackers", "conditions")
 _LATEX_ESCAPES = {

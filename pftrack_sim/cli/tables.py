@@ -31,6 +31,11 @@ _MOST_EPISODES, _MOST_FAILURES = 40, 20
 _LEAST_NAME = 12
 """Least width of a column of names [characters]."""
 
+_WIDE = 100
+"""Width of the terminal from which tables have more columns [characters]."""
+
+_BESIDE_OVERLAP = ("stay", "skill", "success", "success_30", "centre_inside", "ceiling")
+
 # Files and pipes have no width. No markup: brackets are those of `ko2012[alpha=0.5]`.
 _console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 200)
 
@@ -88,10 +93,10 @@ def _axes() -> Iterable[tuple[str, str]]:
 def print_bench(results: Sequence[Result]) -> None:
     """Print the overlap of each tracker in each episode, and over all seeds."""
     _print_episodes(results)
-    groups: dict[tuple[str, ...], list[Summary]] = {}
+    groups: dict[tuple[str, str], list[Summary]] = {}
     for one in results:
-        groups.setdefault((one.scenario, one.condition.name, one.label), []).append(one.measures)
-    _print_groups("Over all seeds", ("scenario", "condition", "tracker"), groups)
+        groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one.measures)
+    _print_groups("frames in which the target is visible", groups)
     failed = [one for one in results if one.failure]
     for one in failed[:_MOST_FAILURES]:
         where = " ".join([one.scenario, *([one.condition.name] if one.condition.name != "base" else [])])
@@ -104,18 +109,21 @@ def _print_episodes(results: Sequence[Result]) -> None:
     trackers = list(dict.fromkeys(one.label for one in results))
     if len(results) > _MOST_EPISODES * len(trackers):
         return
+    # Each tracker that drives has frames of its own.
+    shared = ("frames", "stay", "ceiling") if results[0].following is None else ()
     by_episode = _table(
         "Mean overlap per episode (frames in which the target is visible)",
         ("scenario", "condition"),
-        ("seed", "frames", *trackers),
+        ("seed", *shared, *trackers),
     )
     episodes: dict[tuple[str, str, int], dict[str, Result]] = {}
     for one in results:
         episodes.setdefault((one.scenario, one.condition.name, one.seed), {})[one.label] = one
     for (scenario, condition, seed), scored in episodes.items():
-        frames = next(iter(scored.values())).measures.frames
-        cells = [_number(scored[tracker].number("mean_overlap")) for tracker in trackers]
-        by_episode.add_row(scenario, condition, str(seed), str(frames), *cells)
+        first = next(iter(scored.values()))
+        cells = [f"{first.number(name):.0f}" if name == "frames" else _number(first.number(name)) for name in shared]
+        cells += [_number(scored[tracker].number("mean_overlap")) for tracker in trackers]
+        by_episode.add_row(scenario, condition, str(seed), *cells)
     _console.print(by_episode)
 
 
@@ -132,7 +140,7 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
             )
             for row in rows:
                 cells = [
-                    f"{printed:.1f} / {ours:.1f}\n{low:.1f}-{high:.1f}"
+                    f"{'-' if math.isnan(printed) else f'{printed:.1f}'} / {ours:.1f}\n{low:.1f}-{high:.1f}"
                     for printed, (ours, low, high) in zip(row.printed, row.ours, strict=True)
                 ]
                 table.add_row(row.tracker, *cells)
@@ -181,33 +189,45 @@ def _ranged(values: Sequence[float], *, share: bool = False) -> str:
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:
     """Print the scores of each tracker on each sequence, over all seeds."""
-    groups: dict[tuple[str, ...], list[Summary]] = {}
+    groups: dict[tuple[str, str], list[Summary]] = {}
     for one in results:
         groups.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
-    _print_groups("Over all seeds (frames with a known box)", ("sequence", "tracker"), groups)
+    _print_groups("frames with a known box", groups)
     for one in results:
         if one.failure:
             _console.print(f"{one.tracker.label} failed on {one.sequence} seed {one.seed}, {one.failure}")
 
 
-def _print_groups(title: str, heads: tuple[str, ...], groups: dict[tuple[str, ...], list[Summary]]) -> None:
-    from pftrack_sim.score import bootstrap_interval
+def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> None:
+    """Print means over seeds by (where, tracker), under a line for each place if there are several."""
+    from pftrack_sim.score import DEFINITIONS, bootstrap_interval, mean_summary
 
-    table = _table(title, heads, ("seeds", "mean\noverlap", "success\n@ 0.5", "precision\n@ 20 px", "ms per\nframe"))
-    several = False
-    for names, summaries in groups.items():
-        cells: list[str] = []
-        for key in ("mean_overlap", "success", "precision"):
-            scores = [float(getattr(one, key)) for one in summaries]
-            # The same random stream for every cell: an interval does not depend on the other rows.
-            low, high = bootstrap_interval(scores, np.random.default_rng(0))
-            several = several or not math.isnan(low)
-            cells.append(_number(_mean(scores)) + ("" if math.isnan(low) else f"\n{low:.3f}-{high:.3f}"))
-        ms = float(np.median([one.ms_median for one in summaries]))
-        table.add_row(*names, str(len(summaries)), *cells, f"{ms:.2f}")
+    places = dict.fromkeys(where for where, _ in groups)
+    seeds = {len(summaries) for summaries in groups.values()}
+    where = f" in {next(iter(places))}" if len(places) == 1 else ""
+    count = f" {min(seeds)}" if len(seeds) == 1 else ""
+    heads = ["mean\noverlap", "stay", "skill", "tracked\n>= 0.5", "\n>= 0.3", "centre\ninside", "ceiling"]
+    heads += ["precision\n@ 20 px"] if _console.width >= _WIDE else []
+    title = f"Over{count or ' all'} seeds{where} ({frames})"
+    table = _table(title, ("tracker",), (*([] if count else ["seeds"]), *heads, "ms"))
+    previous = "" if len(places) > 1 else next(iter(places), "")
+    for (place, label), summaries in groups.items():
+        if place != previous:
+            table.add_row(place)
+            previous = place
+        mean = mean_summary(summaries)
+        # The same random stream for every cell: an interval does not depend on the other rows.
+        low, high = bootstrap_interval([one.mean_overlap for one in summaries], np.random.default_rng(0))
+        cells = [_number(mean.mean_overlap) + ("" if math.isnan(low) else f"\n{low:.2f}-{high:.2f}")]
+        cells += [_number(getattr(mean, name)) for name in _BESIDE_OVERLAP]
+        cells += [_number(mean.precision)] if _console.width >= _WIDE else []
+        ms = f"{float(np.median([one.ms_median for one in summaries])):.2f}"
+        indent = "  " if len(places) > 1 else ""
+        table.add_row(indent + label, *([] if count else [str(len(summaries))]), *cells, ms)
     _console.print(table)
-    if several:
-        _console.print("Below each score: the 95% bootstrap interval of its mean over seeds.", soft_wrap=True)
+    print_lines(f"{name}: {words}" for name, words in DEFINITIONS.items())
+    if max(seeds, default=0) > 1:
+        _console.print("Below each overlap: the 95% bootstrap interval of its mean over seeds.", soft_wrap=True)
 
 
 def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:

@@ -12,6 +12,7 @@ import jinja2
 import plotly.offline  # pyright: ignore[reportMissingTypeStubs]
 from markupsafe import Markup
 
+from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper, evaluate_claims
 from pftrack_sim.benchmark.files import write_bytes
@@ -59,6 +60,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         has_drives=bool(data["drives"]),
         plotly=Markup(plotly.offline.get_plotlyjs()),
         data=Markup(_script_json(data)),
+        definitions=score.DEFINITIONS,
         strips=[asdict(one) for one in strips(store)],
         suites=[_suite(suite, store.results) for suite in store.plan.suites],
         how=_provenance(store),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
-from pftrack_sim.benchmark.claims import Interval, compare_with_paper, evaluate_claims
+from pftrack_sim.benchmark.claims import REFERENCES, Interval, compare_with_paper, evaluate_claims
 from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.core import random_streams
@@ -26,6 +26,15 @@ _FOLLOWING = {
     "RMS of bearing [deg]": "bearing_rms_deg",
 }
 _PROPORTIONS = ("success", "collision")
+
+_BESIDE_OVERLAP = {
+    "stay": "stay",
+    "skill": "skill",
+    "tracked at >= 0.5": "success",
+    ">= 0.3": "success_30",
+    "centre inside": "centre_inside",
+    "ceiling": "ceiling",
+}
 
 
 def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
@@ -68,6 +77,7 @@ def tables(store: RunStore) -> str:
     results, parts = store.results, list[str]()
     if not any(suite.table for suite in store.plan.suites):
         parts.append(_overlaps(results))
+    parts.append(_summary(results))
     if any(result.following for result in results):
         parts.append(_following(results))
     for suite in store.plan.suites:
@@ -107,7 +117,25 @@ def _overlaps(results: Sequence[Result]) -> str:
         overall = _interval("mean_overlap", own)
         rows.append((overall[0], [f"`{label}`", *(number_text(mean, 3) for mean in means), _ranged(overall, 3)]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
+    for name in REFERENCES if results[0].following is None else ():
+        means = [_interval(name, [one for one in results if _column(one) == column])[0] for column in columns]
+        overall = _interval(name, results)[0]
+        rows.append((math.nan, [name, *(number_text(mean, 3) for mean in [*means, overall])]))
     return _table(["Mean overlap", *columns, "mean"], [cells for _, cells in rows])
+
+
+def _summary(results: Sequence[Result]) -> str:
+    """Means over all episodes by tracker: the overlap, and what stands beside it."""
+    rows: list[tuple[float, list[str]]] = []
+    for label in dict.fromkeys(result.label for result in results):
+        own = [result for result in results if result.label == label]
+        mean = score.mean_summary([result.measures for result in own])
+        beside = [number_text(getattr(mean, name), 3) for name in _BESIDE_OVERLAP.values()]
+        rows.append((mean.mean_overlap, [f"`{label}`", _ranged(_interval("mean_overlap", own), 3), *beside]))
+    rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
+    heads = ["All episodes", "mean overlap", *_BESIDE_OVERLAP]
+    words = "; ".join(f"{name}: {meaning}" for name, meaning in score.DEFINITIONS.items())
+    return f"{_table(heads, [cells for _, cells in rows])}\n{words}.\n"
 
 
 def _following(results: Sequence[Result]) -> str:

@@ -1,13 +1,14 @@
 """Scores of trackers and robots, and statistics over seeds.
 
-`frames`: overlap and errors of single frames. `curves`: success and precision of OTB, TrackingNet and GOT-10k.
-`events`: failures, recoveries, drift over time. `episode`: all measures of an episode in one row. `following`: measures
-of a driven robot. `ceilings`: best possible scores of a box of fixed shape. `statistics`: intervals, paired
-comparisons, rank correlation.
+`frames`: overlap and errors of single frames. `reference`: a box that stays. `ceilings`: best possible scores of a
+box of fixed shape. `curves`: success and precision of OTB, TrackingNet and GOT-10k. `events`: failures, recoveries,
+drift over time. `episode`: all measures of an episode in one row. `following`: measures of a driven robot.
+`statistics`: intervals, paired comparisons, rank correlation.
 """
 
 from pftrack_sim.score.ceilings import Ceiling, fixed_shape_ceiling
 from pftrack_sim.score.curves import (
+    LOOSE_OVERLAP,
     NORMALISED_PRECISION_THRESHOLDS,
     PRECISION_PX,
     PRECISION_THRESHOLDS_PX,
@@ -22,16 +23,18 @@ from pftrack_sim.score.curves import (
     success_curve,
     success_rate,
 )
-from pftrack_sim.score.episode import Measures, Summary, measure, summarise
+from pftrack_sim.score.episode import Measures, Summary, mean_summary, measure, summarise
 from pftrack_sim.score.events import (
     Recovery,
     drift_per_second,
     failures,
     occlusions,
+    recovered_within,
     recoveries,
     share_permanently_lost,
 )
 from pftrack_sim.score.frames import FrameScores, centre_errors, frame_scores, normalised_centre_errors, overlaps
+from pftrack_sim.score.reference import DEFINITIONS, counted_frames, skill, stay_overlaps
 from pftrack_sim.score.statistics import (
     Comparison,
     RankAgreement,
@@ -46,6 +49,8 @@ from pftrack_sim.score.statistics import (
 )
 
 __all__ = [
+    "DEFINITIONS",
+    "LOOSE_OVERLAP",
     "NORMALISED_PRECISION_THRESHOLDS",
     "PRECISION_PX",
     "PRECISION_THRESHOLDS_PX",
@@ -63,11 +68,13 @@ __all__ = [
     "bootstrap_interval",
     "centre_errors",
     "compare",
+    "counted_frames",
     "drift_per_second",
     "failures",
     "fixed_shape_ceiling",
     "frame_scores",
     "holm",
+    "mean_summary",
     "measure",
     "normalised_centre_errors",
     "normalised_precision",
@@ -79,8 +86,11 @@ __all__ = [
     "proportion_interval",
     "rank_agreement",
     "rank_correlation",
+    "recovered_within",
     "recoveries",
     "share_permanently_lost",
+    "skill",
+    "stay_overlaps",
     "strict_success_rate",
     "success_curve",
     "success_rate",

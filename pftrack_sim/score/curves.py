@@ -23,6 +23,9 @@ def _frozen(values: FloatArray) -> FloatArray:
 SUCCESS_OVERLAP = 0.5
 """Overlap from which a frame counts as tracked."""
 
+LOOSE_OVERLAP = 0.3
+"""A looser overlap from which a frame counts as tracked, printed beside `SUCCESS_OVERLAP`."""
+
 PRECISION_PX = 20.0
 """Centre error up to which a frame counts as precise."""
 

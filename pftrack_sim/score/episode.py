@@ -7,15 +7,21 @@ box was given to the tracker.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.score import curves, events
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.score import curves, events, reference
+from pftrack_sim.score.ceilings import fixed_shape_ceiling
 from pftrack_sim.score.frames import FrameScores
+
+RECOVERY_S = 2.0
+"""Time within which a tracker is to have recovered."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,11 @@ class Summary:
     Attributes:
         frames: Number of scored frames.
         mean_overlap: Mean overlap (Ko et al. 2012, table 2).
+        stay: Mean overlap of the first box kept for ever, on the same frames.
         success: Share of frames with an overlap of at least `SUCCESS_OVERLAP`.
+        success_30: The same with `LOOSE_OVERLAP`.
+        centre_inside: Share of frames in which the centre of the estimate lies inside the true box.
+        ceiling: Highest `success` of a box with the shape of the first one; see `fixed_shape_ceiling`.
         precision: Share of frames with a centre error of at most `PRECISION_PX`.
         centre_error_median_px: Median centre error; infinite when the tracker missed most frames.
         ms_median: Median time per frame, without the frame of the initialisation.
@@ -33,12 +43,21 @@ class Summary:
 
     frames: int
     mean_overlap: float
+    stay: float
     success: float
+    success_30: float
+    centre_inside: float
+    ceiling: float
     precision: float
     centre_error_median_px: float
     ms_median: float
 
-    def as_dict(self) -> dict[str, float]:
+    @property
+    def skill(self) -> float:
+        """`mean_overlap` relative to `stay`."""
+        return reference.skill(self.mean_overlap, self.stay)
+
+    def as_dict(self) -> dict[str, Any]:
         """Fields by name."""
         return asdict(self)
 
@@ -55,7 +74,9 @@ class Measures(Summary):
         failures: Number of times the overlap falls to 0.
         occlusions: Number of occlusions that end within the episode.
         recovered: Share of these after which the target is tracked again before the next one or the end.
-        recovery_s: Mean time of these recoveries.
+        recovered_2s: Share of the occlusions after which it is tracked again within 2 s; those followed by another one
+            or the end before that are left out, unless it is tracked by then.
+        recovery_s: Mean time of all recoveries.
         drift_per_s: Slope of the normalised centre error until the first failure [box sizes/s].
         lost_for_good: Share of the scored frames after the last tracked one.
         ms_p95: 95th percentile of the time per frame.
@@ -68,40 +89,58 @@ class Measures(Summary):
     failures: int
     occlusions: int
     recovered: float
+    recovered_2s: float
     recovery_s: float
     drift_per_s: float
     lost_for_good: float
     ms_p95: float
 
 
-def summarise(overlap: ArrayLike, centre_error: ArrayLike, scored: ArrayLike, ms: ArrayLike) -> Summary:
+def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
     """Summary of one sequence.
 
     Args:
-        overlap: `(N,)` overlaps.
-        centre_error: `(N,)` centre errors [px].
+        frames: From `frame_scores`.
         scored: `(N,)` true where the target can be seen; the first of these frames is not scored.
         ms: `(N,)` time the tracker took for each frame.
 
     Raises:
         ParameterError: The lengths differ.
     """
-    columns = [np.asarray(column, dtype=np.float64) for column in (overlap, centre_error, ms)]
-    counted = np.array(scored, dtype=np.bool_)
-    if any(column.shape != counted.shape or column.ndim != 1 for column in columns):
-        shapes = ", ".join(str(column.shape) for column in (*columns[:2], counted, columns[2]))
-        raise ParameterError(f"overlap, centre_error, scored and ms must have one number per frame, got {shapes}")
-    first = _first_visible(counted)
-    counted[: first + 1] = False
-    scored_overlap, scored_error, took = columns[0][counted], columns[1][counted], columns[2][first + 1 :]
+    took = np.asarray(ms, dtype=np.float64)
+    if took.shape != frames.overlap.shape or np.shape(scored) != took.shape:
+        raise ParameterError(
+            f"scored and ms must have one number for each of {frames.overlap.size} frames, got {np.shape(scored)} "
+            f"and {took.shape}"
+        )
+    counted = reference.counted_frames(scored)
+    overlap, error = frames.overlap[counted], frames.centre_error_px[counted]
     return Summary(
         frames=int(counted.sum()),
-        mean_overlap=curves.average_overlap(scored_overlap),
-        success=curves.success_rate(scored_overlap),
-        precision=curves.precision(scored_error),
-        centre_error_median_px=_median(scored_error),
-        ms_median=_median(took),
+        mean_overlap=curves.average_overlap(overlap),
+        stay=curves.average_overlap(reference.stay_overlaps(frames.truth, scored)[counted]),
+        success=curves.success_rate(overlap),
+        success_30=curves.success_rate(overlap, curves.LOOSE_OVERLAP),
+        centre_inside=curves.average_overlap(frames.centre_inside[counted]),
+        ceiling=fixed_shape_ceiling(frames.truth, scored).success,
+        precision=curves.precision(error),
+        centre_error_median_px=_median(error),
+        ms_median=_median(took[reference.first_scored(scored) + 1 :]),
     )
+
+
+def mean_summary(summaries: Sequence[Summary]) -> Summary:
+    """Means over episodes, without NaN, of which `skill` is then the skill of the means; the sum of the frames.
+
+    Args:
+        summaries: At least one.
+    """
+    means = {
+        one.name: _mean([float(getattr(summary, one.name)) for summary in summaries])
+        for one in fields(Summary)
+        if one.name != "frames"
+    }
+    return Summary(frames=sum(summary.frames for summary in summaries), **means)
 
 
 def measure(
@@ -122,22 +161,15 @@ def measure(
     times = np.asarray(time_s, dtype=np.float64)
     if times.shape != frames.overlap.shape or (np.diff(times) <= 0.0).any():
         raise ParameterError(f"time_s must be {frames.overlap.size} rising numbers, got shape {times.shape}")
-    summary = summarise(frames.overlap, frames.centre_error_px, scored, ms)
-    counted = np.array(scored, dtype=np.bool_)
-    first = _first_visible(counted)
-    counted[: first + 1] = False
+    summary = summarise(frames, scored, ms)
+    first, counted = reference.first_scored(scored), reference.counted_frames(scored)
     overlap, took = frames.overlap[counted], np.asarray(ms, dtype=np.float64)[first + 1 :]
     # Before the initialisation there is no occlusion to recover from.
     visible = np.asarray(visible_fraction, dtype=np.float64)[first:]
     recoveries = events.recoveries(frames.overlap[first:], visible, times[first:])
     recovered_s = [recovery.after_s for recovery in recoveries if math.isfinite(recovery.after_s)]
     return Measures(
-        frames=summary.frames,
-        mean_overlap=summary.mean_overlap,
-        success=summary.success,
-        precision=summary.precision,
-        centre_error_median_px=summary.centre_error_median_px,
-        ms_median=summary.ms_median,
+        **summary.as_dict(),
         auc=curves.area_under_success(overlap),
         sr_50=curves.strict_success_rate(overlap, 0.5),
         sr_75=curves.strict_success_rate(overlap, 0.75),
@@ -145,6 +177,7 @@ def measure(
         failures=events.failures(frames.overlap, counted),
         occlusions=len(recoveries),
         recovered=len(recovered_s) / len(recoveries) if recoveries else math.nan,
+        recovered_2s=events.recovered_within(recoveries, RECOVERY_S),
         recovery_s=float(np.mean(recovered_s)) if recovered_s else math.nan,
         drift_per_s=events.drift_per_second(frames.normalised_error, frames.overlap, counted, times),
         lost_for_good=events.share_permanently_lost(frames.overlap, counted),
@@ -152,9 +185,9 @@ def measure(
     )
 
 
-def _first_visible(scored: BoolArray) -> int:
-    visible = np.flatnonzero(scored)
-    return int(visible[0]) if visible.size else scored.size
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if not math.isnan(value)]
+    return sum(known) / len(known) if known else math.nan
 
 
 def _median(values: FloatArray) -> float:

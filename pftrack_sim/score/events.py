@@ -6,7 +6,7 @@ A tracker is not reinitialised after a failure. Times are the frames' own: under
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,6 +111,16 @@ def recoveries(
         after = float(times[uncovered + tracked[0]] - times[uncovered]) if tracked.size else math.inf
         found.append(Recovery(first, last, after, float(ends[end] - times[uncovered])))
     return found
+
+
+def recovered_within(found: Sequence[Recovery], limit_s: float) -> float:
+    """Share of recoveries within a time; those censored before it are left out, NaN where none remains.
+
+    >>> recovered_within([Recovery(0, 1, 0.5, 9.0), Recovery(5, 6, math.inf, 9.0), Recovery(8, 9, math.inf, 0.2)], 2.0)
+    0.5
+    """
+    known = [one.after_s <= limit_s for one in found if one.after_s <= limit_s or one.observed_s >= limit_s]
+    return sum(known) / len(known) if known else math.nan
 
 
 def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: ArrayLike, time_s: ArrayLike) -> float:

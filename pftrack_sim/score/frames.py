@@ -21,11 +21,15 @@ class FrameScores:
         overlap: `(N,)` intersection over union; 0 for a miss and where there is no truth.
         centre_error_px: `(N,)` infinite for a miss, NaN where there is no truth.
         normalised_error: `(N,)` centre error in sizes of the true box; infinite and NaN as above.
+        centre_inside: `(N,)` whether the centre of the estimate lies inside the true box.
+        truth: `(N, 4)` the true boxes [px].
     """
 
     overlap: FloatArray
     centre_error_px: FloatArray
     normalised_error: FloatArray
+    centre_inside: BoolArray
+    truth: FloatArray
 
 
 def frame_scores(estimates: ArrayLike, truth: ArrayLike) -> FrameScores:
@@ -38,8 +42,15 @@ def frame_scores(estimates: ArrayLike, truth: ArrayLike) -> FrameScores:
     Raises:
         ParameterError: The shapes differ or are not `(N, 4)`.
     """
+    estimated, true = _paired(estimates, truth)
+    shift = np.abs(estimated[:, :2] + 0.5 * estimated[:, 2:] - (true[:, :2] + 0.5 * true[:, 2:]))
     return FrameScores(
-        overlaps(estimates, truth), centre_errors(estimates, truth), normalised_centre_errors(estimates, truth)
+        overlaps(estimated, true),
+        centre_errors(estimated, true),
+        normalised_centre_errors(estimated, true),
+        # NaN compares as false: a miss is not inside, nor is anything inside an unknown box.
+        np.asarray((shift <= 0.5 * true[:, 2:]).all(axis=1) & (true[:, 2:] > 0.0).all(axis=1)),
+        true,
     )
 
 

@@ -58,6 +58,8 @@ def results(**identity: Any) -> list[Result]:
             {
                 "mean_overlap": level[tracker] - 0.2 * (name == "hard") + 0.02 * draws.normal(),
                 "success": math.nan,
+                "stay": 0.2,
+                "ceiling": 0.8,
                 "follow_success": 1.0,
             },
         )
@@ -133,10 +135,13 @@ def test_a_claim_without_results_is_undecided():
 
 
 def test_results_are_in_the_unit_of_the_papers_table():
-    (row,) = compare_with_paper(make_suite("t", tree()), results())
+    row, stay, ceiling = compare_with_paper(make_suite("t", tree()), results())
     assert row.printed == (90.0, 70.0, 80.0)
     assert np.abs(np.array(row.ours)[:, 0] - row.printed).max() < 2.0
     assert all(low < ours < high for ours, low, high in row.ours)
+    assert [one[0] for one in stay.ours] == pytest.approx([20.0, 20.0, 20.0])
+    assert [one[0] for one in ceiling.ours] == pytest.approx([80.0, 80.0, 80.0])
+    assert all(math.isnan(value) for value in (*stay.printed, *ceiling.printed))
 
 
 @pytest.mark.parametrize(

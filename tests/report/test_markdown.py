@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore, plan_all, run
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.markdown import tables, update_document
@@ -35,6 +36,20 @@ def test_overlaps_are_those_of_the_summary(finished: Path):
     assert lines[2].startswith("| `oracle` | 1.000 |")
     stay = [one.number("mean_overlap") for one in RunStore(finished).results if one.label == "stay"]
     assert f"| {np.mean(stay):.3f} (" in lines[3]
+    assert lines[4].startswith("| stay |")
+    assert lines[4].endswith(f"| {np.mean(stay):.3f} |")
+    assert lines[5].startswith("| ceiling |")
+
+
+def test_stay_skill_and_ceiling_stand_beside_the_mean_overlap(finished: Path):
+    text = tables(RunStore(finished))
+    heads = "| All episodes | mean overlap | stay | skill | tracked at >= 0.5 | >= 0.3 | centre inside | ceiling |"
+    rows = text[text.index(heads) :].splitlines()[2:4]
+    cells = {row.split("|")[1].strip(): [cell.strip() for cell in row.split("|")[3:-1]] for row in rows}
+    assert cells["`oracle`"][1:5] == ["1.000"] * 4
+    assert cells["`stay`"][1] == "0.000"
+    assert cells["`oracle`"][0] == cells["`stay`"][0]
+    assert f"skill: {score.DEFINITIONS['skill']}" in text
 
 
 def test_blocks_with_a_run_folder_are_replaced_and_others_kept(finished: Path, tmp_path: Path):
@@ -48,7 +63,12 @@ def test_blocks_with_a_run_folder_are_replaced_and_others_kept(finished: Path, t
     text = document.read_text()
     assert "old" not in text
     assert "| `oracle` | 1.000 |" in text
-    assert [line for line in text.splitlines() if line[:1].isalpha()] == ["Before.", "Between.", "kept", "After."]
+    assert [line for line in text.splitlines() if line[:1].isalpha() and ";" not in line] == [
+        "Before.",
+        "Between.",
+        "kept",
+        "After.",
+    ]
     update_document(document, tmp_path / "runs")
     assert document.read_text() == text
 

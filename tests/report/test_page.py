@@ -38,6 +38,9 @@ def test_it_opens_from_disk_and_ranks(opened: Any):
     assert list(board(opened)) == ["oracle", "stay"]
     assert board(opened)["oracle"][1].startswith("1.000")
     assert opened.locator("#board tbody th").first.bounding_box()["width"] > 150, "a name is read across, not down"
+    heads = opened.locator("#board thead th").all_inner_texts()
+    assert heads[2:6] == ["mean overlap", "stay", "skill", "tracked at 0.5"]
+    assert [board(opened)[name][3] for name in ("oracle", "stay")] == ["1.000", "0.000"]
     assert opened.locator("#success .legendtext").count() == 2
     assert opened.locator("#axes .plot").count() == 1
     assert opened.locator(".strip img").count() >= 5

@@ -31,29 +31,51 @@ def test_centre_errors_by_hand():
 
 
 def test_summary_by_hand():
-    overlap, error = score.overlaps(SAID, TRUTH), score.centre_errors(SAID, TRUTH)
-    summary = score.summarise(overlap, error, SCORED, MS)
+    summary = score.summarise(score.frame_scores(SAID, TRUTH), SCORED, MS)
     assert summary.frames == 4
     assert summary.mean_overlap == pytest.approx((1 / 3 + 1 / 2) / 4)
-    assert summary.success == 0.25  # an overlap of exactly 0.5 counts
+    assert (summary.success, summary.success_30) == (0.25, 0.5)  # an overlap of exactly 0.5 counts
+    assert summary.centre_inside == 0.5  # a centre on the edge counts
+    assert (summary.stay, summary.ceiling) == (1.0, 1.0)
+    assert math.isnan(summary.skill)
     assert summary.precision == 0.5
     assert summary.centre_error_median_px == pytest.approx((5 + 100) / 2)
     assert summary.ms_median == 3
     assert summary.as_dict() == dataclasses.asdict(summary)
 
 
+def test_stay_and_ceiling_follow_from_the_truth_by_hand():
+    truth = np.array([NAN, [0, 0, 10, 10], [5, 0, 10, 10], [0, 0, 10, 20], [0, 0, 10, 25], NAN])
+    scored = np.isfinite(truth[:, 0])
+    perfect, missed = (
+        score.summarise(score.frame_scores(said, truth), scored, MS) for said in (truth, SAID * math.nan)
+    )
+    assert perfect.stay == missed.stay == pytest.approx((1 / 3 + 1 / 2 + 10 / 25) / 3)
+    assert perfect.ceiling == missed.ceiling == pytest.approx(2 / 3)
+    assert perfect.skill == 1.0
+    assert missed.skill == pytest.approx(-missed.stay / (1.0 - missed.stay))
+
+
+def test_the_tracker_that_stays_has_the_skill_zero():
+    truth = np.random.default_rng(0).uniform(10.0, 50.0, (20, 4))
+    stay = score.summarise(score.frame_scores(np.tile(truth[0], (20, 1)), truth), np.ones(20, bool), np.ones(20))
+    assert stay.mean_overlap == stay.stay
+    assert stay.skill == 0.0
+
+
 def test_the_given_box_does_not_count_even_when_it_comes_late():
-    scored = np.array([False, False, True, True])
-    summary = score.summarise([0.0, 0.0, 1.0, 0.4], [9.0, 9, 0, 30], scored, [1.0, 1, 50, 7])
-    assert (summary.frames, summary.mean_overlap, summary.precision, summary.ms_median) == (1, 0.4, 0.0, 7.0)
+    truth = np.array([NAN, NAN, [0, 0, 10, 10], [0, 0, 10, 10]])
+    said = np.array([NAN, NAN, [0, 0, 10, 10], [0, 0, 10, 4]])
+    summary = score.summarise(score.frame_scores(said, truth), [False, False, True, True], [1.0, 1, 50, 7])
+    assert (summary.frames, summary.mean_overlap, summary.success_30, summary.ms_median) == (1, 0.4, 1.0, 7.0)
 
 
 @pytest.mark.parametrize("scored", [[], [True], [False, False]])
 def test_nothing_scored_is_nan_without_a_warning(scored: list[bool]):
-    values = np.ones(len(scored))
+    boxes = np.ones((len(scored), 4))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        summary = score.summarise(values, values, np.array(scored, dtype=bool), values)
+        summary = score.summarise(score.frame_scores(boxes, boxes), scored, np.ones(len(scored)))
     assert summary.frames == 0
     assert all(math.isnan(value) for key, value in summary.as_dict().items() if key != "frames")
 
@@ -68,8 +90,7 @@ def test_edges_of_the_thresholds():
 
 def test_arguments_are_not_edited():
     truth, said, scored = TRUTH.copy(), SAID.copy(), SCORED.copy()
-    overlap, error = score.overlaps(said, truth), score.centre_errors(said, truth)
-    score.summarise(overlap, error, scored, MS)
+    score.summarise(score.frame_scores(said, truth), scored, MS)
     assert np.array_equal(truth, TRUTH, equal_nan=True)
     assert np.array_equal(said, SAID, equal_nan=True)
     assert np.array_equal(scored, SCORED)
@@ -85,8 +106,10 @@ def test_shapes_that_do_not_fit_are_refused():
         score.overlaps(np.zeros((2, 4)), np.zeros((3, 4)))
     with pytest.raises(ParameterError, match="shape"):
         score.centre_errors(np.zeros(4), np.zeros(4))
-    with pytest.raises(ParameterError, match="one number per frame"):
-        score.summarise([1.0], [1.0, 2.0], [True], [1.0])
+    with pytest.raises(ParameterError, match="one number for each of 2 frames"):
+        score.summarise(score.frame_scores(np.ones((2, 4)), np.ones((2, 4))), [True], [1.0])
+    with pytest.raises(ParameterError, match=r"truth must be \(N, 4\) and scored \(N,\)"):
+        score.stay_overlaps(np.ones((2, 4)), [True])
 
 
 def test_bootstrap_intervals_cover_the_mean_about_as_often_as_they_say():

@@ -31,6 +31,7 @@ def test_everything_agrees_with_the_parts():
     assert (got.sr_50, got.sr_75) == (5 / 6, 3 / 6)
     assert got.failures == 1
     assert (got.occlusions, got.recovered, got.recovery_s) == (1, 1.0, pytest.approx(0.1))
+    assert got.recovered_2s == 1.0
     assert got.lost_for_good == 0.0
     assert got.drift_per_s == pytest.approx(1.0)  # 0, 2 and 4 px of 20 in tenths of a second
     assert got.ms_median == 4.0

@@ -82,7 +82,10 @@ function drawBoard() {
   head.replaceChildren(); body.replaceChildren();
   const top = element("tr");
   top.append(element("th", "tracker", { scope: "col" }), element("th", "seeds", { scope: "col" }));
-  for (const [, label] of DATA.measures) top.append(element("th", label, { scope: "col" }));
+  for (const [name, label] of DATA.measures) {
+    top.append(element("th", label, { scope: "col" }));
+    if (name === "stay") top.append(element("th", "skill", { scope: "col" }));
+  }
   head.append(top);
   const groups = [...state.trackers].map((tracker) => {
     const rows = DATA.rows.filter((row) => row[0] === tracker && chosen(row));
@@ -99,6 +102,7 @@ function drawBoard() {
       const range = name === "mean_overlap" ? interval(values) : null;
       if (range) { cell.append(document.createElement("br"), element("small", `[${number(range[0])}, ${number(range[1])}]`)); }
       line.append(cell);
+      if (name === "stay") line.append(element("td", number(values.length ? (group.mean - mean(values)) / (1 - mean(values)) : null)));
     });
     body.append(line);
   }
