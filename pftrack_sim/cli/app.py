@@ -34,6 +34,7 @@ from pftrack_sim.cli.options import (
 from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.values import (
     parse_axes,
+    parse_labels,
     parse_latency,
     parse_names,
     parse_part,
@@ -194,6 +195,29 @@ def query(
     from pftrack_sim.benchmark import RunStore
 
     tables.print_query(RunStore(folder).query(sql), format_)
+
+
+@app.command()
+def compare(
+    first: Annotated[Path, typer.Argument(help="Run folder.")],
+    second: Annotated[Path | None, typer.Argument(help="Another; default: the same.")] = None,
+    trackers: Annotated[
+        str | None,
+        typer.Option(
+            "--trackers", "--tracker", metavar="A,B", help="A tracker of the first run and one of the second."
+        ),
+    ] = None,
+    measure: Annotated[str, typer.Option(help="Column of the summary to compare.")] = "mean_overlap",
+) -> None:
+    """Compare two trackers, or one tracker in two runs.
+
+    Differences are paired by episode; a row says whether its seeds can show a difference at all.
+    """
+    from pftrack_sim.benchmark import RunStore
+    from pftrack_sim.benchmark.comparison import compare_runs
+
+    names = parse_labels(trackers) if trackers is not None else []
+    tables.print_comparison(compare_runs(RunStore(first), RunStore(second or first), names, measure=measure))
 
 
 @app.command()

@@ -20,13 +20,15 @@ from pftrack_sim.core.errors import ParameterError, UnknownNameError
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan, Result
+    from pftrack_sim.benchmark.comparison import RunComparison
     from pftrack_sim.benchmark.recorded import RecordedResult
     from pftrack_sim.benchmark.store import QueryResult
     from pftrack_sim.score import Summary
     from pftrack_sim.score.following import Following
 
 # Longer lists are in the run folder.
-_MOST_EPISODES, _MOST_FAILURES = 40, 20
+_MOST_EPISODES, _MOST_FAILURES, _MOST_WORSE = 40, 20, 10
+_WANTED_DIFFERENCE = 0.02
 
 _LEAST_NAME = 12
 """Least width of a column of names [characters]."""
@@ -153,6 +155,61 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
                     f"over {part.seeds} seeds: {part.verdict}",
                     soft_wrap=True,
                 )
+
+
+def print_comparison(found: RunComparison) -> None:
+    """Print paired differences, what the seeds can show, and the episodes that lost most."""
+    first, second = found.names
+    second += " (second run)" if first == second else ""
+    table = _table(
+        f"{found.measure} of {second} minus {first} (95% interval over seeds, p of the sign-flip test)",
+        ("scenario", "condition"),
+        ("seeds", "first", "second", "difference", "p", "verdict"),
+    )
+    for row in found.rows:
+        ends = "" if math.isnan(row.low) else f"\n{row.low:+.3f} to {row.high:+.3f}"
+        difference = "-" if math.isnan(row.difference) else f"{row.difference:+.3f}{ends}"
+        cells = [str(row.seeds), _number(row.first), _number(row.second), difference, _number(row.p), row.verdict]
+        table.add_row(row.scenario, row.condition, *cells)
+    _console.print(table)
+    last = found.rows[-1]
+    if last.verdict == "too few seeds":
+        _console.print(
+            f"With {last.seeds} seed{'s' if last.seeds != 1 else ''} the smallest possible p is {last.least_p:.2g}.",
+            soft_wrap=True,
+        )
+    wanted = last.seeds_for(_WANTED_DIFFERENCE)
+    if wanted is not None:
+        _console.print(
+            f"To show a difference of {_WANTED_DIFFERENCE:g} in the last row (power 80%): {wanted} seeds.",
+            soft_wrap=True,
+        )
+    if found.different_frames:
+        _console.print(
+            f"{found.different_frames} of {len(found.episodes)} pairs did not see the same frames: the scenario, the "
+            "drawing or the robot's way differs.",
+            soft_wrap=True,
+        )
+    if found.unpaired:
+        _console.print(f"{found.unpaired} episodes are in one of the two only, and left out.", soft_wrap=True)
+    _print_worse(found)
+
+
+def _print_worse(found: RunComparison) -> None:
+    """Print the episodes in which the second lost most, with the files to look at."""
+    worse = [pair for pair in found.episodes if pair.difference < 0.0][:_MOST_WORSE]
+    if not worse:
+        return
+    table = _table(
+        f"Episodes that got worse, of {len(found.episodes)}",
+        ("scenario", "condition"),
+        ("seed", "first", "second", "difference"),
+    )
+    for pair in worse:
+        scores = [_number(one.number(found.measure)) for one in (pair.first, pair.second)]
+        condition, seed = pair.first.condition.name, str(pair.first.seed)
+        table.add_row(pair.first.scenario, condition, seed, *scores, f"{pair.difference:+.3f}")
+    _console.print(table)
 
 
 def print_follow(results: Sequence[Result]) -> None:

@@ -29,6 +29,15 @@ def parse_names(text: str) -> list[str]:
     return names
 
 
+def parse_labels(text: str) -> list[str]:
+    """Labels of trackers between commas; commas in brackets belong to a label.
+
+    >>> parse_labels("ko2012[alpha=0.3,particles=true], stay")
+    ['ko2012[alpha=0.3,particles=true]', 'stay']
+    """
+    return [label.strip() for label in re.split(_COMMA_OUTSIDE_BRACKETS, text) if label.strip()]
+
+
 def parse_settings(
     pairs: Sequence[str], *, option: str = "--set", example: str = "camera.width_px=320"
 ) -> dict[str, Any]:
