@@ -31,6 +31,7 @@ from pftrack_sim.cli.options import (
     Videos,
     Workers,
 )
+from pftrack_sim.cli.profile import profile
 from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.values import (
     parse_axes,
@@ -54,6 +55,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+app.command()(profile)
 
 
 def _print_version(wanted: bool) -> None:

@@ -39,7 +39,7 @@ _WIDE = 100
 _BESIDE_OVERLAP = ("stay", "skill", "success", "success_30", "centre_inside", "ceiling")
 
 # Files and pipes have no width. No markup: brackets are those of `ko2012[alpha=0.5]`.
-_console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 200)
+console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 200)
 
 
 def print_names(what: str) -> None:
@@ -56,7 +56,7 @@ def print_names(what: str) -> None:
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for name, description in listings[what]():
         table.add_row(name, description)
-    _console.print(table)
+    console.print(table)
 
 
 def _scenarios() -> Iterable[tuple[str, str]]:
@@ -102,9 +102,9 @@ def print_bench(results: Sequence[Result]) -> None:
     failed = [one for one in results if one.failure]
     for one in failed[:_MOST_FAILURES]:
         where = " ".join([one.scenario, *([one.condition.name] if one.condition.name != "base" else [])])
-        _console.print(f"{one.label} failed on {where} seed {one.seed}, {one.failure}", soft_wrap=True)
+        console.print(f"{one.label} failed on {where} seed {one.seed}, {one.failure}", soft_wrap=True)
     if len(failed) > _MOST_FAILURES:
-        _console.print(f"and {len(failed) - _MOST_FAILURES} failures more: see summary.parquet")
+        console.print(f"and {len(failed) - _MOST_FAILURES} failures more: see summary.parquet")
 
 
 def _print_episodes(results: Sequence[Result]) -> None:
@@ -113,7 +113,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
         return
     # Each tracker that drives has frames of its own.
     shared = ("frames", "stay", "ceiling") if results[0].following is None else ()
-    by_episode = _table(
+    by_episode = new_table(
         "Mean overlap per episode (frames in which the target is visible)",
         ("scenario", "condition"),
         ("seed", *shared, *trackers),
@@ -126,7 +126,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
         cells = [f"{first.number(name):.0f}" if name == "frames" else _number(first.number(name)) for name in shared]
         cells += [_number(scored[tracker].number("mean_overlap")) for tracker in trackers]
         by_episode.add_row(scenario, condition, str(seed), *cells)
-    _console.print(by_episode)
+    console.print(by_episode)
 
 
 def print_suites(plan: Plan, results: Sequence[Result]) -> None:
@@ -137,7 +137,7 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
         rows = compare_with_paper(suite, results)
         if suite.table is not None:
             heads = [name.rpartition("/")[2] for name in suite.table.columns]
-            table = _table(
+            table = new_table(
                 f"{suite.table.title}: printed / ours (95% interval over seeds)", ("tracker",), (*heads, "mean")
             )
             for row in rows:
@@ -146,11 +146,11 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
                     for printed, (ours, low, high) in zip(row.printed, row.ours, strict=True)
                 ]
                 table.add_row(row.tracker, *cells)
-            _console.print(table)
+            console.print(table)
         for claim in evaluate_claims(suite, results):
-            _console.print(f"\n{claim.verdict.upper()}: {claim.statement}", soft_wrap=True)
+            console.print(f"\n{claim.verdict.upper()}: {claim.statement}", soft_wrap=True)
             for part in claim.comparisons:
-                _console.print(
+                console.print(
                     f"  {part.name}: {part.difference:+.3f} [{part.low:+.3f}, {part.high:+.3f}] "
                     f"over {part.seeds} seeds: {part.verdict}",
                     soft_wrap=True,
@@ -161,7 +161,7 @@ def print_comparison(found: RunComparison) -> None:
     """Print paired differences, what the seeds can show, and the episodes that lost most."""
     first, second = found.names
     second += " (second run)" if first == second else ""
-    table = _table(
+    table = new_table(
         f"{found.measure} of {second} minus {first} (95% interval over seeds, p of the sign-flip test)",
         ("scenario", "condition"),
         ("seeds", "first", "second", "difference", "p", "verdict"),
@@ -171,27 +171,27 @@ def print_comparison(found: RunComparison) -> None:
         difference = "-" if math.isnan(row.difference) else f"{row.difference:+.3f}{ends}"
         cells = [str(row.seeds), _number(row.first), _number(row.second), difference, _number(row.p), row.verdict]
         table.add_row(row.scenario, row.condition, *cells)
-    _console.print(table)
+    console.print(table)
     last = found.rows[-1]
     if last.verdict == "too few seeds":
-        _console.print(
+        console.print(
             f"With {last.seeds} seed{'s' if last.seeds != 1 else ''} the smallest possible p is {last.least_p:.2g}.",
             soft_wrap=True,
         )
     wanted = last.seeds_for(_WANTED_DIFFERENCE)
     if wanted is not None:
-        _console.print(
+        console.print(
             f"To show a difference of {_WANTED_DIFFERENCE:g} in the last row (power 80%): {wanted} seeds.",
             soft_wrap=True,
         )
     if found.different_frames:
-        _console.print(
+        console.print(
             f"{found.different_frames} of {len(found.episodes)} pairs did not see the same frames: the scenario, the "
             "drawing or the robot's way differs.",
             soft_wrap=True,
         )
     if found.unpaired:
-        _console.print(f"{found.unpaired} episodes are in one of the two only, and left out.", soft_wrap=True)
+        console.print(f"{found.unpaired} episodes are in one of the two only, and left out.", soft_wrap=True)
     _print_worse(found)
 
 
@@ -200,7 +200,7 @@ def _print_worse(found: RunComparison) -> None:
     worse = [pair for pair in found.episodes if pair.difference < 0.0][:_MOST_WORSE]
     if not worse:
         return
-    table = _table(
+    table = new_table(
         f"Episodes that got worse, of {len(found.episodes)}",
         ("scenario", "condition"),
         ("seed", "first", "second", "difference"),
@@ -209,7 +209,7 @@ def _print_worse(found: RunComparison) -> None:
         scores = [_number(one.number(found.measure)) for one in (pair.first, pair.second)]
         condition, seed = pair.first.condition.name, str(pair.first.seed)
         table.add_row(pair.first.scenario, condition, seed, *scores, f"{pair.difference:+.3f}")
-    _console.print(table)
+    console.print(table)
 
 
 def print_follow(results: Sequence[Result]) -> None:
@@ -220,7 +220,7 @@ def print_follow(results: Sequence[Result]) -> None:
             groups.setdefault((one.scenario, one.condition.name, one.label), []).append(one.following)
     if not groups:
         return
-    table = _table(
+    table = new_table(
         "Following over all seeds (95% intervals: Wilson's for success and collided, else the mean's bootstrap)",
         ("scenario", "condition", "tracker+controller"),
         ("seeds", "success", "collided", "tracked", "within", "RMS m", "losses"),
@@ -231,7 +231,7 @@ def print_follow(results: Sequence[Result]) -> None:
         metres = _ranged([one.distance_rms_m for one in driven])
         lost = f"{_mean([float(one.losses) for one in driven]):.1f}"
         table.add_row(*names, str(len(driven)), *shares, *means, metres, lost)
-    _console.print(table)
+    console.print(table)
 
 
 def _ranged(values: Sequence[float], *, share: bool = False) -> str:
@@ -252,7 +252,7 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     _print_groups("frames with a known box", groups)
     for one in results:
         if one.failure:
-            _console.print(f"{one.tracker.label} failed on {one.sequence} seed {one.seed}, {one.failure}")
+            console.print(f"{one.tracker.label} failed on {one.sequence} seed {one.seed}, {one.failure}")
 
 
 def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> None:
@@ -264,9 +264,9 @@ def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> 
     where = f" in {next(iter(places))}" if len(places) == 1 else ""
     count = f" {min(seeds)}" if len(seeds) == 1 else ""
     heads = ["mean\noverlap", "stay", "skill", "tracked\n>= 0.5", "\n>= 0.3", "centre\ninside", "ceiling"]
-    heads += ["precision\n@ 20 px"] if _console.width >= _WIDE else []
+    heads += ["precision\n@ 20 px"] if console.width >= _WIDE else []
     title = f"Over{count or ' all'} seeds{where} ({frames})"
-    table = _table(title, ("tracker",), (*([] if count else ["seeds"]), *heads, "ms"))
+    table = new_table(title, ("tracker",), (*([] if count else ["seeds"]), *heads, "ms"))
     previous = "" if len(places) > 1 else next(iter(places), "")
     for (place, label), summaries in groups.items():
         if place != previous:
@@ -277,19 +277,19 @@ def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> 
         low, high = bootstrap_interval([one.mean_overlap for one in summaries], np.random.default_rng(0))
         cells = [_number(mean.mean_overlap) + ("" if math.isnan(low) else f"\n{low:.2f}-{high:.2f}")]
         cells += [_number(getattr(mean, name)) for name in _BESIDE_OVERLAP]
-        cells += [_number(mean.precision)] if _console.width >= _WIDE else []
+        cells += [_number(mean.precision)] if console.width >= _WIDE else []
         ms = f"{float(np.median([one.ms_median for one in summaries])):.2f}"
         indent = "  " if len(places) > 1 else ""
         table.add_row(indent + label, *([] if count else [str(len(summaries))]), *cells, ms)
-    _console.print(table)
+    console.print(table)
     print_lines(f"{name}: {words}" for name, words in DEFINITIONS.items())
     if max(seeds, default=0) > 1:
-        _console.print("Below each overlap: the 95% bootstrap interval of its mean over seeds.", soft_wrap=True)
+        console.print("Below each overlap: the 95% bootstrap interval of its mean over seeds.", soft_wrap=True)
 
 
-def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
+def new_table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
     """Print the title and return an empty table: names on the left, numbers on the right."""
-    _console.print(f"\n{title}", soft_wrap=True)
+    console.print(f"\n{title}", soft_wrap=True)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for head in names:
         table.add_column(head, overflow="fold", min_width=_LEAST_NAME)
@@ -300,13 +300,13 @@ def _table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:
 
 def print_folder(path: Path | None) -> None:
     """Print the path of the results."""
-    _console.print(f"written: {path}", soft_wrap=True)
+    console.print(f"written: {path}", soft_wrap=True)
 
 
 def print_lines(lines: Iterable[str]) -> None:
     """Print lines without wrapping."""
     for line in lines:
-        _console.print(line, soft_wrap=True)
+        console.print(line, soft_wrap=True)
 
 
 def print_query(answer: QueryResult, layout: str) -> None:
@@ -329,7 +329,7 @@ def print_query(answer: QueryResult, layout: str) -> None:
             table.add_column(Text(head), justify="left" if is_text else "right", overflow="fold")
         for row in answer.rows:
             table.add_row(*(Text(f"{cell:.6g}" if isinstance(cell, float) else str(cell)) for cell in row))
-        _console.print(table)
+        console.print(table)
     else:
         raise ParameterError(f"--format must be table, csv or json, got {layout!r}")
 

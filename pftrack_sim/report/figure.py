@@ -40,8 +40,7 @@ def write_figure(path: Path, target: Path) -> Path:
         raise UnknownNameError("figure", target.stem, FIGURES)
     if target.suffix not in (".pdf", ".svg", ".png"):
         raise ParameterError(f"a figure is a .pdf, .svg or .png, got {target.name!r}")
-    if importlib.util.find_spec("matplotlib") is None:
-        raise ParameterError("figures need matplotlib: pip install 'pftrack-sim[figures]'")
+    require_matplotlib()
     from matplotlib.figure import Figure
 
     store = RunStore(path)
@@ -56,6 +55,12 @@ def write_figure(path: Path, target: Path) -> Path:
         metadata = {"CreationDate": None} if target.suffix == ".pdf" else {}
         figure.savefig(part, dpi=200, format=target.suffix[1:], metadata=metadata)
     return target
+
+
+def require_matplotlib() -> None:
+    """Raise a ParameterError if matplotlib, an optional dependency, is not installed."""
+    if importlib.util.find_spec("matplotlib") is None:
+        raise ParameterError("figures need matplotlib: pip install 'pftrack-sim[figures]'")
 
 
 def _style(index: int) -> dict[str, Any]:

@@ -1,0 +1,57 @@
+"""Profiles of scenarios and of recorded sequences: how hard their videos are, without a tracker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from pftrack_sim.benchmark.recorded import RATE_HZ
+from pftrack_sim.benchmark.rollout import Sample, Step, recorded, rollout, simulated
+from pftrack_sim.formats import RecordedSequence
+from pftrack_sim.scenario import Scenario
+from pftrack_sim.score.profile import Profile, ProfileMeter, mean_profile
+from pftrack_sim.simulation.simulation import Simulation
+
+
+def profile_scenario(
+    scenario: Scenario,
+    seeds: Sequence[int],
+    *,
+    backend: str | None = None,
+    on_frame: Callable[[], None] = lambda: None,
+) -> Profile:
+    """Mean profile of a scenario's episodes, in which the robot follows its script.
+
+    Args:
+        scenario: The scenario.
+        seeds: Root seeds of the episodes.
+        backend: Renderer, by name.
+        on_frame: Called after every frame.
+
+    Raises:
+        ParameterError: The target is never visible in an episode.
+    """
+    profiles: list[Profile] = []
+    for seed in seeds:
+        with Simulation(scenario, backend=backend) as simulation:
+            profiles.append(_measure(f"{scenario.name}, seed {seed}", simulated(simulation, seed), on_frame))
+    return mean_profile(profiles)
+
+
+def profile_sequence(sequence: RecordedSequence, *, on_frame: Callable[[], None] = lambda: None) -> Profile:
+    """Profile of a recorded sequence.
+
+    Raises:
+        SequenceError: An image cannot be read.
+    """
+    return _measure(sequence.name, recorded(sequence, RATE_HZ), on_frame)
+
+
+def _measure(name: str, samples: Iterable[Sample], on_frame: Callable[[], None]) -> Profile:
+    meter = ProfileMeter(name)
+
+    def measure(step: Step) -> None:
+        meter.add(step.sample.image, step.sample.true_box, step.sample.visible)
+        on_frame()
+
+    rollout(samples, (), [measure])
+    return meter.profile()

@@ -1,0 +1,107 @@
+"""The command `profile`: how hard scenarios and recorded sequences are, whatever the tracker."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from pftrack_sim.cli import tables
+from pftrack_sim.cli.options import Backend, Seeds, Settings
+from pftrack_sim.cli.progress import progress_bar
+from pftrack_sim.cli.values import parse_settings
+from pftrack_sim.core.errors import ParameterError
+
+if TYPE_CHECKING:
+    from pftrack_sim.score.profile import Profile
+
+_ABREAST = 5
+"""Columns of profiles in one table."""
+
+
+def profile(
+    videos: Annotated[
+        list[str], typer.Argument(help="Scenarios (names or paths of TOML files) and folders of recorded sequences.")
+    ],
+    seeds: Seeds = "0:2",
+    settings: Settings = None,
+    backend: Backend = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for profile.json and the figure profile.png.")] = None,
+) -> None:
+    """Measure how hard scenarios and sequences are, beside the quantiles of recorded video."""
+    from pftrack_sim import scenario as scenarios
+    from pftrack_sim.benchmark import parse_seeds
+    from pftrack_sim.benchmark.files import write_bytes
+    from pftrack_sim.benchmark.profiling import profile_scenario, profile_sequence
+    from pftrack_sim.formats import read_sequence
+    from pftrack_sim.report.figure import require_matplotlib
+    from pftrack_sim.report.profile import write_profile_figure
+
+    if out is not None:
+        require_matplotlib()
+    folders = {name for name in videos if name not in scenarios.names() and Path(name).is_dir()}
+    sequences = [read_sequence(name) for name in videos if name in folders]
+    loaded = [scenarios.load(name, parse_settings(settings or [])) for name in videos if name not in folders]
+    names = [one.name for one in (*loaded, *sequences)]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise ParameterError(f"given twice, or several of one name: {', '.join(repeated)}")
+    chosen = parse_seeds(seeds)
+    frames = sum(len(one) for one in sequences) + sum(one.frame_count(seed) for one in loaded for seed in chosen)
+    with progress_bar("measuring", frames) as tick:
+        profiles = {one.name: profile_scenario(one, chosen, backend=backend, on_frame=tick) for one in loaded}
+        profiles |= {one.name: profile_sequence(one, on_frame=tick) for one in sequences}
+    _print(profiles)
+    if out is not None:
+        text = json.dumps({name: _json_numbers(one) for name, one in profiles.items()}, indent=2)
+        write_bytes(out / "profile.json", text.encode())
+        tables.print_folder(write_profile_figure(profiles, out / "profile.png"))
+
+
+def _json_numbers(one: Profile) -> dict[str, float | None]:
+    """The numbers, with null for those that are unknown."""
+    return {name: None if math.isnan(value) else value for name, value in asdict(one).items()}
+
+
+def _print(profiles: Mapping[str, Profile]) -> None:
+    """Print profiles beside the quantiles of recorded video; numbers outside of its middle half are marked."""
+    from pftrack_sim.score.profile import QUANTILES, recorded_quantiles
+
+    recorded = recorded_quantiles()
+    columns = {name: {key: getattr(one, key) for key in recorded} for name, one in profiles.items()}
+    if len(columns) > 1:
+        columns["median"] = {key: _median([column[key] for column in columns.values()]) for key in recorded}
+    names = list(columns)
+    for first in range(0, len(names), _ABREAST):
+        shown = names[first : first + _ABREAST]
+        heads = (*(f"{share:.0%}" for share in QUANTILES), *(name.replace("/", "/\n") for name in shown))
+        table = tables.new_table("Profile, after the quantiles of 48 recorded sequences", ("number",), heads)
+        for key, quantiles in recorded.items():
+            cells = [_marked(columns[name][key], quantiles) for name in shown]
+            table.add_row(key, *(_short(value) for value in quantiles), *cells)
+        tables.console.print(table)
+    tables.console.print(
+        "< below 25 %, << below 10 %, > above 75 %, >> above 90 % of the recorded sequences", soft_wrap=True
+    )
+
+
+def _marked(value: float, quantiles: Sequence[float]) -> str:
+    low, quarter, _, three_quarters, high = quantiles
+    below, above = (value < low) + (value < quarter), (value > high) + (value > three_quarters)
+    mark = "<" * below + ">" * above
+    return f"{_short(value)} {mark:2}"
+
+
+def _short(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.0f}" if value >= 100.0 else f"{value:.3f}"
+
+
+def _median(values: Sequence[float]) -> float:
+    known = [value for value in values if not math.isnan(value)]
+    return float(np.median(known)) if known else math.nan
