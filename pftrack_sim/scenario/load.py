@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
+import typing
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
 from pftrack_sim.scenario import ranges
 from pftrack_sim.scenario.frame_delivery import frame_count
-from pftrack_sim.scenario.model import ResolvedScenario
+from pftrack_sim.scenario.model import LightChange, ResolvedScenario, Route
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 from pftrack_sim.scenario.validation import problems
 
@@ -133,11 +134,22 @@ def _set(tree: Tree, key: str, value: object) -> tuple[Tree, str | None]:
             table = cast("Tree", node)
             if last:
                 table[part] = ranges.replaced(value, {})
+                for other in _foreign_keys(table) if part == "kind" else ():
+                    del table[other]
             else:
                 node = table.setdefault(part, {})
         else:
             return tree, f"{key}: {'.'.join(parts[:position])} is a value, not a table"
     return copied, None
+
+
+def _foreign_keys(table: Tree) -> list[str]:
+    """Keys that a route or a light change of this kind does not have: those of the kind that it had before."""
+    for variant in (*typing.get_args(typing.get_args(Route)[0]), *typing.get_args(typing.get_args(LightChange)[0])):
+        fields = variant.model_fields
+        if table["kind"] in typing.get_args(fields["kind"].annotation):
+            return [key for key in table if key not in fields]
+    return []
 
 
 def _problems(tree: Tree) -> list[str]:

@@ -118,6 +118,15 @@ def test_a_wrong_range_or_value_is_refused_whatever_the_seed(value: object, word
     assert words in message
 
 
+def test_another_kind_of_route_drops_what_belonged_to_the_old_one():
+    trailing = minimal(robot={"route": {"kind": "trail", "distance_m": 4.0, "offset_m": 0.5}})
+    assert scenario.load(trailing, {"robot.route.kind": "still"}).tree["robot"]["route"] == {"kind": "still"}
+    beside = scenario.load(trailing, {"robot.route.kind": "beside", "robot.route.side": "left"})
+    assert beside.tree["robot"]["route"] == {"kind": "beside", "distance_m": 4.0, "side": "left"}
+    assert "points_m" in problems_of(trailing, {"robot.route.kind": "waypoints"})
+    assert "did you mean 'still'" in problems_of(trailing, {"robot.route.kind": "stil"})
+
+
 def test_overrides_reach_every_key_and_leave_the_original_alone():
     tree = minimal(occluders=[{"kind": "pillar", "at_s": 3}])
     before = json.dumps(tree)
