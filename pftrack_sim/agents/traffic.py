@@ -9,6 +9,7 @@ import mujoco
 from pftrack_sim.agents.entity import SceneState
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.gait.mocap_writer import MocapWriter
+from pftrack_sim.agents.gait.stride_width import median_width_phase
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.types import FloatArray
@@ -24,16 +25,23 @@ class Traffic:
     ) -> None:
         self.crowd = crowd
         self.names = tuple(person.name for person in people)
-        rngs = [random_streams.stream(seed, "gait", name) for name in self.names]
-        self._gait = Gait([person.anatomy for person in people], rngs)
+        self._target, self._seed = people[0], seed
+        self._gait = self._gait_of(people)
         self._people_writer = MocapWriter(model, self.names)
         self._cart_writer = CartWriter(model, cart_names)
 
     def reset(self, data: mujoco.MjData) -> None:
         """Everybody at the start."""
         self.crowd.reset()
-        self._gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s)
-        self.write(data)
+        self._reset_gait(data)
+
+    def start_in_mid_stride(self, data: mujoco.MjData, T_world_camera: FloatArray) -> None:
+        """Right after `reset`: let the target's box have its median width over a stride in a `(4, 4)` camera pose."""
+        crowd = self.crowd
+        start = crowd.positions_m[0], float(crowd.headings_rad[0]), float(crowd.speeds_m_s[0])
+        alone = self._gait_of([self._target])
+        self._gait.feet.start_phase[0] = median_width_phase(self._target, alone, *start, T_world_camera)
+        self._reset_gait(data)
 
     def update(self, dt_s: float, state: SceneState) -> None:
         """Move by one tick."""
@@ -45,6 +53,14 @@ class Traffic:
         """Write the poses of limbs and carts."""
         self._people_writer.write(data, *self._gait.poses())
         self._cart_writer.write(data, [(cart.position_m, cart.yaw_rad) for cart in self.crowd.carts])
+
+    def _reset_gait(self, data: mujoco.MjData) -> None:
+        self._gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s)
+        self.write(data)
+
+    def _gait_of(self, people: Sequence[Person]) -> Gait:
+        rngs = [random_streams.stream(self._seed, "gait", person.name) for person in people]
+        return Gait([person.anatomy for person in people], rngs)
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""

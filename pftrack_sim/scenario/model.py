@@ -178,6 +178,16 @@ class Target(Section):
         description="Number of the set of random clothes and builds: scenarios with different numbers show different "
         "people at the same seed.",
     )
+    init: Literal["body", "torso"] = Field(
+        default="body",
+        description="What the target's boxes enclose, from the selection to the score: 'body': the whole person; "
+        "'torso': the trunk from the hips to the neck, without the arms, as users often draw it.",
+    )
+    start_stride: Literal["median", "any"] = Field(
+        default="median",
+        description="Gait phase in the first frame, in which the target is selected: 'median': one at which the box "
+        "has its median width over a stride; 'any': drawn from the seed.",
+    )
 
 
 class Distractors(Section):

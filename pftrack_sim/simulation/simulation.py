@@ -21,6 +21,7 @@ from pftrack_sim.render.capture.frame_capture import CapturedFrame, FrameCapture
 from pftrack_sim.render.selection import check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
+from pftrack_sim.scene.people.person import TRUNK
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.observer import TruthObserver
 
@@ -85,7 +86,8 @@ class Simulation:
         self._image_size = size
         self._world = world
         self._sensor = Sensor(settings.sensor, settings.axes, seed, grey=settings.camera.grey)
-        self._truth = TruthObserver(world.model, world.people, self._renderer, self._K, size)
+        parts = TRUNK if settings.target.init == "torso" else ()
+        self._truth = TruthObserver(world.model, world.people, self._renderer, self._K, size, parts)
         self._arrivals = arrivals(settings, seed)
         self._delivered = next(self._arrivals)
         self._index = 0

@@ -55,6 +55,8 @@ class World:
         entities: tuple[Entity, ...] = (self.robot, self.traffic)
         for entity in entities:
             entity.reset(self.data)
+        if settings.target.start_stride == "median":
+            self.traffic.start_in_mid_stride(self.data, self._state().T_world_camera)
         self._update_poses()
 
     def advance(self, command: FloatArray | None = None, delay_s: float = 0.0) -> None:

@@ -41,6 +41,7 @@ class TruthObserver:
         renderer: Renderer bound to the model.
         K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
         size: Width and height of the images, where those of the renderer have a margin; None: the renderer's.
+        parts: Names of the parts that the target's boxes enclose; empty for the whole body.
 
     Raises:
         ParameterError: No people, a person without a pelvis or visible geoms, or an invalid camera matrix.
@@ -53,6 +54,7 @@ class TruthObserver:
         renderer: Renderer,
         K: ArrayLike | float,
         size: tuple[int, int] | None = None,
+        parts: Sequence[str] = (),
     ) -> None:
         if not people:
             raise ParameterError("truth needs the name of at least one person, the target's first")
@@ -67,8 +69,11 @@ class TruthObserver:
         for name, ids in zip(self._people, geoms, strict=True):
             if ids.size == 0:
                 raise ParameterError(f"{name!r} has no visible geoms of group {PEOPLE_GROUP}")
-        bodies = Bodies([[_vertices(model, int(geom)) for geom in ids] for ids in geoms])
-        self._finder = SilhouetteFinder(model, renderer, geoms, bodies)
+        boxed = (
+            [np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))] if parts else []
+        )
+        bodies = Bodies([[_vertices(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]])
+        self._finder = SilhouetteFinder(model, renderer, geoms, bodies, boxed)
         self._centres: FloatArray | None = None
 
     def observe(
@@ -137,24 +142,27 @@ class TruthObserver:
         """Truth of all people from their boxes and silhouettes."""
         width, height = self._size
         roots = np.asarray(T_world_people, dtype=np.float64)
-        motion = self._image_motion(projection.amodal_boxes)
+        amodal_boxes, swept_boxes = (
+            self._of_people(found) for found in (projection.amodal_boxes, projection.swept_boxes)
+        )
+        motion = self._image_motion(amodal_boxes)
         distance = np.linalg.norm(body_positions[self._pelvis] - pose[:3, 3], axis=1)
         truths: list[Truth] = []
-        for person, (name, amodal) in enumerate(zip(self._people, projection.amodal_boxes, strict=True)):
+        for person, (name, amodal) in enumerate(zip(self._people, amodal_boxes, strict=True)):
             silhouette = projection.silhouettes.get(person)
-            inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None else 0
+            box, truncation = _clipped(amodal, width, height)
+            inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and boxes.area(box) else 0
             if person and not inside:
                 continue
             state: State = "occluded" if inside else "out_of_view"
             visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")
-            if silhouette is not None and silhouette.visible.any():
+            if silhouette is not None and inside and silhouette.visible.any():
                 state = "visible"
                 rect, visible = silhouette.rect, silhouette.visible.view(np.uint8)
                 left, top, *visible_size = cv2.boundingRect(visible)
                 visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)
                 fraction = int(np.count_nonzero(visible)) / inside
                 luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
-            box, truncation = _clipped(amodal, width, height)
             if not inside:
                 box[2:] = 0.0
             truths.append(
@@ -163,7 +171,7 @@ class TruthObserver:
                     box=box,
                     amodal_box=amodal,
                     visible_box=visible_box,
-                    swept_box=projection.swept_boxes[person],
+                    swept_box=swept_boxes[person],
                     visible_fraction=fraction,
                     truncation=truncation,
                     state=state,
@@ -180,6 +188,11 @@ class TruthObserver:
             )
         return tuple(truths)
 
+    def _of_people(self, found: FloatArray) -> FloatArray:
+        """`(P, 4)` boxes of people; the target's is that of its parts, which comes last, where these are asked for."""
+        people = len(self._people)
+        return found if len(found) == people else np.concatenate([found[people:], found[1:people]])
+
     def _image_motion(self, amodal: FloatArray) -> FloatArray:
         """`(P,)` displacement of the box centres since the last frame [px]; stores the centres for the next."""
         centres = amodal[:, :2] + 0.5 * amodal[:, 2:]
@@ -192,6 +205,10 @@ class TruthObserver:
             return ()
         counts = Counter[str](self._owners[silhouette.occluding_geoms()].tolist())
         return tuple(sorted(counts, key=lambda owner: (-counts[owner], owner)))
+
+
+def _bodies(model: mujoco.MjModel, name: str, parts: Sequence[str]) -> list[int]:
+    return [model.body(f"{name}/{part}").id for part in parts]
 
 
 def _pelvis(model: mujoco.MjModel, name: str) -> int:

@@ -29,11 +29,11 @@ _BORDER_POINTS = 24
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """All people in a frame.
+    """All people in a frame, and further bodies of which only boxes are wanted.
 
     Attributes:
-        amodal_boxes: `(P, 4)` [px]; NaN for those behind the camera.
-        swept_boxes: `(P, 4)` boxes over the whole exposure [px].
+        amodal_boxes: `(B, 4)` [px]; NaN for those behind the camera.
+        swept_boxes: `(B, 4)` boxes over the whole exposure [px].
         silhouettes: By person, of those who may have pixels in the image.
     """
 
@@ -51,7 +51,7 @@ def project_people(captured: CapturedFrame, finder: SilhouetteFinder) -> Project
     """
     amodal, swept = _boxes(captured, finder)
     silhouettes: dict[int, Silhouette] = {}
-    for person, box in enumerate(amodal):
+    for person, box in enumerate(amodal[: finder.people_count]):
         rect = pixels_around(box, captured.capture.lens.size, _MARGIN_PX)
         if rect is not None:
             shape = rect.height, rect.width
@@ -63,7 +63,7 @@ def project_people(captured: CapturedFrame, finder: SilhouetteFinder) -> Project
 
 
 def _boxes(captured: CapturedFrame, finder: SilhouetteFinder) -> tuple[FloatArray, FloatArray]:
-    """`(P, 4)` amodal and `(P, 4)` swept boxes [px]."""
+    """`(B, 4)` amodal and `(B, 4)` swept boxes [px]."""
     capture, trajectory, pose = captured.capture, captured.trajectory, captured.T_world_camera
     lens, shutter, near_m = capture.lens, capture.shutter, finder.renderer.near_m
     middle_poses = finder.poses(capture.scene_at(shutter.middle_s))

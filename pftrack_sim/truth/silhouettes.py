@@ -48,12 +48,20 @@ class SilhouetteFinder:
         model: The model.
         renderer: Renderer bound to the model.
         geoms: Visible geoms of each person.
-        bodies: Their shapes, in the same order.
+        bodies: Their shapes, in the same order, then those of bodies of which only boxes are wanted.
+        boxed: Geoms of the latter.
     """
 
-    def __init__(self, model: mujoco.MjModel, renderer: Renderer, geoms: Sequence[IntArray], bodies: Bodies) -> None:
-        self.renderer, self.bodies = renderer, bodies
-        self.geoms = np.concatenate(geoms)
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        renderer: Renderer,
+        geoms: Sequence[IntArray],
+        bodies: Bodies,
+        boxed: Sequence[IntArray] = (),
+    ) -> None:
+        self.renderer, self.bodies, self.people_count = renderer, bodies, len(geoms)
+        self.geoms = np.concatenate([*geoms, *boxed])
         """Geom ids of all parts of `bodies`."""
         self._geoms_of = geoms
         # One more entry than geoms: id -1, no geom, reads the last one.
@@ -79,13 +87,13 @@ class SilhouetteFinder:
             people: Indices of the people to find; None finds all.
 
         Returns:
-            `(P, 4)` amodal boxes of all people [px], NaN for those behind the camera; silhouettes by person, of those
+            `(B, 4)` amodal boxes of all bodies [px], NaN for those behind the camera; silhouettes by person, of those
             who may have pixels in the image.
         """
         renderer, poses = self.renderer, self.poses(data)
         boxes, depths = self.bodies.boxes(*poses, T_world_camera, K, renderer.near_m)
         rects: dict[int, PixelRect] = {}
-        for person, box in enumerate(boxes):
+        for person, box in enumerate(boxes[: self.people_count]):
             rect = pixels_around(box, (renderer.width_px, renderer.height_px))
             if rect is not None and (people is None or person in people):
                 rects[person] = rect

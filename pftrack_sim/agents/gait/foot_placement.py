@@ -41,6 +41,7 @@ class FootPlacement:
     `walk_half_m` is the distance of the ankles from the line of progress, `stand_half_m` that from the mid-plane.
 
     Attributes:
+        start_phase: Gait phase with which a steady walk starts.
         phase: Gait phase: fraction of the stride since the left heel strike.
         speed: Of the smoothed velocity of the body [m/s].
         turn: Smoothed turn rate [rad/s].
@@ -62,7 +63,7 @@ class FootPlacement:
         self._sole = (heel_x, heel_radius, toe_x, toe_radius)
         self._ankle = np.array([one.ankle_m for one in anatomies])[:, None]
         self._toe_out = toe_out_rad[:, None] * SIDES
-        self._walk_half, self._stand_half, self._start_phase = walk_half_m, stand_half_m, start_phase
+        self._walk_half, self._stand_half, self.start_phase = walk_half_m, stand_half_m, start_phase
         self._tables = np.stack([walking_table(one) for one in anatomies])
 
     def reset(self, positions: FloatArray, headings: FloatArray, speeds: FloatArray) -> None:
@@ -75,7 +76,7 @@ class FootPlacement:
         self._resting = self.speed < _AT_REST_M_S
         self._rate_hz = np.maximum(self.speed / self.parameters.stride_m, 0.2)
         # At rest both feet are in stance: the right one has just landed.
-        self.phase = np.where(self._resting, 0.55, self._start_phase)
+        self.phase = np.where(self._resting, 0.55, self.start_phase)
         phases = self.foot_phases
         stance_fraction = np.broadcast_to(self.parameters.stance_fraction[:, None], phases.shape)
         self.in_stance = (phases < stance_fraction) | self._resting[:, None]

@@ -129,7 +129,7 @@ class Gait:
         Returns:
             `(P, 13, 3)` positions [m] and `(P, 13, 4)` unit quaternions w, x, y, z.
         """
-        positions, rotations = self._part_poses()
+        positions, rotations = self.part_poses()
         return positions, quaternions(rotations)
 
     def root_poses(self) -> FloatArray:
@@ -139,11 +139,11 @@ class Gait:
         poses[:, 0, 0] = poses[:, 1, 1] = cos
         poses[:, 0, 1], poses[:, 1, 0] = -sin, sin
         poses[:, 2, 2] = poses[:, 3, 3] = 1.0
-        poses[:, :2, 3] = self._part_poses()[0][:, _PELVIS, :2]
+        poses[:, :2, 3] = self.part_poses()[0][:, _PELVIS, :2]
         return poses
 
-    def _part_poses(self) -> tuple[FloatArray, FloatArray]:
-        """Positions and rotations of all parts, computed on the first request after `reset` or `advance`."""
+    def part_poses(self) -> tuple[FloatArray, FloatArray]:
+        """`(P, 13, 3)` positions [m] and `(P, 13, 3, 3)` rotations, computed once after `reset` or `advance`."""
         if self._pose is None:
             self._pose = self._compute_pose()
         return self._pose

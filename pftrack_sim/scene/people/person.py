@@ -34,6 +34,9 @@ The frame of a part is at its upper joint (pelvis: midway between the hip joints
 x forward, y left, z up when standing.
 """
 
+TRUNK: tuple[str, ...] = ("pelvis", "torso")
+"""The parts of the trunk: from the hips to the base of the neck, without arms."""
+
 # Collision bits: people collide with robots only.
 PEOPLE_CONTYPE = 4
 PEOPLE_CONAFFINITY = 2

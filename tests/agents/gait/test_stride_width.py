@@ -1,0 +1,56 @@
+"""The gait phase at which the box of a walking person has its median width."""
+
+import numpy as np
+import pytest
+
+from pftrack_sim.agents.gait.gait import Gait
+from pftrack_sim.agents.gait.stride_width import median_width_phase
+from pftrack_sim.scene.people.person import Person, part_meshes, sample_people
+
+(PERSON,) = sample_people(3, 1.75, 0, 0.0, [])
+START = np.array([4.0, 0.0])
+
+
+def camera(heading_rad: float) -> np.ndarray:
+    """Pose of a level camera at a height of 1.2 m at the origin."""
+    pose = np.eye(4)
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    pose[:3, :3] = np.array([[sin, 0.0, cos], [-cos, 0.0, sin], [0.0, -1.0, 0.0]])
+    pose[2, 3] = 1.2
+    return pose
+
+
+def gait(seed: int) -> Gait:
+    return Gait([PERSON.anatomy], [np.random.default_rng(seed)])
+
+
+def widths(person: Person, one: Gait, heading_rad: float, count: int) -> np.ndarray:
+    """Angular widths of the person in `count` steps of a steady walk at 1.3 m/s on the spot."""
+    meshes = [mesh.vertices for mesh in part_meshes(person).values()]
+    found = []
+    for phase in np.arange(count) / count:
+        one.feet.start_phase[:] = phase
+        one.reset(START[None], [heading_rad], [1.3])
+        positions, rotations = one.part_poses()
+        points = np.concatenate([v @ r.T + p for v, p, r in zip(meshes, positions[0], rotations[0], strict=True)])
+        found.append(np.ptp(points[:, 1] / points[:, 0]))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("heading_rad", [np.pi / 2, 0.7], ids=["from the side", "aslant"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_width_at_the_phase_is_the_median_over_a_stride(heading_rad: float, seed: int):
+    one = gait(seed)
+    drawn = float(one.feet.start_phase[0])
+    phase = median_width_phase(PERSON, one, START, heading_rad, 1.3, camera(0.0))
+    over_stride = widths(PERSON, one, heading_rad, 100)
+    assert np.interp(phase, np.arange(100) / 100, over_stride) == pytest.approx(np.median(over_stride), rel=0.02)
+    # Four such phases in a stride are at most some quarter of it away.
+    assert abs((phase - drawn + 0.5) % 1.0 - 0.5) < 0.2
+
+
+def test_a_person_at_rest_keeps_the_drawn_phase():
+    one = gait(2)
+    drawn = float(one.feet.start_phase[0])
+    assert median_width_phase(PERSON, one, START, 0.0, 0.0, camera(0.0)) == drawn
+    assert median_width_phase(PERSON, gait(2), START, 0.0, 1.3, camera(np.pi)) == drawn
