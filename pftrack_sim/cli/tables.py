@@ -62,7 +62,8 @@ def print_names(what: str) -> None:
 def _scenarios() -> Iterable[tuple[str, str]]:
     from pftrack_sim import scenario
 
-    return [(name, str(scenario.load(name).tree["title"])) for name in scenario.names()]
+    trees = {name: scenario.load(name).tree for name in scenario.names()}
+    return [(name, f"{tree.get('tier', 'easy'):5} {tree['title']}") for name, tree in trees.items()]
 
 
 def _suites() -> Iterable[tuple[str, str]]:

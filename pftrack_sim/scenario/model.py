@@ -240,6 +240,10 @@ class ResolvedScenario(Section):
         default=1, description="Raised when frames or truth of the scenario change."
     )
     title: str = Field(description="One line for lists.")
+    tier: Literal["easy", "real", "hard"] = Field(
+        default="easy",
+        description="'easy': calm; 'real': as hard as recorded video (docs/profile.md); 'hard': harder.",
+    )
     duration_s: Positive = Field(default=12.0, description="Length of an episode.")
     place: Place
     robot: Robot

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -182,7 +183,8 @@ def test_render_writes_a_video_and_a_frame(tmp_path: Path):
 
 
 def test_lists_schema_and_doctor():
-    assert "street-night" in pftrack_sim("list", "scenarios").stdout
+    listed = pftrack_sim("list", "scenarios").stdout
+    assert re.search(r"^easy/corridor +easy  Down a corridor", listed, re.MULTILINE)
     assert "ko2012" in pftrack_sim("list", "trackers").stdout
     assert "servo" in pftrack_sim("list", "controllers").stdout
     assert "jitter" in pftrack_sim("list", "axes").stdout
@@ -194,6 +196,7 @@ def test_lists_schema_and_doctor():
 
 FAILING = """
 import os
+import re
 from pftrack_sim.core.records import Estimate
 class Tracker:
     def init(self, image, box): self.box, self.frame = box, 0

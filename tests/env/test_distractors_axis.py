@@ -11,7 +11,7 @@ from pftrack_sim.scenario.axes import DistractorsAxis
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
 
-PLACES = [name for name in scenario.names() if "/" not in name]
+PLACES = [name for name in scenario.names() if name.startswith("easy/")]
 """One scenario for each place; the suites use the same places."""
 BASE: dict[str, Any] = {"lights.shadows": False}
 

@@ -10,7 +10,7 @@ from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.simulation.simulation import Simulation
 
-PLACES = [name for name in scenario.names() if "/" not in name]
+PLACES = [name for name in scenario.names() if name.startswith("easy/")]
 """One scenario for each place; the suites use the same places."""
 AT_S, RATE_HZ, FRAMES = 2.6, 30.0, 2
 CLEAR: dict[str, Any] = {
