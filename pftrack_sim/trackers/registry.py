@@ -42,6 +42,7 @@ _BUILTIN = {  # name: (module, description)
     "opencv-tld": ("opencv.classic", f"OpenCV's TrackerTLD; {_CONTRIB}"),
     "opencv-vit": ("opencv.networks", "OpenCV's TrackerVit; needs a model file: model"),
     "oracle": ("baselines.reference", "the ground truth"),
+    "pftrack": ("pftrack.tracker", "correlation filter with colour, scale, camera motion and an occlusion test"),
     "stay": ("baselines.reference", "the first box in every frame"),
 }
 

@@ -1,0 +1,74 @@
+"""Correlation filter on gradients and grey values: where in a square window is the target?
+
+A ridge regression onto a Gaussian around the target's centre, over all cyclic shifts of the window, solved for each
+frequency; numerator and denominator are running means over frames (Bolme et al. 2010; Danelljan et al. 2014, eq. 3 to
+6; with HOG: Henriques et al. 2015).
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from pftrack_sim.core.records import Image
+from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, hog_map
+from pftrack_sim.trackers.pftrack.windows import hann
+
+Spectrum: TypeAlias = NDArray[np.complex64]
+
+
+class CorrelationFilter:
+    """A filter for patches of `hog_map.CELL_PX * cells` pixels in each direction.
+
+    Args:
+        cells: Cells of a patch in each direction.
+        sigma: Standard deviation of the label [cells].
+        ridge: Regularisation, as a share of the mean spectral energy of the first patch.
+        rate: Weight of a new patch in the running means, in [0, 1].
+    """
+
+    def __init__(self, cells: int, sigma: float, ridge: float, rate: float) -> None:
+        self._cells = cells
+        self._ridge_share, self._rate = ridge, np.float32(rate)
+        self._window = np.outer(hann(cells), hann(cells))
+        # The label's peak is at the corner for a centred target; responses are rolled so that it is in the middle.
+        steps = np.minimum(np.arange(cells), cells - np.arange(cells))
+        squares = np.square(steps)[:, None] + np.square(steps)[None, :]
+        label = np.exp(-0.5 * squares / max(sigma, 1e-3) ** 2).astype(np.float32)
+        self._label: Spectrum = scipy.fft.rfft2(label)
+        self._numerator: Spectrum | None = None
+        self._denominator = np.zeros(0, np.float32)
+        self._ridge = np.float32(0)
+        self._filter: Spectrum = self._label
+
+    def spectrum(self, patch: Image) -> Spectrum:
+        """`(CHANNELS + 1, cells, cells // 2 + 1)` spectrum of the features of an RGB patch."""
+        grey = np.asarray(cv2.cvtColor(patch, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        features = np.empty((CHANNELS + 1, self._cells, self._cells), np.float32)
+        hog_map(grey, self._window, features[:CHANNELS])
+        means = cv2.resize(grey, (self._cells, self._cells), interpolation=cv2.INTER_AREA)
+        brightness = np.asarray(means, dtype=np.float32) * np.float32(1 / 255)
+        features[CHANNELS] = (brightness - brightness.mean()) * self._window
+        return scipy.fft.rfft2(features, axes=(1, 2))
+
+    def learn(self, spectrum: Spectrum) -> None:
+        """Add a patch that is centred on the target."""
+        numerator = self._label * spectrum.conj()
+        denominator = (np.square(spectrum.real) + np.square(spectrum.imag)).sum(axis=0)
+        if self._numerator is None:
+            self._numerator, self._denominator = numerator, denominator
+            self._ridge = np.float32(max(self._ridge_share * float(denominator.mean()), 1e-6))
+        else:
+            self._numerator += self._rate * (numerator - self._numerator)
+            self._denominator += self._rate * (denominator - self._denominator)
+        self._filter = self._numerator / (self._denominator + self._ridge)
+
+    def respond(self, spectrum: Spectrum) -> NDArray[np.float32]:
+        """`(cells, cells)` response: about 1 at the target's centre; row and column `cells // 2` are the window's."""
+        mixed = np.asarray((spectrum * self._filter).sum(axis=0), dtype=np.complex64)
+        response: NDArray[np.float32] = scipy.fft.irfft2(mixed, (self._cells, self._cells))
+        return np.fft.fftshift(response)

@@ -1,0 +1,76 @@
+"""Scale filter: a correlation filter over the logarithm of the size (Danelljan et al. 2014, section 3.2).
+
+Patches of the target at a geometric series of sizes are the samples of a one-dimensional signal, whose shift against
+the learned one is the change of scale.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.pftrack.hog_map import CELL_PX, CHANNELS, hog_map
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
+from pftrack_sim.trackers.pftrack.windows import hann, vertex
+
+
+class ScaleFilter:
+    """Finds by which factor the target's size changed.
+
+    Args:
+        size: `(2,)` width and height of the target at scale 1 [px].
+        count: Number of sizes compared, odd.
+        step: Ratio of successive sizes, above 1.
+        cells: Approximate number of cells of a patch.
+        rate: Weight of a new sample in the running means, in [0, 1].
+    """
+
+    def __init__(self, size: FloatArray, count: int, step: float, cells: int, rate: float) -> None:
+        self._size, self._step, self._rate = size, step, np.float32(rate)
+        zoom = math.sqrt(cells / float(size[0] * size[1]))
+        # Long thin targets keep two cells across, and no side is longer than the number of cells asked for.
+        self._columns, self._rows = (min(max(round(float(side) * zoom), 2), cells) for side in size)
+        places = np.arange(count) - count // 2
+        self._factors = step**places
+        self._flat = np.ones((self._rows, self._columns), np.float32)
+        self._window = hann(count)
+        label = np.exp(-0.5 * np.square(places / (0.25 * math.sqrt(count)))).astype(np.float32)
+        self._label: NDArray[np.complex64] = scipy.fft.fft(label)
+        self._numerator: NDArray[np.complex64] | None = None
+        self._denominator = np.zeros(count, np.float32)
+
+    def learn(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> None:
+        """Learn the target's size: `scale` times that at scale 1."""
+        spectrum = self._spectrum(pyramid, centre, scale)
+        numerator = self._label[:, None] * spectrum.conj()
+        denominator = (np.square(spectrum.real) + np.square(spectrum.imag)).sum(axis=1)
+        if self._numerator is None:
+            self._numerator, self._denominator = numerator, denominator
+        else:
+            self._numerator += self._rate * (numerator - self._numerator)
+            self._denominator += self._rate * (denominator - self._denominator)
+
+    def factor(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> float:
+        """Factor by which the size changed against `scale`; `learn` must have been called."""
+        assert self._numerator is not None
+        spectrum = self._spectrum(pyramid, centre, scale)
+        ridge = np.float32(0.01) * self._denominator.mean() + np.float32(1e-6)
+        mixed = (spectrum * self._numerator).sum(axis=1) / (self._denominator + ridge)
+        response = np.asarray(scipy.fft.ifft(mixed), dtype=np.complex64).real
+        best, last = int(response.argmax()), len(response) - 1
+        fine = vertex(*(float(v) for v in response[best - 1 : best + 2])) if 0 < best < last else 0.0
+        return float(self._step ** (best + fine - len(response) // 2))
+
+    def _spectrum(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> NDArray[np.complex64]:
+        """`(count, features)` spectrum over the sizes."""
+        shape = (self._columns, self._rows)
+        samples = np.empty((len(self._factors), CHANNELS, self._rows, self._columns), np.float32)
+        for sample, factor, weight in zip(samples, self._factors, self._window, strict=True):
+            width, height = (float(side) * scale * float(factor) for side in self._size)
+            patch = pyramid.grey_patch(centre, (width, height), (CELL_PX * shape[0], CELL_PX * shape[1]))
+            hog_map(patch, self._flat * weight, sample)
+        return scipy.fft.fft(samples.reshape(len(samples), -1), axis=0)

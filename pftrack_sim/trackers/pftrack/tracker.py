@@ -1,0 +1,211 @@
+"""The tracker `pftrack`; `docs/pftrack.md` describes the method and the evidence for each part."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from pftrack_sim.core import boxes
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.base import BaseTracker
+from pftrack_sim.trackers.parameters import NotNegative, Parameters, Share
+from pftrack_sim.trackers.pftrack.camera_motion import CameraMotion
+from pftrack_sim.trackers.pftrack.colour import ColourModel
+from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
+from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
+from pftrack_sim.trackers.pftrack.scale import ScaleFilter
+from pftrack_sim.trackers.pftrack.windows import vertex
+
+MIN_SIZE_PX = 4.0
+SLOW = 0.05
+"""Weight of a new frame in the running means that the occlusion test compares with."""
+
+
+class PftrackParameters(Parameters):
+    """Parameters of `pftrack`.
+
+    Attributes:
+        cells: Cells of 4x4 pixels of the search window in each direction.
+        padding: Side of the search window, as a multiple of the square root of the target's area.
+        label_sigma: Standard deviation of the correlation filter's label, as a share of the square root of the area.
+        ridge: Regularisation of the correlation filter, as a share of the mean spectral energy of the first patch.
+        rate: Weight of a new frame in the correlation filter.
+        colour_share: Weight of the colour response; the correlation filter has the rest. 0: no colour.
+        colour_rate: Weight of a new frame in the colour histograms.
+        scale_count: Number of sizes compared, odd. 1: the size is constant.
+        scale_step: Ratio of successive sizes.
+        scale_rate: Weight of a new sample in the scale filter.
+        scale_interval: The scale filter is applied every so many frames.
+        scale_cells: Approximate number of cells of its patches.
+        camera_motion: Whether the search starts also where the camera's motion takes the target.
+        camera_certainty: Least sum of the phase correlation around its peak for a motion to be used; 1 is a pure shift.
+        recentre: Distance of the target from the window's centre above which the window is put around it and evaluated
+            once more, as a share of its side.
+        occlusion_peak: The target is occluded when the correlation response is below this share of its running mean ...
+        occlusion_colour: ... and the colour response is below this share of its own.
+    """
+
+    cells: Annotated[int, Field(ge=8, le=128)] = 28
+    padding: Annotated[float, Field(ge=1.1, le=10.0)] = 2.5
+    label_sigma: Annotated[float, Field(gt=0.0, le=1.0)] = 0.07
+    ridge: NotNegative = 0.001
+    rate: Share = 0.015
+    colour_share: Share = 0.35
+    colour_rate: Share = 0.04
+    scale_count: Annotated[int, Field(ge=1, le=99)] = 17
+    scale_step: Annotated[float, Field(gt=1.0, le=1.5)] = 1.02
+    scale_rate: Share = 0.025
+    scale_interval: Annotated[int, Field(ge=1, le=100)] = 2
+    scale_cells: Annotated[int, Field(ge=4, le=1024)] = 36
+    camera_motion: bool = True
+    camera_certainty: Share = 0.3
+    recentre: NotNegative = 0.1
+    occlusion_peak: Share = 0.6
+    occlusion_colour: Share = 0.85
+
+
+class Match(NamedTuple):
+    """The best position in a window: its score, the two responses there, and its centre [px]."""
+
+    score: float
+    peak: float
+    colour: float
+    centre: FloatArray
+
+
+class Pftrack(BaseTracker):
+    """Correlation filter with colour, scale, camera motion and an occlusion test. It draws no random numbers."""
+
+    def __init__(self, params: PftrackParameters) -> None:
+        super().__init__()
+        self.params = params
+        self._size = np.ones(2)
+        self._side = 1.0
+        self._scale = 1.0
+        self._centre = np.zeros(2)
+        self._frame = 0
+        self._filter: CorrelationFilter
+        self._colour: ColourModel
+        self._scales: ScaleFilter
+        self._camera: CameraMotion
+        self._usual: tuple[float, float] | None = None
+
+    def _start(self, image: Image, box: Box) -> None:
+        p = self.params
+        self._size, self._centre, self._scale, self._frame = box[2:].copy(), boxes.centre(box), 1.0, 0
+        area_root = math.sqrt(float(self._size[0] * self._size[1]))
+        # Around long thin targets the window still has some surround.
+        self._side = max(p.padding * area_root, 1.3 * float(self._size.max()))
+        self._filter = CorrelationFilter(p.cells, p.label_sigma * area_root / self._side * p.cells, p.ridge, p.rate)
+        self._colour = ColourModel(p.colour_rate)
+        self._scales = ScaleFilter(self._size, p.scale_count, p.scale_step, p.scale_cells, p.scale_rate)
+        self._camera = CameraMotion(p.camera_certainty)
+        self._usual = None
+        pyramid = ImagePyramid(image)
+        self._camera_shift(pyramid, image)
+        self._learn(pyramid)
+
+    def _follow(self, image: Image) -> Estimate:
+        p = self.params
+        self._frame += 1
+        pyramid = ImagePyramid(image)
+        shift = self._camera_shift(pyramid, image)
+        found = self._search(pyramid, image, shift)
+        if self._usual is None:
+            self._usual = (found.peak, found.colour)
+        peak, colour = self._usual
+        occluded = found.peak < p.occlusion_peak * peak and found.colour < p.occlusion_colour * colour
+        confidence = min(max(found.peak / max(peak, 1e-6), 0.0), 1.0)
+        if occluded:
+            self._centre = _inside(self._centre + shift, image)
+        else:
+            self._centre = found.centre
+            self._usual = (peak + SLOW * (found.peak - peak), colour + SLOW * (found.colour - colour))
+            if p.scale_count > 1 and self._frame % p.scale_interval == 0:
+                self._rescale(pyramid, image)
+            self._learn(pyramid)
+        size = self._scale * self._size
+        return Estimate(np.concatenate([self._centre - 0.5 * size, size]), confidence, occluded)
+
+    def _camera_shift(self, pyramid: ImagePyramid, image: Image) -> FloatArray:
+        if not self.params.camera_motion:
+            return np.zeros(2)
+        return self._camera.shift(pyramid, image.shape[1], image.shape[0])
+
+    def _search(self, pyramid: ImagePyramid, image: Image, shift: FloatArray) -> Match:
+        """The best match from where the target was, and from where the camera's motion takes that place."""
+        side, reach = self._scale * self._side, 0.15 * self._scale * math.sqrt(float(self._size.prod()))
+        best: Match | None = None
+        start = self._centre
+        for place in (self._centre + shift, self._centre):
+            if best is not None and math.hypot(*shift) <= reach:
+                break
+            inside = _inside(place, image)
+            found = self._match(pyramid, image, inside)
+            if best is None or found.score > best.score:
+                best, start = found, inside
+        assert best is not None
+        # Hann's window weakens a target far from the centre.
+        if math.hypot(*(best.centre - start)) > self.params.recentre * side:
+            again = self._match(pyramid, image, best.centre)
+            best = again if again.score > best.score else best
+        return best
+
+    def _match(self, pyramid: ImagePyramid, image: Image, centre: FloatArray) -> Match:
+        """The best position in the window around a centre."""
+        p = self.params
+        patch = self._patch(pyramid, centre)
+        peaks = self._filter.respond(self._filter.spectrum(patch))
+        scores, colours = peaks, None
+        if p.colour_share > 0.0:
+            pixels = self._colour.respond(patch, *self._size_in_patch())
+            colours = np.asarray(cv2.resize(pixels, (p.cells, p.cells), interpolation=cv2.INTER_LINEAR))
+            scores = (1.0 - p.colour_share) * peaks + p.colour_share * colours
+        row, column = divmod(int(scores.argmax()), p.cells)
+        rows = [float(scores[(row + k) % p.cells, column]) for k in (-1, 0, 1)]
+        columns = [float(scores[row, (column + k) % p.cells]) for k in (-1, 0, 1)]
+        offset = np.array([column + vertex(*columns), row + vertex(*rows)]) - p.cells // 2
+        at = _inside(centre + offset * (self._scale * self._side / p.cells), image)
+        colour = 1.0 if colours is None else float(colours[row, column])
+        return Match(float(scores[row, column]), float(peaks[row, column]), colour, at)
+
+    def _rescale(self, pyramid: ImagePyramid, image: Image) -> None:
+        scale = self._scale * self._scales.factor(pyramid, self._centre, self._scale)
+        least = min(MIN_SIZE_PX / float(self._size.min()), 1.0)
+        most = max(2.0 * min(image.shape[1] / float(self._size[0]), image.shape[0] / float(self._size[1])), 1.0)
+        self._scale = min(max(scale, least), most)
+
+    def _learn(self, pyramid: ImagePyramid) -> None:
+        p = self.params
+        patch = self._patch(pyramid, self._centre)
+        self._filter.learn(self._filter.spectrum(patch))
+        if p.colour_share > 0.0:
+            self._colour.learn(patch, *self._size_in_patch())
+        if p.scale_count > 1 and self._frame % p.scale_interval == 0:
+            self._scales.learn(pyramid, self._centre, self._scale)
+
+    def _patch(self, pyramid: ImagePyramid, centre: FloatArray) -> Image:
+        side, pixels = self._scale * self._side, CELL_PX * self.params.cells
+        return pyramid.patch(centre, (side, side), (pixels, pixels))
+
+    def _size_in_patch(self) -> tuple[float, float]:
+        """Width and height of the target in a patch [px of the patch]."""
+        width, height = self._size * (CELL_PX * self.params.cells / self._side)
+        return float(width), float(height)
+
+
+def _inside(point: FloatArray, image: Image) -> FloatArray:
+    """The nearest point of the image to `(2,)` x, y [px]."""
+    return np.clip(point, 0.0, (image.shape[1], image.shape[0]))
+
+
+def make(name: str, *, seed: int, preset: str, **params: Any) -> Pftrack:
+    """Make `pftrack`, which uses no random numbers; raises ParameterError."""
+    return Pftrack(PftrackParameters.from_preset(name, preset, params))

@@ -1,0 +1,197 @@
+"""The tracker `pftrack` and its parts."""
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim import trackers
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.records import Estimate
+from pftrack_sim.trackers.pftrack.camera_motion import CameraMotion
+from pftrack_sim.trackers.pftrack.colour import ColourModel
+from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
+from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, DIRECTIONS, hog_map
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
+from pftrack_sim.trackers.pftrack.scale import ScaleFilter
+
+Scene = tuple[list[np.ndarray], np.ndarray]
+
+
+def texture(width: int, height: int, seed: int = 0, grain: int = 6) -> np.ndarray:
+    """Smooth coloured noise, `(height, width, 3)` uint8."""
+    coarse = np.random.default_rng(seed).integers(0, 255, (height // grain + 2, width // grain + 2, 3), dtype=np.uint8)
+    return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+
+
+def run(images: list[np.ndarray], box: Any, **given: Any) -> list[Estimate]:
+    tracker = trackers.make("pftrack", **given)
+    tracker.init(images[0], np.asarray(box, dtype=np.float64))
+    return [tracker.update(image) for image in images[1:]]
+
+
+def test_a_patch_at_the_image_s_own_scale_is_the_image():
+    image = texture(64, 48)
+    pyramid = ImagePyramid(image)
+    assert np.array_equal(pyramid.patch(np.array([32.0, 24]), (64.0, 48.0), (64, 48)), image)
+    assert np.array_equal(pyramid.patch(np.array([20.0, 15]), (16.0, 10.0), (16, 10)), image[10:20, 12:28])
+
+
+@pytest.mark.parametrize("factor", [2, 4])
+def test_a_patch_at_a_coarser_scale_is_the_mean_of_blocks(factor: int):
+    image = texture(64, 48)
+    shape = (64 // factor, 48 // factor)
+    patch = ImagePyramid(image).patch(np.array([32.0, 24]), (64.0, 48.0), shape)
+    means = image.reshape(shape[1], factor, shape[0], factor, 3).mean(axis=(1, 3))
+    assert np.abs(patch - means).max() <= 1
+
+
+def test_a_uniform_patch_has_no_gradients_and_an_edge_has_its_direction():
+    out, window = np.empty((CHANNELS, 6, 5), np.float32), np.ones((6, 5), np.float32)
+    hog_map(np.full((24, 20), 90, np.uint8), window, out)
+    assert np.abs(out).max() == 0.0
+    edge = np.full((24, 20), 40, np.uint8)
+    edge[:, 10:] = 200
+    hog_map(edge, window, out)
+    assert out[:DIRECTIONS].sum(axis=(1, 2)).argmax() == 0
+    assert np.abs(out[1:DIRECTIONS]).max() == 0.0
+    hog_map(
+        np.ascontiguousarray(edge.T[:20, :20]), np.ones((5, 5), np.float32), out := np.empty((CHANNELS, 5, 5), "f4")
+    )
+    assert out[:DIRECTIONS].sum(axis=(1, 2)).argmax() in (DIRECTIONS // 2, DIRECTIONS // 2 + 1)
+
+
+def test_gradient_maps_are_independent_of_contrast():
+    grey = cv2.cvtColor(texture(32, 32), cv2.COLOR_RGB2GRAY) // 2
+    full, faint = (np.empty((CHANNELS, 8, 8), np.float32) for _ in range(2))
+    hog_map(grey, np.ones((8, 8), np.float32), full)
+    hog_map(2 * grey, np.ones((8, 8), np.float32), faint)
+    assert np.abs(full - faint).max() < 0.05
+
+
+@pytest.mark.parametrize("size", [(320, 240), (641, 480), (90, 60)])
+@pytest.mark.parametrize("moved", [(6.0, -9.0), (-15.0, 4.0), (0.0, 0.0)])
+def test_the_shift_of_the_image_is_found(size: tuple[int, int], moved: tuple[float, float]):
+    width, height = size
+    large = texture(width + 60, height + 60, seed=2)
+    x, y = (round(v) for v in moved)
+    first, then = large[30 : 30 + height, 30 : 30 + width], large[30 - y : 30 - y + height, 30 - x : 30 - x + width]
+    camera = CameraMotion(certainty_min=0.05)
+    assert camera.shift(ImagePyramid(np.ascontiguousarray(first)), width, height).tolist() == [0.0, 0.0]
+    found = camera.shift(ImagePyramid(np.ascontiguousarray(then)), width, height)
+    assert np.abs(found - moved).max() < 1.0 * max(width / 128, 1.0)
+
+
+def test_an_unrelated_image_has_no_shift():
+    camera = CameraMotion(certainty_min=0.3)
+    camera.shift(ImagePyramid(texture(160, 120, seed=1)), 160, 120)
+    assert camera.shift(ImagePyramid(texture(160, 120, seed=2)), 160, 120).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("moved", [(0, 0), (3, -2), (-4, 1)])
+def test_the_response_s_peak_moves_with_the_target(moved: tuple[int, int]):
+    image = texture(200, 200, seed=3)
+    subject = CorrelationFilter(cells=20, sigma=1.0, ridge=0.001, rate=0.1)
+    subject.learn(subject.spectrum(np.ascontiguousarray(image[60:140, 60:140])))
+    top, left = 60 - 4 * moved[1], 60 - 4 * moved[0]
+    response = subject.respond(subject.spectrum(np.ascontiguousarray(image[top : top + 80, left : left + 80])))
+    row, column = divmod(int(response.argmax()), 20)
+    assert (column - 10, row - 10) == moved
+    assert moved != (0, 0) or response.max() == pytest.approx(1.0, abs=0.05)
+
+
+def test_colours_of_the_target_alone_score_high():
+    patch = np.full((80, 80, 3), (40, 90, 160), np.uint8)
+    patch[20:60, 30:50] = (200, 60, 30)
+    model = ColourModel(rate=0.04)
+    assert np.allclose(model.respond(patch, 20, 40)[40, 40], 0.5, rtol=0, atol=1e-6), "nothing is learnt yet"
+    model.learn(patch, 20, 40)
+    response = model.respond(np.roll(patch, (7, -5), (0, 1)), 20, 40)
+    peak = np.array(np.unravel_index(response.argmax(), response.shape))
+    assert np.abs(peak - (47, 35)).max() <= 2
+    assert response.max() > 0.95
+    assert response[5, 70] < 0.05
+
+
+@pytest.mark.parametrize("zoom", [0.94, 1.0, 1.06])
+def test_a_change_of_size_is_found(zoom: float):
+    image = texture(240, 240, seed=4)
+    subject = ScaleFilter(np.array([40.0, 70]), count=17, step=1.02, cells=36, rate=0.025)
+    centre = np.array([120.0, 120])
+    subject.learn(ImagePyramid(image), centre, 1.0)
+    matrix = np.array([[zoom, 0, 119.5 * (1 - zoom)], [0, zoom, 119.5 * (1 - zoom)]])
+    zoomed = cv2.warpAffine(image, matrix, (240, 240), borderMode=cv2.BORDER_REFLECT)
+    assert subject.factor(ImagePyramid(zoomed), centre, 1.0) == pytest.approx(zoom, abs=0.012)
+
+
+def test_a_moving_target_is_followed_closely(make_scene: Callable[..., Scene]):
+    images, truth = make_scene(count=25)
+    found = np.array([one.box for one in run(images, truth[0])])
+    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.75
+
+
+def test_twice_the_image_gives_about_twice_the_estimate(make_scene: Callable[..., Scene]):
+    images, truth = make_scene(count=15)
+    doubled = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR) for image in images]
+    small, large = run(images, truth[0]), run(doubled, 2 * truth[0])
+    assert all(boxes.iou(2 * one.box, two.box) > 0.9 for one, two in zip(small, large, strict=True))
+
+
+def test_a_jump_of_the_camera_is_compensated():
+    """The target rests in the world; the camera turns by more than the search window."""
+    world, box = texture(700, 260, seed=5, grain=9), np.array([250.0, 100, 16, 24])
+    images = [np.ascontiguousarray(world[:240, left : left + 320]) for left in (100, 100, 155, 155)]
+    overlaps = {}
+    for compensated in (True, False):
+        last = run(images, box, camera_motion=compensated, colour_share=0.0)[-1]
+        overlaps[compensated] = boxes.iou(last.box, box - [55, 0, 0, 0])
+    assert overlaps[True] > 0.8
+    assert overlaps[False] < 0.1
+
+
+def test_an_occluded_target_is_waited_for(make_scene: Callable[..., Scene]):
+    images, truth = make_scene(count=16, step_px=0.0)
+    covered = list(images)
+    for index in range(8, 12):
+        image = images[index].copy()
+        x, y, w, h = (int(v) for v in truth[index])
+        image[y - 4 : y + h + 4, x - 4 : x + w + 4] = (20, 200, 20)
+        covered[index] = image
+    found = run(covered, truth[0])
+    assert [one.occluded for one in found] == [7 <= index < 11 for index in range(15)]
+    assert all(boxes.iou(one.box, truth[0]) > 0.8 for one in found)
+    assert max(one.confidence for one in found[7:11]) < 0.6 < min(one.confidence for one in found[11:])
+
+
+@pytest.mark.parametrize("colour", [0, 128, 255])
+def test_uniform_frames_give_finite_estimates(colour: int, scene: Scene):
+    images, truth = scene
+    blank = np.full_like(images[0], colour)
+    for sequence in ([images[0], blank, images[1]], [blank, images[1], blank], [blank, blank]):
+        assert all(np.isfinite(one.box).all() and 0 <= one.confidence <= 1 for one in run(sequence, truth[0]))
+
+
+@pytest.mark.parametrize("shape", [(16, 16), (1, 1), (3, 200)])
+def test_small_images_are_accepted(shape: tuple[int, int]):
+    images = [np.random.default_rng(k).integers(0, 255, (*shape, 3), dtype=np.uint8) for k in range(4)]
+    for box in ((0, 0, 1, 1), (-3, -3, 9, 9), (-50, -50, 400, 400)):
+        assert all(boxes.area(one.box) > 0 for one in run(images, box))
+
+
+def test_the_box_stays_near_the_image_and_never_collapses():
+    rng = np.random.default_rng(0)
+    images = [rng.integers(0, 255, (40, 50, 3), dtype=np.uint8) for _ in range(20)]
+    for one in run(images, (1, 1, 6, 6), occlusion_peak=0.0):
+        assert (one.box[2:] >= 4 - 1e-9).all()
+        assert (boxes.centre(one.box) >= -1e-9).all()
+        assert (boxes.centre(one.box) <= [50 + 1e-9, 40 + 1e-9]).all()
+
+
+def test_parameters_out_of_range_are_refused():
+    with pytest.raises(ParameterError, match="cells"):
+        trackers.make("pftrack", cells=2)
+    with pytest.raises(ParameterError, match="padding"):
+        trackers.make("pftrack", paddin=2)
