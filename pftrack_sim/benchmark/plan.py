@@ -46,6 +46,8 @@ class TrackerSpec(Section):
         params: Its parameters.
         controller: Controller that drives the robot with its estimates; None in open loop.
         latency_ms: Simulated time charged for every frame that it takes, unless the condition sets another.
+        code: Digests of what runs and is not part of this package: the code of a third-party tracker and controller,
+            and files named in the parameters. A run folder is not continued with other code.
     """
 
     name: str
@@ -53,6 +55,7 @@ class TrackerSpec(Section):
     params: dict[str, Any] = Field(default_factory=dict)
     controller: str | None = None
     latency_ms: NotNegative = 0.0
+    code: dict[str, str] = Field(default_factory=dict)
 
     @property
     def base_label(self) -> str:
@@ -233,6 +236,11 @@ class Plan(Section):
         """SHA-256 of the plan's canonical JSON."""
         return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
 
+    def without_code(self) -> Plan:
+        """The same plan whatever third-party code runs."""
+        trackers = tuple(tracker.model_copy(update={"code": {}}) for tracker in self.trackers)
+        return Plan(sweeps=self.sweeps, trackers=trackers, suites=self.suites, truth=self.truth)
+
     @property
     def labels(self) -> tuple[str, ...]:
         """Labels of the trackers."""
@@ -329,6 +337,7 @@ def differences(given: Plan, stored: Plan, *, limit: int = 5) -> list[str]:
 def _by_name(plan: Plan) -> dict[str, Any]:
     """The plan's record with names as keys, so that a difference is reported with the name and not the index."""
     record: dict[str, Any] = {**plan.model_dump(mode="json"), "trackers": list(plan.labels)}
+    record["code"] = {name: digest[:12] for tracker in plan.trackers for name, digest in tracker.code.items()}
     for values, sweep in zip(record["sweeps"], plan.sweeps, strict=True):
         values["scenarios"] = {scenario.name: scenario.tree for scenario in sweep.scenarios}
         values["conditions"] = [condition.name for condition in sweep.conditions]

@@ -6,6 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, cast, get_args
 
 from pftrack_sim import scenario as scenarios
@@ -20,10 +21,13 @@ from pftrack_sim.benchmark.plan import (
     make_checked_plan,
 )
 from pftrack_sim.benchmark.suite import Suite, is_suite, load_suite, suite_names
+from pftrack_sim.controllers import code_digest as controller_code
 from pftrack_sim.controllers import make as make_controller
+from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.scenario.axes import axes_by_name
+from pftrack_sim.trackers import code_digest as tracker_code
 
 TRACKERS = ("ko2012", "opencv-mil", "stay")
 CLOSED_LOOP_TRACKERS = ("oracle",)
@@ -88,11 +92,23 @@ def _with_controllers(
     latencies = {spec.base_label: latency_ms[key] for key, spec in match_trackers(latency_ms, trackers)}
     for name in controllers:
         make_controller(name)  # a wrong name is reported now
-    return tuple(
+    combined = (
         spec.model_copy(update={"latency_ms": latencies.get(spec.base_label, spec.latency_ms), "controller": name})
         for name in controllers or [None]
         for spec in trackers
     )
+    return tuple(spec.model_copy(update={"code": _code_of(spec)}) for spec in combined)
+
+
+def _code_of(spec: TrackerSpec) -> dict[str, str]:
+    """Digests of third-party code and of files that a tracker takes, by name."""
+    code = {spec.name: tracker_code(spec.name)}
+    if spec.controller is not None:
+        code[spec.controller] = controller_code(spec.controller)
+    for value in spec.params.values():
+        if isinstance(value, str) and Path(value).is_file():
+            code[value] = file_digest(Path(value))
+    return {name: digest for name, digest in code.items() if digest}
 
 
 def match_trackers(keys: Mapping[str, object], trackers: Sequence[TrackerSpec]) -> list[tuple[str, TrackerSpec]]:

@@ -49,6 +49,7 @@ def run(
     limits: Limits | None = None,
     part: tuple[int, int] = (1, 1),
     shuffle: int | None = None,
+    refresh: bool = False,
     on_progress: Callable[[RunProgress], None] = lambda _: None,
 ) -> RunStore:
     """Run a plan, or what is missing of it.
@@ -64,6 +65,7 @@ def run(
         limits: Limits of those.
         part: Part k of n: only every n-th episode, from the k-th (1 is the first); other machines run the others.
         shuffle: A seed to shuffle the order of the episodes with.
+        refresh: Run episodes again whose third-party trackers or controllers have other code than in the folder.
         on_progress: Called after every episode and a few times a second.
 
     Returns:
@@ -91,7 +93,10 @@ def run(
         video = videos == "all" or (videos == "first" and episode.is_first_seed)
         return EpisodeJob(episode, video, backend, isolated, limits)
 
-    with contextlib.closing(make_executor(plan, workers, scheduler)) as executor, RunStore.begin(path, plan) as store:
+    with (
+        contextlib.closing(make_executor(plan, workers, scheduler)) as executor,
+        RunStore.begin(path, plan, refresh=refresh) as store,
+    ):
         counter = ProgressCounter(store, part)
         on_progress(counter.progress(0))
         episodes = islice(plan.episodes(shuffle=shuffle), part[0] - 1, None, part[1])

@@ -57,12 +57,14 @@ class RunStore:
         self._lock: int | None = None
 
     @classmethod
-    def begin(cls, path: Path, plan: Plan) -> RunStore:
+    def begin(cls, path: Path, plan: Plan, *, refresh: bool = False) -> RunStore:
         """Open a run folder to write. It is locked until `close`, or until this process ends in any way.
 
         Args:
             path: Absent, empty, or begun with the same plan.
             plan: What is run.
+            refresh: Where the folder was begun with other code of the same trackers, remove the episodes that they
+                took part in, instead of an error.
 
         Raises:
             RunError: It holds something else, another plan, or has another writer, or cannot be written.
@@ -76,7 +78,7 @@ class RunStore:
             _check_usable(path)
             begun = is_run(path)
             if begun:
-                _check_same(path, plan)
+                _check_same(path, plan, refresh)
             else:
                 _write_record(path, _new_record(plan))
             remove_parts(path)
@@ -277,11 +279,24 @@ def _check_usable(path: Path) -> None:
         raise RunError(f"{path} exists and is not an empty folder: choose another with --out")
 
 
-def _check_same(path: Path, plan: Plan) -> None:
-    stored = RunStore(path).plan
-    if stored.digest != plan.digest:
-        lines = "\n".join(f"  {line}" for line in differences(plan, stored))
+def _check_same(path: Path, plan: Plan, refresh: bool) -> None:
+    store = RunStore(path)
+    if store.plan.digest == plan.digest:
+        return
+    lines = "\n".join(f"  {line}" for line in differences(plan, store.plan))
+    if store.plan.without_code().digest != plan.without_code().digest:
         raise RunError(f"{path} holds another plan: choose another folder with --out, or ask for the same\n{lines}")
+    if not refresh:
+        raise RunError(
+            f"{path} was begun with other code: its results are not those of the code of today; run what has changed "
+            f"again with --refresh, or choose another folder with --out\n{lines}"
+        )
+    # The record comes last: interrupted before it, the folder still asks to be refreshed.
+    for old, new in zip(store.plan.episodes(), plan.episodes(), strict=True):
+        if old.trackers != new.trackers:
+            store.episode_file(old).unlink(missing_ok=True)
+            store.video_file(old).unlink(missing_ok=True)
+    _write_record(path, {**store.record, "finished": None, **_plan_record(plan)})
 
 
 def _lock(path: Path) -> int:
@@ -302,11 +317,14 @@ def _lock(path: Path) -> int:
 def _new_record(plan: Plan) -> dict[str, Any]:
     return {
         "format": FORMAT,
-        "plan_sha256": plan.digest,
         "finished": None,
         "sessions": [],
-        "plan": plan.model_dump(mode="json"),
+        **_plan_record(plan),
     }
+
+
+def _plan_record(plan: Plan) -> dict[str, Any]:
+    return {"plan_sha256": plan.digest, "plan": plan.model_dump(mode="json")}
 
 
 def _session() -> dict[str, Any]:

@@ -23,6 +23,7 @@ from pftrack_sim.cli.options import (
     Part,
     Preset,
     ProgressMode,
+    Refresh,
     Scheduler,
     ScoredBox,
     Seeds,
@@ -109,6 +110,7 @@ def bench(
     isolation: Isolation = "auto",
     frame_limit_s: FrameLimit = 60.0,
     memory_limit_mb: MemoryLimit = 4096.0,
+    refresh: Refresh = False,
     progress: ProgressMode = "",
 ) -> None:
     """Run trackers in open loop on suites or scenarios.
@@ -128,7 +130,7 @@ def bench(
         truth=truth,
     )
     limits = Limits(frame_limit_s, memory_limit_mb)
-    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, progress)
+    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, refresh, progress)
 
 
 def _run(
@@ -141,6 +143,7 @@ def _run(
     isolation: str,
     limits: Limits,
     part: str,
+    refresh: bool,
     progress: str,
 ) -> None:
     """Run a plan, print its results, and write the report."""
@@ -158,6 +161,7 @@ def _run(
             isolation=isolation,
             limits=limits,
             part=parse_part(part),
+            refresh=refresh,
             on_progress=on_progress,
         )
     tables.print_bench(finished.results)
@@ -262,6 +266,7 @@ def follow(
     isolation: Isolation = "auto",
     frame_limit_s: FrameLimit = 60.0,
     memory_limit_mb: MemoryLimit = 4096.0,
+    refresh: Refresh = False,
     progress: ProgressMode = "",
 ) -> None:
     """Run trackers in closed loop: their boxes drive the robot.
@@ -300,7 +305,7 @@ def follow(
         plan = plan_with(
             resolve_latencies(given, plan.trackers, first, out, isolation=checked_isolation(isolation), limits=limits)
         )
-    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, progress)
+    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, refresh, progress)
 
 
 @app.command()

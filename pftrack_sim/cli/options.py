@@ -51,6 +51,9 @@ Out = Annotated[
     Path | None,
     typer.Option(help="Run folder; the same command resumes it. Default: a new one in runs/."),
 ]
+Refresh = Annotated[
+    bool, typer.Option("--refresh", help="Run again what third-party code changed since the run folder was begun.")
+]
 Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")]
 Workers = Annotated[int | None, typer.Option(min=0, help="Worker processes; default: one per core.")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]

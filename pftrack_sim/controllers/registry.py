@@ -58,6 +58,7 @@ _REGISTRY = Registry[Controller](
 )
 names = _REGISTRY.names
 describe = _REGISTRY.describe
+code_digest = _REGISTRY.code_digest
 
 
 def make(name: str, **params: Any) -> Controller:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
+from pftrack_sim.core.code_digest import code_digest
 from pftrack_sim.core.errors import ParameterError, PftrackError, UnknownNameError, did_you_mean
 from pftrack_sim.core.text import describe_error
 
@@ -89,6 +90,21 @@ class Registry(Generic[T]):
             raise self.error_type(f"{self.kind} {name!r}: its factory made a {made} without {methods}")
         return product
 
+    def code_digest(self, name: str) -> str:
+        """Digest of a third-party factory's code, see `core.code_digest`; empty for built-in ones.
+
+        Raises:
+            UnknownNameError: No such name.
+        """
+        return "" if name in self.builtin else code_digest(self._path(name).partition(":")[0].strip())
+
+    def _path(self, name: str) -> str:
+        """`package.module:factory` of a third-party factory."""
+        installed = self._installed()
+        if name not in installed and ":" not in name:
+            raise self._unknown(name)
+        return installed[name].value if name in installed else name
+
     def _unknown(self, name: str) -> UnknownNameError:
         return UnknownNameError(self.kind, name, self.names(), hint="; one of your own: package.module:factory")
 
@@ -97,10 +113,7 @@ class Registry(Generic[T]):
 
     def _load(self, name: str) -> Callable[..., Any]:
         """Import a third-party factory, given its entry-point name or `package.module:factory`."""
-        installed = self._installed()
-        if name not in installed and ":" not in name:
-            raise self._unknown(name)
-        path = installed[name].value if name in installed else name
+        path = self._path(name)
         failure = f"{self.kind} {name!r} cannot be loaded"
         module_name, _, attribute = path.partition(":")
         module_name, attribute = module_name.strip(), attribute.partition("[")[0].strip()

@@ -62,6 +62,7 @@ _REGISTRY = Registry[Tracker](
 )
 names = _REGISTRY.names
 describe = _REGISTRY.describe
+code_digest = _REGISTRY.code_digest
 
 
 def is_builtin(name: str) -> bool:

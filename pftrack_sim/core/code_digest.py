@@ -1,0 +1,102 @@
+"""A digest of third-party code, found without running it: a changed tracker is not mistaken for the one that ran."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.metadata
+import sys
+import sysconfig
+from collections.abc import Iterator
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path
+
+
+def code_digest(module: str) -> str:
+    """SHA-256 of the source of a module and of what it imports outside installed packages.
+
+    An installed module (in site-packages) counts with its file and the version of its distribution. Imports are read
+    from the source, so that modules imported under computed names are missed.
+
+    Args:
+        module: Dotted name, looked up on `sys.path`.
+
+    Returns:
+        Hexadecimal digits; the same on every machine with the same code. Empty if the module has no source.
+    """
+    found = _find(module)
+    if found is None or found.origin is None or not Path(found.origin).is_file():
+        return ""
+    digest = hashlib.sha256()
+    for name, path in sorted(_sources(module)):
+        digest.update(f"{name}\0".encode())
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    if _is_installed(Path(found.origin)):
+        digest.update(_distribution_version(module).encode())
+    return digest.hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file's contents."""
+    with path.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
+def _sources(module: str) -> set[tuple[str, Path]]:
+    """Names and files of a module and of everything it imports that is not installed."""
+    seen: set[tuple[str, Path]] = set()
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        found = _find(name)
+        if found is None or found.origin is None:
+            continue
+        path = Path(found.origin)
+        installed = name != module and _is_installed(path)
+        if installed or path.suffix != ".py" or not path.is_file() or (name, path) in seen:
+            continue
+        seen.add((name, path))
+        waiting += [".".join(name.split(".")[:count]) for count in range(1, name.count(".") + 1)]
+        waiting += _imports(path, name if found.submodule_search_locations is not None else name.rpartition(".")[0])
+    return seen
+
+
+def _imports(path: Path, package: str) -> Iterator[str]:
+    """Dotted names that a file may import; `from a import b` gives both `a` and `a.b`."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError):
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parents = package.split(".")[: package.count(".") + 2 - node.level] if node.level else []
+            base = ".".join([*parents, *([node.module] if node.module else [])])
+            yield base
+            yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def _find(name: str) -> ModuleSpec | None:
+    """Where a module lies; unlike `importlib.util.find_spec` it imports no parent package."""
+    if not name or name.partition(".")[0] in sys.stdlib_module_names:
+        return None
+    locations, found = None, None
+    parts = name.split(".")
+    for count in range(1, len(parts) + 1):
+        found = PathFinder.find_spec(".".join(parts[:count]), locations)
+        if found is None or (count < len(parts) and found.submodule_search_locations is None):
+            return None
+        locations = found.submodule_search_locations
+    return found
+
+
+def _is_installed(path: Path) -> bool:
+    """Whether a file belongs to Python, to an installed distribution, or to this package."""
+    folders = [*(sysconfig.get_path(key) for key in ("stdlib", "purelib", "platlib")), Path(__file__).parents[1]]
+    return any(path.resolve().is_relative_to(Path(folder).resolve()) for folder in folders)
+
+
+def _distribution_version(module: str) -> str:
+    names = importlib.metadata.packages_distributions().get(module.partition(".")[0], [])
+    return " ".join(f"{name} {importlib.metadata.version(name)}" for name in sorted(names))
