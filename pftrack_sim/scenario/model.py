@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from pftrack_sim.scenario.axes import Axes
 from pftrack_sim.scenario.section import NotNegative, Point, Positive, Section, Share
+from pftrack_sim.scenario.teleoperation import Operator, Sills
 
 
 class Place(Section):
@@ -65,6 +66,8 @@ class Robot(Section):
         default="target",
         description="'target': the head follows the target with an operator's lag; 'forward': fixed.",
     )
+    operator: Operator = Operator()
+    sills: Sills = Sills()
     max_speed_m_s: Positive = Field(default=1.6, description="Fastest forward speed of the drive.")
     max_turn_deg_s: Positive = Field(default=90.0, description="Fastest turn rate of the drive.")
     max_pan_deg_s: Positive = Field(default=120.0, description="Fastest pan rate of the head.")

@@ -11,11 +11,14 @@ from pftrack_sim.agents.entity import Entity, SceneState
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.robot.robot import Robot
+from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
+from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scene.build import add_agents, build_stage
+from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.planning import Plan, make_plan
@@ -25,7 +28,7 @@ class World:
     """Place, robot, people and carts of one episode, at time 0.
 
     Raises:
-        ScenarioError: A requested occlusion or oncoming pedestrian is impossible.
+        ScenarioError: A requested occlusion, oncoming pedestrian or swing of the robot is impossible.
     """
 
     def __init__(self, settings: ResolvedScenario, seed: int) -> None:
@@ -34,6 +37,7 @@ class World:
         self._seed = seed
         self._path = Path(settings.target.path_m)
         spec, layout = build_stage(settings, seed, self.clock.step_s)
+        self._script = self._robot_script(layout)
 
         def run(until_s: float) -> DryRun:
             model = spec.copy().compile()
@@ -117,7 +121,15 @@ class World:
         mujoco.mj_camlight(self.model, self.data)
 
     def _robot(self, model: mujoco.MjModel) -> Robot:
-        return Robot(model, self.settings, self.clock, self._path, self._seed)
+        return Robot(model, self.settings, self.clock, self._script, self._seed)
+
+    def _robot_script(self, layout: WalkableArea) -> Script:
+        settings = self.settings
+        speed_m_s, axis = settings.target.speed_m_s, settings.axes.target
+        try:
+            return Script(settings.robot, self._path, speed_m_s, axis, settings.camera, layout, self._seed)
+        except ParameterError as error:
+            raise ScenarioError(f"{settings.title!r} at seed {self._seed}", [str(error)]) from None
 
     def _crowd(self, plan: Plan, distractors: int) -> Crowd:
         settings = self.settings
@@ -128,7 +140,7 @@ class World:
             settings.distractors.model_copy(update={"count": distractors}),
             plan.crossings,
             self._seed,
-            robot_start_m=Robot.start_m(settings, self._path),
+            robot_start_m=self._script.start_pose()[:2],
             oncoming=plan.oncoming,
             carts=plan.carts,
             target_axis=settings.axes.target,

@@ -83,13 +83,18 @@ def gaze_rates(T_world_camera: FloatArray, target_m: ArrayLike, tick_s: float) -
         target_m: `(2,)` x, y of the target, world frame.
         tick_s: Length of the tick; the head does not overshoot within one.
     """
+    pan, tilt = bearing(T_world_camera, target_m)
+    return gaze_rate(pan, tick_s), gaze_rate(tilt, tick_s)
+
+
+def bearing(T_world_camera: FloatArray, target_m: ArrayLike) -> tuple[float, float]:
+    """Direction of the target from the optical axis, to the left and up [rad]."""
     x, y, z = T_world_camera[:3, :3].T @ (np.array([*np.asarray(target_m), _GAZE_HEIGHT_M]) - T_world_camera[:3, 3])
-    pan = math.atan2(-x, z)
-    tilt = math.atan2(-y, max(math.hypot(x, z), _MIN_DISTANCE_M))
-    return _gaze_rate(pan, tick_s), _gaze_rate(tilt, tick_s)
+    return math.atan2(-x, z), math.atan2(-y, max(math.hypot(x, z), _MIN_DISTANCE_M))
 
 
-def _gaze_rate(error_rad: float, tick_s: float) -> float:
-    beyond = max(abs(error_rad) - GAZE_DEAD_ZONE_RAD, 0.0)
+def gaze_rate(error_rad: float, tick_s: float, dead_zone_rad: float = GAZE_DEAD_ZONE_RAD) -> float:
+    """Rate [rad/s] about one axis that brings an error of direction back into the dead zone."""
+    beyond = max(abs(error_rad) - dead_zone_rad, 0.0)
     gain = 1.0 + beyond / _GAZE_URGENCY_RAD
     return math.copysign(min(beyond * gain / _GAZE_TIME_CONSTANT_S, beyond / tick_s), error_rad)

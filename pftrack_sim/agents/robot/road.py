@@ -1,4 +1,4 @@
-"""Road roughness (ISO 8608) as excitation of the robot's suspension.
+"""Road roughness (ISO 8608) and sills as excitation of the robot's suspension.
 
 The ground stays flat for collisions and rendering. A bump of height z under a wheel would compress its spring as much
 as it lifts the wheel, so the equivalent force of spring and damper, -(k z + c dz/dt), is applied to the joint of each
@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scenario.axes.sensing import JitterAxis
+from pftrack_sim.scenario.teleoperation import Sills
 from pftrack_sim.scene.robot import (
     CASTER_ARM_M,
     CASTER_DAMPING_NS_M,
@@ -31,6 +32,7 @@ SHORTEST_M, LONGEST_M = 0.05, 2.0
 """Wavelengths of the profile: longer ones do not shake the robot, shorter ones average out under a wheel."""
 
 _SAMPLE_M = 0.005
+SILL_WIDTH_M = 0.08
 
 
 def road_profile(road_class: str, rng: np.random.Generator) -> FloatArray:
@@ -49,14 +51,33 @@ def road_profile(road_class: str, rng: np.random.Generator) -> FloatArray:
     return np.fft.irfft(0.5 * count * amplitude * np.exp(1j * phase), count)
 
 
-class RoadExcitation:
-    """Applies the forces of a rough road to the suspension."""
+def sill_profile(sills: Sills, rng: np.random.Generator) -> FloatArray:
+    """`(N,)` heights [m] every 5 mm over `LOOP_M`: how a wheel's centre rises and falls over sills across the way.
 
-    def __init__(self, model: mujoco.MjModel, axis: JitterAxis, seed: int) -> None:
+    The wheel rolls up the edge of a sill, over its flat top, and down its other edge.
+    """
+    radius, height = WHEEL_RADIUS_M, 1e-3 * sills.height_mm
+    way = np.arange(round(LOOP_M / _SAMPLE_M)) * _SAMPLE_M
+    heights = np.zeros(way.size)
+    at_m = sills.every_m * rng.uniform(0.5, 1.0)
+    while at_m < LOOP_M - SILL_WIDTH_M:
+        beyond = np.maximum(np.abs(way - at_m) - 0.5 * SILL_WIDTH_M, 0.0)
+        rise = np.sqrt(np.maximum(radius**2 - beyond**2, 0.0)) - (radius - height)
+        heights = np.maximum(heights, rise)
+        at_m += sills.every_m * rng.uniform(0.7, 1.3)
+    return heights
+
+
+class RoadExcitation:
+    """Applies the forces of a rough road and of sills to the suspension."""
+
+    def __init__(self, model: mujoco.MjModel, axis: JitterAxis, sills: Sills, seed: int) -> None:
         tracks = [road_profile(axis.road_class, stream(seed, "jitter", "road", side)) for side in ("left", "right")]
         # Casters run between the wheels' tracks.
         self._heights = axis.roughness * np.stack([*tracks, 0.5 * (tracks[0] + tracks[1])])
-        self._slopes = (np.roll(self._heights, -1, axis=1) - self._heights) / _SAMPLE_M
+        self._slopes = _slopes(self._heights)
+        self._sills = sill_profile(sills, stream(seed, "sills"))[None] if sills.height_mm > 0.0 else None
+        self._sill_slopes = _slopes(self._sills) if self._sills is not None else None
         axles = [model.joint(f"robot/axle-{side}") for side in ("left", "right")]
         self._axle_qpos = np.array([joint.qposadr[0] for joint in axles])
         self._axle_dofs = np.array([joint.dofadr[0] for joint in axles])
@@ -77,9 +98,24 @@ class RoadExcitation:
         left, right = (WHEEL_RADIUS_M * data.qpos[self._axle_qpos]).tolist()
         left_m_s, right_m_s = (WHEEL_RADIUS_M * data.qvel[self._axle_dofs]).tolist()
         middle, middle_m_s = 0.5 * (left + right), 0.5 * (left_m_s + right_m_s)
+        speed = np.array([left_m_s, right_m_s, middle_m_s, middle_m_s])
         distance = np.array([left, right, middle, middle]) + self._ahead_m
-        sample = np.mod(distance, LOOP_M) / _SAMPLE_M
-        index = sample.astype(np.intp) % self._heights.shape[1]
-        slope = self._slopes[self._track, index]
-        height = self._heights[self._track, index] + slope * (sample - np.floor(sample)) * _SAMPLE_M
-        return height, slope * np.array([left_m_s, right_m_s, middle_m_s, middle_m_s])
+        height, slope = _interpolated(self._heights, self._slopes, self._track, distance)
+        if self._sills is not None and self._sill_slopes is not None:
+            # Both wheels meet a sill at once, however the robot has turned.
+            sill, sill_slope = _interpolated(self._sills, self._sill_slopes, 0, middle + self._ahead_m)
+            return height + sill, slope * speed + sill_slope * middle_m_s
+        return height, slope * speed
+
+
+def _slopes(heights: FloatArray) -> FloatArray:
+    return (np.roll(heights, -1, axis=1) - heights) / _SAMPLE_M
+
+
+def _interpolated(
+    heights: FloatArray, slopes: FloatArray, track: IntArray | int, distance_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    sample = np.mod(distance_m, LOOP_M) / _SAMPLE_M
+    index = sample.astype(np.intp) % heights.shape[1]
+    slope = slopes[track, index]
+    return heights[track, index] + slope * (sample - np.floor(sample)) * _SAMPLE_M, slope

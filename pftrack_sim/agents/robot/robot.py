@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.entity import SceneState
-from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.robot.command_delay import CommandDelay
 from pftrack_sim.agents.robot.drive import Drive
@@ -24,25 +23,19 @@ class Robot:
     """Follows its script or external commands. Its pose is part of the physics state: `write` acts in every step."""
 
     def __init__(
-        self, model: mujoco.MjModel, settings: ResolvedScenario, clock: Clock, target_path: Path, seed: int
+        self, model: mujoco.MjModel, settings: ResolvedScenario, clock: Clock, script: Script, seed: int
     ) -> None:
         self._model = model
         self._clock = clock
         calibration = OdometryCalibration.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
         self.drive = Drive(model, settings.robot, settings.camera, calibration)
         self._delay = CommandDelay(clock, settings.robot.latency_ms)
-        self._script = Script(
-            settings.robot, target_path, settings.target.speed_m_s, settings.axes.target, settings.camera
-        )
-        jitter = settings.axes.jitter
-        self._road = RoadExcitation(model, jitter, seed) if jitter.roughness > 0.0 else None
+        self._script = script
+        jitter, sills = settings.axes.jitter, settings.robot.sills
+        rough = jitter.roughness > 0.0 or sills.height_mm > 0.0
+        self._road = RoadExcitation(model, jitter, sills, seed) if rough else None
         self._segments: Iterator[tuple[int, tuple[float, float, float, float]]] = iter(())
         self._steps_left = 0
-
-    @staticmethod
-    def start_m(settings: ResolvedScenario, target_path: Path) -> tuple[float, float]:
-        """x, y of its place at time 0."""
-        return Script(settings.robot, target_path, settings.target.speed_m_s).start_pose()[:2]
 
     def reset(self, data: mujoco.MjData) -> None:
         """Stand at the start of the route."""

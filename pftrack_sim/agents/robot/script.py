@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.robot.control_laws import (
     BRAKE_M_S2,
     GAZE_DEAD_ZONE_RAD,
@@ -16,16 +17,17 @@ from pftrack_sim.agents.robot.control_laws import (
     follow_path,
     gaze_rates,
 )
+from pftrack_sim.agents.robot.lane import Lane
+from pftrack_sim.agents.robot.teleoperation import NEAREST_M, STOP_GAP_M, Head, Nearness, Stops
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scenario.axes import TargetAxis
+from pftrack_sim.scene.layout import WalkableArea
 
 GAP_TIME_CONSTANT_S = 0.8  # Time constant at which the robot closes a gap to its place abreast of the target
 _TURN_AWAY_S = 0.35  # Time that the camera needs until the target has left the view
 _COME_BACK_S = 0.1  # Time until a part of the target is back in the view
 _BODY_RAD = math.radians(14.0)  # Half the angular width of a person, with a margin
-_SAMPLE_M = 0.1
-_FAR_M = 1e4
 
 
 class StartPose(NamedTuple):
@@ -43,6 +45,11 @@ class Script:
     Args:
         axis: Variation of the distance to the target, and times at which the camera turns away from it.
         camera: Its field of view decides how far the camera must turn to lose the target.
+        layout: Walls and furniture that the operator's swings keep clear of; None for none.
+        seed: Of the operator's random streams.
+
+    Raises:
+        ParameterError: There is no room for the operator's swings.
     """
 
     def __init__(
@@ -52,22 +59,35 @@ class Script:
         target_speed_m_s: float,
         axis: TargetAxis | None = None,
         camera: scenario.Camera | None = None,
+        layout: WalkableArea | None = None,
+        seed: int = 0,
     ) -> None:
         self._axis = axis or TargetAxis()
         view = camera or scenario.Camera()
-        half = math.atan(math.tan(math.radians(0.5 * view.fovy_deg)) * view.width_px / view.height_px)
+        half_v = math.radians(0.5 * view.fovy_deg)
+        half = math.atan(math.tan(half_v) * view.width_px / view.height_px)
         self._away_rad = half + _BODY_RAD + GAZE_DEAD_ZONE_RAD
         self._robot = robot
         self._target = target
         self._target_speed_m_s = target_speed_m_s
-        self._lane = _Lane.of(robot.route, target)
         self._limits = DriveLimits(robot.max_speed_m_s, math.radians(robot.max_turn_deg_s))
+        operator, head_limits = robot.operator, (math.radians(robot.max_pan_deg_s), math.radians(robot.max_tilt_deg_s))
+        self._head = Head(operator, (half, half_v), head_limits, seed)
+        self._stops, self._nearness = Stops(operator, seed), Nearness(operator, seed)
+        lane = Lane.of(robot.route, target)
+        if lane is not None and layout is not None:
+            beside_m = 0.0
+            if isinstance(robot.route, scenario.BesideRoute):
+                beside_m = robot.route.distance_m if robot.route.side == "right" else -robot.route.distance_m
+            lane = lane.swung(operator, beside_m, target_speed_m_s, ObstacleMap(layout), seed)
+        self._lane = lane
         self.reset()
 
     def reset(self) -> None:
         """Return to the start of the episode."""
         self._s_m = self._lane.start_m if self._lane is not None else 0.0
         self._last_target: tuple[float, float] | None = None
+        self._head.reset()
 
     def start_pose(self) -> StartPose:
         """Pose at time 0: on the route, facing along it; with gaze `"target"` the camera looks at the target."""
@@ -86,21 +106,29 @@ class Script:
     def drive(self, time_s: float, pose: tuple[float, float, float], target_s_m: float) -> tuple[float, float]:
         """Forward speed [m/s] and turn rate [rad/s] for the coming tick, from x, y [m], heading [rad] of the robot."""
         speed = self._target_speed(time_s, target_s_m)
-        lane = self._lane
+        lane, turn = self._lane, self._stops.turn_rad_s(time_s)
         if lane is None:
-            return 0.0, 0.0
+            return 0.0, turn or 0.0
         self._s_m = lane.path.project(pose[:2], self._s_m)
         route = self._robot.route
         if isinstance(route, scenario.WaypointRoute):
-            left = lane.path.length_m - self._s_m
+            left, gap_m = lane.path.length_m - self._s_m, 0.0
             forward = min(route.speed_m_s, math.sqrt(2.0 * BRAKE_M_S2 * max(left - 0.01, 0.0)))
         else:
             if self._axis.on:
                 rate = 2.0 * math.pi / self._axis.period_s
                 target_s_m += self._axis.swing_m * math.sin(rate * time_s)
                 speed += self._axis.swing_m * rate * math.cos(rate * time_s)
+            if isinstance(route, scenario.TrailRoute):
+                factor, rate = self._nearness.at(time_s)
+                nearest_m = min(NEAREST_M, route.distance_m)
+                target_s_m += route.distance_m - max(factor * route.distance_m, nearest_m)
+                speed -= rate * route.distance_m
             wanted_m, ratio = lane.abreast(target_s_m)
-            forward = ratio * speed + (wanted_m - self._s_m) / GAP_TIME_CONSTANT_S
+            gap_m = wanted_m - self._s_m
+            forward = ratio * speed + gap_m / GAP_TIME_CONSTANT_S
+        if turn is not None and gap_m < STOP_GAP_M:
+            return 0.0, turn
         return follow_path(lane.path, self._s_m, pose, forward, self._limits)
 
     def gaze(
@@ -117,7 +145,9 @@ class Script:
             cos, sin = math.cos(self._away_rad), math.sin(self._away_rad)
             rotated = np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1]])
             point = T_world_camera[:2, 3] + rotated
-        return gaze_rates(T_world_camera, point, tick_s)
+        if self._head.steady:
+            return gaze_rates(T_world_camera, point, tick_s)
+        return self._head.rates(T_world_camera, point, tick_s, time_s)
 
     def _target_speed(self, time_s: float, target_s_m: float) -> float:
         """Speed of the target along its path since the last tick [m/s]."""
@@ -125,48 +155,3 @@ class Script:
         if last is None or time_s <= last[0]:
             return self._target_speed_m_s
         return (target_s_m - last[1]) / (time_s - last[0])
-
-
-class _Lane:
-    """The robot's path, and its arc length for each arc length of the target.
-
-    Args:
-        target_s_m: `(N,)` rising arc lengths of the target [m].
-        s_m: `(N,)` arc lengths of the robot that belong to them [m].
-    """
-
-    def __init__(self, path: Path, target_s_m: FloatArray, s_m: FloatArray) -> None:
-        self.path = path
-        # Both paths continue straight beyond their ends: there one metre is one metre.
-        self._target_s_m = np.concatenate([target_s_m[:1] - _FAR_M, target_s_m, target_s_m[-1:] + _FAR_M])
-        self._s_m = np.concatenate([s_m[:1] - _FAR_M, s_m, s_m[-1:] + _FAR_M])
-        self.start_m = self.abreast(0.0)[0]
-
-    @classmethod
-    def of(cls, route: scenario.Route, target: Path) -> _Lane | None:
-        """The lane of a route; None for a robot that stands still."""
-        if isinstance(route, scenario.StillRoute):
-            return None
-        if isinstance(route, scenario.WaypointRoute):
-            return cls(Path(route.points_m), np.zeros(1), np.zeros(1))
-        if isinstance(route, scenario.TrailRoute):
-            left, lead = route.offset_m, -route.distance_m
-        else:
-            left, lead = (route.distance_m if route.side == "left" else -route.distance_m), route.lead_m
-        path = target.offset(left)
-        samples = np.linspace(0.0, target.length_m, 2 + math.ceil(target.length_m / _SAMPLE_M))
-        x, y, heading = target.at(samples)
-        points = np.stack([x - left * np.sin(heading), y + left * np.cos(heading)], axis=1)
-        s_m = np.empty(len(samples))
-        near = path.project(points[0], 0.0)
-        for index, point in enumerate(points):
-            # In a bend sharper than the offset the point abreast runs backwards: the robot waits there.
-            near = max(near, path.project(point, near))
-            s_m[index] = near
-        return cls(path, samples - lead, s_m)
-
-    def abreast(self, target_s_m: float) -> tuple[float, float]:
-        """Arc length abreast of the target [m], and its change per metre of the target, averaged over half a metre."""
-        around = target_s_m + np.array([-0.25, 0.0, 0.25])
-        low, here, high = np.interp(around, self._target_s_m, self._s_m)
-        return float(here), float(high - low) / 0.5

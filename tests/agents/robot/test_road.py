@@ -14,10 +14,13 @@ from pftrack_sim.agents.robot.road import (
     REFERENCE_CYCLES_M,
     ROUGHNESS_M3,
     SHORTEST_M,
+    SILL_WIDTH_M,
     RoadExcitation,
     road_profile,
+    sill_profile,
 )
 from pftrack_sim.scenario.axes import JitterAxis
+from pftrack_sim.scenario.teleoperation import Sills
 from pftrack_sim.scene import robot as body
 
 LEAD_IN_S, RUN_M = 2.0, 24.0
@@ -42,7 +45,7 @@ def predicted_acceleration(road_class: str, speed_m_s: float, sprung_kg: float) 
 def vertical_acceleration(lab: Callable[..., Any], road_class: str, speed_m_s: float, severity: float = 1.0) -> float:
     """RMS measured on the simulated robot's body [m/s^2], driving straight on."""
     robot = lab()
-    road = RoadExcitation(robot.model, JitterAxis(severity=severity, road_class=road_class), seed=5)
+    road = RoadExcitation(robot.model, JitterAxis(severity=severity, road_class=road_class), Sills(), seed=5)
     step_s = robot.model.opt.timestep
     run_s = RUN_M / speed_m_s if speed_m_s else 10.0
     velocities = []
@@ -89,9 +92,45 @@ def test_a_robot_at_rest_is_not_excited(lab: Callable[..., Any]):
 
 def test_severity_scales_the_bumps(lab: Callable[..., Any]):
     robot = lab()
-    once, twice = (RoadExcitation(robot.model, JitterAxis(severity=severity), seed=5) for severity in (1.0, 2.0))
+    once, twice = (
+        RoadExcitation(robot.model, JitterAxis(severity=severity), Sills(), seed=5) for severity in (1.0, 2.0)
+    )
     robot.data.qpos[robot.model.joint("robot/axle-left").qposadr] = 3.3
     robot.data.qvel[robot.model.joint("robot/axle-left").dofadr] = 2.0
     for single, double in zip(once.bumps(robot.data), twice.bumps(robot.data), strict=True):
         assert abs(double - 2.0 * single).max() < 1e-12
         assert abs(single).max() > 0.0
+
+
+def test_a_sill_lifts_the_camera_as_far_as_its_springs_say(lab: Callable[..., Any]):
+    robot = lab()
+    sills = Sills(height_mm=2.0, every_m=1.0)
+    road = RoadExcitation(robot.model, JitterAxis(), sills, seed=2)
+    heights = road.bumps(robot.data)[0]
+    assert heights.shape == (4,)
+    camera_m, moved = [], []
+    for _ in range(60 * 14):
+        robot.drive.command(robot.data, 0.1, 0.0, 0.0, 0.0, 1 / 60)
+        for _ in range(robot.steps):
+            road.write(robot.data)
+            mujoco.mj_step(robot.model, robot.data)
+        moved.append(road.bumps(robot.data)[0][:2])
+        camera_m.append(robot.drive.camera_pose(robot.data)[2, 3])
+    # With both wheels on a sill, wheels and casters share the lift as their springs; it is too small to lift a caster.
+    wanted = 2e-3 * body.WHEEL_SPRING_N_M / (body.WHEEL_SPRING_N_M + body.CASTER_SPRING_N_M)
+    on_top = np.array(moved).min(axis=1) > 1.99e-3
+    assert on_top.any()
+    lift = np.array(camera_m)[on_top].mean() - camera_m[0]
+    assert abs(lift / wanted - 1.0) < 0.15
+
+
+def test_sills_are_as_high_and_as_far_apart_as_asked():
+    heights = sill_profile(Sills(height_mm=12.0, every_m=3.0), np.random.default_rng(0))
+    assert abs(heights.max() - 0.012) < 1e-9
+    starts = np.flatnonzero(np.diff((heights > 0.0).astype(int)) == 1)
+    gaps = np.diff(starts) * LOOP_M / heights.size
+    assert gaps.min() > 0.69 * 3.0
+    assert gaps.max() < 1.31 * 3.0
+    # Flat over the top, with a wheel's arcs on both sides.
+    on_m = np.count_nonzero(heights > 0.0) / (starts.size) * LOOP_M / heights.size
+    assert abs(on_m - SILL_WIDTH_M - 2.0 * math.sqrt(2.0 * body.WHEEL_RADIUS_M * 0.012 - 0.012**2)) < 0.01

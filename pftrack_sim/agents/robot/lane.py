@@ -1,0 +1,126 @@
+"""The path that the scripted robot drives, and the place on it that belongs to each place of the target."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.robot.teleoperation import Nearness, lateral_swing
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario import model as scenario
+
+ROBOT_CLEARANCE_M = 0.45  # From the middle of the robot, whose radius is 0.25 m, to a wall or a piece of furniture
+LEAST_SWING_SHARE = 1.0 / 3.0  # Swings with less room than this share of what was asked for are an error
+_SAMPLE_M = 0.1
+_CHORD_M = 0.2
+_SMOOTHING_M = 1.2  # Ahead of a narrow place, over this distance, a swing narrows
+_FAR_M = 1e4
+
+
+class Lane:
+    """The robot's path, and its arc length for each arc length of the target.
+
+    Args:
+        target_s_m: `(N,)` rising arc lengths of the target [m].
+        s_m: `(N,)` arc lengths of the robot that belong to them [m].
+    """
+
+    def __init__(self, path: Path, target_s_m: FloatArray, s_m: FloatArray) -> None:
+        self.path = path
+        # Both paths continue straight beyond their ends: there one metre is one metre.
+        self._target_s_m = np.concatenate([target_s_m[:1] - _FAR_M, target_s_m, target_s_m[-1:] + _FAR_M])
+        self._s_m = np.concatenate([s_m[:1] - _FAR_M, s_m, s_m[-1:] + _FAR_M])
+        self.start_m = self.abreast(0.0)[0]
+
+    @classmethod
+    def of(cls, route: scenario.Route, target: Path) -> Lane | None:
+        """The lane of a route; None for a robot that stands still."""
+        if isinstance(route, scenario.StillRoute):
+            return None
+        if isinstance(route, scenario.WaypointRoute):
+            return cls(Path(route.points_m), np.zeros(1), np.zeros(1))
+        if isinstance(route, scenario.TrailRoute):
+            left, lead = route.offset_m, -route.distance_m
+        else:
+            left, lead = (route.distance_m if route.side == "left" else -route.distance_m), route.lead_m
+        path = target.offset(left)
+        samples = np.linspace(0.0, target.length_m, 2 + math.ceil(target.length_m / _SAMPLE_M))
+        x, y, heading = target.at(samples)
+        points = np.stack([x - left * np.sin(heading), y + left * np.cos(heading)], axis=1)
+        s_m = np.empty(len(samples))
+        near = path.project(points[0], 0.0)
+        for index, point in enumerate(points):
+            # In a bend sharper than the offset the point abreast runs backwards: the robot waits there.
+            near = max(near, path.project(point, near))
+            s_m[index] = near
+        return cls(path, samples - lead, s_m)
+
+    def swung(
+        self, operator: scenario.Operator, beside_m: float, speed_m_s: float, obstacles: ObstacleMap, seed: int
+    ) -> Lane:
+        """The lane with the operator's swings, as wide as the place allows.
+
+        Args:
+            operator: Its swings, and its change of distance from a target beside.
+            beside_m: Sideways place of the target to the left of the route [m]; 0 if it is ahead.
+            speed_m_s: Of the target, which makes a length of the period of the distance.
+            obstacles: Kept clear of.
+            seed: Of the operator's random streams.
+
+        Raises:
+            ParameterError: There is hardly any room for them.
+        """
+        end_m = max(self.path.length_m, self.start_m + _CHORD_M)
+        count = 2 + math.ceil((end_m - self.start_m) / _CHORD_M)
+        s = np.linspace(self.start_m, end_m, count)
+        wanted = lateral_swing(operator, s - s[0], seed)
+        if beside_m:
+            nearness = Nearness(operator, seed)
+            factors = [nearness.at(way / speed_m_s)[0] for way in (s - s[0]).tolist()]
+            wanted = wanted + beside_m * (1.0 - np.array(factors))
+        if not wanted.any():
+            return self
+        x, y, heading = self.path.at(s)
+        normal = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+        middle = np.stack([x, y], axis=1)
+        offset = wanted * _room(middle, normal, wanted, obstacles, round(_SMOOTHING_M / _CHORD_M))
+        if np.abs(offset).max() < LEAST_SWING_SHARE * np.abs(wanted).max():
+            raise ParameterError(
+                f"robot.operator.swing_m: the robot is to swing {np.abs(wanted).max():.2f} m wide of its route, but "
+                f"walls and furniture leave {np.abs(offset).max():.2f} m with {ROBOT_CLEARANCE_M:g} m to each of them"
+            )
+        # Arcs between the middles of the chords: the largest radius that fits.
+        points = middle + offset[:, None] * normal
+        path = Path(points, corner_m=_FAR_M)
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        way *= path.length_m / way[-1]
+        last_m = float(self._target_s_m[-2])
+        target_s = np.linspace(0.0, last_m, 1 + math.ceil(last_m / _SAMPLE_M))
+        base_s = np.asarray(np.interp(target_s, self._target_s_m, self._s_m), dtype=np.float64)
+        return Lane(path, target_s, np.asarray(np.interp(base_s, s, way), dtype=np.float64))
+
+    def abreast(self, target_s_m: float) -> tuple[float, float]:
+        """Arc length abreast of the target [m], and its change per metre of the target, averaged over half a metre."""
+        around = target_s_m + np.array([-0.25, 0.0, 0.25])
+        low, here, high = np.interp(around, self._target_s_m, self._s_m)
+        return float(here), float(high - low) / 0.5
+
+
+def _room(
+    middle_m: FloatArray, normal: FloatArray, wanted_m: FloatArray, obstacles: ObstacleMap, smoothing: int
+) -> FloatArray:
+    """`(N,)` shares in [0, 1] of the wanted offsets along the normals that are clear, smooth along the way."""
+    shares = np.linspace(0.0, 1.0, 16)
+    points = middle_m[:, None] + (shares * wanted_m[:, None])[..., None] * normal[:, None]
+    clear = (obstacles.clearance_m(points) >= ROBOT_CLEARANCE_M).reshape(len(wanted_m), len(shares))
+    # A place that the route itself passes closer is left to the route.
+    free = np.logical_and.accumulate(clear, axis=1).sum(axis=1) - 1
+    room = np.where(wanted_m == 0.0, 1.0, np.maximum(free, 0) / (len(shares) - 1))
+    padded = np.pad(room, 2 * smoothing, mode="edge")
+    narrowest: FloatArray = np.lib.stride_tricks.sliding_window_view(padded, 2 * smoothing + 1).min(axis=1)
+    kernel: FloatArray = np.hanning(2 * smoothing + 3)[1:-1]
+    return np.asarray(np.convolve(narrowest, kernel / kernel.sum(), mode="valid"), dtype=np.float64)

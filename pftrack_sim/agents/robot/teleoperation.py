@@ -1,0 +1,257 @@
+"""The imperfect operator of the scripted robot: aim and head, stops, distance and swings of the base.
+
+The head answers like a person in manual tracking: after a reaction time, as a second-order system (McRuer and Jex 1967,
+"A review of quasi-linear pilot models", IEEE Transactions on Human Factors in Electronics HFE-8(3)). Everything random
+is drawn once from streams of its own, and is a function of time or of the way: it does not depend on the rate of the
+camera, nor on anything else in the scene.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pftrack_sim.agents.robot.control_laws import GAZE_DEAD_ZONE_RAD, bearing, gaze_rate
+from pftrack_sim.core.random_streams import stream
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario import model as scenario
+
+START_S = 2.0
+"""Before this time nothing happens; the aim begins to wander from the target at the start."""
+
+START_M = 1.0  # Way driven on the route before the first swing
+EDGE_RAD = math.radians(5.0)  # The centre of a target that is kept in view is this far inside the image
+_EDGE_TIME_CONSTANT_S = 0.12  # At which a target at the edge is brought back
+_EDGE_PREVIEW_S = 0.15
+_COSINES = 12
+_EVENTS = 1024
+_BRAKE_S = 1.2  # Time that the base needs to brake from a walking speed, before it turns on the spot
+STOP_GAP_M = 2.0  # A stop ends when the target has gone on by this much
+NEAREST_M = 1.3  # Never driven nearer to the target than this
+
+
+class Event(NamedTuple):
+    """One glance or stop: when it begins, how long it lasts, and its side and size, about 1 or -1."""
+
+    begin_s: float
+    length_s: float
+    size: float
+
+
+class Events:
+    """Glances or stops at random times: a third of the mean pause between two, and an exponential rest.
+
+    Args:
+        per_minute: How many in the long run; fewer where they are so long that there is hardly a pause.
+        length_s: Mean length.
+    """
+
+    def __init__(self, per_minute: float, length_s: float, rng: np.random.Generator) -> None:
+        self._events: list[Event] = []
+        if per_minute > 0.0:
+            pause_s = max(60.0 / per_minute - length_s, 0.5)
+            draws = rng.random((_EVENTS, 4))
+            lengths = length_s * (0.7 + 0.6 * draws[:, 0])
+            pauses = pause_s * (1.0 - 2.0 * np.log1p(-draws[:, 1])) / 3.0
+            pauses[0] = START_S + pause_s * draws[0, 1]
+            begins = np.cumsum(pauses) + np.concatenate([[0.0], np.cumsum(lengths[:-1])])
+            sizes = np.where(draws[:, 2] < 0.5, -1.0, 1.0) * (0.7 + 0.6 * draws[:, 3])
+            rows = zip(begins.tolist(), lengths.tolist(), sizes.tolist(), strict=True)
+            self._events = [Event(*row) for row in rows]
+
+    def at(self, time_s: float) -> Event | None:
+        """The event that is going on, or None."""
+        index = bisect.bisect_right(self._events, (time_s, math.inf)) - 1
+        if index < 0:
+            return None
+        event = self._events[index]
+        return event if time_s < event.begin_s + event.length_s else None
+
+
+class Wander:
+    """A smooth Gaussian process of time: a sum of cosines of random frequency and phase, 0.4 to 1.6 times the mean."""
+
+    def __init__(self, rms: float, period_s: float, rng: np.random.Generator) -> None:
+        share = (np.arange(_COSINES) + rng.random(_COSINES)) / _COSINES
+        omega = 2.0 * math.pi / period_s * (0.4 + 1.2 * share)
+        phase = rng.uniform(0.0, 2.0 * math.pi, _COSINES)
+        self._cosines: list[tuple[float, float]] = list(zip(omega.tolist(), phase.tolist(), strict=True))
+        self._amplitude = rms * math.sqrt(2.0 / _COSINES)
+
+    def at(self, time_s: float) -> float:
+        """Value at a time."""
+        if self._amplitude == 0.0:
+            return 0.0
+        return self._amplitude * sum(math.cos(omega * time_s + phase) for omega, phase in self._cosines)
+
+
+class Head:
+    """Pan and tilt rates by which the operator aims at the target.
+
+    Args:
+        half_view_rad: Half the horizontal and the vertical field of view.
+        limits_rad_s: Highest pan and tilt rate.
+    """
+
+    def __init__(
+        self,
+        operator: scenario.Operator,
+        half_view_rad: tuple[float, float],
+        limits_rad_s: tuple[float, float],
+        seed: int,
+    ) -> None:
+        self._operator = operator
+        self._limits_rad_s = limits_rad_s
+        self._dead_zone_rad = math.radians(operator.dead_zone_deg)
+        self._omega = 2.0 * math.pi * operator.head_hz
+        rms = math.radians(operator.wander_deg)
+        self._wander = tuple(
+            Wander(share * rms, operator.wander_s, stream(seed, "operator", "aim", name))
+            for name, share in (("pan", 1.0), ("tilt", 0.5))
+        )
+        self._glances = Events(operator.glances_per_minute, operator.glance_s, stream(seed, "operator", "glances"))
+        self._glance_rad = math.radians(operator.glance_deg)
+        keep = operator.keep_in_view
+        self._edges_rad = tuple(max(half - EDGE_RAD, EDGE_RAD) if keep else math.inf for half in half_view_rad)
+        self.reset()
+
+    @property
+    def steady(self) -> bool:
+        """Whether this is the steady operator."""
+        o = self._operator
+        return self._dead_zone_rad == GAZE_DEAD_ZONE_RAD and not (
+            o.reaction_s or o.head_hz or o.wander_deg or o.glances_per_minute
+        )
+
+    def reset(self) -> None:
+        """Return to the start of the episode."""
+        self._rates = [0.0, 0.0]
+        self._last: tuple[float, float] | None = None
+        self._seen: deque[tuple[float, float, float]] = deque()
+
+    def rates(
+        self, T_world_camera: FloatArray, target_m: ArrayLike, tick_s: float, time_s: float
+    ) -> tuple[float, float]:
+        """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and `(2,)` x, y of the target."""
+        now = bearing(T_world_camera, target_m)
+        seen = bearing(T_world_camera, self._delayed(target_m, time_s)) if self._operator.reaction_s else now
+        for axis, aim in enumerate(self.aim(time_s)):
+            edge = self._edges_rad[axis]
+            error = math.remainder(seen[axis] - _within(aim, edge - self._dead_zone_rad), 2.0 * math.pi)
+            # Where the target will be, as it moves in the image.
+            ahead = now[axis] + _EDGE_PREVIEW_S / tick_s * (now[axis] - self._last[axis] if self._last else 0.0)
+            self._rates[axis] = self._kept(self._rate(axis, error, tick_s), ahead, edge)
+        self._last = now
+        return self._rates[0], self._rates[1]
+
+    def aim(self, time_s: float) -> tuple[float, float]:
+        """Wanted direction of the target from the optical axis, to the left and up [rad]; zero at the start."""
+        fade = min(time_s / START_S, 1.0)
+        fade *= fade * (3.0 - 2.0 * fade)
+        glance = self._glances.at(time_s)
+        pan = fade * self._wander[0].at(time_s) + (self._glance_rad * glance.size if glance is not None else 0.0)
+        return pan, fade * self._wander[1].at(time_s)
+
+    def _delayed(self, target_m: ArrayLike, time_s: float) -> tuple[float, float]:
+        """The place of the target a reaction time ago, interpolated; at the start its first place."""
+        x, y = (float(v) for v in np.asarray(target_m, dtype=np.float64))
+        seen = self._seen
+        seen.append((time_s, x, y))
+        then = time_s - self._operator.reaction_s
+        while len(seen) > 1 and seen[1][0] <= then:
+            seen.popleft()
+        if len(seen) == 1 or then <= seen[0][0]:
+            return seen[0][1:]
+        (t0, x0, y0), (t1, x1, y1) = seen[0], seen[1]
+        share = (then - t0) / (t1 - t0)
+        return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+
+    def _rate(self, axis: int, error_rad: float, tick_s: float) -> float:
+        """The rate of a tick: by the first-order law, or integrated from r' = w^2 e - 2 d w r, implicit in r."""
+        if self._omega == 0.0:
+            return gaze_rate(error_rad, tick_s, self._dead_zone_rad)
+        beyond = math.copysign(max(abs(error_rad) - self._dead_zone_rad, 0.0), error_rad)
+        pull = self._rates[axis] + tick_s * self._omega**2 * beyond
+        limit = self._limits_rad_s[axis]
+        return max(-limit, min(limit, pull / (1.0 + 2.0 * self._operator.head_damping * self._omega * tick_s)))
+
+    @staticmethod
+    def _kept(rate: float, bearing_rad: float, edge_rad: float) -> float:
+        """The rate, or the one that brings a target at the edge of the view back."""
+        beyond = abs(bearing_rad) - edge_rad
+        if beyond <= 0.0:
+            return rate
+        back = beyond / _EDGE_TIME_CONSTANT_S
+        return max(rate, back) if bearing_rad > 0.0 else min(rate, -back)
+
+
+def _within(angle_rad: float, limit_rad: float) -> float:
+    """The angle, bent smoothly towards a limit."""
+    if math.isinf(limit_rad):
+        return angle_rad
+    limit = max(limit_rad, 1e-3)
+    return limit * math.tanh(angle_rad / limit)
+
+
+class Stops:
+    """When the base stands, and how it turns there."""
+
+    def __init__(self, operator: scenario.Operator, seed: int) -> None:
+        rng = stream(seed, "operator", "stops")
+        self._events = Events(operator.stops_per_minute, _BRAKE_S + operator.stop_s, rng)
+        self._turn_rad = math.radians(operator.stop_turn_deg)
+
+    def turn_rad_s(self, time_s: float) -> float | None:
+        """Turn rate in a stop: one period of a sine, out and back, once the base stands. None: no stop."""
+        event = self._events.at(time_s)
+        if event is None:
+            return None
+        length = event.length_s - _BRAKE_S
+        since = time_s - event.begin_s - _BRAKE_S
+        if self._turn_rad == 0.0 or since <= 0.0 or length <= 0.0:
+            return 0.0
+        # Half a period of A sin(2 pi t / T) turns by A T / pi.
+        amplitude = math.pi * math.copysign(self._turn_rad, event.size) / length
+        return amplitude * math.sin(2.0 * math.pi * since / length)
+
+
+class Nearness:
+    """Factor on the distance to the target over time: a sine of its logarithm, from 1 at the start."""
+
+    def __init__(self, operator: scenario.Operator, seed: int) -> None:
+        rng = stream(seed, "operator", "distance")
+        self._omega = 2.0 * math.pi / (operator.distance_period_s * rng.uniform(0.8, 1.2))
+        self._amplitude = math.copysign(0.5 * math.log(operator.distance_ratio), rng.random() - 0.5)
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """The factor, and its change per second."""
+        phase = self._omega * time_s
+        factor = math.exp(self._amplitude * math.sin(phase))
+        return factor, factor * self._amplitude * self._omega * math.cos(phase)
+
+
+def lateral_swing(operator: scenario.Operator, way_m: FloatArray, seed: int) -> FloatArray:
+    """`(N,)` wanted offsets to the left of the route [m] at `(N,)` rising distances along it, from 0.
+
+    Each swing has a width and a length of its own; in between, the offset follows a quintic with continuous curvature.
+    """
+    offsets = np.zeros(len(way_m))
+    if operator.swing_m == 0.0:
+        return offsets
+    rng = stream(seed, "operator", "swing")
+    side = 1.0 if rng.random() < 0.5 else -1.0
+    low_m, low, high_m = START_M, 0.0, START_M
+    while low_m < way_m[-1]:
+        length, width = rng.uniform(0.8, 1.2), rng.uniform(0.5, 1.0)
+        # The first leads from the route to one side: half as long as from side to side.
+        high_m, high = low_m + length * operator.swing_every_m * (0.25 if low == 0.0 else 0.5), side * width
+        inside = (way_m >= low_m) & (way_m < high_m)
+        u = (way_m[inside] - low_m) / (high_m - low_m)
+        offsets[inside] = low + (high - low) * u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+        low_m, low, side = high_m, high, -side
+    return operator.swing_m * offsets
