@@ -165,6 +165,7 @@ def _run(
             on_progress=on_progress,
         )
     tables.print_bench(finished.results)
+    tables.print_axes(finished)
     tables.print_follow(finished.results)
     tables.print_suites(plan, finished.results)
     tables.print_folder(path)

@@ -19,7 +19,7 @@ from rich.text import Text
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark import Plan, Result
+    from pftrack_sim.benchmark import Plan, Result, RunStore
     from pftrack_sim.benchmark.comparison import RunComparison
     from pftrack_sim.benchmark.recorded import RecordedResult
     from pftrack_sim.benchmark.store import QueryResult
@@ -213,6 +213,20 @@ def _print_worse(found: RunComparison) -> None:
     console.print(table)
 
 
+def print_axes(store: RunStore) -> None:
+    """Print scores over every axis with at least two levels, on the same frames at each."""
+    from pftrack_sim.benchmark.degradation import TITLES, degradation, table_rows
+
+    found = degradation(store)
+    for measure, title in TITLES.items():
+        rows = table_rows(found, measure)
+        if rows:
+            table = new_table(title, ("axis",), ("level", *rows[0].means))
+            for row in rows:
+                table.add_row(row.at.label, f"{row.at.x:g}", *(_number(mean) for mean in row.means.values()))
+            console.print(table)
+
+
 def print_follow(results: Sequence[Result]) -> None:
     """Print measures of following over all seeds; nothing for runs in open loop."""
     groups: dict[tuple[str, ...], list[Following]] = {}
@@ -267,6 +281,10 @@ def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> 
     heads = ["mean\noverlap", "stay", "skill", "tracked\n>= 0.5", "\n>= 0.3", "centre\ninside", "ceiling"]
     heads += ["precision\n@ 20 px"] if console.width >= _WIDE else []
     title = f"Over{count or ' all'} seeds{where} ({frames})"
+    table = new_table(title, ("tracker",), (*([] if count else ["seeds"]), *heads, "ms"))
+
+    heads += ["precision\n@ 20 px"] if console.width >= _WIDE else []
+    title = f"Over{count or ' all'} seed{'' if count == ' 1' else 's'}{where} ({frames})"
     table = new_table(title, ("tracker",), (*([] if count else ["seeds"]), *heads, "ms"))
     previous = "" if len(places) > 1 else next(iter(places), "")
     for (place, label), summaries in groups.items():

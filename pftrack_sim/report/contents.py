@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark import Condition, Result, RunStore
-from pftrack_sim.benchmark.plan import LATENCY
+from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.degradation import degradation
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link
-from pftrack_sim.scenario.axes import axes_by_name
 
 MEASURES = {
     "mean_overlap": "mean overlap",
@@ -125,7 +124,10 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
         "trackers": trackers,
         "scenarios": scenarios,
         "conditions": [condition.name for condition in conditions],
-        "axes": [axis_of(condition) for condition in conditions],
+        "axes": [
+            [one.at.label, one.at.x, one.tracker, scenarios.index(one.scenario), one.seed, _json(one.overlap)]
+            for one in degradation(store)
+        ],
         "measures": [[name, MEASURES[name]] for name in measures],
         "rows": rows,
         "curves": [[*at, *counts.as_lists()] for at, counts in curves.items()],
@@ -170,22 +172,6 @@ def _episode(store: RunStore, result: Result, frames: _Frames) -> dict[str, Any]
         "occluded": _spans(frames.visible_fraction < COVERED_BELOW),
         "video": video_link(store, result) if store.plan.kind == "open" else None,
     }
-
-
-def axis_of(condition: Condition) -> dict[str, Any] | None:
-    """The one axis of a condition with its level in the axis' own unit; None for several axes or none."""
-    if len(condition.levels) != 1:
-        return None
-    ((name, level),) = condition.levels
-    axis, _, parameter = name.partition(".")
-    if name == LATENCY:
-        return {"axis": name, "level": level, "x": level, "label": "latency [ms]"}
-    if parameter:
-        return {"axis": name, "level": level, "x": level, "label": name}
-    known = axes_by_name()[axis]
-    named = f"{axis} ({condition.variant})" if condition.variant else axis
-    series = f"{condition.variant} {axis}" if condition.variant else axis
-    return {"axis": series, "level": level, "x": known(severity=level).physical, "label": f"{named} [{known.unit}]"}
 
 
 def _matrix(results: Iterable[Result], trackers: Sequence[str]) -> dict[str, Any]:

@@ -12,11 +12,12 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark.degradation import degradation, seed_means
 from pftrack_sim.benchmark.files import atomic_write
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.report.contents import axis_of, by_episode, read_frames
+from pftrack_sim.report.contents import by_episode, read_frames
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008), the yellow darkened for thin lines on white."""
@@ -91,23 +92,18 @@ def _precision(store: RunStore, axes: Any) -> None:
 
 
 def _degradation(store: RunStore, axes: Any) -> None:
-    moved = {result.condition: axis_of(result.condition) for result in store.results}
-    labels = list(dict.fromkeys(one["label"] for one in moved.values() if one is not None))
-    if not labels:
-        raise ParameterError("this run sweeps no axis: run bench with --axis NAME=0,1,2")
-    axes.set(xlabel=labels[0], ylabel="mean overlap", ylim=(0, 1))
-    for index, tracker in enumerate(dict.fromkeys(result.label for result in store.results)):
+    found = degradation(store)
+    if not found:
+        raise ParameterError("this run has no axis with two levels: run bench with --axis NAME=0,1,2")
+    label = found[0].at.label
+    axes.set(xlabel=label, ylabel="mean overlap", ylim=(0, 1))
+    own = [one for one in found if one.at.label == label]
+    for index, tracker in enumerate(dict.fromkeys(one.tracker for one in own)):
         points: list[tuple[float, float, float, float]] = []
-        for condition, one in moved.items():
-            if one is None or one["label"] != labels[0]:
-                continue
-            by_seed: dict[int, list[float]] = {}
-            for result in store.results:
-                if result.label == tracker and result.condition == condition:
-                    by_seed.setdefault(result.seed, []).append(result.number("mean_overlap"))
-            means = np.array([np.mean(values) for values in by_seed.values()])
-            low, high = score.bootstrap_interval(means, random_streams.stream(0, "bootstrap", tracker, condition.name))
-            points.append((float(one["x"]), float(means.mean()), low, high))
+        for x in dict.fromkeys(one.at.x for one in own):
+            means = seed_means([one for one in own if (one.tracker, one.at.x) == (tracker, x)], "overlap")
+            low, high = score.bootstrap_interval(means, random_streams.stream(0, "bootstrap", tracker, str(x)))
+            points.append((x, float(np.nanmean(means)), low, high))
         x, mean, low, high = np.array(sorted(points)).T
         axes.plot(x, mean, marker="o", ms=3, label=tracker, **_style(index))
         axes.fill_between(x, low, high, color=COLOURS[index % len(COLOURS)], alpha=0.15, lw=0)

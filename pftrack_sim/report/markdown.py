@@ -10,6 +10,7 @@ from pathlib import Path
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.claims import REFERENCES, Interval, compare_with_paper, evaluate_claims
+from pftrack_sim.benchmark.degradation import TITLES, degradation, table_rows
 from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.core import random_streams
@@ -78,6 +79,7 @@ def tables(store: RunStore) -> str:
     if not any(suite.table for suite in store.plan.suites):
         parts.append(_overlaps(results))
     parts.append(_summary(results))
+    parts += _axes(store)
     if any(result.following for result in results):
         parts.append(_following(results))
     for suite in store.plan.suites:
@@ -136,6 +138,25 @@ def _summary(results: Sequence[Result]) -> str:
     heads = ["All episodes", "mean overlap", *_BESIDE_OVERLAP]
     words = "; ".join(f"{name}: {meaning}" for name, meaning in score.DEFINITIONS.items())
     return f"{_table(heads, [cells for _, cells in rows])}\n{words}.\n"
+
+
+def _axes(store: RunStore) -> Iterator[str]:
+    """Scores over every axis with at least two levels, a row for each."""
+    found = degradation(store)
+    for measure, title in TITLES.items():
+        rows = table_rows(found, measure)
+        if rows:
+            labels = list(rows[0].means)
+            cells = [
+                [
+                    f"{row.at.axis}",
+                    f"{row.at.level:g}",
+                    f"{row.at.x:g}",
+                    *(number_text(row.means[one], 3) for one in labels),
+                ]
+                for row in rows
+            ]
+            yield f"{title}:\n\n" + _table(["Axis", "level", "in its unit", *labels], cells)
 
 
 def _following(results: Sequence[Result]) -> str:

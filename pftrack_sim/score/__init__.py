@@ -3,7 +3,7 @@
 `frames`: overlap and errors of single frames. `reference`: a box that stays. `ceilings`: best possible scores of a
 box of fixed shape. `curves`: success and precision of OTB, TrackingNet and GOT-10k. `events`: failures, recoveries,
 drift over time. `episode`: all measures of an episode in one row. `following`: measures of a driven robot.
-`statistics`: intervals, paired comparisons, rank correlation.
+`paired`: several episodes on the same frames. `statistics`: intervals, paired comparisons, rank correlation.
 """
 
 from pftrack_sim.score.ceilings import Ceiling, fixed_shape_ceiling
@@ -34,6 +34,7 @@ from pftrack_sim.score.events import (
     share_permanently_lost,
 )
 from pftrack_sim.score.frames import FrameScores, centre_errors, frame_scores, normalised_centre_errors, overlaps
+from pftrack_sim.score.paired import Arm, overlaps_on_common_frames
 from pftrack_sim.score.reference import DEFINITIONS, counted_frames, skill, stay_overlaps
 from pftrack_sim.score.statistics import (
     Comparison,
@@ -56,6 +57,7 @@ __all__ = [
     "PRECISION_THRESHOLDS_PX",
     "SUCCESS_OVERLAP",
     "SUCCESS_THRESHOLDS",
+    "Arm",
     "Ceiling",
     "Comparison",
     "FrameScores",
@@ -80,6 +82,7 @@ __all__ = [
     "normalised_precision",
     "occlusions",
     "overlaps",
+    "overlaps_on_common_frames",
     "paired_difference",
     "precision",
     "precision_curve",

@@ -61,7 +61,7 @@ def assert_as_requested(fraction: np.ndarray, from_s: float, spans_s: tuple[tupl
 def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
     at_s = NEXT_TO_PILLARS_AT_S if name == "warehouse" else AT_S
     share = 0.5 if kind == "wall" else 1.0
-    observed = truths(name, at_s + 1.5, from_s=at_s - 0.5, kind=kind, at_s=at_s, share=share)
+    observed = truths(name, at_s + 1.5, from_s=at_s - 0.5, kind=kind, end_s=at_s + 1.0, share=share)
     assert_as_requested(np.array([one.visible_fraction for one in observed]), at_s - 0.5, ((at_s, 1.0),), share)
     middle = observed[round(1.0 * RATE_HZ)]
     assert middle.occluders[0] == {"pillar": "cabinet-1", "wall": "cart-1"}.get(kind, "crosser-1")
@@ -69,13 +69,13 @@ def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
 def test_a_low_cart_covers_the_requested_share(share: float):
-    observed = truths("corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", at_s=AT_S, share=share)
+    observed = truths("corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", end_s=AT_S + 1.0, share=share)
     assert_as_requested(np.array([one.visible_fraction for one in observed]), AT_S - 0.4, ((AT_S, 1.0),), share)
 
 
 def test_severity_scales_the_duration_of_successive_occlusions():
-    axis = OcclusionAxis(severity=1.6, duration_s=0.5, count=2, gap_s=1.2, at_s=2.4)
-    assert axis.spans_s == ((2.4, 0.8), (2.4 + 0.8 + 1.2, 0.8))
+    axis = OcclusionAxis(severity=1.6, duration_s=0.5, count=2, every_s=2.0, end_s=3.2)
+    assert np.array(axis.spans_s) == pytest.approx(np.array([(2.4, 0.8), (4.4, 0.8)]))
     given = axis.model_dump()
     observed = truths("plaza-walk", 5.8, from_s=1.9, **given)
     assert_as_requested(np.array([one.visible_fraction for one in observed]), 1.9, axis.spans_s, 1.0)
@@ -83,7 +83,7 @@ def test_severity_scales_the_duration_of_successive_occlusions():
 
 
 def test_without_a_gap_one_occlusion_begins_as_the_other_ends():
-    observed = truths("corridor", 4.4, from_s=1.8, count=2, gap_s=0.0, duration_s=0.8, at_s=2.4)
+    observed = truths("corridor", 4.4, from_s=1.8, count=2, every_s=0.8, duration_s=0.8, end_s=3.2)
     fraction = np.array([one.visible_fraction for one in observed])
     times = 1.8 + np.arange(len(fraction)) / RATE_HZ
     hidden = times[fraction < 0.5]
@@ -91,6 +91,27 @@ def test_without_a_gap_one_occlusion_begins_as_the_other_ends():
     assert hidden[-1] == pytest.approx(4.0 - 1.0 / RATE_HZ, abs=(FRAMES + 0.5) / RATE_HZ)
     # Both edges are on the target's centre line at once: most of the target is always covered.
     assert fraction[(times > 2.75) & (times < 3.65)].max() < 0.5
+
+
+@pytest.mark.parametrize("kind", ["pillar", "stranger"])
+def test_what_follows_the_end_is_the_same_at_every_severity(kind: str):
+    common = {"kind": kind, "end_s": 3.0, "from_s": 2.8}
+    short, long = (truths("corridor", 4.0, severity=severity, **common)[1:] for severity in (0.5, 2.0))
+    boxes = [[one.box.tolist() for one in arm if one.time_s >= 3.0] for arm in (short, long)]
+    assert boxes[0] == boxes[1]
+    assert len(boxes[0]) >= 29
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"severity": 7.0}, "would begin before 0 s"),
+        ({"severity": 2.0, "count": 2, "every_s": 1.5}, "at least the 2 s"),
+    ],
+)
+def test_covers_that_do_not_fit_are_refused(given: dict[str, Any], words: str):
+    with pytest.raises(ValueError, match=words):
+        OcclusionAxis(**given)
 
 
 def test_without_occlusions_the_truth_is_the_base_to_the_bit():
@@ -109,7 +130,12 @@ def test_without_occlusions_the_truth_is_the_base_to_the_bit():
     ids=lambda route: route["kind"],
 )
 def test_occlusions_are_equal_on_every_route(route: dict[str, Any]):
-    keys = {"robot.route": route, "place.clutter": 0.0, "axes.occlusion.kind": "pillar", "axes.occlusion.at_s": AT_S}
+    keys = {
+        "robot.route": route,
+        "place.clutter": 0.0,
+        "axes.occlusion.kind": "pillar",
+        "axes.occlusion.end_s": AT_S + 1.0,
+    }
     with Simulation(scenario.load("plaza-walk", {**CLEAR, **keys})) as simulation:
         simulation.reset(3)
         for _ in range(round((AT_S - 0.5) * RATE_HZ)):

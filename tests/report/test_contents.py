@@ -11,9 +11,9 @@ import pytest
 from small_report import HOSTILE, SMALL
 
 from pftrack_sim import report, score
-from pftrack_sim.benchmark import Condition, RunStore, make_plan, run
+from pftrack_sim.benchmark import RunStore, make_plan, run
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
-from pftrack_sim.report.contents import axis_of, contents
+from pftrack_sim.report.contents import contents
 
 
 def test_rows_and_curves_are_those_of_the_folder(finished: Path):
@@ -35,27 +35,6 @@ def test_rows_and_curves_are_those_of_the_folder(finished: Path):
     packed = np.frombuffer(base64.b64decode(told["episodes"][0]["overlap"][0]), np.uint8)
     assert (packed[1:] == 250).all()
     json.dumps(told, allow_nan=False)
-
-
-def test_axes_have_their_own_unit():
-    def axis(*levels: tuple[str, float]):
-        return axis_of(Condition(levels=levels))
-
-    severe = axis(("jitter", 2.0))
-    assert severe is not None
-    assert severe["label"] == "jitter [deg RMS]"
-    assert severe["x"] == pytest.approx(2 * np.hypot(0.2, 0.3))
-    assert axis(("jitter", 0.0))["x"] == 0.0  # type: ignore[index]
-    assert axis(("jitter.wind_rms_deg", 0.5)) == {
-        "axis": "jitter.wind_rms_deg",
-        "level": 0.5,
-        "x": 0.5,
-        "label": "jitter.wind_rms_deg",
-    }
-    assert axis() is axis(("jitter", 1.0), ("light", 1.0)) is None
-    named = axis_of(Condition(levels=(("occlusion", 1.0),), variant="stranger"))
-    assert named is not None
-    assert named["axis"] == "stranger occlusion"
 
 
 def test_frames_of_a_lossy_stream_have_their_own_times(tmp_path: Path, finished: Path):

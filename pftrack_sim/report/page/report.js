@@ -129,32 +129,37 @@ function drawCurves() {
   }
 }
 
+// Overlaps on the frames that all levels of an axis share; grey and dotted: the first box kept for ever.
 function drawAxes() {
-  const labels = [...new Set(DATA.axes.filter(Boolean).map((axis) => axis.label))];
+  const labels = [...new Set(DATA.axes.map(([label]) => label))];
   byId("axes-section").hidden = labels.length === 0;
   const room = byId("axes");
   room.replaceChildren();
   for (const label of labels) {
     const plot = element("div", null, { class: "plot" });
     room.append(plot);
-    const traces = [];
-    for (const tracker of state.trackers) {
-      const points = [];
-      DATA.axes.forEach((axis, condition) => {
-        if (!axis || axis.label !== label) return;
-        const rows = DATA.rows.filter((row) => row[0] === tracker && DATA.episodes[row[1]].condition === condition
-          && (state.scenario < 0 || DATA.episodes[row[1]].scenario === state.scenario));
-        const values = perSeed(rows, OVERLAP);
-        if (values.length) points.push([axis.x, mean(values), interval(values) || [mean(values), mean(values)]]);
+    const traces = [], names = new Set(DATA.axes.filter(([own]) => own === label).map((row) => row[2]));
+    for (const name of names) {
+      const tracker = DATA.trackers.indexOf(name);
+      if (tracker >= 0 && !state.trackers.has(tracker)) continue;
+      const levels = new Map();
+      for (const [own, x, whose, scenario, seed, overlap] of DATA.axes) {
+        if (own !== label || whose !== name || overlap === null || (state.scenario >= 0 && scenario !== state.scenario)) continue;
+        if (!levels.has(x)) levels.set(x, new Map());
+        const seeds = levels.get(x);
+        seeds.set(seed, [...(seeds.get(seed) || []), overlap]);
+      }
+      const points = [...levels].sort((a, b) => a[0] - b[0]).map(([x, seeds]) => {
+        const values = [...seeds.values()].map(mean);
+        return [x, mean(values), interval(values) || [mean(values), mean(values)]];
       });
       if (!points.length) continue;
-      points.sort((a, b) => a[0] - b[0]);
-      const x = points.map((point) => point[0]), group = `t${tracker}`;
+      const x = points.map((point) => point[0]), group = `t${name}`, ink = tracker < 0 ? "#777777" : colour(tracker);
       traces.push({ x: [...x, ...[...x].reverse()], legendgroup: group, showlegend: false, hoverinfo: "skip",
         y: [...points.map((point) => point[2][1]), ...points.map((point) => point[2][0]).reverse()],
-        fill: "toself", fillcolor: colour(tracker) + "22", line: { width: 0 }, mode: "lines" });
-      traces.push({ x, y: points.map((point) => point[1]), legendgroup: group, name: escaped(DATA.trackers[tracker]),
-        mode: "lines+markers", line: { color: colour(tracker), dash: dash(tracker), width: 2 } });
+        fill: "toself", fillcolor: ink + "22", line: { width: 0 }, mode: "lines" });
+      traces.push({ x, y: points.map((point) => point[1]), legendgroup: group, name: escaped(name),
+        mode: "lines+markers", line: { color: ink, dash: tracker < 0 ? "dot" : dash(tracker), width: 2 } });
     }
     Plotly.newPlot(plot, traces, layout(label, "mean overlap", { yaxis: { range: [0, 1.02] } }), CONFIG);
   }

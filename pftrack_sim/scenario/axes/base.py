@@ -52,3 +52,8 @@ class Axis(Section):
     def physical(self) -> float:
         """The headline at this severity, in its unit; 0 at severity 0."""
         return self.severity * float(getattr(self, type(self).headline))
+
+    @property
+    def compared_from_s(self) -> float:
+        """Time from which frames are compared between severities."""
+        return 0.0

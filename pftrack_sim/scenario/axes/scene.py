@@ -21,8 +21,8 @@ class OcclusionAxis(Axis):
     headline: ClassVar[str] = "duration_s"
     unit: ClassVar[str] = "s"
     law: ClassVar[str] = (
-        "the target's centre line is behind an occluder from at_s for duration_s, times the severity; occluder k comes "
-        "gap_s after the end of the one before"
+        "the target's centre line is behind an occluder for duration_s, times the severity, until end_s; the next "
+        "cover ends every_s later. A higher severity begins earlier: what follows the end is the same at every severity"
     )
     source: ClassVar[str] = "spans of full and partial occlusion in Ko et al. 2012, table 2 and figure 5"
 
@@ -36,8 +36,8 @@ class OcclusionAxis(Axis):
         default=1.0, description="Share of the target's visible body that a wall covers; others cover it whole."
     )
     count: Annotated[int, Field(ge=0, le=6)] = Field(default=1, description="How many.")
-    at_s: NotNegative = Field(default=4.0, description="When the first one begins.")
-    gap_s: NotNegative = Field(default=2.0, description="From the end of one to the beginning of the next.")
+    end_s: NotNegative = Field(default=6.0, description="When the first one ends, at every severity.")
+    every_s: Positive = Field(default=6.0, description="From the end of one to the end of the next.")
     depth: Annotated[float, Field(ge=0.3, le=0.7)] = Field(
         default=0.5, description="Where it passes on the line from the camera (0) to the target (1), if there is room."
     )
@@ -48,7 +48,21 @@ class OcclusionAxis(Axis):
         if not self.on:
             return ()
         length = self.severity * self.duration_s
-        return tuple((self.at_s + number * (length + self.gap_s), length) for number in range(self.count))
+        return tuple((self.end_s + number * self.every_s - length, length) for number in range(self.count))
+
+    @property
+    def compared_from_s(self) -> float:
+        """The end of the first cover: before it, a higher severity leaves fewer frames."""
+        return self.end_s
+
+    @model_validator(mode="after")
+    def _covers_fit(self) -> OcclusionAxis:
+        length = self.severity * self.duration_s
+        if self.count and length > self.end_s:
+            raise ValueError(f"a cover of {length:g} s cannot end at end_s = {self.end_s:g}: it would begin before 0 s")
+        if self.count > 1 and length > self.every_s:
+            raise ValueError(f"every_s must be at least the {length:g} s that each cover lasts, got {self.every_s:g}")
+        return self
 
     @property
     def likeness(self) -> Share:

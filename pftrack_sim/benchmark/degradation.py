@@ -1,0 +1,220 @@
+"""Degradation over a stress axis: mean overlaps on the same frames at every level.
+
+A cover, a lost frame or a target that leaves the view removes frames. Of each scenario and seed only those times count
+at which the target can be seen at every level of the axis, after its event (`Axis.compared_from_s`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from pftrack_sim import score
+from pftrack_sim.benchmark.plan import LATENCY, Condition
+from pftrack_sim.benchmark.store import RunStore
+from pftrack_sim.benchmark.summary import Result
+from pftrack_sim.scenario import Scenario
+from pftrack_sim.scenario import load as load_scenario
+from pftrack_sim.scenario.axes import axes_by_name
+
+Measure: TypeAlias = Literal["overlap", "recovered"]
+
+STAY = "stay"
+"""Label of the first box kept for ever, beside the trackers."""
+
+
+@dataclass(frozen=True)
+class AxisLevel:
+    """A level of one axis.
+
+    Attributes:
+        axis: Name of the series: the axis, with the variant before it.
+        level: Severity, or value of a parameter.
+        x: The level in the axis' own unit.
+        label: Name and unit of the axis.
+    """
+
+    axis: str
+    level: float
+    x: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Degradation:
+    """One tracker's scores at one level of an axis.
+
+    Attributes:
+        at: The level.
+        tracker: Label of the tracker, or `STAY`.
+        scenario: The scenario.
+        seed: The seed.
+        overlap: Mean overlap on the frames that all levels share.
+        recovered: Share of the occlusions after which the target is tracked again within 2 s; NaN without one.
+    """
+
+    at: AxisLevel
+    tracker: str
+    scenario: str
+    seed: int
+    overlap: float
+    recovered: float
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A level of an axis with the mean of every tracker, by label."""
+
+    at: AxisLevel
+    means: Mapping[str, float]
+
+
+TITLES: Mapping[Measure, str] = {
+    "overlap": "Overlap on the frames in which the target is seen at every level, after the axis' event",
+    "recovered": "Share of occlusions after which the target is tracked again within 2 s",
+}
+"""Titles of `table_rows` by measure."""
+
+
+def axis_of(condition: Condition) -> AxisLevel | None:
+    """The one axis of a condition; None for several axes or none."""
+    if len(condition.levels) != 1:
+        return None
+    ((name, level),) = condition.levels
+    axis, _, parameter = name.partition(".")
+    if name == LATENCY:
+        return AxisLevel(name, level, level, "latency [ms]")
+    if parameter:
+        return AxisLevel(name, level, level, name)
+    known = axes_by_name()[axis]
+    named = f"{axis} ({condition.variant})" if condition.variant else axis
+    series = f"{condition.variant} {axis}" if condition.variant else axis
+    return AxisLevel(series, level, level * known(severity=1.0).physical, f"{named} [{known.unit}]")
+
+
+def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> list[Degradation]:
+    """Scores over every axis of a run that has at least two levels, in the plan's order.
+
+    A condition whose severities are all 0 is level 0 of every axis of the same scenario.
+
+    Args:
+        store: The run.
+        on_episode: Called after every scenario and seed that was read.
+
+    Raises:
+        RunError: A file is missing, broken, or outside the run folder.
+    """
+    episodes: dict[tuple[str, int], dict[Condition, list[Result]]] = {}
+    for result in store.results:
+        conditions = episodes.setdefault((result.scenario, result.seed), {})
+        conditions.setdefault(result.condition, []).append(result)
+    found: list[Degradation] = []
+    series = {scenario: _series(store, scenario) for scenario, _ in episodes}
+    for (scenario, seed), conditions in episodes.items():
+        read: dict[Condition, dict[str, score.Arm]] = {}
+        for levels in series[scenario].values():
+            shown = [(at, condition) for at, condition in levels if condition in conditions]
+            if len(shown) < 2:
+                continue
+            for _, condition in shown:
+                if condition not in read:
+                    read[condition] = _arms(store, conditions[condition])
+            from_s = max(_compared_from_s(store, scenario, condition, seed) for _, condition in shown)
+            arms = [read[condition] for _, condition in shown]
+            for label in (name for name in arms[0] if all(name in arm for arm in arms)):
+                overlaps = score.overlaps_on_common_frames([arm[label] for arm in arms], from_s)
+                for (at, condition), overlap in zip(shown, overlaps, strict=True):
+                    own = (one.number("recovered_2s") for one in conditions[condition] if one.label == label)
+                    found.append(Degradation(at, label, scenario, seed, float(overlap), next(own, math.nan)))
+        on_episode()
+    return found
+
+
+def seed_means(found: Iterable[Degradation], measure: Measure) -> list[float]:
+    """Means over scenarios, one for each seed that has any."""
+    by_seed: dict[int, list[float]] = {}
+    for one in found:
+        value = float(getattr(one, measure))
+        if not math.isnan(value):
+            by_seed.setdefault(one.seed, []).append(value)
+    return [float(np.mean(values)) for values in by_seed.values()]
+
+
+def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]:
+    """Means over seeds by axis and level, with a column for each tracker; rows without any number are left out."""
+    trackers = list(dict.fromkeys(one.tracker for one in found))
+    rows: list[TableRow] = []
+    for at in dict.fromkeys(one.at for one in found):
+        own = [[one for one in found if one.at == at and one.tracker == name] for name in trackers]
+        means = [seed_means(one, measure) for one in own]
+        if any(means):
+            rows.append(TableRow(at, {name: float(np.mean(one)) if one else math.nan
+                                      for name, one in zip(trackers, means, strict=True)}))  # fmt: skip
+    return rows
+
+
+def _series(store: RunStore, scenario: str) -> dict[str, list[tuple[AxisLevel, Condition]]]:
+    """Levels of every axis of a scenario, rising, with level 0 from another axis where an axis has none."""
+    found: dict[str, list[tuple[AxisLevel, Condition]]] = {}
+    bases: list[Condition] = []
+    trees = _trees(store, scenario)
+    for condition in trees:
+        if not any(level or "." in axis for axis, level in condition.levels):
+            bases.append(condition)
+        if (at := axis_of(condition)) is not None:
+            found.setdefault(at.axis, []).append((at, condition))
+    for levels in found.values():
+        first, like = levels[0]
+        equal = [base for base in bases if _without_axes(trees[base]) == _without_axes(trees[like])]
+        # A parameter has no level that changes nothing.
+        if equal and "." not in like.levels[0][0] and all(at.level for at, _ in levels):
+            levels.append((replace(first, level=0.0, x=0.0), equal[0]))
+        levels.sort(key=lambda pair: pair[0].level)
+    return found
+
+
+def _trees(store: RunStore, scenario: str) -> dict[Condition, Mapping[str, Any]]:
+    return {
+        condition: spec.tree
+        for sweep in store.plan.sweeps
+        for spec in sweep.scenarios
+        for condition in sweep.conditions
+        if spec.name == scenario
+    }
+
+
+def _without_axes(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """A scenario but for its stress axes, whose parameters mean nothing at severity 0."""
+    return {key: value for key, value in tree.items() if key != "axes"}
+
+
+def _compared_from_s(store: RunStore, scenario: str, condition: Condition, seed: int) -> float:
+    if not condition.overrides:
+        return 0.0
+    tree = _trees(store, scenario)[condition]
+    settings = load_scenario(Scenario(scenario, dict(tree)), condition.overrides).resolve(seed)
+    axes = {name.partition(".")[0] for name, level in condition.levels if level and name != LATENCY}
+    return max((getattr(settings.axes, name).compared_from_s for name in axes), default=0.0)
+
+
+def _arms(store: RunStore, results: Sequence[Result]) -> dict[str, score.Arm]:
+    """The frames of every tracker in the episodes of one condition, and of the first box where all share the frames."""
+    found: dict[str, score.Arm] = {}
+    for result in {result.file: result for result in results}.values():
+        box = store.plan.truth
+        table = store.frame_columns(result, ("label", "time_s", "overlap", "scored", box))
+        for label in dict.fromkeys(table["label"]):
+            rows = table["label"] == label
+            time_s, overlap = (np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)[rows]
+                               for name in ("time_s", "overlap"))  # fmt: skip
+            counted = score.counted_frames(table["scored"][rows])
+            found[str(label)] = score.Arm(time_s, overlap, counted)
+            if store.plan.kind == "open" and STAY not in store.plan.labels and STAY not in found:
+                known = zip(table[box][rows], np.ma.getmaskarray(table[box])[rows], strict=True)
+                truth = np.array([[math.nan] * 4 if missing else list(one) for one, missing in known])
+                found[STAY] = score.Arm(time_s, score.stay_overlaps(truth, table["scored"][rows]), counted)
+    return found

@@ -1,0 +1,81 @@
+"""Levels of an axis are compared on the same frames."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import Condition, RunStore, make_plan, run
+from pftrack_sim.benchmark.degradation import STAY, axis_of, degradation, table_rows
+from pftrack_sim.benchmark.planning import join_plans
+
+SMALL: dict[str, Any] = {
+    "camera.width_px": 64,
+    "camera.height_px": 48,
+    "camera.rate_hz": 10.0,
+    "lights.shadows": False,
+    "duration_s": 4.0,
+    "axes.occlusion.end_s": 2.5,
+    "distractors.count": 0,
+}
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
+    """Axes that remove frames; only the first sweep has severity 0."""
+    plans = [
+        make_plan(["corridor"], ["oracle", "ncc"], [3], axes={axis: levels}, overrides=SMALL)
+        for axis, levels in {"occlusion": (0, 0.5, 2), "stream": (3,)}.items()
+    ]
+    return run(join_plans(plans), tmp_path_factory.mktemp("swept") / "run", videos="none", workers=0)
+
+
+def of(store: RunStore, axis: str, tracker: str) -> list[float]:
+    return [one.overlap for one in degradation(store) if (one.at.axis, one.tracker) == (axis, tracker)]
+
+
+def test_the_oracle_and_the_box_that_stays_are_flat_over_occlusion(swept: RunStore):
+    assert of(swept, "occlusion", "oracle") == [1.0, 1.0, 1.0]
+    stay = of(swept, "occlusion", STAY)
+    assert 0.0 < stay[0] < 1.0
+    assert stay == [stay[0]] * 3
+    by_episode = [one.number("stay") for one in swept.results if one.label == "ncc"][:3]
+    assert len(set(by_episode)) == 3, "covered frames are left out of a single episode's score"
+
+
+def test_every_axis_has_the_level_zero_of_the_same_scenario(swept: RunStore):
+    levels = [(one.at.axis, one.at.level) for one in degradation(swept) if one.tracker == STAY]
+    assert levels == [("occlusion", 0), ("occlusion", 0.5), ("occlusion", 2), ("stream", 0), ("stream", 3)]
+
+
+def test_lost_frames_change_the_box_that_stays_by_no_more_than_their_gaps(swept: RunStore):
+    assert np.ptp(of(swept, "stream", STAY)) < 0.05
+    assert of(swept, "stream", "oracle") == [1.0, 1.0]
+
+
+def test_recoveries_stand_beside_the_overlap(swept: RunStore):
+    rows = [row for row in table_rows(degradation(swept), "recovered") if row.at.axis == "occlusion"]
+    assert [row.at.level for row in rows] == [0.5, 2.0]
+    assert [row.means["oracle"] for row in rows] == [1.0, 1.0]
+
+
+def test_level_zero_is_shared_only_by_equal_scenarios(tmp_path: Path):
+    small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
+    base = make_plan(["corridor"], ["stay"], [0], axes={"jitter": (0,)}, overrides=small)
+    other = make_plan(["corridor"], ["stay"], [0], axes={"noise": (1,)}, overrides={**small, "camera.fovy_deg": 40.0})
+    assert degradation(run(join_plans([base, other]), tmp_path / "run", videos="none", workers=0)) == []
+
+
+def test_axes_have_their_own_unit():
+    severe = axis_of(Condition(levels=(("blur", 2.0),)))
+    assert severe is not None
+    assert severe.label == "blur [ms]"
+    assert severe.x == 2.0 * axis_of(Condition(levels=(("blur", 1.0),))).x  # pyright: ignore[reportOptionalMemberAccess]
+    parameter = axis_of(Condition(levels=(("jitter.wind_rms_deg", 0.5),)))
+    assert parameter is not None
+    assert (parameter.axis, parameter.x, parameter.label) == ("jitter.wind_rms_deg", 0.5, "jitter.wind_rms_deg")
+    assert axis_of(Condition()) is axis_of(Condition(levels=(("jitter", 1.0), ("light", 1.0)))) is None
+    named = axis_of(Condition(levels=(("occlusion", 9.0),), variant="stranger"))
+    assert named is not None
+    assert (named.axis, named.label) == ("stranger occlusion", "occlusion (stranger) [s]")
