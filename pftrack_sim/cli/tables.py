@@ -280,10 +280,6 @@ def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> 
     count = f" {min(seeds)}" if len(seeds) == 1 else ""
     heads = ["mean\noverlap", "stay", "skill", "tracked\n>= 0.5", "\n>= 0.3", "centre\ninside", "ceiling"]
     heads += ["precision\n@ 20 px"] if console.width >= _WIDE else []
-    title = f"Over{count or ' all'} seeds{where} ({frames})"
-    table = new_table(title, ("tracker",), (*([] if count else ["seeds"]), *heads, "ms"))
-
-    heads += ["precision\n@ 20 px"] if console.width >= _WIDE else []
     title = f"Over{count or ' all'} seed{'' if count == ' 1' else 's'}{where} ({frames})"
     table = new_table(title, ("tracker",), (*([] if count else ["seeds"]), *heads, "ms"))
     previous = "" if len(places) > 1 else next(iter(places), "")
