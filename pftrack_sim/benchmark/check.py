@@ -1,8 +1,8 @@
-"""Verify a run folder: every episode of the plan is there once, unchanged, with the same columns."""
+"""Verify a run folder: every episode of the plan is there once, unchanged, and the summary is what they lead to."""
 
 from __future__ import annotations
 
-import hashlib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +11,13 @@ from typing import Any
 import duckdb
 
 from pftrack_sim.benchmark.episode_file import content_digest, read_metadata
-from pftrack_sim.benchmark.files import sql_text
+from pftrack_sim.benchmark.files import query_deadline, sql_text
+from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums
 from pftrack_sim.benchmark.plan import Episode
 from pftrack_sim.benchmark.store import RunStore
+from pftrack_sim.benchmark.summary import summary_problem
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.text import one_line
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class CheckReport:
 
 
 def check(path: Path) -> CheckReport:
-    """Verify a run folder: its plan, and of every episode the columns, the frames, the digest and the file's hash.
+    """Verify a run folder: every file's checksum, every episode's content, and what was derived from the episodes.
 
     Args:
         path: The folder.
@@ -49,65 +52,67 @@ def check(path: Path) -> CheckReport:
     """
     store = RunStore(path)
     plan = store.plan
-    problems: list[str] = []
+    changes = _changes(path)
+    problems = dict.fromkeys(changes.values())
     intact = 0
     expected: set[Path] = set()
     schema: list[Any] = []
     with duckdb.connect() as database:
-        hashes = _hashes(database, store, problems)
         for episode in plan.episodes():
             file = store.episode_file(episode)
             name = file.relative_to(path).as_posix()
             expected.add(file)
-            if not file.is_file():
-                problems.append(f"missing: {episode.name}")
-            elif problem := _problem(database, episode, file, schema, hashes.get(name)):
-                problems.append(f"{name}: {problem}")
+            if not os.path.lexists(file):
+                problems[f"missing: {episode.name}"] = None
+                changes.pop(name, None)
+            elif name not in changes and (problem := _problem(database, episode, file, schema)):
+                problems[f"{name}: {problem}"] = None
             else:
-                intact += 1
-    unexpected = [file for file in store.episode_files() if file not in expected]
-    problems += [f"not in the plan: {file.relative_to(path).as_posix()}" for file in unexpected]
+                intact += name not in changes
+        if intact and intact == len([file for file in expected if os.path.lexists(file)]):
+            summary = path / "summary.parquet"
+            if os.path.lexists(summary) or store.finished:
+                problem = summary_problem(database, path, plan)
+                problems |= {problem: None} if problem and problem.partition(":")[0] not in changes else {}
+    for file in store.episode_files():
+        name = file.relative_to(path).as_posix()
+        if file not in expected:
+            problems.pop(changes.get(name, ""), None)
+            problems[f"not in the plan: {name}"] = None
     return CheckReport(path, intact, plan.episode_count, tuple(problems))
 
 
-def _hashes(database: duckdb.DuckDBPyConnection, store: RunStore, problems: list[str]) -> dict[str, str]:
-    if not store.finished:
-        return {}
+def _changes(path: Path) -> dict[str, str]:
+    """Lines about files that differ from `SHA256SUMS`, by the files' names."""
     try:
-        summary = sql_text(store.path / "summary.parquet")
-        hashes = dict(database.execute(f"SELECT DISTINCT file, file_sha256 FROM {summary}").fetchall())
-    except duckdb.Error as error:
-        problems.append(f"summary.parquet: {str(error).splitlines()[0]}")
-        return {}
-    if len(hashes) != store.plan.episode_count:
-        problems.append(f"summary.parquet: {len(hashes)} episodes instead of {store.plan.episode_count}")
-    return hashes
+        return {line.partition(": ")[0]: line for line in changed(path, None, read_sums(path))}
+    except RunError as error:
+        return {SUMS: str(error)}
 
 
-def _problem(
-    database: duckdb.DuckDBPyConnection, episode: Episode, file: Path, schema: list[Any], sha256: str | None
-) -> str | None:
+def _problem(database: duckdb.DuckDBPyConnection, episode: Episode, file: Path, schema: list[Any]) -> str | None:
     """The problem of an episode's file, or None; the columns of the first file are those that all must have."""
-    if sha256 is not None and hashlib.sha256(file.read_bytes()).hexdigest() != sha256:
-        return "changed since the run was finished"
     table = f"read_parquet({sql_text(file)}, hive_partitioning = false)"
     try:
-        ((_, metadata),) = read_metadata(database, [file])
-        columns = database.execute(f"DESCRIBE FROM {table}").fetchall()
-        counts = database.execute(
-            f"SELECT label, count(*), count(DISTINCT frame), min(frame), max(frame) FROM {table} GROUP BY label"
-        ).fetchall()
-        digest = content_digest(database, table)
-    except (RunError, duckdb.Error) as error:
-        return f"cannot be read: {str(error).splitlines()[0]}"
+        ((_, metadata),) = read_metadata(database, {file: episode})
+        with query_deadline(database):
+            columns = database.execute(f"DESCRIBE FROM {table}").fetchall()
+            keys = "kind, scenario, condition, seed"
+            counts = database.execute(
+                f"SELECT label, count(*), count(DISTINCT frame), min(frame), max(frame), {keys} "
+                f"FROM {table} GROUP BY label, {keys}"
+            ).fetchall()
+            digest = content_digest(database, table)
+    except RunError as error:
+        return str(error).removeprefix(f"{file}: ")
+    except duckdb.Error as error:
+        return f"cannot be read: {one_line(str(error).splitlines()[0])}"
     if digest != metadata["content_sha256"]:
         return "its rows do not have the digest they were written with"
-    found = metadata["scenario"], metadata["condition"], metadata["seed"]
-    if found != (episode.scenario.name, episode.condition.name, episode.seed):
-        return f"is of another episode: {found[0]} {found[1]} seed {found[2]}"
     schema[:] = schema or columns
     if columns != schema:
         return "has other columns than the rest"
     frames = metadata["frames"]
-    wanted = {(label, frames, frames, 0, frames - 1) for label in episode.labels}
+    identity = (episode.kind, episode.scenario.name, episode.condition.name, episode.seed)
+    wanted = {(label, frames, frames, 0, frames - 1, *identity) for label in episode.labels}
     return None if set(counts) == wanted else "does not have every frame of every tracker once"

@@ -145,7 +145,7 @@ def _write(
         rows.append({**key, **identity, **measures.as_dict(), **following, **errors})
     metadata = {
         **key,
-        "path": episode.path,
+        "episode_sha256": episode.digest,
         "truth": episode.truth,
         "levels": dict(episode.condition.levels),
         "frames": len(truths),

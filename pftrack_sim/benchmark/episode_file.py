@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,14 +15,20 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.benchmark.files import sql_text
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.files import query_deadline, sql_text
+from pftrack_sim.benchmark.plan import Episode, TrackerSpec
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.inputs import is_file, parse_json
 from pftrack_sim.core.records import Truth
+from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
 
 METADATA_KEY = "pftrack_sim"
+_DIGEST_KEY = "metadata_sha256"
+MAX_BYTES = 1 << 30
+"""Largest file that is read."""
+
 NOT_IN_DIGEST = ("ms",)
 """Columns of wall-clock time: all others are the same in every run of a plan."""
 
@@ -109,7 +115,8 @@ def write_episode(
             database.register(name, table)
         try:
             database.execute(f"CREATE TEMP TABLE rows AS {rows}")
-            text = json.dumps({**metadata, "content_sha256": content_digest(database, "rows")})
+            whole = {**metadata, "content_sha256": content_digest(database, "rows")}
+            text = json.dumps({**whole, _DIGEST_KEY: _metadata_digest(whole)})
             database.execute(
                 f"COPY rows TO {sql_text(path)} (FORMAT parquet, COMPRESSION zstd, "
                 f"KV_METADATA {{{METADATA_KEY}: {sql_text(text)}}})"
@@ -122,24 +129,61 @@ def _casts(columns: Columns) -> str:
     return ", ".join(f"{name}::{kind} AS {name}" for name, kind in _CASTS.items() if name in columns)
 
 
-def read_metadata(database: duckdb.DuckDBPyConnection, paths: Sequence[Path]) -> Iterable[tuple[Path, dict[str, Any]]]:
-    """Metadata of some episode files.
+def read_metadata(
+    database: duckdb.DuckDBPyConnection, files: Mapping[Path, Episode]
+) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Metadata of some episodes' files, verified: digest, identity, number of rows.
 
     Raises:
-        RunError: One of them is not an episode's file.
+        RunError: One of them is no episode's file, is damaged, or is that of another episode.
     """
-    listed = ", ".join(sql_text(path) for path in paths)
+    found: dict[Path, bytes] = {}
+    rows: dict[Path, int] = {}
+    for path in files:
+        if not is_file(path) or path.stat().st_size > MAX_BYTES:
+            raise RunError(f"{path}: not an episode's file: not a regular file of at most {MAX_BYTES} bytes")
+    listed = f"[{', '.join(sql_text(path) for path in files)}]"
     try:
-        found = database.execute(
-            f"SELECT file_name, decode(value) FROM parquet_kv_metadata([{listed}]) WHERE decode(key) = '{METADATA_KEY}'"
-        ).fetchall()
+        with query_deadline(database):
+            query = f"SELECT file_name, num_rows FROM parquet_file_metadata({listed})"
+            rows = {Path(name): count for name, count in database.execute(query).fetchall()}
+            query = f"SELECT file_name, value FROM parquet_kv_metadata({listed}) WHERE key = '{METADATA_KEY}'::BLOB"
+            found = {Path(name): value for name, value in database.execute(query).fetchall()}
     except duckdb.Error as error:
-        raise RunError(f"not an episode's file: {error}") from None
-    by_path = {Path(name): json.loads(text) for name, text in found}
-    for path in paths:
-        if path not in by_path:
-            raise RunError(f"{path}: not an episode's file")
-        yield path, by_path[path]
+        raise RunError(f"not an episode's file: {one_line(str(error))}") from None
+    for path, episode in files.items():
+        yield path, _checked_metadata(path, found.get(path, b""), rows.get(path, 0), episode)
+
+
+def _checked_metadata(path: Path, content: bytes, rows: int, episode: Episode) -> dict[str, Any]:
+    try:
+        read: object = parse_json(content)
+    except ValueError:
+        read = None
+    if not isinstance(read, dict):
+        raise RunError(f"{path}: not an episode's file: it has no metadata of a run")
+    metadata = cast("dict[str, Any]", read)
+    digest = metadata.pop(_DIGEST_KEY, None)
+    if digest != _metadata_digest(metadata):
+        raise RunError(f"{path}: its metadata do not have the digest they were written with")
+    if metadata.get("episode_sha256") != episode.digest:
+        found = one_line(f"{metadata.get('scenario')} {metadata.get('condition')} seed {metadata.get('seed')}")
+        raise RunError(
+            f"{path}: is of another episode ({found}, of this plan or another), not {episode.name}; "
+            "remove it and the same command runs the episode again"
+        )
+    try:
+        labels = tuple(one["label"] for one in metadata["trackers"])
+        complete = labels == episode.labels and rows == metadata["frames"] * len(labels)
+    except (KeyError, TypeError):
+        complete = False
+    if not complete:
+        raise RunError(f"{path}: does not have every tracker of {episode.name} with every frame")
+    return metadata
+
+
+def _metadata_digest(metadata: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(metadata, sort_keys=True).encode()).hexdigest()
 
 
 def content_digest(database: duckdb.DuckDBPyConnection, source: str) -> str:

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import os
 import re
 import secrets
-from collections.abc import Generator, Iterable
+import threading
+from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
+
+import duckdb
 
 from pftrack_sim.core.errors import RunError
 
 _PART = ".part"
 _LONGEST = 80
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+READ_LIMIT_S = 120.0
+"""Time for reading one file of a run."""
 
 
 @contextlib.contextmanager
@@ -84,6 +92,34 @@ def distinct_slugs(names: Iterable[str]) -> dict[str, str]:
         taken.add(candidate.lower())
         slugs[name] = candidate
     return slugs
+
+
+@contextlib.contextmanager
+def query_deadline(database: duckdb.DuckDBPyConnection, limit_s: float = READ_LIMIT_S) -> Generator[None]:
+    """Interrupt the database's query when the block takes longer; it raises `duckdb.InterruptException` then."""
+    timer = threading.Timer(limit_s, database.interrupt)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    r"""A table as CSV. Text that a spreadsheet would take for a formula gets an apostrophe before it.
+
+    >>> print(csv_text(["tracker", "overlap"], [["=1+1", -0.5], [None, 1.0]]), end="")
+    tracker,overlap
+    '=1+1,-0.5
+    ,1.0
+    """
+    written = io.StringIO()
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(heads)
+    for row in rows:
+        writer.writerow(["'" + cell if isinstance(cell, str) and cell.startswith(_FORMULA) else cell for cell in row])
+    return written.getvalue()
 
 
 def sql_text(value: object) -> str:

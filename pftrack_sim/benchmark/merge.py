@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import read_metadata
+from pftrack_sim.benchmark.episode_file import MAX_BYTES, read_metadata
 from pftrack_sim.benchmark.plan import Episode, differences
 from pftrack_sim.benchmark.store import RunStore
 from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.inputs import read_bytes
 
 
 @dataclass(frozen=True)
@@ -56,15 +58,15 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
         for episode in plan.episodes():
             for source in sources:
                 file = source.episode_file(episode)
-                if not file.is_file():
+                if not os.path.lexists(file):
                     continue
                 if merged.has(episode):
                     _check_equal(database, episode, merged.episode_file(episode), file)
                     shared += 1
                     continue
-                list(read_metadata(database, [file]))  # raises unless it is an episode's file
+                list(read_metadata(database, {file: episode}))  # raises unless it is this episode's file
                 video = source.video_file(episode)
-                merged.add(episode, file.read_bytes(), video.read_bytes() if video.is_file() else None)
+                merged.add(episode, _content(file), _content(video) if os.path.lexists(video) else None)
                 added += 1
             done += merged.has(episode)
         for source in sources:
@@ -73,8 +75,15 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
     return MergeReport(out, added, shared, done, plan.episode_count)
 
 
+def _content(file: Path) -> bytes:
+    try:
+        return read_bytes(file, MAX_BYTES)
+    except OSError as error:
+        raise RunError(f"{file} cannot be read: {error.strerror}") from None
+
+
 def _check_equal(database: duckdb.DuckDBPyConnection, episode: Episode, merged: Path, other: Path) -> None:
-    (_, one), (_, two) = read_metadata(database, [merged, other])
+    (_, one), (_, two) = read_metadata(database, {merged: episode, other: episode})
     if one["content_sha256"] != two["content_sha256"]:
         frames = "; their frames differ" if one["frames_digest"] != two["frames_digest"] else ""
         raise RunError(

@@ -171,6 +171,13 @@ class Episode:
         return self.trackers[0].latency_ms if by_condition is None else by_condition
 
     @property
+    def digest(self) -> str:
+        """SHA-256 of everything that decides the content of its files."""
+        trackers = [tracker.model_dump(mode="json") for tracker in self.trackers]
+        identity = [self.scenario.name, self.scenario.digest, self.condition.model_dump(mode="json")]
+        return hashlib.sha256(json.dumps([*identity, self.seed, self.truth, trackers]).encode()).hexdigest()
+
+    @property
     def name(self) -> str:
         """For people: `"plaza-walk jitter=2 seed 3"`."""
         condition = [self.condition.name] if self.condition != Condition() else []

@@ -66,9 +66,10 @@ class ProgressCounter:
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
-        files = store.episode_files()
+        own = islice(plan.episodes(), part[0] - 1, None, part[1])
+        present = (episode for episode in own if store.has(episode))
         with duckdb.connect() as database:
-            while chunk := list(islice(files, _CHUNK)):
+            while chunk := {store.episode_file(episode): episode for episode in islice(present, _CHUNK)}:
                 for _, metadata in read_metadata(database, chunk):
                     self._count(metadata["trackers"])
         self._before = self.done

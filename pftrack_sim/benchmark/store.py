@@ -4,33 +4,36 @@ run.json                                    the plan, its digest, versions, and 
 episodes/<scenario>/<condition>/seed-N.parquet
 videos/<scenario>/<condition>/seed-N.mp4
 summary.parquet  tables/*.csv  tables/*.tex     made from the episodes at the end of a session
+SHA256SUMS                                      of all of these, written last
+.scratch                                        what workers are writing; swept when a session begins
 """
 
 from __future__ import annotations
 
-import importlib.metadata
-import json
 import os
-import platform
-import subprocess
+import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
 import duckdb
 
-from pftrack_sim.benchmark.files import remove_parts, sql_text, write_bytes
+from pftrack_sim.benchmark.episode_file import content_digest
+from pftrack_sim.benchmark.files import query_deadline, remove_parts, sql_text, write_bytes
+from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums, write_sums
 from pftrack_sim.benchmark.plan import Episode, Plan, differences, read_plan
-from pftrack_sim.benchmark.summary import Result, load_summary, results_of, write_summary
+from pftrack_sim.benchmark.record import new_record, now, plan_record, read_record, session, write_record
+from pftrack_sim.benchmark.summary import TABLE_FILES, Result, load_summary, results_of, write_summary
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.inputs import is_file
+from pftrack_sim.core.text import one_line
 
-FORMAT = 4
-_VERSIONS_OF = ("pftrack-sim", "gymnasium", "mujoco", "numpy", "opencv-python-headless", "numba", "duckdb", "av")
 _LOCK = ".lock"
+SCRATCH = ".scratch"
+_DERIVED = ("summary.parquet", *(f"tables/{name}" for name in TABLE_FILES))
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,9 @@ class RunStore:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.record = _read_record(path)
+        self.record = read_record(path)
         self._lock: int | None = None
+        self._derived_removed = False
 
     @classmethod
     def begin(cls, path: Path, plan: Plan, *, refresh: bool = False) -> RunStore:
@@ -80,11 +84,13 @@ class RunStore:
             if begun:
                 _check_same(path, plan, refresh)
             else:
-                _write_record(path, _new_record(plan))
+                write_record(path, new_record(plan))
             remove_parts(path)
+            shutil.rmtree(path / SCRATCH, ignore_errors=True)
             store = cls(path)
-            store.record["sessions"].append(_session())
-            _write_record(path, store.record)
+            (path / SUMS).unlink(missing_ok=True)
+            store.record["sessions"].append(session())
+            write_record(path, store.record)
         except BaseException as error:
             if lock is not None:
                 os.close(lock)
@@ -105,7 +111,18 @@ class RunStore:
         plan = read_plan(self.record.get("plan"), str(source))
         if plan.digest != self.record.get("plan_sha256"):
             raise RunError(f"{source} was edited: its plan does not have the digest it names")
+        self._verify(["run.json"])
         return plan
+
+    def _verify(self, names: Sequence[str]) -> None:
+        """Raise RunError where one of these files, in paths within the folder, differs from `SHA256SUMS`."""
+        for line in changed(self.path, names, self.sums):
+            raise RunError(f"{self.path}/{line}; pftrack-sim check lists all problems")
+
+    @cached_property
+    def sums(self) -> Mapping[str, str] | None:
+        """Checksums by path within the folder; None while a session writes, and after one that was interrupted."""
+        return read_sums(self.path)
 
     @property
     def finished(self) -> bool:
@@ -130,7 +147,7 @@ class RunStore:
 
     def has(self, episode: Episode) -> bool:
         """Whether an episode is finished."""
-        return self.episode_file(episode).is_file()
+        return is_file(self.episode_file(episode))
 
     def add(self, episode: Episode, table: bytes, video: bytes | None) -> None:
         """Write the files of an episode; the table comes last, so that an episode with a table is complete.
@@ -138,6 +155,10 @@ class RunStore:
         Raises:
             RunError: They cannot be written.
         """
+        if not self._derived_removed:
+            for name in _DERIVED:  # they would speak of fewer episodes
+                (self.path / name).unlink(missing_ok=True)
+            self._derived_removed = True
         if video is not None:
             write_bytes(self.video_file(episode), video)
         write_bytes(self.episode_file(episode), table)
@@ -146,13 +167,14 @@ class RunStore:
         """Record the sessions of another folder whose episodes were added."""
         known = self.record["sessions"]
         known += [session for session in sessions if session not in known]
-        _write_record(self.path, self.record)
+        write_record(self.path, self.record)
 
     def write_summary(self) -> None:
         """Write the summary and the tables of the episodes that are there; mark the run finished if all are."""
         if write_summary(self.path, self.plan) == self.plan.episode_count:
-            self.record["finished"] = _now()
-            _write_record(self.path, self.record)
+            self.record["finished"] = self.record["finished"] or now()
+            write_record(self.path, self.record)
+        write_sums(self.path)
 
     def close(self) -> None:
         """Unlock the folder. Closing twice is fine."""
@@ -174,17 +196,19 @@ class RunStore:
         Raises:
             RunError: There is no finished episode, or a file cannot be read.
         """
-        if next(self.episode_files(), None) is None:
+        files = [file for episode in self.plan.episodes() if is_file(file := self.episode_file(episode))]
+        if not files:
             raise RunError(f"{self.path} has no finished episode yet")
+        self._verify([file.relative_to(self.path).as_posix() for file in files])
         database = duckdb.connect()
         try:
             summary = self.path / "summary.parquet"
-            if self.finished and summary.is_file():
+            if self.finished and self.sums is not None and not any(changed(self.path, [summary.name], self.sums)):
                 database.execute(f"CREATE VIEW summary AS FROM read_parquet({sql_text(summary)})")
             else:
                 load_summary(database, self.path, self.plan)
             database.execute(
-                f"CREATE VIEW frames AS FROM read_parquet({sql_text(self.path / 'episodes/*/*/*.parquet')}, "
+                f"CREATE VIEW frames AS FROM read_parquet([{', '.join(map(sql_text, files))}], "
                 "hive_partitioning = false)"
             )
             database.execute(
@@ -194,7 +218,10 @@ class RunStore:
             )
         except duckdb.Error as error:
             database.close()
-            raise RunError(f"{self.path} cannot be read: {error}") from None
+            raise RunError(f"{self.path} cannot be read: {one_line(str(error))}") from None
+        except BaseException:
+            database.close()
+            raise
         return database
 
     def query(self, sql: str) -> QueryResult:
@@ -234,41 +261,29 @@ class RunStore:
             RunError: The file is missing, broken, or outside the run folder.
         """
         file = (self.path / result.file).resolve()
-        if not file.is_relative_to(self.path.resolve()):
-            raise RunError(f"{self.path}: the summary names a file outside the run folder: {result.file!r}")
+        if not file.is_relative_to(self.path.resolve()) or not is_file(file):
+            raise RunError(f"{self.path}: the summary names a file that is not in the run folder: {result.file!r}")
+        table = f"read_parquet({sql_text(file)}, hive_partitioning = false)"
+        self._verify([result.file])
         try:
-            with duckdb.connect() as database:
-                query = f"SELECT {', '.join(names)} FROM read_parquet({sql_text(file)}) ORDER BY frame"
+            with duckdb.connect() as database, query_deadline(database):
+                if self.sums is None and content_digest(database, table) != result.values["content_sha256"]:
+                    raise RunError(f"{file}: its rows do not have the digest they were written with")
+                query = f"SELECT {', '.join(names)} FROM {table} ORDER BY frame"
                 return cast("Any", database.execute(query)).fetchnumpy()
         except duckdb.Error as error:
-            raise RunError(f"{file} cannot be read: {str(error).splitlines()[0]}") from None
+            raise RunError(f"{file} cannot be read: {one_line(str(error).splitlines()[0])}") from None
 
     def video_of(self, result: Result) -> Path | None:
         """The video of a result's episode, if there is one."""
         below = Path(result.file).relative_to("episodes").with_suffix(".mp4")
         path = self.path / "videos" / below
-        return path if ".." not in below.parts and path.is_file() else None
+        return path if ".." not in below.parts and is_file(path) else None
 
 
 def is_run(path: Path) -> bool:
     """Whether a folder holds a run."""
-    return (path / "run.json").is_file()
-
-
-def _read_record(path: Path) -> dict[str, Any]:
-    try:
-        record = json.loads((path / "run.json").read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RunError(f"{path} is not a run folder: it has no run.json") from None
-    except (OSError, ValueError) as error:
-        raise RunError(f"{path / 'run.json'} cannot be read: {error}") from None
-    if not isinstance(record, dict) or cast("dict[str, Any]", record).get("format") != FORMAT:
-        raise RunError(f"{path / 'run.json'} is not of format {FORMAT}, which this version reads")
-    return cast("dict[str, Any]", record)
-
-
-def _write_record(path: Path, record: dict[str, Any]) -> None:
-    write_bytes(path / "run.json", (json.dumps(record, indent=1) + "\n").encode())
+    return is_file(path / "run.json")
 
 
 def _check_usable(path: Path) -> None:
@@ -291,12 +306,13 @@ def _check_same(path: Path, plan: Plan, refresh: bool) -> None:
             f"{path} was begun with other code: its results are not those of the code of today; run what has changed "
             f"again with --refresh, or choose another folder with --out\n{lines}"
         )
+    (path / SUMS).unlink(missing_ok=True)
     # The record comes last: interrupted before it, the folder still asks to be refreshed.
     for old, new in zip(store.plan.episodes(), plan.episodes(), strict=True):
         if old.trackers != new.trackers:
             store.episode_file(old).unlink(missing_ok=True)
             store.video_file(old).unlink(missing_ok=True)
-    _write_record(path, {**store.record, "finished": None, **_plan_record(plan)})
+    write_record(path, {**store.record, "finished": None, **plan_record(plan)})
 
 
 def _lock(path: Path) -> int:
@@ -312,57 +328,3 @@ def _lock(path: Path) -> int:
         except OSError:
             pass  # a file system without locks: files are still written atomically
     return opened
-
-
-def _new_record(plan: Plan) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "finished": None,
-        "sessions": [],
-        **_plan_record(plan),
-    }
-
-
-def _plan_record(plan: Plan) -> dict[str, Any]:
-    return {"plan_sha256": plan.digest, "plan": plan.model_dump(mode="json")}
-
-
-def _session() -> dict[str, Any]:
-    return {
-        "began": _now(),
-        "command": sys.argv,
-        "versions": {name: version for name in _VERSIONS_OF if (version := _version(name))},
-        "commit": _commit(),
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "cores": os.cpu_count(),
-    }
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def _version(name: str) -> str | None:
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return None
-
-
-def _commit() -> str | None:
-    """The commit of a checkout, with a `+` where files were changed since; None for an installed package."""
-    root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():
-        return None
-    try:
-        described = subprocess.run(
-            ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"],
-            cwd=root,
-            capture_output=True,
-            text=True,
-            timeout=10,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return described.stdout.strip() or None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import islice
@@ -11,10 +11,12 @@ from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import column, read_metadata
-from pftrack_sim.benchmark.files import atomic_write, sql_text, write_bytes
+from pftrack_sim.benchmark.episode_file import MAX_BYTES, column, read_metadata
+from pftrack_sim.benchmark.files import atomic_write, csv_text, query_deadline, sql_text, write_bytes
+from pftrack_sim.benchmark.integrity import sha256_of
 from pftrack_sim.benchmark.plan import Condition, Plan, TrackerSpec
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.score import Measures
 from pftrack_sim.score.following import Following
 
@@ -51,6 +53,9 @@ _TABLES: Mapping[str, str] = {
     'success, success_30, centre_inside, ceiling, "precision", failure FROM summary ORDER BY number, place',
 }
 _LATEX_TABLES = ("trackers", "conditions")
+TABLE_FILES = (*(f"{name}.csv" for name in _TABLES), *(f"{name}.tex" for name in _LATEX_TABLES))
+"""Names of the tables that are written."""
+
 _LATEX_ESCAPES = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
@@ -118,15 +123,14 @@ def load_summary(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, *,
 
     The episodes are read a few hundred at a time, in the plan's order.
     """
-    files = ((number, path / "episodes" / f"{one.path}.parquet") for number, one in enumerate(plan.episodes()))
-    present = ((number, file) for number, file in files if file.is_file())
+    files = ((number, one, path / "episodes" / f"{one.path}.parquet") for number, one in enumerate(plan.episodes()))
+    present = ((number, one, file) for number, one, file in files if os.path.lexists(file))
     count = 0
     while chunk := list(islice(present, _CHUNK)):
-        numbers = {file: number for number, file in chunk}
+        numbers = {file: number for number, _, file in chunk}
         rows: list[dict[str, Any]] = []
-        for file, metadata in read_metadata(database, list(numbers)):
-            sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if hashes else ""
-            rows += _rows(plan, numbers[file], file.relative_to(path).as_posix(), metadata, sha256)
+        for file, metadata in read_metadata(database, {file: one for _, one, file in chunk}):
+            rows += _rows(plan, numbers[file], file, path, metadata, sha256_of(file) if hashes else "")
         columns = {name: column([row[name] for row in rows]) for name in rows[0]}
         database.register("chunk", columns)
         chosen = ", ".join(f"{name}::{_CASTS[name]} AS {name}" if name in _CASTS else name for name in columns)
@@ -140,7 +144,9 @@ def load_summary(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, *,
     return count
 
 
-def _rows(plan: Plan, number: int, file: str, metadata: dict[str, Any], sha256: str) -> Iterator[dict[str, Any]]:
+def _rows(
+    plan: Plan, number: int, file: Path, path: Path, metadata: dict[str, Any], sha256: str
+) -> Iterator[dict[str, Any]]:
     for scores in metadata["trackers"]:
         yield {
             "number": number,
@@ -150,7 +156,7 @@ def _rows(plan: Plan, number: int, file: str, metadata: dict[str, Any], sha256: 
             "level_values": list(metadata["levels"].values()),
             "episode_frames": metadata["frames"],
             **{key: metadata[key] for key in ("rate_hz", "frames_digest", "content_sha256", "graphics", "version")},
-            "file": file,
+            "file": file.relative_to(path).as_posix(),
             "file_sha256": sha256,
         }
 
@@ -168,16 +174,46 @@ def write_summary(path: Path, plan: Plan) -> int:
                 return 0
             with atomic_write(path / "summary.parquet") as part:
                 database.execute(f"COPY (FROM summary ORDER BY number, place) TO {sql_text(part)} (FORMAT parquet)")
-            for name, query in _TABLES.items():
-                with atomic_write(path / "tables" / f"{name}.csv") as part:
-                    database.execute(f"COPY ({query}) TO {sql_text(part)} (FORMAT csv, HEADER)")
-                if name in _LATEX_TABLES:
-                    table = database.execute(query)
-                    heads = [one[0] for one in table.description or ()]
-                    write_bytes(path / "tables" / f"{name}.tex", latex(heads, table.fetchall()).encode())
+            for name, content in tables_of(database):
+                write_bytes(path / "tables" / name, content)
         except duckdb.Error as error:
             raise RunError(f"cannot write the summary of {path}: {error}") from None
     return count
+
+
+def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]]:
+    """Names and contents of the tables that are made of the table `summary`."""
+    for name, query in _TABLES.items():
+        table = database.execute(query)
+        heads, rows = [str(one[0]) for one in table.description or ()], table.fetchall()
+        yield f"{name}.csv", csv_text(heads, rows).encode()
+        if name in _LATEX_TABLES:
+            yield f"{name}.tex", latex(heads, rows).encode()
+
+
+def summary_problem(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan) -> str | None:
+    """The first file among the summary and the tables that the episodes do not lead to, or None."""
+    stored = f"read_parquet({sql_text(path / 'summary.parquet')}, hive_partitioning = false)"
+    load_summary(database, path, plan, hashes=True)
+    try:
+        with query_deadline(database):
+            same = all(
+                str(database.execute(query.format(stored)).fetchall())
+                == str(database.execute(query.format("summary")).fetchall())
+                for query in ("DESCRIBE FROM {}", "FROM {} ORDER BY number, place")
+            )
+    except duckdb.Error:
+        same = False
+    if not same:
+        return "summary.parquet: is not what the episodes lead to"
+    for name, content in tables_of(database):
+        try:
+            found = read_bytes(path / "tables" / name, MAX_BYTES)
+        except OSError as error:
+            return f"tables/{name}: cannot be read: {error.strerror}"
+        if found != content:
+            return f"tables/{name}: is not what the summary leads to"
+    return None
 
 
 def latex(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

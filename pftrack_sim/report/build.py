@@ -16,6 +16,7 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper, evaluate_claims
 from pftrack_sim.benchmark.files import write_bytes
+from pftrack_sim.benchmark.integrity import update_sum
 from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.markdown import number_text
@@ -45,6 +46,7 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
     page = _page(store, contents(store, on_episode))
     target = path / "report.html"
     write_bytes(target, page.encode())
+    update_sum(path, target.name)
     return target
 
 
@@ -71,8 +73,9 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
 
 def _provenance(store: RunStore) -> list[tuple[str, str]]:
     """The record of the last session, and the renderers of all."""
-    session = store.record["sessions"][-1]
+    session = next(reversed(store.record["sessions"]), dict[str, Any]())
     entries = [(name, _words(session[name])) for name in _SESSION_KEYS if session.get(name)]
+    entries.insert(0, ("checksums", "not verified: no SHA256SUMS" if store.sums is None else "verified"))
     graphics = dict.fromkeys(str(result.values["graphics"]) for result in store.results)
     seeds = sorted({result.seed for result in store.results})
     state = "all episodes" if store.finished else "not finished: these are the episodes so far"

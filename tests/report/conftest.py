@@ -1,16 +1,15 @@
 """A small run, made once; and a browser."""
 
-import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import pytest
 from small_report import HOSTILE, SMALL
 
-from pftrack_sim.benchmark import RunStore, make_plan, run
+from pftrack_sim.benchmark import make_plan, run
+from pftrack_sim.trackers import registry
 
 
 @pytest.fixture(scope="session")
@@ -23,25 +22,11 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def hostile(finished: Path, tmp_path: Path) -> Path:
-    """The same run by a tracker whose name is a script."""
-    path = tmp_path / "run"
-    shutil.copytree(finished, path)
-    plan = RunStore(path).plan
-    renamed = tuple(one if one.name == "oracle" else one.model_copy(update={"name": HOSTILE}) for one in plan.trackers)
-    changed_plan = plan.model_copy(update={"trackers": renamed})
-    record = json.loads((path / "run.json").read_text())
-    record |= {"plan": changed_plan.model_dump(mode="json"), "plan_sha256": changed_plan.digest}
-    (path / "run.json").write_text(json.dumps(record))
-    changed = path / "changed.parquet"
-    for file in [path / "summary.parquet", *(path / "episodes").rglob("*.parquet")]:
-        duckdb.execute(
-            f"COPY (SELECT * REPLACE (CASE label WHEN 'stay' THEN $name ELSE label END AS label) FROM '{file}') "
-            f"TO '{changed}' (FORMAT parquet)",
-            {"name": HOSTILE},
-        )
-        changed.replace(file)
-    return path
+def hostile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A run by a tracker whose name is a script."""
+    monkeypatch.setitem(registry._REGISTRY.builtin, HOSTILE, registry._REGISTRY.builtin["stay"])
+    plan = make_plan(["corridor"], ["oracle", HOSTILE], [0, 1], overrides=SMALL)
+    return run(plan, tmp_path / "run", workers=0, isolation="never").path
 
 
 @pytest.fixture(scope="session")

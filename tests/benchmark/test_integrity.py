@@ -1,0 +1,154 @@
+"""What a run folder says is verified wherever it is read."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import duckdb
+import pytest
+
+from pftrack_sim.benchmark import RunStore, run
+from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.files import csv_text
+from pftrack_sim.benchmark.integrity import SUMS, write_sums
+from pftrack_sim.benchmark.merge import merge
+from pftrack_sim.core.errors import RunError
+from tests.benchmark.small import small_plan
+
+PLAN = small_plan(range(2), ["oracle", "stay"])
+FIRST, SECOND = (f"episodes/corridor/base/seed-{seed:04d}.parquet" for seed in (0, 1))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return run(PLAN, tmp_path_factory.mktemp("finished") / "run", videos="first").path
+
+
+@pytest.fixture
+def copied(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "copied"))
+
+
+def test_the_checksums_are_those_of_sha256sum(finished: Path):
+    if shutil.which("sha256sum") is None:
+        pytest.skip("no sha256sum here")
+    subprocess.run(["sha256sum", "--check", "--strict", "--quiet", SUMS], cwd=finished, check=True)
+
+
+def test_an_edited_summary_is_found_whatever_its_checksum(copied: Path):
+    summary, edited = copied / "summary.parquet", copied / "edited.parquet"
+    duckdb.execute(f"COPY (SELECT * REPLACE (0.999 AS mean_overlap) FROM '{summary}') TO '{edited}' (FORMAT parquet)")
+    edited.replace(summary)
+    assert check(copied).problems == ("summary.parquet: changed since the run was finished",)
+    # Readers make it anew of the episodes.
+    overlaps = {result.label: result.measures.mean_overlap for result in RunStore(copied).results}
+    assert overlaps["oracle"] == 1.0
+    write_sums(copied)
+    assert check(copied).problems == ("summary.parquet: is not what the episodes lead to",)
+
+
+@pytest.mark.parametrize("name", ["tables/trackers.csv", "tables/trackers.tex", "summary.parquet"])
+def test_what_was_derived_is_checked_without_checksums_too(copied: Path, name: str):
+    (copied / SUMS).unlink()
+    assert check(copied).good
+    content = (copied / name).read_bytes()
+    (copied / name).write_bytes(content.replace(b"oracle", b"oracel"))
+    assert [one.partition(":")[0] for one in check(copied).problems] == [name]
+    (copied / name).unlink()
+    assert not check(copied).good
+
+
+@pytest.mark.parametrize("finished_first", [True, False])
+def test_the_file_of_another_episode_is_refused_wherever_it_is_read(copied: Path, tmp_path: Path, finished_first: bool):
+    shutil.copy(copied / FIRST, copied / SECOND)
+    if not finished_first:
+        (copied / SUMS).unlink()
+        (copied / "summary.parquet").unlink()
+    assert not check(copied).good
+    words = "changed since" if finished_first else r"is of another episode \(corridor base seed 0"
+    for read in (lambda: RunStore(copied).results, lambda: RunStore(copied).query("FROM summary")):
+        with pytest.raises(RunError, match=words):
+            read()
+    for read in (lambda: run(PLAN, copied, videos="none"), lambda: merge(tmp_path / "merged", [copied])):
+        with pytest.raises(RunError, match="is of another episode"):
+            read()
+
+
+@pytest.mark.slow
+def test_the_same_episode_of_another_plan_is_refused(copied: Path, tmp_path: Path):
+    other = run(small_plan(range(2), ["oracle", "stay"], duration_s=0.5), tmp_path / "other", videos="none")
+    fewer = run(small_plan(range(2), ["oracle"]), tmp_path / "fewer", videos="none")
+    (copied / SUMS).unlink()
+    for path in (other.path, fewer.path):
+        shutil.copy(path / SECOND, copied / SECOND)
+        assert [one.partition(":")[0] for one in check(copied).problems] == [SECOND]
+        with pytest.raises(RunError, match="is of another episode"):
+            run(PLAN, copied, videos="none")
+
+
+def test_metadata_have_a_digest(copied: Path):
+    (copied / SUMS).unlink()
+    content = (copied / FIRST).read_bytes()
+    assert content.count(b'"mean_overlap": 1.0') == 1
+    (copied / FIRST).write_bytes(content.replace(b'"mean_overlap": 1.0', b'"mean_overlap": 0.9'))
+    with pytest.raises(RunError, match="metadata do not have the digest"):
+        RunStore(copied).query("FROM summary")
+
+
+def test_an_unfinished_run_has_no_summary_of_fewer_episodes(tmp_path: Path):
+    run(PLAN, tmp_path / "run", videos="none", part=(1, 2))
+    assert check(tmp_path / "run").problems == ("missing: corridor seed 1",)
+    store = RunStore.begin(tmp_path / "run", PLAN)
+    assert not (tmp_path / "run" / SUMS).exists()
+    episode = list(PLAN.episodes())[1]
+    store.add(episode, b"half", None)
+    store.close()
+    assert not (tmp_path / "run/summary.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda record: record.pop("finished"), "finished: Field required"),
+        (lambda record: record.update(sessions="none"), "sessions"),
+        (lambda record: record["sessions"][0].update(command=[7]), "sessions.0.command.0"),
+        (lambda record: record.update(plan=[]), "plan"),
+        (lambda record: record.update(plan_sha256="\udcff"), "control characters or surrogates"),
+        (lambda record: record["plan"].update(x=json.loads("[" * 500 + "]" * 500)), "levels deep"),
+    ],
+)
+def test_a_damaged_record_is_one_error(copied: Path, change: object, words: str):
+    record = json.loads((copied / "run.json").read_text())
+    change(record)  # pyright: ignore[reportCallIssue]
+    (copied / "run.json").write_text(json.dumps(record))
+    for read in (check, lambda path: RunStore(path).results):
+        with pytest.raises(RunError, match=words):
+            read(copied)
+
+
+def test_very_deep_json_is_one_error(copied: Path):
+    (copied / "run.json").write_text("[" * 1_000_000)
+    with pytest.raises(RunError, match="nested too deep"):
+        check(copied)
+
+
+def test_a_pipe_is_no_file(copied: Path, tmp_path: Path):
+    (copied / SUMS).unlink()
+    (copied / SECOND).unlink()
+    os.mkfifo(copied / SECOND)
+    assert any("not a regular file" in problem for problem in check(copied).problems)
+    for read in (lambda: RunStore(copied).results, lambda: merge(tmp_path / "merged", [copied])):
+        with pytest.raises(RunError, match="not a regular file"):
+            read()
+    (copied / "run.json").unlink()
+    os.mkfifo(copied / "run.json")
+    with pytest.raises(RunError, match="not a regular file"):
+        RunStore(copied)
+
+
+def test_text_that_is_a_formula_is_escaped_in_csv():
+    rows = [["=1+1"], ["+1"], ["-1"], ["@x"], ["\t=1"], [-1.5], ["a=b"], [None]]
+    lines = csv_text(["cell"], rows).splitlines()
+    assert lines == ["cell", "'=1+1", "'+1", "'-1", "'@x", "'\t=1", "-1.5", "a=b", '""']
