@@ -63,7 +63,7 @@ def make_plan(
         variant: Put before the conditions' names.
 
     Raises:
-        UnknownNameError: An unknown scenario, axis, parameter of an axis, or controller.
+        UnknownNameError: An unknown scenario, axis, parameter of an axis, tracker or controller.
         ScenarioError: A wrong scenario, override or level.
         ParameterError: No scenario, tracker or seed, one given twice, or an impossible latency.
     """

@@ -81,13 +81,16 @@ def _find(name: str) -> ModuleSpec | None:
     """Where a module lies; unlike `importlib.util.find_spec` it imports no parent package."""
     if not name or name.partition(".")[0] in sys.stdlib_module_names:
         return None
-    locations, found = None, None
-    parts = name.split(".")
-    for count in range(1, len(parts) + 1):
-        found = PathFinder.find_spec(".".join(parts[:count]), locations)
-        if found is None or (count < len(parts) and found.submodule_search_locations is None):
+    locations: list[str] | None = None
+    found = None
+    for part in name.split("."):
+        if found is not None and locations is None:
+            return None  # a module has no parts
+        # The part alone: a dotted name of a namespace package would ask for its imported parent.
+        found = PathFinder.find_spec(part, locations)
+        if found is None:
             return None
-        locations = found.submodule_search_locations
+        locations = list(found.submodule_search_locations) if found.submodule_search_locations is not None else None
     return found
 
 

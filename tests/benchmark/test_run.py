@@ -89,9 +89,8 @@ def test_an_exception_ends_only_its_own_tracker(tmp_path: Path):
 
 
 def test_nothing_is_written_when_a_name_is_wrong(tmp_path: Path):
-    plan = make_plan(["plaza-walk"], ["ko2021"], [0], overrides=SMALL)
     with pytest.raises(UnknownNameError, match="did you mean 'ko2012'"):
-        run(plan, tmp_path / "out")
+        make_plan(["plaza-walk"], ["ko2021"], [0], overrides=SMALL)
     good = make_plan(["plaza-walk"], ["stay"], [0], overrides=SMALL)
     with pytest.raises(ParameterError, match="videos must be one of"):
         run(good, tmp_path / "out", videos="some")

@@ -69,6 +69,16 @@ def test_what_has_no_source_has_no_digest(modules: Path, name: str):
     assert not code_digest(name)
 
 
+def test_namespace_packages_are_looked_into(modules: Path):
+    (modules / "space_of_mine/inner").mkdir(parents=True)
+    (modules / "space_of_mine/inner/tracker.py").write_text("A = 1")
+    before = code_digest("space_of_mine.inner.tracker")
+    (modules / "space_of_mine/inner/tracker.py").write_text("A = 2")
+    assert before
+    assert code_digest("space_of_mine.inner.tracker") != before
+    assert not code_digest("space_of_mine.inner")
+
+
 def test_installed_modules_have_one_and_broken_ones_too(modules: Path):
     assert code_digest("pytest")
     (modules / "helper_of_mine.py").write_text("def (")
