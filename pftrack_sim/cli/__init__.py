@@ -3,19 +3,69 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 
 from pftrack_sim.core.errors import PftrackError
+from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.core.text import printable
+
+_RUN_TRACKERS = ("bench", "evaluate", "follow", "render")
+_FACTORY = re.compile(r"(?<![\w.])[A-Za-z_][\w.]*:[A-Za-z_]")
+_MAX_SUITE_BYTES = 1 << 20
 
 
 def main() -> None:
     """Run the command line: a wrong input ends in one clear message and exit code 2, never in a traceback."""
     from pftrack_sim.cli.app import app
 
-    # Trackers spelled `module:factory` may lie in the current folder; last, so that they hide nothing installed.
-    sys.path.append(os.getcwd())
+    if names_factory(sys.argv[1:]):
+        # Last, so that it hides nothing installed.
+        sys.path.append(os.getcwd())
     try:
+        for word in sys.argv[1:]:
+            _check_word(word)
         app()
-    except PftrackError as error:
-        print(f"pftrack-sim: {error}", file=sys.stderr)  # noqa: T201 - this is the command line
+    except (PftrackError, OSError, MemoryError) as error:
+        text = str(error) if isinstance(error, PftrackError) else _system_error(error)
+        print(f"pftrack-sim: {text}", file=sys.stderr)  # noqa: T201 - this is the command line
         sys.exit(2)
+
+
+def names_factory(words: Sequence[str]) -> bool:
+    """Whether a command line asks to run a `module:factory`, which may lie in the working folder.
+
+    Only then is that folder on the path: a folder from a stranger may hold a module with the name of an optional one.
+
+    >>> names_factory(["bench", "corridor", "--seeds", "0:3", "--trackers", "mine.tracker:make"])
+    True
+    >>> names_factory(["bench", "corridor", "--seeds", "0:3"]), names_factory(["report", "a:b"])
+    (False, False)
+    """
+    if not words or words[0] not in _RUN_TRACKERS:
+        return False
+    return any(_FACTORY.search(text) for word in words[1:] for text in (word, _suite_text(word)))
+
+
+def _suite_text(word: str) -> str:
+    """The text of a TOML file, which may be a suite that names factories."""
+    if not word.endswith(".toml"):
+        return ""
+    try:
+        return read_bytes(Path(word), _MAX_SUITE_BYTES).decode(errors="replace")
+    except OSError:
+        return ""
+
+
+def _check_word(word: str) -> None:
+    if any(not character.isprintable() and character not in "\n\r\t" for character in word):
+        raise PftrackError(f"an argument has characters that cannot be shown: {printable(word)}")
+
+
+def _system_error(error: OSError | MemoryError) -> str:
+    if isinstance(error, MemoryError):
+        return "out of memory"
+    names = [printable(str(name)) for name in (error.filename, error.filename2) if name is not None]
+    return f"{error.strerror or printable(str(error))}{': ' if names else ''}{', '.join(names)}"

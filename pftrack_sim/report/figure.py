@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -41,21 +42,38 @@ def write_figure(path: Path, target: Path) -> Path:
         raise UnknownNameError("figure", target.stem, FIGURES)
     if target.suffix not in (".pdf", ".svg", ".png"):
         raise ParameterError(f"a figure is a .pdf, .svg or .png, got {target.name!r}")
-    require_matplotlib()
-    from matplotlib.figure import Figure
-
     store = RunStore(path)
-    figure: Any = Figure(figsize=(4.6, 3.2), layout="constrained")
-    axes: Any = figure.add_subplot()
-    FIGURES[target.stem](store, axes)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(alpha=0.25)
-    axes.legend(fontsize=7, frameon=False)
-    with atomic_write(target) as part:
-        # Without a date the same run gives the same file.
-        metadata = {"CreationDate": None} if target.suffix == ".pdf" else {}
-        figure.savefig(part, dpi=200, format=target.suffix[1:], metadata=metadata)
+    with own_style():
+        from matplotlib.figure import Figure
+
+        figure: Any = Figure(figsize=(4.6, 3.2), layout="constrained")
+        axes: Any = figure.add_subplot()
+        FIGURES[target.stem](store, axes)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(alpha=0.25)
+        for text in axes.legend(fontsize=7, frameon=False).get_texts():
+            text.set_parse_math(False)  # a tracker's name is no formula
+        with atomic_write(target) as part:
+            # Without a date the same run gives the same file.
+            metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(target.suffix, {})
+            figure.savefig(part, dpi=200, format=target.suffix[1:], metadata=metadata)
     return target
+
+
+@contextlib.contextmanager
+def own_style() -> Generator[None]:
+    """Matplotlib's defaults in the block, whatever settings lie in the working folder or at the user's.
+
+    Raises:
+        ParameterError: matplotlib is not installed.
+    """
+    require_matplotlib()
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams["svg.hashsalt"] = "pftrack_sim"
+        yield
 
 
 def require_matplotlib() -> None:

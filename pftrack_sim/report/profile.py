@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.benchmark.files import atomic_write
-from pftrack_sim.report.figure import COLOURS, require_matplotlib
+from pftrack_sim.report.figure import COLOURS, own_style
 from pftrack_sim.score.profile import NUMBERS, Profile, recorded_quantiles
 
 _SHARES = ("stay_overlap", "ncc_to_first", "ncc_to_previous", "colour_change", "distinct_from_surround")
@@ -18,6 +18,7 @@ _SHARES = ("stay_overlap", "ncc_to_first", "ncc_to_previous", "colour_change", "
 _MARKERS = "osD^v"
 
 
+@own_style()
 def write_profile_figure(profiles: Mapping[str, Profile], target: Path) -> Path:
     """Draw profiles beside those of recorded video: bands from 10 to 90 % and from 25 to 75 %, a line at the median.
 
@@ -29,7 +30,6 @@ def write_profile_figure(profiles: Mapping[str, Profile], target: Path) -> Path:
         ParameterError: matplotlib is not installed.
         RunError: The file cannot be written.
     """
-    require_matplotlib()
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullLocator
 
