@@ -47,7 +47,7 @@ class Traffic:
         """Move by one tick."""
         crowd, (x, y, _) = self.crowd, state.robot_pose
         crowd.tick(dt_s, state.time_s, (x, y), state.T_world_camera[:2, 3])
-        self._gait.advance(dt_s, crowd.positions_m, crowd.headings_rad, crowd.crouching, crowd.running)
+        self._gait.advance(dt_s, crowd.positions_m, crowd.headings_rad, crowd.postures)
 
     def write(self, data: mujoco.MjData) -> None:
         """Write the poses of limbs and carts."""

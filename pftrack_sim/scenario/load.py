@@ -91,7 +91,8 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
     for key, value in (overrides or {}).items():
         tree, error = _set(tree, key, value)
         errors += [error] if error else []
-    errors += _problems(tree)
+    # An override that shortens an episode cuts its actions off.
+    errors += _problems(tree, whole="duration_s" not in (overrides or {}))
     if errors:
         raise ScenarioError(loaded.name, errors)
     return Scenario(loaded.name, tree)
@@ -152,7 +153,7 @@ def _foreign_keys(table: Tree) -> list[str]:
     return []
 
 
-def _problems(tree: Tree) -> list[str]:
+def _problems(tree: Tree, *, whole: bool) -> list[str]:
     found: list[str] = []
     spans: list[tuple[KeyPath, list[object]]] = []
     for path, value in ranges.walk(tree):
@@ -169,7 +170,8 @@ def _problems(tree: Tree) -> list[str]:
     for trial in trials:
         candidate = ranges.replaced(tree, trial)
         try:
-            ResolvedScenario.model_validate(candidate)
+            settings = ResolvedScenario.model_validate(candidate)
+            found += [line for line in settings.late_actions() if whole and line not in found]
         except ValidationError as error:
             found += [line for line in problems(error, candidate) if line not in found]
     return found

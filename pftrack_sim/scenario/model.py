@@ -10,6 +10,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from pftrack_sim.scenario.actions import Action, end_s, overlap_problem, title
 from pftrack_sim.scenario.axes import Axes
 from pftrack_sim.scenario.section import NotNegative, Point, Positive, Section, Share
 from pftrack_sim.scenario.teleoperation import Operator, Sills
@@ -191,6 +192,14 @@ class Target(Section):
         description="Gait phase in the first frame, in which the target is selected: 'median': one at which the box "
         "has its median width over a stride; 'any': drawn from the seed.",
     )
+    actions: tuple[Action, ...] = Field(default=(), description="What it does on its way, one thing at a time.")
+
+    @model_validator(mode="after")
+    def _one_action_at_a_time(self) -> Target:
+        problem = overlap_problem(self.actions)
+        if problem:
+            raise ValueError(problem)
+        return self
 
 
 class Distractors(Section):
@@ -259,6 +268,14 @@ class ResolvedScenario(Section):
     distractors: Distractors = Distractors()
     occluders: tuple[Occluder, ...] = Field(default=(), description="Occlusions, each at its time.")
     follow: Follow = Follow()
+
+    def late_actions(self) -> list[str]:
+        """Messages about the target's actions that do not end within the episode."""
+        return [
+            f"target.{title(index, action)}: ends after the episode, which lasts {self.duration_s:g} s"
+            for index, action in enumerate(self.target.actions)
+            if end_s(action) > self.duration_s
+        ]
 
     @property
     def frame_count(self) -> int:

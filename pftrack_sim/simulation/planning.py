@@ -11,6 +11,7 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, plan_oncoming_pass, positions_away_from
+from pftrack_sim.agents.pedestrians.target import impossible_actions
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
@@ -55,6 +56,9 @@ def make_plan(
         ScenarioError: A requested event is impossible.
     """
     occluders, axes = settings.occluders, settings.axes
+    problems = impossible_actions(path, settings.target, axes.target, settings.duration_s)
+    if problems:
+        raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
     occluders_s = max((occluder.at_s + occluder.duration_s for occluder in occluders), default=0.0) + AFTER_S
     axes_s = [*(at_s + length_s for at_s, length_s in axes.occlusion.spans_s), *axes.distractors.passings_s]
     until_s = max([occluders_s, *(time_s + AFTER_S for time_s in axes_s)])
@@ -62,7 +66,6 @@ def make_plan(
     if until_s == AFTER_S:
         return plan
     run = dry_run(until_s)
-    problems: list[str] = []
     if occluders:
         plan = _plan_occluders(settings, plan, run.until(occluders_s), problems)
     plan = _plan_axis_occlusions(settings, plan, run, problems)

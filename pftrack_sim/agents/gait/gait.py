@@ -21,6 +21,7 @@ from pftrack_sim.agents.gait.kinematics import (
     rotated,
     rotation_matrices,
 )
+from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
@@ -39,12 +40,15 @@ _IDLE_AMPLITUDES = np.radians([[0.6], [4.0]])  # of the chest's pitch (breathing
 _CROUCH_DEPTH = 0.46  # lowering of the pelvis in a full crouch, in leg lengths
 _CROUCH_BACK = 0.38  # backward shift of the pelvis in a full crouch, in thigh lengths
 _CROUCH_LEAN, _CROUCH_SHOULDER, _CROUCH_ELBOW = 0.55, 0.7, 0.35
+_BEND_BACK, _BEND_DEPTH = 0.40, 0.06  # the same of a full bend
+_BEND_PITCHES = np.radians([48.0, 82.0, 62.0, 88.0])  # of pelvis, trunk and head, and forward of the arms
+_LOOK_TRUNK = 0.35  # share of the head's turn by which the trunk follows
 _RUNNING_ELBOW = np.radians(62.0)
 _SHOULDERS_BACK = 0.008  # shoulder joints behind the base of the neck, in statures
 
 
 class Gait:
-    """Walking, running, turning, crouching and standing of `P` people.
+    """Walking, running, turning, crouching, bending and standing of `P` people.
 
     Args:
         rngs: One generator per person, for individual step width, arm swing, posture and start phase.
@@ -90,8 +94,7 @@ class Gait:
         # hang wider with larger girth.
         arm_roll = (np.radians(6.5 + 1.2 * normal[5]) + 0.3 * np.maximum(girth - 1.0, 0.0))[:, None]
         self._angles = np.zeros((3, people, 9))
-        self._angles[1, :, 5:7] = SIDES * arm_roll
-        self._angles[1, :, 7:9] = -0.5 * SIDES * arm_roll
+        self._arm_rolls = np.concatenate([SIDES * arm_roll, -0.5 * SIDES * arm_roll], axis=1)
         self._angles[0, :, 7:9] = -0.25 * SIDES
         self.reset(np.zeros((people, 2)), np.zeros(people), np.zeros(people))
 
@@ -100,12 +103,12 @@ class Gait:
         self._time_s = 0.0
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)
-        self._crouch = np.zeros(len(self._headings))
+        self._set_postures([PLAIN] * len(self._headings))
         self.feet.reset(self._positions, self._headings, np.asarray(speeds_m_s, dtype=float))
         self._pose: tuple[FloatArray, FloatArray] | None = None
 
     def advance(
-        self, dt_s: float, positions_m: ArrayLike, headings_rad: ArrayLike, crouching: ArrayLike, running: ArrayLike
+        self, dt_s: float, positions_m: ArrayLike, headings_rad: ArrayLike, postures: Sequence[Posture]
     ) -> None:
         """Follow the people to their present positions.
 
@@ -113,15 +116,25 @@ class Gait:
             dt_s: Time since the last call.
             positions_m: `(P, 2)` on the ground.
             headings_rad: `(P,)` directions people face; need not be wrapped.
-            crouching: `(P,)` 0 for upright, 1 for a full crouch.
-            running: `(P,)` whether a person runs instead of walking.
+            postures: What each person does besides walking.
         """
         self._time_s += dt_s
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)
-        self._crouch = np.array(crouching, dtype=float)
-        self.feet.advance(dt_s, self._positions, self._headings, np.asarray(running, dtype=bool))
+        self._set_postures(postures)
+        running = np.array([one.running for one in postures], dtype=bool)
+        self.feet.advance(dt_s, self._positions, self._headings, running)
         self._pose = None
+
+    def _set_postures(self, postures: Sequence[Posture]) -> None:
+        table = np.array([(one.crouch, one.bend, one.look_rad) for one in postures]).reshape(-1, 3)
+        self._crouch, self._bend, self._look = table.T
+        self._arms = [
+            (person, side, arm)
+            for person, one in enumerate(postures)
+            for side, arm in enumerate(one.arms)
+            if arm is not None
+        ]
 
     def poses(self) -> tuple[FloatArray, FloatArray]:
         """Poses of all parts, in the order of `person.PARTS`.
@@ -163,7 +176,7 @@ class Gait:
         hips = rotated(rotations[:, _PELVIS, None], self._hips)
         sway = feet.parameters.sway_m * np.cos(2.0 * np.pi * (feet.phase - 0.30))
         # A crouching person's pelvis moves back as the chest leans forward: the weight stays above the feet.
-        back = _CROUCH_BACK * self._thigh[:, 0] * self._crouch
+        back = _CROUCH_BACK * self._thigh[:, 0] * self._crouch + _BEND_BACK * self._thigh[:, 0] * self._bend
         pelvis = positions[:, _PELVIS]
         pelvis[:, 0] = self._positions[:, 0] - sway * np.sin(headings) - back * np.cos(headings)
         pelvis[:, 1] = self._positions[:, 1] + sway * np.cos(headings) - back * np.sin(headings)
@@ -199,20 +212,29 @@ class Gait:
         gaze = np.minimum(np.maximum(0.35 * feet.turn, -0.5), 0.5)
         breath, glance = _IDLE_AMPLITUDES * np.sin(self._idle_phase + self._idle_rate * self._time_s)
         lean = self._lean + _LEAN_PER_SPEED * feet.speed + _CROUCH_LEAN * self._crouch
+        bend, look = self._bend, self._look
         yaw, roll, pitch = self._angles
         yaw[:, 0] = headings - twist
-        yaw[:, 1] = headings + 0.8 * twist + 0.3 * gaze
-        yaw[:, 2] = headings + gaze + glance
+        yaw[:, 1] = headings + 0.8 * twist + 0.3 * gaze + _LOOK_TRUNK * look
+        yaw[:, 2] = headings + gaze + glance + look
         yaw[:, 3:5] = feet.yaw
         roll[:, 0] = drop + bank
         roll[:, 1] = bank - 0.35 * drop
         roll[:, 2] = 0.5 * bank
-        pitch[:, 0] = 0.4 * lean
-        pitch[:, 1] = lean + breath
-        pitch[:, 2] = 0.3 * lean + _HEAD_PITCH
+        bend_pelvis, bend_trunk, bend_head, bend_arms = _BEND_PITCHES[:, None] * bend
+        pitch[:, 0] = 0.4 * lean + bend_pelvis
+        pitch[:, 1] = lean + breath + bend_trunk
+        pitch[:, 2] = 0.3 * lean + _HEAD_PITCH + bend_head
         pitch[:, 3:5] = -feet.pitch
-        pitch[:, 5:7] = -shoulders
+        pitch[:, 5:7] = -shoulders - bend_arms[:, None]
         pitch[:, 7:9] = -elbows
+        roll[:, 5:9] = self._arm_rolls
+        for person, side, arm in self._arms:
+            upper, fore, outward = 5 + side, 7 + side, SIDES[side]
+            pitch[person, upper] += arm.share * (-arm.shoulder - pitch[person, upper])
+            pitch[person, fore] += arm.share * (-arm.elbow - pitch[person, fore])
+            roll[person, upper] += arm.share * outward * arm.outward
+            roll[person, fore] += arm.share * outward * arm.forearm
         return rotation_matrices(yaw, roll, pitch)
 
     def _pelvis_height(self, pelvis: FloatArray, hips: FloatArray) -> FloatArray:
@@ -226,7 +248,8 @@ class Gait:
         running_travel = 0.5 - 0.5 * np.cos(4.0 * np.pi * (feet.phase - 0.5 * RUN_STANCE_FRACTION))
         travel = travel + feet.running * (running_travel - travel)
         wanted = low + (high - low) * travel
-        wanted = wanted - _CROUCH_DEPTH * (self._thigh[:, 0] + self._shank[:, 0]) * self._crouch
+        leg = self._thigh[:, 0] + self._shank[:, 0]
+        wanted = wanted - _CROUCH_DEPTH * leg * self._crouch - _BEND_DEPTH * leg * self._bend
         horizontal = feet.ankles[..., :2] - hips[..., :2] - pelvis[:, None, :2]
         reach_squared = (MAX_EXTENSION * (self._thigh + self._shank)) ** 2
         above = np.sqrt(np.maximum(reach_squared - horizontal[..., 0] ** 2 - horizontal[..., 1] ** 2, 0.04))

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.goal_manager import GoalManager
 from pftrack_sim.agents.pedestrians.goal_sampler import PREDICTION_TIMES_S, GoalSampler
@@ -24,7 +25,7 @@ from pftrack_sim.agents.pedestrians.scripted import Cart, CrossingPedestrian, On
 from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.agents.pedestrians.visibility_graph import VisibilityGraph
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scene.layout import WalkableArea
@@ -61,7 +62,7 @@ class Crowd:
         self._graph = VisibilityGraph(obstacles)
         self._sampler = GoalSampler(layout, self._graph, target_path)
         self._seed, self._robot_start_m, self._distractors = seed, robot_start_m, distractors
-        self._target = TargetWalk(target_path, target.speed_m_s, target_axis or TargetAxis())
+        self._target = TargetWalk(target_path, target, target_axis or TargetAxis())
         scripted: list[_Scripted] = [CrossingPedestrian(one, obstacles) for one in at_different_depths(crossings)]
         scripted += [OncomingPedestrian(one, target_path, obstacles) for one in oncoming]
         self._scripted = dict(enumerate(scripted, start=1 + distractors.count))
@@ -92,14 +93,9 @@ class Crowd:
         return self._target.s_m
 
     @property
-    def crouching(self) -> FloatArray:
-        """`(P,)` 0 for upright, 1 for squatting."""
-        return np.array([self._target.crouch, *[0.0] * (len(self.names) - 1)])
-
-    @property
-    def running(self) -> BoolArray:
-        """`(P,)` whether each pedestrian runs."""
-        return np.array([self._target.running, *[False] * (len(self.names) - 1)])
+    def postures(self) -> tuple[Posture, ...]:
+        """Posture of each pedestrian."""
+        return (self._target.posture, *[PLAIN] * (len(self.names) - 1))
 
     def reset(self) -> None:
         """Return everything to the start of the episode."""
@@ -156,7 +152,7 @@ class Crowd:
     def tick(self, dt_s: float, time_s: float, robot_m: ArrayLike, camera_m: ArrayLike) -> None:
         """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at `(2,)` positions."""
         self._update_robot(dt_s, _xy(robot_m))
-        self._target.update(dt_s, self._state[:, self._robot_column])
+        self._target.update(dt_s, self._state[:, self._robot_column], _xy(camera_m))
         self._store_target()
         around = Surroundings(_xy(camera_m), _xy(self._state[:2, 0]), _xy(robot_m))
         self._update_scripted(dt_s, time_s, around)

@@ -1,33 +1,31 @@
-"""Walk of the target along its path, and its manoeuvres."""
+"""Walk of the target along its path, and its actions on the way."""
 
 from __future__ import annotations
 
-import itertools
 import math
-from typing import NamedTuple
+from dataclasses import replace
 
+import numpy as np
+
+from pftrack_sim.agents.gait.posture import PLAIN
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.obstacle_map import Xy
+from pftrack_sim.agents.pedestrians.reactive import SENTINEL_M
+from pftrack_sim.agents.pedestrians.target_actions import Command, command, schedule
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario.actions import Approach, Face, Pace, Run, Turn, WalkOff, end_s, title
 from pftrack_sim.scenario.axes import TargetAxis
+from pftrack_sim.scenario.model import Target
 
 DECELERATION_M_S2 = 0.8  # To a stop at the end of the path; also the acceleration afterwards.
 MAX_BRAKING_M_S2 = 2.5  # For a robot in the way.
 ROBOT_DISTANCE_M = 0.75
 ROBOT_LANE_M = 0.6  # A robot ahead is in the way within this distance from the target's line.
-MANOEUVRE_ACCELERATION_M_S2 = 2.0
-BACKWARD_SPEED_M_S = 0.9
-MANOEUVRE_DURATIONS_S = {"stop": 2.2, "turn": 5.2, "crouch": 3.8, "run": 3.0}  # Slowing down included.
-_PAUSE_S = 0.6  # Least time of walking between two manoeuvres, so that they can be told apart.
+ACTION_ACCELERATION_M_S2 = 2.0
 _MAX_WALKING_SPEED_M_S = 2.2
-
-
-class _Command(NamedTuple):
-    """Desired speed along the path (negative: backwards), heading relative to it, and posture."""
-
-    speed_m_s: float
-    facing_rad: float = 0.0
-    crouch: float = 0.0
-    running: bool = False
+_TICK_S = 0.04
+_LEAST_WAY_M = 1.0  # Way left for an action that consists in walking
+_TOWARDS_RAD = {"away": 0.0, "left": 0.5 * math.pi, "right": -0.5 * math.pi, "camera": math.pi}
 
 
 class TargetWalk:
@@ -36,42 +34,50 @@ class TargetWalk:
     Attributes:
         s_m: Arc length on the path.
         state: x, y [m] and vx, vy [m/s].
-        heading_rad: Heading of the body: the path's direction, except in the manoeuvre "turn".
-        crouch: 0 upright, 1 squatting.
+        heading_rad: Heading of the body: the path's direction, except where it turns to something else.
+        posture: Posture of the body.
     """
 
-    def __init__(self, path: Path, speed_m_s: float, axis: TargetAxis) -> None:
-        self._path, self._axis = path, axis
+    def __init__(self, path: Path, target: Target, axis: TargetAxis) -> None:
+        self._path, self._axis, self._planned = path, axis, target.actions
+        self._acts = axis.on or bool(target.actions)
+        speed_m_s = target.speed_m_s
         faster_m_s = axis.severity * axis.faster_m_s if axis.on else 0.0
         self._walking_speed_m_s = max(min(speed_m_s + faster_m_s, _MAX_WALKING_SPEED_M_S), speed_m_s)
         self.reset()
 
     def reset(self) -> None:
         """Return to the start of the path."""
-        self.s_m, self.crouch, self.running, self._facing_rad, self._time_s = 0.0, 0.0, False, 0.0, 0.0
+        self.s_m, self.posture, self._facing_rad, self._time_s = 0.0, PLAIN, 0.0, 0.0
+        self._schedule = schedule(self._planned, self._axis)
+        self._action, self._asked_rad = next(self._schedule, None), 0.0
+        self._begun = False
         self._speed_m_s = min(self._walking_speed_m_s, math.sqrt(2.0 * DECELERATION_M_S2 * self._path.length_m))
         self._update_state()
 
-    def update(self, dt_s: float, robot: FloatArray) -> None:
-        """Walk for one tick; `robot` is its `(4,)` x, y [m], vx, vy [m/s]."""
+    def update(self, dt_s: float, robot: FloatArray, camera_m: Xy) -> None:
+        """Walk for one tick; `robot` is its `(4,)` x, y [m], vx, vy [m/s], `camera_m` x, y of the camera."""
         left_m = max(self._path.length_m - self.s_m, 0.0)
         # The highest speed from which a constant deceleration after this tick still ends at the end of the path.
         step = DECELERATION_M_S2 * dt_s
         stopping = math.sqrt(step * step + 2.0 * DECELERATION_M_S2 * left_m) - step
         desired, max_step = self._walking_speed_m_s, step
-        if self._axis.on:
+        if self._acts:
             self._time_s += dt_s
-            command = self._command()
-            desired, max_step = command.speed_m_s, MANOEUVRE_ACCELERATION_M_S2 * dt_s
-            self._facing_rad, self.crouch = command.facing_rad, command.crouch
+            command = self._command(camera_m)
+            desired, max_step = command.speed_m_s, ACTION_ACCELERATION_M_S2 * dt_s
+            self._facing_rad, running = command.facing_rad, command.posture.running
             # The running posture ends when the target has slowed down to a walk.
-            self.running = command.running or (self.running and self._speed_m_s > 1.15 * self._walking_speed_m_s)
+            running = running or (self.posture.running and self._speed_m_s > 1.15 * self._walking_speed_m_s)
+            self.posture = replace(command.posture, running=running)
         speed = min(desired, stopping, self._speed_m_s + max_step)
-        if self._axis.on and speed < self._speed_m_s - max_step:
+        if self._acts and speed < self._speed_m_s - max_step:
             speed = min(self._speed_m_s - max_step, stopping)
         # Braking is limited: the target may come close to a robot that cuts in.
         speed = max(min(speed, self._speed_behind(robot)), min(self._speed_m_s - MAX_BRAKING_M_S2 * dt_s, speed))
-        slowest = 0.0 if desired >= 0.0 and self._speed_m_s >= 0.0 else max(desired, -self.s_m / dt_s)
+        if desired < 0.0:
+            speed = max(speed, -self._speed_behind(robot))
+        slowest = 0.0 if desired >= 0.0 and self._speed_m_s >= 0.0 else -self.s_m / dt_s
         self._speed_m_s = min(max(speed, slowest), left_m / dt_s)
         self.s_m += self._speed_m_s * dt_s
         self._update_state()
@@ -81,26 +87,18 @@ class TargetWalk:
         x, y, _ = self._path.at(min(self.s_m + self._walking_speed_m_s * ahead_s, self._path.length_m))
         return float(x), float(y)
 
-    def _command(self) -> _Command:
-        axis = self._axis
-        begin_s = axis.at_s if math.isfinite(axis.every_s) else math.inf
-        for name in itertools.cycle(axis.manoeuvres):
-            if self._time_s < begin_s:
-                break
-            if self._time_s < begin_s + MANOEUVRE_DURATIONS_S[name]:
-                return self._manoeuvre(name, self._time_s - begin_s)
-            begin_s += max(axis.every_s, MANOEUVRE_DURATIONS_S[name] + _PAUSE_S)
-        return _Command(self._walking_speed_m_s)
-
-    def _manoeuvre(self, name: str, since_s: float) -> _Command:
-        if name == "run":
-            return _Command(self._axis.run_m_s, running=True)
-        if name == "crouch":
-            return _Command(0.0, crouch=_smoothstep((since_s - 1.0) / 0.7) - _smoothstep((since_s - 2.7) / 0.7))
-        if name == "stop":
-            return _Command(0.0)
-        facing = math.pi * (_smoothstep((since_s - 0.8) / 1.1) - _smoothstep((since_s - 3.9) / 1.1))
-        return _Command(-BACKWARD_SPEED_M_S if 1.9 <= since_s < 3.2 else 0.0, facing)
+    def _command(self, camera_m: Xy) -> Command:
+        while self._action is not None and self._time_s >= end_s(self._action):
+            self._action, self._begun = next(self._schedule, None), False
+        action = self._action
+        if action is None or self._time_s < action.at_s:
+            return Command(self._walking_speed_m_s)
+        if not self._begun and isinstance(action, Face):
+            sight_rad = math.atan2(self.state[1] - camera_m[1], self.state[0] - camera_m[0])
+            turn_rad = sight_rad + _TOWARDS_RAD[action.towards] - self.heading_rad
+            self._asked_rad = math.remainder(turn_rad, 2.0 * math.pi)
+        self._begun = True
+        return command(action, self._time_s - action.at_s, self._asked_rad)
 
     def _speed_behind(self, robot: FloatArray) -> float:
         """Highest speed that leaves room to stop behind a robot ahead; infinite if none is in the way."""
@@ -119,6 +117,22 @@ class TargetWalk:
         self.state = (x, y, self._speed_m_s * math.cos(heading), self._speed_m_s * math.sin(heading))
 
 
-def _smoothstep(share: float) -> float:
-    share = min(max(share, 0.0), 1.0)
-    return share * share * (3.0 - 2.0 * share)
+def impossible_actions(path: Path, target: Target, axis: TargetAxis, until_s: float) -> list[str]:
+    """Messages about actions before `until_s` for which the path is too short, where no robot is in the way."""
+    walk, problems = TargetWalk(path, target, axis), list[str]()
+    order = sorted(enumerate(target.actions), key=lambda item: item[1].at_s)
+    nowhere, tick = np.array([SENTINEL_M, SENTINEL_M, 0.0, 0.0]), 0
+    for index, action in order:
+        if action.at_s >= until_s:
+            break
+        while tick * _TICK_S < action.at_s:
+            walk.update(_TICK_S, nowhere, (SENTINEL_M, SENTINEL_M))
+            tick += 1
+        left_m, what = path.length_m - walk.s_m, f"target.{title(index, action)}"
+        if isinstance(action, Turn | Approach) and walk.s_m < action.back_m:
+            problems.append(
+                f"{what}: walks back {action.back_m:.1f} m, but is only {walk.s_m:.1f} m along its path by then"
+            )
+        if isinstance(action, Run | Pace | WalkOff) and left_m < _LEAST_WAY_M:
+            problems.append(f"{what}: only {left_m:.1f} m of its path, {path.length_m:.1f} m long, are left by then")
+    return problems

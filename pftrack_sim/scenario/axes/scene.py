@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from pftrack_sim.scenario.actions import Action, Crouch, Run, Stop, Turn
 from pftrack_sim.scenario.axes.base import Axis
 from pftrack_sim.scenario.section import NotNegative, Positive, Share
 
@@ -128,6 +129,18 @@ class TargetAxis(Axis):
     )
     leave_s: NotNegative = Field(default=0.5, description="How long the target is out of view at severity 1.")
     leave_at_s: NotNegative = Field(default=9.0, description="When it leaves; the operator's camera turns away.")
+
+    def action(self, manoeuvre: Manoeuvre, at_s: float) -> Action:
+        """A manoeuvre that begins at this time."""
+        match manoeuvre:
+            case "stop":
+                return Stop(kind="stop", at_s=at_s)
+            case "turn":
+                return Turn(kind="turn", at_s=at_s)
+            case "crouch":
+                return Crouch(kind="crouch", at_s=at_s)
+            case "run":
+                return Run(kind="run", at_s=at_s, speed_m_s=self.run_m_s)
 
     @property
     def every_s(self) -> float:

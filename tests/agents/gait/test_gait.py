@@ -13,6 +13,7 @@ from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.gait.gait_parameters import stride_length
 from pftrack_sim.agents.gait.joint_trajectories import leg_angles
 from pftrack_sim.agents.gait.kinematics import quaternions, rotation_matrices
+from pftrack_sim.agents.gait.posture import Arm, Posture
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.outfit import sample_outfit
@@ -93,7 +94,7 @@ def record(
         time_s = tick * DT
         heading = heading + turn(time_s) * DT
         position = position + speed(time_s) * DT * np.stack([np.cos(heading), np.sin(heading)], -1)
-        gait.advance(DT, position, heading, np.full(COUNT, crouch(time_s)), np.full(COUNT, run(time_s)))
+        gait.advance(DT, position, heading, [Posture(crouch=crouch(time_s), running=bool(run(time_s)))] * COUNT)
         ticks.append((*gait.poses(), gait.feet.in_stance, gait.feet.phase, gait.root_poses(), position))
     positions, quats, *others = (np.array(column) for column in zip(*ticks, strict=True))
     rotations = Rotation.from_quat(quats.reshape(-1, 4), scalar_first=True).as_matrix().reshape(*quats.shape[:-1], 3, 3)
@@ -193,7 +194,7 @@ def test_the_right_side_repeats_the_left_half_a_stride_later():
     relative = []
     for tick in range(1, 3 * ticks + 1):
         x = speed * dt * tick
-        gait.advance(dt, np.array([[x, 0.0]]), np.zeros(1), np.zeros(1), np.zeros(1))
+        gait.advance(dt, np.array([[x, 0.0]]), np.zeros(1), [Posture()])
         relative.append(gait.poses()[0][0] - [x, 0.0, 0.0])
     first, second = np.array(relative[ticks : 2 * ticks]), np.array(relative[2 * ticks :])
     for index, name in enumerate(PARTS):
@@ -308,7 +309,8 @@ def test_reset_clears_the_state():
     gait.reset(*start)
     fresh = gait.poses()
     for tick in range(50):
-        gait.advance(DT, np.full((COUNT, 2), 0.02 * tick), np.full(COUNT, 0.01 * tick), np.ones(COUNT), np.ones(COUNT))
+        everything = Posture(1.0, 1.0, True, 1.0, (None, Arm(1.0, 2.0, 1.0)))
+        gait.advance(DT, np.full((COUNT, 2), 0.02 * tick), np.full(COUNT, 0.01 * tick), [everything] * COUNT)
     gait.reset(*start)
     for before, after in zip(fresh, gait.poses(), strict=True):
         assert np.array_equal(before, after)
@@ -319,7 +321,7 @@ def test_poses_of_a_person_do_not_depend_on_the_others():
     for gait, count in ((alone, 1), (together, COUNT)):
         gait.reset(np.zeros((count, 2)), np.zeros(count), np.full(count, 1.1))
         for tick in range(1, 30):
-            gait.advance(DT, np.full((count, 2), 0.015 * tick), *np.zeros((3, count)))
+            gait.advance(DT, np.full((count, 2), 0.015 * tick), np.zeros(count), [Posture()] * count)
     assert np.abs(alone.poses()[0][0] - together.poses()[0][0]).max() < 1e-12
 
 
@@ -334,3 +336,52 @@ def test_rotations_and_quaternions_agree_with_scipy():
     assert np.abs(rotations - Rotation.from_euler("ZXY", angles.T).as_matrix()).max() < 1e-12
     converted = Rotation.from_quat(quaternions(rotations), scalar_first=True).as_matrix()
     assert np.abs(converted - rotations).max() < 1e-12
+
+
+@pytest.fixture(scope="module")
+def postures() -> dict[str, Posture]:
+    raised = Arm(1.0, shoulder=2.6, elbow=0.5, outward=-0.35)
+    return {
+        "plain": Posture(),
+        "bend": Posture(bend=1.0),
+        "look": Posture(look_rad=1.0),
+        "wave": Posture(arms=(None, raised)),
+    }
+
+
+def standing(posture: Posture) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and rotations of the parts of people who stand at the origin, facing +x, in a posture."""
+    gait = gait_of(bodies())
+    gait.reset(np.zeros((COUNT, 2)), np.zeros(COUNT), np.zeros(COUNT))
+    for _ in range(120):
+        gait.advance(DT, np.zeros((COUNT, 2)), np.zeros(COUNT), [posture] * COUNT)
+    return gait.part_poses()
+
+
+def test_bending_brings_head_and_hands_down_over_standing_feet(postures: dict[str, Posture]):
+    (plain, _), (bent, _) = standing(postures["plain"]), standing(postures["bend"])
+    head, elbow, pelvis = (PARTS.index(part) for part in ("head", "left-forearm", "pelvis"))
+    assert (bent[:, head, 2] < 0.72 * plain[:, head, 2]).all()
+    assert (bent[:, head, 0] > plain[:, head, 0] + 0.25).all()
+    assert (bent[:, elbow, 2] < 0.75 * plain[:, elbow, 2]).all()
+    assert (bent[:, pelvis, 0] < plain[:, pelvis, 0] - 0.1).all()
+    assert np.abs(bent[:, FEET] - plain[:, FEET]).max() < 1e-9
+
+
+def test_looking_aside_turns_the_head_more_than_the_trunk_and_no_feet(postures: dict[str, Posture]):
+    _, plain = standing(postures["plain"])
+    _, looking = standing(postures["look"])
+    turned = np.degrees(
+        np.arctan2(looking[..., 1, 0], looking[..., 0, 0]) - np.arctan2(plain[..., 1, 0], plain[..., 0, 0])
+    )
+    assert turned[:, PARTS.index("head")] == pytest.approx(np.degrees(1.0), abs=3.0)
+    assert turned[:, PARTS.index("torso")] == pytest.approx(np.degrees(0.35), abs=3.0)
+    assert np.abs(turned[:, FEET]).max() < 1e-6
+
+
+def test_a_raised_arm_leaves_everything_else_in_place(postures: dict[str, Posture]):
+    (plain, _), (waving, _) = standing(postures["plain"]), standing(postures["wave"])
+    forearm, neck = PARTS.index("right-forearm"), PARTS.index("head")
+    assert (waving[:, forearm, 2] > plain[:, neck, 2]).all()
+    others = [index for index in range(len(PARTS)) if index != forearm]
+    assert np.abs(waving[:, others] - plain[:, others]).max() < 1e-9
