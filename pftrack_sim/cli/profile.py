@@ -34,7 +34,10 @@ def profile(
     backend: Backend = None,
     out: Annotated[Path | None, typer.Option(help="Folder for profile.json and the figure profile.png.")] = None,
 ) -> None:
-    """Measure how hard scenarios and sequences are, beside the quantiles of recorded video."""
+    """Measure how hard scenarios and sequences are.
+
+    Their numbers are printed beside the quantiles of recorded video.
+    """
     from pftrack_sim import scenario as scenarios
     from pftrack_sim.benchmark import parse_seeds
     from pftrack_sim.benchmark.files import write_bytes

@@ -1,0 +1,236 @@
+"""Commands that run trackers: on suites and scenarios in open and closed loop, and on recorded sequences."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pftrack_sim.cli import tables
+from pftrack_sim.cli.options import (
+    Backend,
+    BenchPreset,
+    BenchSeeds,
+    BenchTrackers,
+    FrameLimit,
+    Isolation,
+    MemoryLimit,
+    Out,
+    Params,
+    Part,
+    Preset,
+    ProgressMode,
+    Refresh,
+    Scheduler,
+    ScoredBox,
+    Seeds,
+    Settings,
+    Trackers,
+    Videos,
+    Workers,
+)
+from pftrack_sim.cli.progress import cores, progress_bar, show_run
+from pftrack_sim.cli.reading import write_page
+from pftrack_sim.cli.values import parse_axes, parse_latency, parse_names, parse_part, parse_settings, parse_trackers
+
+if TYPE_CHECKING:
+    from pftrack_sim.benchmark import Plan
+    from pftrack_sim.trackers.isolation import Limits
+
+
+def bench(
+    scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
+    trackers: BenchTrackers = None,
+    seeds: BenchSeeds = None,
+    axis: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--axis",
+            metavar="AXIS=0,1,2",
+            help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated.",
+        ),
+    ] = None,
+    settings: Settings = None,
+    preset: BenchPreset = None,
+    truth: ScoredBox = "box",
+    out: Out = None,
+    videos: Videos = "first",
+    backend: Backend = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    part: Part = "1/1",
+    isolation: Isolation = "auto",
+    frame_limit_s: FrameLimit = 60.0,
+    memory_limit_mb: MemoryLimit = 4096.0,
+    refresh: Refresh = False,
+    progress: ProgressMode = "",
+) -> None:
+    """Run trackers in open loop on suites or scenarios.
+
+    Every frame is rendered once for all trackers.
+    """
+    from pftrack_sim.benchmark import parse_seeds, plan_all
+    from pftrack_sim.trackers.isolation import Limits
+
+    plan = plan_all(
+        scenarios,
+        trackers=parse_trackers(trackers, preset or "default") if trackers is not None else None,
+        seeds=parse_seeds(seeds) if seeds is not None else None,
+        axes=parse_axes(axis or []),
+        overrides=parse_settings(settings or []),
+        preset=preset,
+        truth=truth,
+    )
+    limits = Limits(frame_limit_s, memory_limit_mb)
+    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, refresh, progress)
+
+
+def _run(
+    plan: Plan,
+    out: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    videos: str,
+    backend: str | None,
+    isolation: str,
+    limits: Limits,
+    part: str,
+    refresh: bool,
+    progress: str,
+) -> None:
+    """Run a plan, print its results, and write the report."""
+    from pftrack_sim.benchmark import new_run_path, run
+
+    path = out if out is not None else new_run_path(plan)
+    with show_run(progress, path) as on_progress:
+        finished = run(
+            plan,
+            path,
+            workers=workers if workers is not None else cores(),
+            scheduler=scheduler,
+            videos=videos,
+            backend=backend,
+            isolation=isolation,
+            limits=limits,
+            part=parse_part(part),
+            refresh=refresh,
+            on_progress=on_progress,
+        )
+    tables.print_bench(finished.results)
+    tables.print_axes(finished)
+    tables.print_follow(finished.results)
+    tables.print_suites(plan, finished.results)
+    tables.print_folder(path)
+    write_page(path)
+
+
+def follow(
+    scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
+    trackers: BenchTrackers = None,
+    controllers: Annotated[
+        str | None,
+        typer.Option(
+            "--controllers",
+            "--controller",
+            metavar="A,B",
+            help="Controllers, by name; default: servo-avoid, or a suite's own.",
+        ),
+    ] = None,
+    seeds: BenchSeeds = None,
+    latency: Annotated[
+        str,
+        typer.Option(
+            metavar="A=55,B=measured",
+            help="ms charged per frame, by tracker; measured: once, here; or paper: the printed figures for all.",
+        ),
+    ] = "",
+    axis: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--axis", metavar="AXIS=0,1,2", help="As for bench; also latency=0,13,55 in ms, for every tracker alike."
+        ),
+    ] = None,
+    settings: Settings = None,
+    preset: BenchPreset = None,
+    truth: ScoredBox = "box",
+    out: Out = None,
+    videos: Videos = "first",
+    backend: Backend = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    part: Part = "1/1",
+    isolation: Isolation = "auto",
+    frame_limit_s: FrameLimit = 60.0,
+    memory_limit_mb: MemoryLimit = 4096.0,
+    refresh: Refresh = False,
+    progress: ProgressMode = "",
+) -> None:
+    """Run trackers in closed loop: their boxes drive the robot.
+
+    A controller turns the boxes into commands; overlap and following are scored.
+    """
+    from pftrack_sim import scenario as all_scenarios
+    from pftrack_sim.benchmark import parse_seeds, plan_all
+    from pftrack_sim.benchmark.latency import resolve_latencies
+    from pftrack_sim.benchmark.tracker_runner import checked_isolation
+    from pftrack_sim.trackers.isolation import Limits
+
+    chosen = parse_trackers(trackers, preset or "default") if trackers is not None else None
+
+    def plan_with(latency_ms: dict[str, float]) -> Plan:
+        return plan_all(
+            scenarios,
+            trackers=chosen,
+            seeds=parse_seeds(seeds) if seeds is not None else None,
+            axes=parse_axes(axis or []),
+            overrides=parse_settings(settings or []),
+            preset=preset,
+            truth=truth,
+            controllers=parse_names(controllers) if controllers is not None else None,
+            latency_ms=latency_ms,
+            closed_loop=True,
+        )
+
+    limits = Limits(frame_limit_s, memory_limit_mb)
+    plan = plan_with({})
+    names = list(dict.fromkeys(one.name for one in plan.trackers))
+    if latency:
+        stage = plan.sweeps[0].scenarios[0]
+        first = all_scenarios.Scenario(stage.name, stage.tree)
+        given = parse_latency(latency, names)
+        plan = plan_with(
+            resolve_latencies(given, plan.trackers, first, out, isolation=checked_isolation(isolation), limits=limits)
+        )
+    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, refresh, progress)
+
+
+def evaluate(
+    sequences: Annotated[list[Path], typer.Argument(help="Folders of recorded sequences (OTB layout).")],
+    tracker: Trackers = "ko2012",
+    seeds: Seeds = "0:5",
+    preset: Preset = "default",
+    params: Params = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
+    ] = None,
+    isolation: Isolation = "auto",
+) -> None:
+    """Run trackers on recorded sequences with true boxes."""
+    from pftrack_sim.benchmark import parse_seeds
+    from pftrack_sim.benchmark.recorded import evaluate as evaluate_recorded
+    from pftrack_sim.benchmark.tracker_runner import checked_isolation
+    from pftrack_sim.formats import read_sequence
+
+    contestants = parse_trackers(tracker, preset, params or [])
+    chosen = parse_seeds(seeds)
+    read = [read_sequence(path) for path in sequences]
+    with progress_bar("tracking", sum(len(sequence) for sequence in read)) as tick:
+        results = evaluate_recorded(
+            read, contestants, chosen, video=video, isolation=checked_isolation(isolation), on_frame=tick
+        )
+    tables.print_recorded(results)
+    if video is not None:
+        tables.print_folder(video)
+    raise typer.Exit(1 if any(one.failure is not None for one in results) else 0)
