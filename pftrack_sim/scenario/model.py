@@ -166,6 +166,14 @@ class Lights(Section):
     ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(default=0.0, description="All light, in stops; -1 halves it.")
     sun_azimuth_deg: float = Field(default=40.0, description="Azimuth of the sun; 0 is +x, counter-clockwise.")
     sun_elevation_deg: Annotated[float, Field(ge=5.0, le=90.0)] = Field(default=48.0, description="Sun's elevation.")
+    patches: Annotated[float, Field(ge=0.0, le=0.9)] = Field(
+        default=0.0,
+        description="Share of the ground that the sun does not reach: below foliage on the plaza, between windows of "
+        "the roof indoors (needs shadows); on the street, how much the lamps differ in brightness and colour.",
+    )
+    patch_m: Annotated[float, Field(ge=0.5, le=20.0)] = Field(
+        default=3.0, description="Mean size of a tree's crown or window that makes the patches."
+    )
     schedule: tuple[LightChange, ...] = Field(default=(), description="Changes over time; their stops add up.")
 
 

@@ -26,7 +26,8 @@ def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> tuple[m
     spec.option.timestep = step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     _set_graphics(spec, settings)
-    layout = places.add_place(spec, settings.place, settings.lights, random_streams.stream(seed, "place"))
+    rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
+    layout = places.add_place(spec, settings.place, settings.lights, rng, patch_rng)
     add_robot(spec, settings.robot, settings.camera)
     return spec, layout
 

@@ -23,12 +23,18 @@ _BUILDERS: dict[str, Callable[[PlaceBuilder, Lights], WalkableArea]] = {
 }
 
 
-def add_place(spec: mujoco.MjSpec, place: Place, lights: Lights, rng: np.random.Generator) -> WalkableArea:
+def add_place(
+    spec: mujoco.MjSpec,
+    place: Place,
+    lights: Lights,
+    rng: np.random.Generator,
+    patch_rng: np.random.Generator | None = None,
+) -> WalkableArea:
     """Add a place to a spec: ground, walls, furniture and lights. Returns its walkable area.
 
     Walls, pillars and everything else that is fixed has the same pose for every seed; loose furniture, posters and the
-    goods on shelves are drawn.
+    goods on shelves are drawn from `rng`, the patches of light from `patch_rng` (by default the same for every seed).
     """
-    builder = PlaceBuilder(spec, rng, place.clutter, lights.shadows)
+    builder = PlaceBuilder(spec, rng, place.clutter, lights, patch_rng or np.random.default_rng(0))
     builder.add_ground_plane()
     return _BUILDERS[place.kind](builder, lights)

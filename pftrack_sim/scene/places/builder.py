@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
+from pftrack_sim.scenario.model import Lights
+from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Bounds, Footprint, WalkableArea
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
+from pftrack_sim.scene.places.shade import foliage, roof_with_windows
 
-Bounds: TypeAlias = tuple[float, float, float, float]
+_LEAST_WINDOW_SUN_DEG = 40.0  # A lower sun would meet the walls, not the floor
+
 Collider: TypeAlias = tuple[float, float, float]
 """Half width along x, half width along y, height [m] of a box that stands on the ground."""
 
@@ -42,12 +45,15 @@ class PlaceBuilder:
 
     Attributes:
         clutter: Share of the loose props that is put out.
+        lights: Light of the place.
+        patch_rng: Draws the patches of light.
     """
 
     spec: mujoco.MjSpec
     rng: np.random.Generator
     clutter: float = 1.0
-    shadows: bool = True
+    lights: Lights = field(default_factory=Lights)
+    patch_rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     _footprints: list[Footprint] = field(default_factory=list[Footprint])
 
     def add(
@@ -115,8 +121,30 @@ class PlaceBuilder:
         x, y, half_width = shadow_area
         # MuJoCo multiplies the clip distance by stat.extent, which `finish` sets to 1.
         self.spec.visual.map.shadowclip = half_width
-        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, unit, diffuse, self.shadows)
+        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, unit, diffuse, self.lights.shadows)
         light.pos = np.array([x, y, 0.0]) - 40.0 * unit
+
+    def add_foliage(self, bounds: Bounds, height_m: float) -> None:
+        """Keep the main light from `lights.patches` of an area, as crowns of trees at a height would."""
+        lights = self.lights
+        if lights.patches:
+            crowns = foliage(bounds, lights.patches, lights.patch_m, height_m, self.patch_rng)
+            self.add("foliage", (crowns,))
+
+    def add_windowed_roof(
+        self,
+        name: str,
+        bounds: Bounds,
+        height_m: float,
+        diffuse: tuple[float, float, float],
+        shadow_area: tuple[float, float, float],
+    ) -> None:
+        """Add sunlight `diffuse` `(3,)` as the main light `name`, through windows in the roof of an area."""
+        lights = self.lights
+        sun = sun_direction(lights.sun_azimuth_deg, max(lights.sun_elevation_deg, _LEAST_WINDOW_SUN_DEG))
+        roof = roof_with_windows(bounds, lights.patches, lights.patch_m, height_m, self.patch_rng)
+        self.add("windowed-roof", (roof,))
+        self.add_main_light(name, sun, diffuse, shadow_area)
 
     def add_fill_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike) -> None:
         """Add a weak directional light without shadows: light from the sky or reflected by walls."""
@@ -138,7 +166,7 @@ class PlaceBuilder:
         `diffuse` `(3,)` is the colour on the axis at distance 0, `cutoff_deg` half the angle of its cone, `attenuation`
         `(3,)` constant, linear and quadratic, and `exponent` that of the cosine fall-off towards the edge of the cone.
         """
-        shadow = casts_shadow and self.shadows
+        shadow = casts_shadow and self.lights.shadows
         light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_SPOT, (0.0, 0.0, -1.0), diffuse, shadow)
         light.pos = list(position)
         light.cutoff = cutoff_deg

@@ -37,7 +37,11 @@ def build_corridor(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     _add_fixed_props(builder)
     builder.add_loose(_loose_props(builder.rng), (0.12, 0.03))
     # The sum of all panels, as a distant light: soft shadows right under people.
-    builder.add_main_light("lamp-above", (0.06, 0.10, -1.0), (0.20, 0.20, 0.19), (16.0, 0.0, 23.0))
+    area = (16.0, 0.0, 23.0)
+    if lights.patches:
+        builder.add_windowed_roof("lamp-above", BOUNDS, _CEILING + 0.1, (0.62, 0.57, 0.47), area)
+    else:
+        builder.add_main_light("lamp-above", (0.06, 0.10, -1.0), (0.20, 0.20, 0.19), area)
     for index, x in enumerate(_LAMPS_X):
         position, colour = (x, 0.0, _CEILING - 0.15), (0.66, 0.64, 0.58)
         builder.add_lamp(f"lamp-{index + 1}", position, colour, 80.0, (1.0, 0.06, 0.06), exponent=0.7)

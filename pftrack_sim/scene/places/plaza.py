@@ -38,6 +38,8 @@ _WEST = (("rose", 1, None, True, 3), ("office", 0, "awning-sand", False, 2), ("c
 _FAR = (("rose", 0, "awning-blue", False, 2), ("brick", 1, "awning-red", False, 3),
         ("cream", 2, "awning-green", False, 2))  # fmt: skip
 
+_FOLIAGE_M = 7.0  # Height of the foliage that is not seen and casts shadows
+
 # x, y and, where there is a third number, yaw.
 _TREES = ((0.0, 9.5), (7.5, 9.5), (15.0, 9.5), (27.0, 8.0), (0.0, -9.5), (9.0, -9.5), (26.0, -9.0))
 _FAR_TREES = ((41.0, 3.7), (44.0, -3.8), (49.0, 3.8), (56.0, -3.8), (63.0, 3.7))
@@ -59,6 +61,7 @@ def build_plaza(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     _add_fixed_props(builder)
     builder.add_loose(_loose_props(builder.rng), (0.25, 0.25, 0.12))
     builder.add_main_light("sun", sun, (0.60, 0.57, 0.50), (13.0, 0.0, 26.0))
+    builder.add_foliage(BOUNDS, _FOLIAGE_M)
     # Light from the sky has a direction: without it all shaded fronts would look flat.
     builder.add_fill_light("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), (0.10, 0.11, 0.13))
     builder.set_ambient_light((0.37, 0.39, 0.43))

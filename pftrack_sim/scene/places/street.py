@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
@@ -43,12 +44,23 @@ def build_street(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
         builder.add(f"lamp-post-{index + 1}", lamp_post(1.05), position, yaw, collider, casts_shadow=False)
     _add_parked_cars(builder)
     builder.add_loose(_loose_props(builder.rng), (0.3, 0.08))
+    patches = lights.patches
+    colours = _lamp_colours(patches, builder.patch_rng)
     for index, (x, side) in enumerate(_LAMPS):
-        position, colour = (x, side * (_KERB + 1.45), 4.4), (1.75, 1.32, 0.78)
-        builder.add_lamp(f"lamp-{index + 1}", position, colour, 56.0, (1.0, 0.08, 0.04), 4.0, casts_shadow=index == 1)
-    builder.add_fill_light("moon", (0.35, 0.5, -0.7), (0.12, 0.13, 0.165))
-    builder.set_ambient_light((0.19, 0.19, 0.22))
+        position, falloff, narrow = (x, side * (_KERB + 1.45), 4.4), (1.0, 0.08, 0.04), 4.0 + 8.0 * patches
+        builder.add_lamp(f"lamp-{index + 1}", position, colours[index], 56.0, falloff, narrow, casts_shadow=index == 1)
+    sky = 1.0 - 0.4 * patches
+    builder.add_fill_light("moon", (0.35, 0.5, -0.7), sky * np.array([0.12, 0.13, 0.165]))
+    builder.set_ambient_light(sky * np.array([0.19, 0.19, 0.22]))
     return builder.finish(BOUNDS, GOALS)
+
+
+def _lamp_colours(patches: float, rng: np.random.Generator) -> FloatArray:
+    """`(lamps, 3)` light of each lamp: sodium; with patches they differ in brightness, and every other one is white."""
+    sodium, white = np.array([1.75, 1.32, 0.78]), np.array([1.30, 1.42, 1.50])
+    brightness = 1.0 + patches * rng.uniform(-0.4, 1.4, (len(_LAMPS), 1))
+    whiteness = patches * ((np.arange(len(_LAMPS)) + rng.integers(2)) % 2)
+    return brightness * (sodium + whiteness[:, None] * (white - sodium))
 
 
 def _add_ground(builder: PlaceBuilder) -> None:

@@ -35,7 +35,11 @@ def build_warehouse(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
         builder.add(f"pillar-{index + 1}", load_prop("steel-pillar"), (x, 0.0), collider=(0.23, 0.23, _ROOF))
     _add_racks(builder)
     builder.add_loose(_loose_props(builder.rng), (0.12, 0.18, 0.1))
-    builder.add_main_light("lamp-above", (0.22, 0.42, -1.0), (0.27, 0.27, 0.26), (14.0, 0.0, 21.0))
+    area = (14.0, 0.0, 21.0)
+    if lights.patches:
+        builder.add_windowed_roof("lamp-above", BOUNDS, _ROOF + 0.1, (0.68, 0.63, 0.52), area)
+    else:
+        builder.add_main_light("lamp-above", (0.22, 0.42, -1.0), (0.27, 0.27, 0.26), area)
     # Light reflected by floor and walls: it shades what faces north.
     builder.add_fill_light("lamp-fill", (-0.5, -0.8, -0.25), (0.14, 0.14, 0.15))
     for index, (x, y) in enumerate(_LAMPS):
