@@ -1,6 +1,8 @@
 """The methods of Lee et al. 2012."""
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.trackers.features.histogram import distance_layout, histogram, histograms
+from pftrack_sim.trackers.features.online_feature import FeatureSettings, Normalisation, OnlineFeatureModel
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters.dynamics import ConstantVelocity
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
@@ -40,6 +43,9 @@ def test_paper_preset_holds_the_printed_values():
         "learned_sigma_colour": 0.4,
         "learned_sigma_hog": 0.4,
         "window": 40,
+        "memory": "growing",
+        "forgetting": 1.0,
+        "anchored": False,
     }
     assert {name: getattr(Lee2012Parameters(), name) for name in printed} == printed
 
@@ -109,6 +115,24 @@ def test_learning_has_an_effect_from_its_first_frame_only(make_scene: Callable[.
     # The first frame and nine estimates make ten vectors: the tenth estimate is the first that is weighed by them.
     assert np.array_equal(learnt[:9], never[:9])
     assert not np.array_equal(learnt[9], never[9])
+
+
+@pytest.mark.parametrize("scale", ["length", "root"])
+def test_learned_distances_have_the_range_of_those_to_the_first_frame(scale: Normalisation):
+    """One sigma for (10) to (13) means something only then."""
+    rng = np.random.default_rng(0)
+    features = rng.dirichlet(np.full(50, 0.2), 60)
+    plain = FeatureSettings(1.0, 0.4, 0.4, 30, 3, scale, "growing", 1.0, anchored=False)
+    models = [OnlineFeatureModel(features[0], replace(plain, anchored=anchored)) for anchored in (False, True)]
+    before = models[0].likelihood(features)
+    for model in models:
+        for feature in features[:30]:
+            model.learn(feature)
+    learned, product = (model.likelihood(features) for model in models)
+    for likelihood in (before, learned):
+        assert likelihood.max() <= 1 / math.sqrt(2 * math.pi * 0.4**2) + 1e-12
+        assert 1.5 < likelihood.max() / likelihood.min() <= math.exp(1 / (2 * 0.4**2))
+    assert np.allclose(product, before * learned, rtol=1e-12, atol=0)
 
 
 def test_checked_learns_from_reliable_estimates_only(make_scene: Callable[..., Scene]):

@@ -1,9 +1,9 @@
-"""The incremental subspace against the full decomposition of the same window."""
+"""The incremental subspace against the full decomposition of the same vectors."""
 
 import numpy as np
 import pytest
 
-from pftrack_sim.trackers.features.subspace import SlidingSubspace, residuals
+from pftrack_sim.trackers.features.subspace import Subspace, residuals
 
 
 def stream(kind: str, dimension: int, count: int, seed: int = 0) -> np.ndarray:
@@ -30,20 +30,20 @@ def sine_of_largest_angle(first: np.ndarray, second: np.ndarray) -> float:
 def test_it_equals_the_full_decomposition_of_the_window(kind: str, dimension: int):
     """While the window slides."""
     window, seen = 40, stream(kind, dimension, 160)
-    subspace = SlidingSubspace(seen[:window].T)
+    subspace = Subspace(seen[:window].T, "sliding")
     for last in range(window, len(seen)):
         u, s, _ = np.linalg.svd(seen[last - window : last].T, full_matrices=False)
         for count in (1, 5, 10, 40):
             assert sine_of_largest_angle(subspace.basis(count), u[:, :count]) < 1e-6
         assert np.allclose(subspace._s, s, rtol=0, atol=1e-10 * s[0])
-        subspace.slide(seen[last])
+        subspace.append(seen[last])
 
 
 def test_it_stays_exact_over_thousands_of_frames():
     window, seen = 40, stream("histograms", 192, 3000)
-    subspace = SlidingSubspace(seen[:window].T)
+    subspace = Subspace(seen[:window].T, "sliding")
     for vector in seen[window:]:
-        subspace.slide(vector)
+        subspace.append(vector)
     u = np.linalg.svd(seen[-window:].T, full_matrices=False)[0]
     basis = subspace.basis(window)
     assert np.allclose(basis.T @ basis, np.eye(window), rtol=0, atol=1e-11)
@@ -52,9 +52,9 @@ def test_it_stays_exact_over_thousands_of_frames():
 
 def test_dropped_vectors_have_no_effect():
     seen = stream("random", 50, 9)
-    subspace = SlidingSubspace(seen[:4].T)
+    subspace = Subspace(seen[:4].T, "sliding")
     for vector in seen[4:]:
-        subspace.slide(vector)
+        subspace.append(vector)
     assert np.allclose(residuals(seen[5:], subspace.basis(4)), 0, rtol=0, atol=1e-12)
     assert (residuals(seen[:5], subspace.basis(4)) > 1).all()
 
@@ -62,23 +62,46 @@ def test_dropped_vectors_have_no_effect():
 def test_dependent_vectors_do_not_increase_the_rank():
     """Vectors of rank three, then one constant vector, as of a still target."""
     seen = stream("flat", 80, 60)
-    subspace = SlidingSubspace(seen[:20].T)
+    subspace = Subspace(seen[:20].T, "sliding")
     for vector in seen[20:]:
-        subspace.slide(vector)
+        subspace.append(vector)
         assert subspace.basis(99).shape == (80, 3)
     for _ in range(25):
-        subspace.slide(seen[0])
+        subspace.append(seen[0])
     assert subspace.basis(99).shape == (80, 1)
     assert residuals(seen[:1], subspace.basis(1))[0] < 1e-10
 
 
 def test_a_window_of_zeros_has_rank_zero():
-    subspace = SlidingSubspace(np.zeros((6, 4)))
-    subspace.slide(np.zeros(6))
+    subspace = Subspace(np.zeros((6, 4)), "sliding")
+    subspace.append(np.zeros(6))
     assert subspace.basis(3).shape == (6, 0)
-    subspace.slide(np.array([0.0, 2, 0, 0, 0, 0]))
+    subspace.append(np.array([0.0, 2, 0, 0, 0, 0]))
     assert np.allclose(np.abs(subspace.basis(3)[:, 0]), [0, 1, 0, 0, 0, 0], rtol=0, atol=1e-12)
     assert subspace._s.tolist() == pytest.approx([2.0])
+
+
+@pytest.mark.parametrize("forgetting", [1.0, 0.9])
+def test_a_growing_memory_equals_the_full_decomposition_of_all_faded_vectors(forgetting: float):
+    """Every vector stays, times the factor for each vector after it (eq. 6 and 7, and Ross et al. 2008)."""
+    seen = stream("flat", 80, 60)
+    subspace = Subspace(seen[:5].T, forgetting=forgetting)
+    for vector in seen[5:]:
+        subspace.append(vector)
+    ages = np.minimum(np.arange(60)[::-1], 55)
+    u, s, _ = np.linalg.svd((seen * forgetting ** ages[:, None]).T, full_matrices=False)
+    assert sine_of_largest_angle(subspace.basis(5), u[:, :3]) < 1e-9
+    assert np.allclose(subspace._s, s[:3], rtol=1e-10, atol=0)
+
+
+def test_the_rank_of_a_growing_memory_is_limited():
+    seen = stream("random", 50, 30)
+    subspace = Subspace(seen[:4].T)
+    for vector in seen[4:]:
+        subspace.append(vector)
+    basis = subspace.basis(99)
+    assert basis.shape == (50, 4)
+    assert np.allclose(basis.T @ basis, np.eye(4), rtol=0, atol=1e-12)
 
 
 def test_residuals_match_hand_computed_values():

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.features.subspace import SlidingSubspace, residuals
+from pftrack_sim.trackers.features.subspace import Memory, Subspace, residuals
 
 Normalisation: TypeAlias = Literal["sum", "length", "root"]
 """Of learnt vectors: to sum 1; to length 1; or the square root of the former, whose distances are Bhattacharyya's."""
@@ -24,9 +24,12 @@ class FeatureSettings:
         share: Its weight in the mixture (14).
         sigma: Width of the likelihood (10) or (11) under the first frame.
         learned_sigma: Width of the likelihood (12) or (13) under the subspace.
-        window: Number of vectors in the subspace's window; 0 disables learning.
+        window: Number of vectors that the subspace begins with; 0 disables learning.
         component_count: Columns of U in (12) and (13).
         normalisation: Of learnt vectors.
+        memory: What becomes of old vectors.
+        forgetting: Factor of a growing memory per vector.
+        anchored: Whether the likelihood under the subspace is multiplied by that under the first frame.
     """
 
     share: float
@@ -35,6 +38,9 @@ class FeatureSettings:
     window: int
     component_count: int
     normalisation: Normalisation
+    memory: Memory
+    forgetting: float
+    anchored: bool
 
 
 class OnlineFeatureModel:
@@ -50,16 +56,17 @@ class OnlineFeatureModel:
         self._settings = settings
         self._root = np.sqrt(_divide_rows(first[None], first[None].sum(axis=1))[0])
         self._window: deque[FloatArray] = deque(maxlen=settings.window)
-        self._subspace: SlidingSubspace | None = None
+        self._subspace: Subspace | None = None
         self.learn(first)
 
     def likelihood(self, features: FloatArray) -> FloatArray:
-        """`(N,)` p(z|x) of `(N, d)` features: (10) and (11) with D^2, (12) and (13) with the norm D."""
-        if self._subspace is None:
-            distance, sigma = 1.0 - self._bhattacharyya(features), self._settings.sigma
-        else:
-            distance, sigma = self._distances(features, self._subspace), self._settings.learned_sigma
-        return np.exp(-distance / (2.0 * sigma**2)) / math.sqrt(2.0 * math.pi * sigma**2)
+        """`(N,)` p(z|x) of `(N, d)` features: (10) and (11) with D^2, (12) and (13) with D, or the product."""
+        out = np.ones(len(features))
+        if self._subspace is None or self._settings.anchored:
+            out *= _likelihood(1.0 - self._bhattacharyya(features), self._settings.sigma)
+        if self._subspace is not None:
+            out *= _likelihood(self._distances(features, self._subspace), self._settings.learned_sigma)
+        return out
 
     def similarity(self, features: FloatArray) -> FloatArray:
         """`(N,)` similarity in [0, 1]: Bhattacharyya with the first frame, or the cosine with the subspace."""
@@ -76,17 +83,17 @@ class OnlineFeatureModel:
             return
         vector = self._normalised(feature[None])[0]
         if self._subspace is not None:
-            self._subspace.slide(vector)
+            self._subspace.append(vector)
             return
         self._window.append(vector)
         if len(self._window) == self._settings.window:
-            self._subspace = SlidingSubspace(np.column_stack(self._window))
+            self._subspace = Subspace(np.column_stack(self._window), self._settings.memory, self._settings.forgetting)
             self._window.clear()
 
     def _bhattacharyya(self, features: FloatArray) -> FloatArray:
         return np.minimum(np.sqrt(features) @ self._root, 1.0)
 
-    def _distances(self, features: FloatArray, subspace: SlidingSubspace) -> FloatArray:
+    def _distances(self, features: FloatArray, subspace: Subspace) -> FloatArray:
         """`(N,)` D of (12) and (13); 1, its maximum, for features that are all 0."""
         vectors = self._normalised(features)
         basis = subspace.basis(self._settings.component_count)
@@ -97,6 +104,10 @@ class OnlineFeatureModel:
             return _divide_rows(features, np.linalg.norm(features, axis=1))
         shares = _divide_rows(features, features.sum(axis=1))
         return np.sqrt(shares) if self._settings.normalisation == "root" else shares
+
+
+def _likelihood(distances: FloatArray, sigma: float) -> FloatArray:
+    return np.exp(-distances / (2.0 * sigma**2)) / math.sqrt(2.0 * math.pi * sigma**2)
 
 
 def _divide_rows(rows: FloatArray, divisors: FloatArray) -> FloatArray:

@@ -3,8 +3,8 @@
 "Robust object tracking in mobile robots using object features and on-line learning based particle filter". A particle
 filter on the target's box and its velocity (eq. 8 and 9). The likelihood is a linear mixture (eq. 14) of an HSV
 histogram (eq. 1) and a HOG descriptor (eq. 2 to 5) of the box resized to 16x24. Until frame 40 both are compared with
-the first frame (eq. 10 and 11), afterwards with the subspace of the last 40 estimates, learnt by incremental PCA
-(eq. 6, 7, 12 and 13).
+the first frame (eq. 10 and 11), afterwards with the subspace of the estimates, learnt by incremental PCA (eq. 6, 7, 12
+and 13).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from pftrack_sim.trackers.features.hog import COLUMNS, ROWS, hog
 from pftrack_sim.trackers.features.image_region import block_means, block_size
 from pftrack_sim.trackers.features.online_feature import FeatureSettings, Normalisation, OnlineFeatureModel
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
+from pftrack_sim.trackers.features.subspace import Memory
 from pftrack_sim.trackers.filters.dynamics import ConstantVelocity
 from pftrack_sim.trackers.filters.particles import ParticleFilter
 from pftrack_sim.trackers.papers.box_state import NoiseUnit, clip_states, noise_scales, state_of
@@ -60,11 +61,19 @@ class Lee2012Parameters(Parameters):
         sigma_colour: Width of the colour's likelihood before learning (10). Printed: 0.4. The printed exponent has
             1 - D^2, which would favour the least similar particle: D^2 is meant.
         sigma_hog: The same of HOG (11). Printed: 0.4.
-        window: T and n: the frame at which learning starts, and the number of estimates learnt from. Printed: 40, both.
+        window: T and n: the frame at which learning starts, and the number of estimates that A begins with. Printed:
+            40, both.
+        memory: What becomes of old estimates (`Memory`): `"growing"`, as (6) and (7) say, or `"sliding"`, as
+            section II says.
+        forgetting: Factor on the growing memory's singular values per frame. 1 as (6) and (7) print none.
         component_count: Columns of U in (12) and (13). Not printed: 10.
         learned_sigma_colour: Width of the colour's likelihood after learning (12). Printed: 0.4.
         learned_sigma_hog: The same of HOG (13). Printed: 0.4.
-        learned_scale: Normalisation of learnt vectors (`Normalisation`). Not printed (the factor f of (5)): `"sum"`.
+        learned_scale: Normalisation of learnt vectors (`Normalisation`). Not printed (the factor f of (5)):
+            `"length"`, with which D of (12) and (13) has the range [0, 1] of D in (10) and (11), as their common sigma
+            demands. With `"sum"` D is so small that all particles weigh the same.
+        anchored: Whether the learned likelihood (12, 13) is multiplied by that of the first frame (10, 11), the only
+            one that is certain to show the target. Not in the paper: False.
         learn_above: `lee2012-checked` learns from estimates of at least this confidence, as a share of the mean over
             the last `window` it learnt from. Not in the paper, whose method learns from all; its conclusion names that
             as its weakness.
@@ -72,7 +81,8 @@ class Lee2012Parameters(Parameters):
     """
 
     # Found by a coarse search on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David): noise relative to
-    # the target's size, constant shape, and narrower likelihoods over few components, which separate particles.
+    # the target's size, constant shape, narrower likelihoods of the first frame, which separate particles, and few
+    # components. The factor of the first frame keeps the subspace from learning its own drift: docs/papers/lee2012.md.
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
             "particle_count": 400,
@@ -85,9 +95,8 @@ class Lee2012Parameters(Parameters):
             "sigma_colour": 0.22,
             "sigma_hog": 0.22,
             "component_count": 4,
-            "learned_sigma_colour": 0.15,
-            "learned_sigma_hog": 0.15,
             "learned_scale": "root",
+            "anchored": True,
         }
     )
 
@@ -103,10 +112,13 @@ class Lee2012Parameters(Parameters):
     sigma_colour: Positive = 0.4
     sigma_hog: Positive = 0.4
     window: Annotated[int, Field(ge=2, le=1000)] = 40
+    memory: Memory = "growing"
+    forgetting: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     component_count: Annotated[int, Field(ge=1, le=1000)] = 10
     learned_sigma_colour: Positive = 0.4
     learned_sigma_hog: Positive = 0.4
-    learned_scale: Normalisation = "sum"
+    learned_scale: Normalisation = "length"
+    anchored: bool = False
     learn_above: Share = 0.9
     particles: bool = False
 
@@ -169,7 +181,10 @@ class Lee2012(BaseTracker):
         share = p.alpha if self._method.uses_hog else 1.0
         mixture = ((share, p.sigma_colour, p.learned_sigma_colour), (1.0 - share, p.sigma_hog, p.learned_sigma_hog))
         self._models = tuple(
-            OnlineFeatureModel(feature[0], FeatureSettings(*part, window, p.component_count, p.learned_scale))
+            OnlineFeatureModel(
+                feature[0],
+                FeatureSettings(*part, window, p.component_count, p.learned_scale, p.memory, p.forgetting, p.anchored),
+            )
             for feature, part in zip(first, mixture, strict=False)
         )
 
