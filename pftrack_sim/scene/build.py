@@ -11,7 +11,7 @@ from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.model import Occluder
 from pftrack_sim.scene import places
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.occluders.carts import CartSize, add_carts, axis_occluders, cart_names
+from pftrack_sim.scene.occluders.carts import CartSize, add_carts, axis_occluders, cart_names, distractor_crossings
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.people.person import Person, add_person, sample_people
 from pftrack_sim.scene.robot import add_robot
@@ -61,10 +61,11 @@ def add_agents(
 
 
 def _walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:
-    """The walkers that cross: those of the scenario, then those of the occlusion axis."""
+    """The walkers that cross: those of the scenario, then those of the axes `occlusion` and `distractors`."""
     axis = settings.axes.occlusion
     listed = tuple(occluder for occluder in settings.occluders if occluder.kind == "walker")
-    return listed if cart_names(axis) else (*listed, *axis_occluders(axis))
+    strangers = () if cart_names(axis) else axis_occluders(axis)
+    return (*listed, *strangers, *distractor_crossings(settings.axes.distractors))
 
 
 def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:

@@ -16,7 +16,7 @@ from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.occluders.carts import CartSize, axis_occluders, cart_names
+from pftrack_sim.scene.occluders.carts import CartSize, axis_occluders, cart_names, distractor_crossings
 from pftrack_sim.scene.occluders.static import Placement, occluder_names
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, plan_axis_crossing, plan_crossing
@@ -60,7 +60,8 @@ def make_plan(
     if problems:
         raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
     occluders_s = max((occluder.at_s + occluder.duration_s for occluder in occluders), default=0.0) + AFTER_S
-    axes_s = [*(at_s + length_s for at_s, length_s in axes.occlusion.spans_s), *axes.distractors.passings_s]
+    covers = (*axes.occlusion.spans_s, *axes.distractors.crossings_s)
+    axes_s = [*(at_s + length_s for at_s, length_s in covers), *axes.distractors.passings_s]
     until_s = max([occluders_s, *(time_s + AFTER_S for time_s in axes_s)])
     plan = Plan(layout)
     if until_s == AFTER_S:
@@ -69,6 +70,7 @@ def make_plan(
     if occluders:
         plan = _plan_occluders(settings, plan, run.until(occluders_s), problems)
     plan = _plan_axis_occlusions(settings, plan, run, problems)
+    plan = _plan_lookalike_crossings(settings, plan, run, problems)
     plan = replace(plan, oncoming=_plan_oncoming(settings, seed, plan.layout, path, run, problems))
     if problems:
         raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
@@ -119,6 +121,17 @@ def _plan_axis_occlusions(settings: ResolvedScenario, plan: Plan, run: DryRun, p
         return replace(plan, crossings=(*plan.crossings, *crossings))
     sizes = [CartSize(crossing.half_width_m, cart_height_m(axis, crossing, run)) for crossing in crossings]
     return replace(plan, carts=tuple(crossings), cart_sizes=dict(zip(names, sizes, strict=False)))
+
+
+def _plan_lookalike_crossings(settings: ResolvedScenario, plan: Plan, run: DryRun, problems: list[str]) -> Plan:
+    """Plan the look-alikes of the stress axis that cross between camera and target."""
+    crossings: list[Crossing] = []
+    for number, walker in enumerate(distractor_crossings(settings.axes.distractors), start=1):
+        try:
+            crossings.append(plan_crossing(walker, run, plan.layout, f"axes.distractors, crossing {number}"))
+        except ParameterError as error:
+            problems.append(str(error))
+    return replace(plan, crossings=(*plan.crossings, *crossings))
 
 
 def _plan_oncoming(

@@ -30,7 +30,7 @@ def walk(name: str, until_s: float, seed: int = 3, **axis: Any) -> tuple[tuple[s
 @pytest.mark.parametrize("distance_m", [0.6, 1.1])
 @pytest.mark.parametrize("name", PLACES)
 def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str, distance_m: float):
-    axis = DistractorsAxis(severity=1.0, count=2, at_s=2.5, every_s=2.5, distance_m=distance_m)
+    axis = DistractorsAxis(severity=1.0, where="beside", count=2, at_s=2.5, every_s=2.5, distance_m=distance_m)
     names, places = walk(name, 6.0, **axis.model_dump())
     passers = [index for index, person in enumerate(names) if person.startswith("passer")]
     assert len(passers) == 2
@@ -42,7 +42,13 @@ def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str,
 
 @pytest.mark.slow
 def test_oncoming_pedestrians_are_visible_as_they_pass():
-    keys = {"axes.distractors.count": 1, "axes.distractors.at_s": 2.0, "distractors.count": 0, "occluders": []}
+    keys = {
+        "axes.distractors.count": 1,
+        "axes.distractors.where": "beside",
+        "axes.distractors.at_s": 2.0,
+        "distractors.count": 0,
+        "occluders": [],
+    }
     small = {"camera.width_px": 160, "camera.height_px": 120}
     for name in PLACES:
         with Simulation(scenario.load(name, {**BASE, **small, **keys})) as simulation:
@@ -57,7 +63,7 @@ def test_oncoming_pedestrians_are_visible_as_they_pass():
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_pedestrians_pass_on_the_far_side_of_a_target_seen_from_the_side(side: str):
     route = {"kind": "beside", "distance_m": 3.0, "side": side}
-    axis = {f"axes.distractors.{key}": value for key, value in {"severity": 1.0, "count": 2, "at_s": 3.0}.items()}
+    axis = {f"axes.distractors.{key}": value for key, value in {"where": "beside", "count": 2, "at_s": 3.0}.items()}
     for seed in range(3):
         keys = {**BASE, **axis, "robot.route": route, "distractors.count": 0, "occluders": [], "lights.shadows": False}
         world = World(scenario.load("plaza-walk", keys).resolve(seed), seed)
@@ -71,8 +77,26 @@ def test_pedestrians_pass_on_the_far_side_of_a_target_seen_from_the_side(side: s
 
 
 def test_severity_scales_the_number_of_pedestrians():
-    for severity, count in ((0.0, 0), (0.5, 1), (1.0, 2), (2.0, 4)):
-        assert len(DistractorsAxis(severity=severity).passings_s) == count
+    for severity, across, beside in ((0.0, 0, 0), (0.25, 1, 0), (0.5, 1, 0), (1.0, 1, 1), (4.0, 4, 4)):
+        axis = DistractorsAxis(severity=severity)
+        assert (len(axis.crossings_s), len(axis.passings_s)) == (across, beside)
+
+
+@pytest.mark.parametrize("name", ["easy/plaza-walk", "easy/corridor"])
+def test_look_alikes_cross_the_line_of_sight_and_walk_on(name: str):
+    keys = {f"axes.distractors.{key}": value for key, value in {"where": "across", "count": 1, "at_s": 2.5}.items()}
+    small = {"camera.width_px": 160, "camera.height_px": 120, "distractors.count": 0, "occluders": []}
+    with Simulation(scenario.load(name, {**BASE, **small, **keys})) as simulation:
+        simulation.reset(3)
+        for _ in range(60):
+            simulation.world.advance()
+        people = [{one.name: one for one in simulation.advance().people} for _ in range(90)]
+        apart = np.ptp([one[:2] for one in simulation.world.root_poses()[:2, :3, 3]], axis=0)
+    assert {one["target"].occluders[:1] for one in people if one["target"].visible_fraction < 0.3} == {("crosser-1",)}
+    hidden = [one["target"].time_s for one in people if one["target"].visible_fraction < 0.5]
+    assert np.median(hidden) == pytest.approx(2.5, abs=0.15)
+    assert np.ptp(hidden) == pytest.approx(0.4, abs=0.2)
+    assert np.hypot(*apart) > 1.5
 
 
 def histogram(image: np.ndarray) -> np.ndarray:

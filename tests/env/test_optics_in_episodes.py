@@ -77,7 +77,7 @@ def test_a_severity_may_depend_on_the_seed():
         k1 = {float(simulation.reset(seed).truth.distortion[0]) for seed in range(6)}
         assert {simulation.reset(seed).image.shape for seed in range(3)} == {(120, 160, 3)}
     assert len(k1) > 1
-    assert k1 <= {0.0, -0.25, -0.5}
+    assert k1 <= {0.0, -0.125, -0.25}
 
 
 def test_a_lens_that_is_not_invertible_is_a_scenario_error():

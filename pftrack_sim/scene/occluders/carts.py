@@ -10,7 +10,7 @@ from typing import TypeAlias
 import mujoco
 import numpy as np
 
-from pftrack_sim.scenario.axes import OcclusionAxis
+from pftrack_sim.scenario.axes import DistractorsAxis, OcclusionAxis
 from pftrack_sim.scenario.model import Occluder
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
 
@@ -47,6 +47,14 @@ def axis_occluders(axis: OcclusionAxis) -> tuple[Occluder, ...]:
     return tuple(
         Occluder(kind="walker", at_s=at_s, duration_s=length_s, depth=axis.depth, similarity=axis.likeness)
         for at_s, length_s in axis.spans_s
+    )
+
+
+def distractor_crossings(axis: DistractorsAxis) -> tuple[Occluder, ...]:
+    """Each look-alike that crosses, as a request for a walker."""
+    return tuple(
+        Occluder(kind="walker", at_s=at_s, duration_s=length_s, similarity=axis.similarity)
+        for at_s, length_s in axis.crossings_s
     )
 
 
