@@ -28,7 +28,8 @@ class World:
     """Place, robot, people and carts of one episode, at time 0.
 
     Raises:
-        ScenarioError: A requested occlusion, oncoming pedestrian or swing of the robot is impossible.
+        ScenarioError: A requested occlusion, oncoming pedestrian or swing of the robot is impossible, or the robot's
+            route meets an obstacle.
     """
 
     def __init__(self, settings: ResolvedScenario, seed: int) -> None:
@@ -126,10 +127,16 @@ class World:
     def _robot_script(self, layout: WalkableArea) -> Script:
         settings = self.settings
         speed_m_s, axis = settings.target.speed_m_s, settings.axes.target
+        where = f"{settings.title!r} at seed {self._seed}"
         try:
-            return Script(settings.robot, self._path, speed_m_s, axis, settings.camera, layout, self._seed)
+            script = Script(settings.robot, self._path, speed_m_s, axis, settings.camera, layout, self._seed)
         except ParameterError as error:
-            raise ScenarioError(f"{settings.title!r} at seed {self._seed}", [str(error)]) from None
+            raise ScenarioError(where, [str(error)]) from None
+        hit = script.obstacle(layout, settings.duration_s)
+        if hit is not None:
+            name, x, y = hit
+            raise ScenarioError(where, [f"robot.route: the robot would run into {name!r} at {x:.1f}, {y:.1f}"])
+        return script
 
     def _crowd(self, plan: Plan, distractors: int) -> Crowd:
         settings = self.settings

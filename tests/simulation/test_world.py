@@ -8,6 +8,7 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.agents.clock import PHYSICS_HZ, TICK_HZ, Clock
+from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.simulation.world import World
 
 BASE: dict[str, Any] = {"duration_s": 3, "lights.shadows": False}
@@ -90,3 +91,8 @@ def test_distractors_do_not_depend_on_their_number():
 
 def test_seeds_differ():
     assert not np.array_equal(walk(frames=5)[0], walk(frames=5, seed=6)[0])
+
+
+def test_a_robot_that_would_start_in_furniture_is_an_error_before_the_first_frame():
+    with pytest.raises(ScenarioError, match=r"robot\.route: the robot would run into 'plant-7' at -5\.5"):
+        world({"robot.route.distance_m": 5.5}, 0, "corridor")

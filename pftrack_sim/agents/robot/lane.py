@@ -13,7 +13,8 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 
-ROBOT_CLEARANCE_M = 0.45  # From the middle of the robot, whose radius is 0.25 m, to a wall or a piece of furniture
+ROBOT_RADIUS_M = 0.25
+ROBOT_CLEARANCE_M = 0.45  # From the middle of the robot to a wall or a piece of furniture
 LEAST_SWING_SHARE = 1.0 / 3.0  # Swings with less room than this share of what was asked for are an error
 _SAMPLE_M = 0.1
 _CHORD_M = 0.2

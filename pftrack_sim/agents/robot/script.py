@@ -17,7 +17,7 @@ from pftrack_sim.agents.robot.control_laws import (
     follow_path,
     gaze_rates,
 )
-from pftrack_sim.agents.robot.lane import Lane
+from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M, Lane
 from pftrack_sim.agents.robot.teleoperation import NEAREST_M, STOP_GAP_M, Head, Nearness, Stops
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
@@ -27,6 +27,7 @@ from pftrack_sim.scene.layout import WalkableArea
 GAP_TIME_CONSTANT_S = 0.8  # Time constant at which the robot closes a gap to its place abreast of the target
 _TURN_AWAY_S = 0.35  # Time that the camera needs until the target has left the view
 _COME_BACK_S = 0.1  # Time until a part of the target is back in the view
+_CHECK_M = 0.1
 _BODY_RAD = math.radians(14.0)  # Half the angular width of a person, with a margin
 
 
@@ -88,6 +89,25 @@ class Script:
         self._s_m = self._lane.start_m if self._lane is not None else 0.0
         self._last_target: tuple[float, float] | None = None
         self._head.reset()
+
+    def obstacle(self, layout: WalkableArea, duration_s: float) -> tuple[str, float, float] | None:
+        """The first footprint that the robot would run into, and x, y [m] where it would; None if the way is clear."""
+        if self._lane is None or not layout.footprints:
+            return None
+        route = self._robot.route
+        if isinstance(route, scenario.WaypointRoute):
+            end_m = min(self._lane.path.length_m, route.speed_m_s * duration_s)
+        else:
+            end_m = self._lane.abreast(min(self._target.length_m, self._target_speed_m_s * duration_s))[0]
+        way = np.arange(self._lane.start_m, max(end_m, self._lane.start_m) + _CHECK_M, _CHECK_M)
+        points = np.stack(self._lane.path.at(way)[:2])
+        distances = ObstacleMap(layout).distances(points)[0][:, : len(layout.footprints)]
+        hits = np.flatnonzero(distances.min(axis=1) < ROBOT_RADIUS_M)
+        if len(hits) == 0:
+            return None
+        first = int(hits[0])
+        nearest = layout.footprints[int(np.argmin(distances[first]))]
+        return nearest.name, float(points[0, first]), float(points[1, first])
 
     def start_pose(self) -> StartPose:
         """Pose at time 0: on the route, facing along it; with gaze `"target"` the camera looks at the target."""

@@ -232,3 +232,14 @@ def test_swings_without_room_are_an_error():
     assert lane is not None
     with pytest.raises(ParameterError, match=r"swing_m.*walls and furniture leave"):
         lane.swung(Operator(swing_m=1.0), 0.0, WALK_M_S, ObstacleMap(open_place(*walls)), 0)
+
+
+def test_a_route_through_an_obstacle_is_found_if_the_episode_gets_there():
+    place = open_place(Footprint("kiosk", (12.0, 0.3), (0.5, 0.5)), Footprint("bench", (5.0, 1.5), (0.5, 0.5)))
+    script = Script(Robot(route=TRAIL), STRAIGHT, WALK_M_S, layout=place)
+    hit = script.obstacle(place, 20.0)
+    assert hit is not None
+    name, x, y = hit
+    assert (name, y) == ("kiosk", 0.0)
+    assert 11.2 < x < 11.5
+    assert script.obstacle(place, 10.0) is None
