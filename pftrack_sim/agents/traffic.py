@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import mujoco
 
+from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.entity import SceneState
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.gait.mocap_writer import MocapWriter
@@ -21,7 +22,13 @@ class Traffic:
     """Paths from the crowd, limbs from the gait, and the mocap bodies of both people and carts."""
 
     def __init__(
-        self, model: mujoco.MjModel, people: Sequence[Person], cart_names: Sequence[str], crowd: Crowd, seed: int
+        self,
+        model: mujoco.MjModel,
+        people: Sequence[Person],
+        cart_names: Sequence[str],
+        crowd: Crowd,
+        seed: int,
+        carried: CarriedItems | None = None,
     ) -> None:
         self.crowd = crowd
         self.names = tuple(person.name for person in people)
@@ -29,10 +36,13 @@ class Traffic:
         self._gait = self._gait_of(people)
         self._people_writer = MocapWriter(model, self.names)
         self._cart_writer = CartWriter(model, cart_names)
+        self._carried = carried
 
     def reset(self, data: mujoco.MjData) -> None:
         """Everybody at the start."""
         self.crowd.reset()
+        if self._carried is not None:
+            self._carried.reset()
         self._reset_gait(data)
 
     def start_in_mid_stride(self, data: mujoco.MjData, T_world_camera: FloatArray) -> None:
@@ -45,17 +55,21 @@ class Traffic:
 
     def update(self, dt_s: float, state: SceneState) -> None:
         """Move by one tick."""
-        crowd, (x, y, _) = self.crowd, state.robot_pose
+        crowd, (x, y, _), self._time_s = self.crowd, state.robot_pose, state.time_s
         crowd.tick(dt_s, state.time_s, (x, y), state.T_world_camera[:2, 3])
         self._gait.advance(dt_s, crowd.positions_m, crowd.headings_rad, crowd.postures)
 
     def write(self, data: mujoco.MjData) -> None:
         """Write the poses of limbs and carts."""
         self._people_writer.write(data, *self._gait.poses())
+        if self._carried is not None:
+            positions, rotations = self._gait.part_poses()
+            self._carried.write(data, self._time_s, positions[0], rotations[0])
         self._cart_writer.write(data, [(cart.position_m, cart.yaw_rad) for cart in self.crowd.carts])
 
     def _reset_gait(self, data: mujoco.MjData) -> None:
-        self._gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s)
+        self._time_s = 0.0
+        self._gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s, self.crowd.postures)
         self.write(data)
 
     def _gait_of(self, people: Sequence[Person]) -> Gait:

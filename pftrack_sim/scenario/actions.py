@@ -73,7 +73,16 @@ class Face(Section):
     )
 
 
-class Crouch(Section):
+class _Lowering(Section):
+    """What the target may do with its hands near the ground."""
+
+    picks_up: Literal["bag", "box"] | None = Field(default=None, description="Item in `carries` that it picks up.")
+    puts_down: Literal["bag"] | None = Field(
+        default=None, description="Item in `carries` that it puts down; a box would lie in its way."
+    )
+
+
+class Crouch(_Lowering):
     """Stops, squats and rises."""
 
     kind: Literal["crouch"]
@@ -81,7 +90,7 @@ class Crouch(Section):
     duration_s: Annotated[float, Field(ge=2.8)] = Field(default=3.8, description="Slowing down and rising included.")
 
 
-class Bend(Section):
+class Bend(_Lowering):
     """Stops and bends forward, as to reach for something on the ground."""
 
     kind: Literal["bend"]

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from pftrack_sim.scenario.actions import Action, end_s, overlap_problem, title
 from pftrack_sim.scenario.axes import Axes
+from pftrack_sim.scenario.carried import Carried, carrying_problem
 from pftrack_sim.scenario.section import NotNegative, Point, Positive, Section, Share
 from pftrack_sim.scenario.teleoperation import Operator, Sills
 
@@ -202,9 +203,11 @@ class Target(Section):
     )
     actions: tuple[Action, ...] = Field(default=(), description="What it does on its way, one thing at a time.")
 
+    carries: tuple[Carried, ...] = Field(default=(), description="What it carries, or picks up on its way.")
+
     @model_validator(mode="after")
-    def _one_action_at_a_time(self) -> Target:
-        problem = overlap_problem(self.actions)
+    def _actions_are_possible(self) -> Target:
+        problem = overlap_problem(self.actions) or carrying_problem(self.carries, self.actions)
         if problem:
             raise ValueError(problem)
         return self

@@ -14,6 +14,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.occluders.carts import CartSize, add_carts, axis_occluders, cart_names, distractor_crossings
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.people.person import Person, add_person, sample_people
+from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.robot import add_robot
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
@@ -55,6 +56,7 @@ def add_agents(
     )
     for person in people:
         add_person(spec, person)
+    add_props(spec, settings.target.carries)
     add_static_occluders(spec, static_occluders)
     add_carts(spec, carts)
     return people

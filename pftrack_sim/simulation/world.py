@@ -6,10 +6,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.entity import Entity, SceneState
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.pedestrians.target import places_alone
 from pftrack_sim.agents.robot.robot import Robot
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.traffic import Traffic
@@ -17,9 +19,11 @@ from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scenario.carried import grips_s
 from pftrack_sim.scene.build import add_agents, build_stage
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
+from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.planning import Plan, make_plan
 
@@ -52,7 +56,8 @@ class World:
         self.people = tuple(person.name for person in people)
         self.robot = self._robot(self.model)
         crowd = self._crowd(plan, settings.distractors.count)
-        self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed)
+        carried = self._carried(people[0].anatomy) if settings.target.carries else None
+        self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
         rng = random_streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         self._ticks = 0
@@ -137,6 +142,17 @@ class World:
             name, x, y = hit
             raise ScenarioError(where, [f"robot.route: the robot would run into {name!r} at {x:.1f}, {y:.1f}"])
         return script
+
+    def _carried(self, anatomy: Anatomy) -> CarriedItems:
+        target = self.settings.target
+        lying = [one for one in target.carries if not one.from_start and grips_s(one, target.actions)]
+        lying.sort(key=lambda one: grips_s(one, target.actions)[0])
+        times_s = [grips_s(one, target.actions)[0][0] for one in lying]
+        found = places_alone(self._path, target, self.settings.axes.target, times_s)
+        places: dict[str, tuple[float, float, float]] = {
+            one.item: place for one, (_, place) in zip(lying, found, strict=True)
+        }
+        return CarriedItems(self.model, target, anatomy, places)
 
     def _crowd(self, plan: Plan, distractors: int) -> Crowd:
         settings = self.settings

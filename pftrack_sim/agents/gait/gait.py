@@ -42,6 +42,7 @@ _CROUCH_BACK = 0.38  # backward shift of the pelvis in a full crouch, in thigh l
 _CROUCH_LEAN, _CROUCH_SHOULDER, _CROUCH_ELBOW = 0.55, 0.7, 0.35
 _BEND_BACK, _BEND_DEPTH = 0.40, 0.06  # the same of a full bend
 _BEND_PITCHES = np.radians([48.0, 82.0, 62.0, 88.0])  # of pelvis, trunk and head, and forward of the arms
+_BEND_ELBOW = 0.7  # share by which a full bend extends the elbow of an arm that holds something
 _LOOK_TRUNK = 0.35  # share of the head's turn by which the trunk follows
 _RUNNING_ELBOW = np.radians(62.0)
 _SHOULDERS_BACK = 0.008  # shoulder joints behind the base of the neck, in statures
@@ -98,12 +99,18 @@ class Gait:
         self._angles[0, :, 7:9] = -0.25 * SIDES
         self.reset(np.zeros((people, 2)), np.zeros(people), np.zeros(people))
 
-    def reset(self, positions_m: ArrayLike, headings_rad: ArrayLike, speeds_m_s: ArrayLike) -> None:
+    def reset(
+        self,
+        positions_m: ArrayLike,
+        headings_rad: ArrayLike,
+        speeds_m_s: ArrayLike,
+        postures: Sequence[Posture] | None = None,
+    ) -> None:
         """Start in a steady walk, or at rest, at `(P, 2)` positions, `(P,)` headings and forward speeds."""
         self._time_s = 0.0
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)
-        self._set_postures([PLAIN] * len(self._headings))
+        self._set_postures(postures or [PLAIN] * len(self._headings))
         self.feet.reset(self._positions, self._headings, np.asarray(speeds_m_s, dtype=float))
         self._pose: tuple[FloatArray, FloatArray] | None = None
 
@@ -231,8 +238,10 @@ class Gait:
         roll[:, 5:9] = self._arm_rolls
         for person, side, arm in self._arms:
             upper, fore, outward = 5 + side, 7 + side, SIDES[side]
-            pitch[person, upper] += arm.share * (-arm.shoulder - pitch[person, upper])
-            pitch[person, fore] += arm.share * (-arm.elbow - pitch[person, fore])
+            # What is held before the chest hangs below it when the person bends.
+            elbow = arm.elbow * (1.0 - _BEND_ELBOW * bend[person])
+            pitch[person, upper] += arm.share * (-arm.shoulder - bend_arms[person] - pitch[person, upper])
+            pitch[person, fore] += arm.share * (-elbow - pitch[person, fore])
             roll[person, upper] += arm.share * outward * arm.outward
             roll[person, fore] += arm.share * outward * arm.forearm
         return rotation_matrices(yaw, roll, pitch)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from pftrack_sim.agents.gait.posture import PLAIN
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.pedestrians.reactive import SENTINEL_M
-from pftrack_sim.agents.pedestrians.target_actions import Command, command, schedule
+from pftrack_sim.agents.pedestrians.target_actions import Command, arms, command, schedule
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.actions import Approach, Face, Pace, Run, Turn, WalkOff, end_s, title
 from pftrack_sim.scenario.axes import TargetAxis
@@ -39,7 +40,7 @@ class TargetWalk:
     """
 
     def __init__(self, path: Path, target: Target, axis: TargetAxis) -> None:
-        self._path, self._axis, self._planned = path, axis, target.actions
+        self._path, self._axis, self._target = path, axis, target
         self._acts = axis.on or bool(target.actions)
         speed_m_s = target.speed_m_s
         faster_m_s = axis.severity * axis.faster_m_s if axis.on else 0.0
@@ -49,10 +50,11 @@ class TargetWalk:
     def reset(self) -> None:
         """Return to the start of the path."""
         self.s_m, self.posture, self._facing_rad, self._time_s = 0.0, PLAIN, 0.0, 0.0
-        self._schedule = schedule(self._planned, self._axis)
+        self._schedule = schedule(self._target.actions, self._axis)
         self._action, self._asked_rad = next(self._schedule, None), 0.0
         self._begun = False
         self._speed_m_s = min(self._walking_speed_m_s, math.sqrt(2.0 * DECELERATION_M_S2 * self._path.length_m))
+        self._hold()
         self._update_state()
 
     def update(self, dt_s: float, robot: FloatArray, camera_m: Xy) -> None:
@@ -62,14 +64,15 @@ class TargetWalk:
         step = DECELERATION_M_S2 * dt_s
         stopping = math.sqrt(step * step + 2.0 * DECELERATION_M_S2 * left_m) - step
         desired, max_step = self._walking_speed_m_s, step
+        self._time_s += dt_s
         if self._acts:
-            self._time_s += dt_s
             command = self._command(camera_m)
             desired, max_step = command.speed_m_s, ACTION_ACCELERATION_M_S2 * dt_s
             self._facing_rad, running = command.facing_rad, command.posture.running
             # The running posture ends when the target has slowed down to a walk.
             running = running or (self.posture.running and self._speed_m_s > 1.15 * self._walking_speed_m_s)
             self.posture = replace(command.posture, running=running)
+        self._hold()
         speed = min(desired, stopping, self._speed_m_s + max_step)
         if self._acts and speed < self._speed_m_s - max_step:
             speed = min(self._speed_m_s - max_step, stopping)
@@ -86,6 +89,10 @@ class TargetWalk:
         """x, y [m] after a time at walking speed."""
         x, y, _ = self._path.at(min(self.s_m + self._walking_speed_m_s * ahead_s, self._path.length_m))
         return float(x), float(y)
+
+    def _hold(self) -> None:
+        if self._target.carries:
+            self.posture = replace(self.posture, arms=arms(self._target, self._time_s, self.posture.arms))
 
     def _command(self, camera_m: Xy) -> Command:
         while self._action is not None and self._time_s >= end_s(self._action):
@@ -117,22 +124,28 @@ class TargetWalk:
         self.state = (x, y, self._speed_m_s * math.cos(heading), self._speed_m_s * math.sin(heading))
 
 
-def impossible_actions(path: Path, target: Target, axis: TargetAxis, until_s: float) -> list[str]:
-    """Messages about actions before `until_s` for which the path is too short, where no robot is in the way."""
-    walk, problems = TargetWalk(path, target, axis), list[str]()
-    order = sorted(enumerate(target.actions), key=lambda item: item[1].at_s)
-    nowhere, tick = np.array([SENTINEL_M, SENTINEL_M, 0.0, 0.0]), 0
-    for index, action in order:
-        if action.at_s >= until_s:
-            break
-        while tick * _TICK_S < action.at_s:
+def places_alone(
+    path: Path, target: Target, axis: TargetAxis, times_s: Iterable[float]
+) -> Iterator[tuple[float, tuple[float, float, float]]]:
+    """Arc length [m], and x, y [m] and heading [rad], at rising times of a target that no robot is in the way of."""
+    walk, nowhere, tick = TargetWalk(path, target, axis), np.array([SENTINEL_M, SENTINEL_M, 0.0, 0.0]), 0
+    for time_s in times_s:
+        while tick * _TICK_S < time_s:
             walk.update(_TICK_S, nowhere, (SENTINEL_M, SENTINEL_M))
             tick += 1
-        left_m, what = path.length_m - walk.s_m, f"target.{title(index, action)}"
-        if isinstance(action, Turn | Approach) and walk.s_m < action.back_m:
-            problems.append(
-                f"{what}: walks back {action.back_m:.1f} m, but is only {walk.s_m:.1f} m along its path by then"
-            )
+        yield walk.s_m, (*walk.state[:2], walk.heading_rad)
+
+
+def impossible_actions(path: Path, target: Target, axis: TargetAxis, until_s: float) -> list[str]:
+    """Messages about actions before `until_s` for which the path is too short."""
+    problems: list[str] = []
+    listed = sorted(enumerate(target.actions), key=lambda item: item[1].at_s)
+    planned = [(index, action) for index, action in listed if action.at_s < until_s]
+    places = places_alone(path, target, axis, [action.at_s for _, action in planned])
+    for (index, action), (s_m, _) in zip(planned, places, strict=True):
+        left_m, what = path.length_m - s_m, f"target.{title(index, action)}"
+        if isinstance(action, Turn | Approach) and s_m < action.back_m:
+            problems.append(f"{what}: walks back {action.back_m:.1f} m, but is only {s_m:.1f} m along its path by then")
         if isinstance(action, Run | Pace | WalkOff) and left_m < _LEAST_WAY_M:
             problems.append(f"{what}: only {left_m:.1f} m of its path, {path.length_m:.1f} m long, are left by then")
     return problems

@@ -12,11 +12,20 @@ from pftrack_sim.agents.gait.posture import PLAIN, Arm, Posture
 from pftrack_sim.scenario import actions
 from pftrack_sim.scenario.actions import Action, end_s
 from pftrack_sim.scenario.axes import TargetAxis
+from pftrack_sim.scenario.carried import Item, held_share
+from pftrack_sim.scenario.model import Target
 
 _PAUSE_S = 0.6  # Least time of walking before and after a manoeuvre of the axis, so that they can be told apart.
 _STANDING_S, _TURN_S, _RISE_S = 0.8, 1.1, 0.7
 _LOOK_RAD, _LOOK_S = 1.1, 2.4  # Amplitude and period of looking to the left and right
 _WAVES_HZ = 1.6
+
+_BOX_ARM = Arm(1.0, shoulder=0.30, elbow=1.35)
+_HOLDING: dict[Item, tuple[Arm | None, Arm | None]] = {
+    "bag": (Arm(0.75, shoulder=0.02, elbow=0.12, outward=0.12), None),
+    "box": (_BOX_ARM, _BOX_ARM),
+    "umbrella": (None, Arm(1.0, shoulder=0.45, elbow=1.75)),
+}
 
 
 class Command(NamedTuple):
@@ -82,6 +91,18 @@ def command(action: Action, since_s: float, facing_rad: float) -> Command:
             swing = math.sin(2.0 * math.pi * _WAVES_HZ * since_s)
             right = Arm(share, shoulder=2.6, elbow=0.5, outward=-0.35, forearm=0.4 * swing)
             return Command(0.0, posture=Posture(arms=(None, right)))
+
+
+def arms(target: Target, time_s: float, free: tuple[Arm | None, Arm | None]) -> tuple[Arm | None, Arm | None]:
+    """Left and right arm with what the target carries at this time; arms that carry nothing do as in `free`."""
+    left, right = free
+    for one in target.carries:
+        share = held_share(one, target.actions, time_s)
+        if share > 0.0 and one.item in _HOLDING:
+            hold_left, hold_right = _HOLDING[one.item]
+            left = hold_left._replace(share=share * hold_left.share) if hold_left else left
+            right = hold_right._replace(share=share * hold_right.share) if hold_right else right
+    return left, right
 
 
 def _turned(since_s: float, left_s: float) -> float:

@@ -1,0 +1,123 @@
+"""Things that the target carries, picks up and puts down: in the picture, and no part of the person."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.scenario.carried import Carried, held_share
+from pftrack_sim.scenario.model import Target
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.simulation.world import World
+
+RATE_HZ = 12.5
+SMALL: dict[str, Any] = {
+    "camera.width_px": 160,
+    "camera.height_px": 120,
+    "camera.rate_hz": RATE_HZ,
+    "lights.shadows": False,
+    "distractors.count": 0,
+    "occluders": [],
+}
+
+
+def world(**keys: Any) -> World:
+    return World(scenario.load("plaza-walk", {**SMALL, **keys}).resolve(3), 3)
+
+
+def place(one: World, body: str) -> np.ndarray:
+    mujoco.mj_kinematics(one.model, one.data)
+    return one.data.xpos[one.model.body(body).id].copy()
+
+
+def tracked(one: World, item: str, seconds: float) -> tuple[np.ndarray, list[float]]:
+    """`(N, 3)` positions of a thing, and its distances from the target's waist on the ground [m], frame by frame."""
+    places, distances = [], []
+    for _ in range(round(seconds * RATE_HZ)):
+        one.advance()
+        places.append(place(one, item))
+        distances.append(float(np.hypot(*(places[-1] - place(one, "target/torso"))[:2])))
+    return np.array(places), distances
+
+
+def test_a_backpack_hides_the_back_and_changes_no_box():
+    plain, packed = (
+        Simulation(scenario.load("plaza-walk", {**SMALL, "target.carries": carries}))
+        for carries in ([], [{"item": "backpack", "colour": [200, 30, 30]}])
+    )
+    with plain, packed:
+        before, after = plain.reset(3), packed.reset(3)
+        assert (before.truth.amodal_box == after.truth.amodal_box).all()
+        assert "backpack" in after.truth.occluders
+        assert after.truth.visible_fraction < before.truth.visible_fraction - 0.08
+        assert (before.image != after.image).any()
+        assert before.truth.occluders == ()
+
+
+@pytest.mark.parametrize("item", [pytest.param("bag", marks=pytest.mark.slow), "box"])
+def test_a_thing_lies_within_reach_until_it_is_picked_up(item: str):
+    one = world(
+        **{
+            "target.carries": [{"item": item, "from_start": False}],
+            "target.actions": [{"kind": "bend", "at_s": 0.5, "picks_up": item}],
+        }
+    )
+    places, distances = tracked(one, item, 6.0)
+    gripped = round(2.5 * RATE_HZ)
+    assert np.ptp(places[:gripped], axis=0).max() < 1e-9
+    assert distances[gripped - 1] < 0.8
+    assert max(distances[round(4.5 * RATE_HZ) :]) < 0.6
+    assert places[-1][2] > (0.9 if item == "box" else 0.6)
+    # Not faster than a hand.
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() * RATE_HZ < 4.0
+
+
+def test_a_bag_stays_where_it_is_put_down():
+    actions = [{"kind": "crouch", "at_s": 0.5, "puts_down": "bag"}]
+    places, distances = tracked(world(**{"target.carries": [{"item": "bag"}], "target.actions": actions}), "bag", 7.5)
+    after = places[round(3.4 * RATE_HZ) :]
+    assert np.ptp(after, axis=0).max() < 1e-9
+    assert after[0, 2] == pytest.approx(0.48, abs=0.01)
+    assert distances[-1] > 2.0
+    # Beside its way: the target does not walk through it.
+    assert min(distances) > 0.2
+
+
+def test_the_hand_closes_while_the_target_is_down():
+    box = Carried(item="box", from_start=False)
+    actions = [{"kind": "bend", "at_s": 0.5, "picks_up": "box"}]
+    target = Target.model_validate({"path_m": [[0, 0], [30, 0]], "carries": [box], "actions": actions})
+    shares = [held_share(box, target.actions, time_s) for time_s in (0.0, 2.6, 2.875, 3.1, 7.5)]
+    assert shares == [0.0, 0.0, pytest.approx(0.5, abs=0.15), 1.0, 1.0]
+
+
+def test_everything_that_is_carried_stays_with_the_target():
+    items = ["bag", "backpack", "umbrella"]
+    one = world(**{"target.carries": [{"item": item} for item in items]})
+    offsets = []
+    for _ in range(12):
+        one.advance()
+        offsets.append([np.linalg.norm(place(one, item) - place(one, "target/torso")) for item in items])
+    assert np.max(offsets) < 0.9
+    assert np.ptp(offsets, axis=0).max() < 0.25
+
+
+@pytest.mark.parametrize(
+    ("carries", "actions", "message"),
+    [
+        ([{"item": "box"}, {"item": "bag"}], [], "more than two hands: box, bag"),
+        ([{"item": "bag"}, {"item": "bag"}], [], "different items, got bag, bag"),
+        ([{"item": "bag", "from_start": False}], [], "'bag' is not carried from the start"),
+        ([], [{"kind": "bend", "at_s": 2.0, "picks_up": "box"}], "bend at 2 s picks up 'box': it must be in carries"),
+        ([{"item": "box"}], [{"kind": "crouch", "at_s": 2.0, "picks_up": "box"}], "not carried by then"),
+        ([{"item": "hat"}], [], r"target.carries.0.item: got 'hat'.*allowed: bag"),
+    ],
+)
+def test_what_cannot_be_carried_is_an_error(carries: list[Any], actions: list[Any], message: str):
+    with pytest.raises(ScenarioError, match=message):
+        scenario.load("plaza-walk", {"target.carries": carries, "target.actions": actions})
