@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from pftrack_sim.benchmark.recorded import RATE_HZ
+from pftrack_sim.benchmark.recorded import rate_of
 from pftrack_sim.benchmark.rollout import Sample, Step, recorded, rollout, simulated
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.scenario import Scenario
@@ -43,7 +43,7 @@ def profile_sequence(sequence: RecordedSequence, *, on_frame: Callable[[], None]
     Raises:
         SequenceError: An image cannot be read.
     """
-    return _measure(sequence.name, recorded(sequence, RATE_HZ), on_frame)
+    return _measure(sequence.name, recorded(sequence, rate_of(sequence)), on_frame)
 
 
 def _measure(name: str, samples: Iterable[Sample], on_frame: Callable[[], None]) -> Profile:

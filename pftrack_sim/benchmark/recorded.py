@@ -19,8 +19,12 @@ from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.score import Summary
 from pftrack_sim.trackers.isolation import Limits
 
-RATE_HZ = 25.0
-"""Frames per second of videos: folders of images do not tell how fast they were recorded."""
+_RATE_HZ = 25.0
+
+
+def rate_of(sequence: RecordedSequence) -> float:
+    """Frames per second of a sequence; 25 where its layout does not tell."""
+    return sequence.rate_hz or _RATE_HZ
 
 
 @dataclass(frozen=True)
@@ -95,9 +99,9 @@ def _run(
         for runner in runners:
             opened.callback(runner.close)
         if video is not None:
-            add = opened.enter_context(video_writer(video, RATE_HZ))
+            add = opened.enter_context(video_writer(video, rate_of(sequence)))
             sinks.append(lambda step: add(picture(step.sample, by_seed[0]), step.sample.time_s))
-        rollout(recorded(sequence, RATE_HZ), runners, sinks)
+        rollout(recorded(sequence, rate_of(sequence)), runners, sinks)
 
 
 def video_paths(sequences: Sequence[RecordedSequence], video: Path) -> list[Path]:

@@ -54,6 +54,10 @@ Out = Annotated[
 Refresh = Annotated[
     bool, typer.Option("--refresh", help="Run again what third-party code changed since the run folder was begun.")
 ]
+SequenceLayout = Annotated[
+    str | None,
+    typer.Option("--format", metavar="LAYOUT", help="otb, lasot, got10k, vot or mot; default: found by its files."),
+]
 Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")]
 Workers = Annotated[int | None, typer.Option(min=0, help="Worker processes; default: one per core.")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 from pftrack_sim.cli import tables
-from pftrack_sim.cli.options import Backend, Seeds, Settings
+from pftrack_sim.cli.options import Backend, Seeds, SequenceLayout, Settings
 from pftrack_sim.cli.progress import progress_bar
 from pftrack_sim.cli.values import parse_settings
 from pftrack_sim.core.errors import ParameterError
@@ -32,6 +32,7 @@ def profile(
     seeds: Seeds = "0:2",
     settings: Settings = None,
     backend: Backend = None,
+    layout: SequenceLayout = None,
     out: Annotated[Path | None, typer.Option(help="Folder for profile.json and the figure profile.png.")] = None,
 ) -> None:
     """Measure how hard scenarios and sequences are.
@@ -49,7 +50,7 @@ def profile(
     if out is not None:
         require_matplotlib()
     folders = {name for name in videos if name not in scenarios.names() and Path(name).is_dir()}
-    sequences = [read_sequence(name) for name in videos if name in folders]
+    sequences = [read_sequence(name, layout) for name in videos if name in folders]
     loaded = [scenarios.load(name, parse_settings(settings or [])) for name in videos if name not in folders]
     names = [one.name for one in (*loaded, *sequences)]
     repeated = sorted({name for name in names if names.count(name) > 1})

@@ -25,6 +25,7 @@ from pftrack_sim.cli.options import (
     Scheduler,
     ScoredBox,
     Seeds,
+    SequenceLayout,
     Settings,
     Trackers,
     Videos,
@@ -206,7 +207,7 @@ def follow(
 
 
 def evaluate(
-    sequences: Annotated[list[Path], typer.Argument(help="Folders of recorded sequences (OTB layout).")],
+    sequences: Annotated[list[Path], typer.Argument(help="Folders of recorded sequences; see --format.")],
     tracker: Trackers = "ko2012",
     seeds: Seeds = "0:5",
     preset: Preset = "default",
@@ -215,6 +216,7 @@ def evaluate(
         Path | None,
         typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
     ] = None,
+    layout: SequenceLayout = None,
     isolation: Isolation = "auto",
 ) -> None:
     """Run trackers on recorded sequences with true boxes."""
@@ -225,7 +227,7 @@ def evaluate(
 
     contestants = parse_trackers(tracker, preset, params or [])
     chosen = parse_seeds(seeds)
-    read = [read_sequence(path) for path in sequences]
+    read = [read_sequence(path, layout) for path in sequences]
     with progress_bar("tracking", sum(len(sequence) for sequence in read)) as tick:
         results = evaluate_recorded(
             read, contestants, chosen, video=video, isolation=checked_isolation(isolation), on_frame=tick

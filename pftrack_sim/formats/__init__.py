@@ -1,6 +1,6 @@
-"""Recorded sequences on disk. Box conventions other than the package's own exist only here."""
+"""Sequences on disk in the layouts of public data sets. Box conventions other than the package's exist only here."""
 
-from pftrack_sim.formats.otb import read_sequence
-from pftrack_sim.formats.sequence import RecordedSequence
+from pftrack_sim.formats.layouts import LAYOUTS, Layout, read_sequence
+from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
 
-__all__ = ["RecordedSequence", "read_sequence"]
+__all__ = ["LAYOUTS", "Annotations", "Layout", "PersonBox", "RecordedSequence", "read_sequence"]

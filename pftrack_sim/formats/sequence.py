@@ -1,12 +1,14 @@
-"""Recorded sequences: true boxes in memory, images read on demand."""
+"""Sequences of images with boxes of one target: recorded ones on disk, and the annotations that are written."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.records import Image, frozen_array
@@ -22,14 +24,33 @@ class RecordedSequence:
         paths: `N` image files in order.
         truth: `(N, 4)` boxes x, y, w, h [px], read-only; NaN rows where the target is absent; the first
             row is finite.
+        rate_hz: Frames per second; None where the layout does not tell.
     """
 
     name: str
     paths: tuple[Path, ...]
     truth: FloatArray
+    rate_hz: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "truth", frozen_array(self.truth, (len(self.paths), 4)))
+
+    @classmethod
+    def checked(
+        cls, folder: Path, boxes_in: str, paths: list[Path], truth: FloatArray, rate_hz: float | None = None
+    ) -> RecordedSequence:
+        """A sequence from its first frame with a box on; `boxes_in` is the file of the boxes within the folder.
+
+        Raises:
+            SequenceError: The numbers of images and boxes differ, or no frame has a box.
+        """
+        if len(paths) != len(truth):
+            raise SequenceError(f"{folder}: {len(paths)} images but {len(truth)} boxes in {boxes_in}")
+        known = np.flatnonzero(np.isfinite(truth).all(axis=1))
+        if known.size == 0:
+            raise SequenceError(f"{folder / boxes_in}: no frame has a box")
+        first = int(known[0])
+        return cls(folder.resolve().name, tuple(paths[first:]), truth[first:], rate_hz)
 
     def __len__(self) -> int:
         return len(self.paths)
@@ -61,3 +82,53 @@ class RecordedSequence:
         if bgr is None:
             raise SequenceError(f"{path}: is not an image, or it is damaged")
         return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)  # pyright: ignore[reportReturnType]
+
+
+@dataclass(frozen=True)
+class PersonBox:
+    """One person in one frame.
+
+    Attributes:
+        identity: The same number for the same person throughout the sequence; 1 is the target.
+        box: x, y, w, h [px], clipped to the image.
+        visible_fraction: Visible share of the person's pixels inside the image.
+    """
+
+    identity: int
+    box: tuple[float, float, float, float]
+    visible_fraction: float
+
+
+@dataclass(frozen=True, eq=False)
+class Annotations:
+    """What is known of a sequence besides its images.
+
+    Attributes:
+        name: Name of the sequence.
+        rate_hz: Frames per second.
+        image_size_px: Width and height.
+        boxes: `(N, 4)` boxes of the target, clipped to the image; NaN rows where it cannot be seen.
+        visible_fraction: `(N,)` visible share of its pixels inside the image.
+        truncation: `(N,)` share of its whole box that lies outside the image.
+        out_of_view: `(N,)` whether it is outside the image altogether.
+        people: For each frame everybody in view.
+        tags: `(N,)` for each attribute whether a frame has it: `"motion_change"`.
+    """
+
+    name: str
+    rate_hz: float
+    image_size_px: tuple[int, int]
+    boxes: FloatArray
+    visible_fraction: FloatArray
+    truncation: FloatArray
+    out_of_view: NDArray[np.bool_]
+    people: tuple[tuple[PersonBox, ...], ...]
+    tags: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict[str, NDArray[np.bool_]])
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    @property
+    def absent(self) -> NDArray[np.bool_]:
+        """`(N,)` whether the target cannot be seen."""
+        return np.isnan(self.boxes[:, 0])

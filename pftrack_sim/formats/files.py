@@ -1,0 +1,111 @@
+"""Numbered images, and text files of numbers, as all layouts have them."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.types import FloatArray
+
+SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
+
+
+def numbered_images(folder: Path) -> list[Path]:
+    """Images of a folder in the order of their numbers, without gaps.
+
+    Raises:
+        SequenceError: The folder is missing or has no images; a name is no number; a number is missing or twice there.
+    """
+    try:
+        found = [
+            entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and not entry.name.startswith(".")
+        ]
+    except FileNotFoundError:
+        raise SequenceError(f"{folder}: no such folder of images") from None
+    except OSError as error:
+        raise SequenceError(f"{folder}: cannot be read: {error.strerror}") from None
+    if not found:
+        raise SequenceError(f"{folder}: no images ({', '.join(SUFFIXES)})")
+    for entry in found:
+        if not (entry.stem.isascii() and entry.stem.isdigit()):
+            raise SequenceError(f"{entry}: an image's name must be its number, like 0001.jpg")
+    numbered = sorted((int(entry.stem), entry) for entry in found)
+    for (number, path), (following, other) in pairwise(numbered):
+        if following == number:
+            raise SequenceError(f"{folder}: {path.name} and {other.name} have the same number")
+        if following != number + 1:
+            raise SequenceError(f"{folder}: image {number + 1} is missing between {path.name} and {other.name}")
+    return [path for _, path in numbered]
+
+
+def number_rows(path: Path, what: str, count: int) -> FloatArray:
+    """`(N, count)` numbers, one row per line, separated by commas, tabs or spaces; NaN is a number.
+
+    Args:
+        path: Text file.
+        what: What a line holds, for messages: `"x, y, w, h"`.
+        count: Numbers in a line; more than these are ignored where a layout has optional ones.
+
+    Raises:
+        SequenceError: The file is missing, empty, or no text; a line is something else.
+    """
+    lines = read_text(path).rstrip().splitlines()
+    if not lines:
+        raise SequenceError(f"{path}: is empty")
+    rows = np.empty((len(lines), count))
+    for index, line in enumerate(lines):
+        fields = re.split(r"\s*,\s*|\s+", line.strip())
+        try:
+            numbers = [float(field) for field in fields]
+        except ValueError:
+            numbers = []
+        if len(numbers) != count:
+            raise SequenceError(f"{path}, line {index + 1}: expected {what}, got {line.strip()[:60]!r}")
+        if np.isinf(numbers).any():
+            raise SequenceError(f"{path}, line {index + 1}: expected finite numbers or NaN, got {line.strip()[:60]!r}")
+        rows[index] = numbers
+    return rows
+
+
+def read_text(path: Path) -> str:
+    """A text file.
+
+    Raises:
+        SequenceError: It is missing, cannot be read, or is no text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise SequenceError(f"{path}: no such file") from None
+    except OSError as error:
+        raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SequenceError(f"{path}: is not a text file") from None
+
+
+def present_boxes(rows: FloatArray, *, first_pixel: float = 0.0) -> FloatArray:
+    """`(N, 4)` 0-based boxes; NaN rows where a number is NaN or a size is not positive: the target is absent."""
+    boxes = rows - np.array([first_pixel, first_pixel, 0.0, 0.0])
+    boxes[~(rows[:, 2:] > 0.0).all(axis=1) | np.isnan(rows).any(axis=1)] = np.nan
+    return boxes
+
+
+def box_lines(boxes: FloatArray, *, first_pixel: float = 0.0) -> str:
+    """Boxes as lines `x,y,w,h`; `0,0,0,0` where the target is absent. Five decimals are 1e-5 px."""
+    shifted = boxes + np.array([first_pixel, first_pixel, 0.0, 0.0])
+    shifted[np.isnan(boxes).any(axis=1)] = 0.0
+    return "".join(",".join(number(value) for value in row) + "\n" for row in shifted.tolist())
+
+
+def number(value: float) -> str:
+    """A number with at most five decimals.
+
+    >>> number(10.0), number(0.25), number(-0.000001)
+    ('10', '0.25', '0')
+    """
+    text = f"{value:.5f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text

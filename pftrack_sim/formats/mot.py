@@ -1,0 +1,67 @@
+"""Layout of MOTChallenge (Milan et al. 2016): `img1/000001.jpg`..., `gt/gt.txt`, `seqinfo.ini`.
+
+A line of `gt.txt` is one person in one frame: frame, identity, left, top, width, height, considered, class, visibility;
+frames, identities, left and top are 1-based. Who is not in a frame has no line. Identity 1 is the target of a sequence
+that is read for tracking one person.
+"""
+
+from __future__ import annotations
+
+import configparser
+from pathlib import Path
+
+import numpy as np
+
+from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.formats.files import number, number_rows, numbered_images, read_text
+from pftrack_sim.formats.sequence import Annotations, RecordedSequence
+
+EXPECTS = "a folder img1/ of numbered images and the files gt/gt.txt and seqinfo.ini"
+IMAGE = "img1/{:06d}"
+TARGET = 1
+_TRUTH, _INFO = "gt/gt.txt", "seqinfo.ini"
+_PEDESTRIAN = 1
+_COLUMNS = "frame, identity, left, top, width, height, considered, class, visibility"
+
+
+def matches(folder: Path) -> bool:
+    """Whether a folder has this layout."""
+    return (folder / _TRUTH).exists() or (folder / _INFO).is_file()
+
+
+def read(folder: Path) -> RecordedSequence:
+    """Read the sequence of person 1; see `formats.read_sequence`. Frames in which nothing of it shows have no box."""
+    paths = numbered_images(folder / "img1")
+    rows = number_rows(folder / _TRUTH, _COLUMNS, 9)
+    truth = np.full((len(paths), 4), np.nan)
+    for row in rows[(rows[:, 1] == TARGET) & (rows[:, 8] > 0.0)]:
+        if not 1 <= row[0] <= len(paths):
+            raise SequenceError(f"{folder / _TRUTH}: frame {row[0]:g} of {len(paths)} images")
+        truth[int(row[0]) - 1] = row[2:6] - [1.0, 1.0, 0.0, 0.0]
+    rate_hz = None
+    if (folder / _INFO).is_file():
+        parser = configparser.ConfigParser(interpolation=None)
+        try:
+            parser.read_string(read_text(folder / _INFO))
+            rate_hz = parser.getfloat("Sequence", "frameRate", fallback=None)
+        except (configparser.Error, ValueError) as error:
+            raise SequenceError(f"{folder / _INFO}: {str(error).splitlines()[0]}") from None
+    return RecordedSequence.checked(folder, _TRUTH, paths, truth, rate_hz)
+
+
+def write(folder: Path, annotations: Annotations) -> None:
+    """Write the annotations beside the images."""
+    (folder / "gt").mkdir(exist_ok=True)
+    with (folder / _TRUTH).open("w", encoding="utf-8") as written:
+        for frame, people in enumerate(annotations.people, start=1):
+            for one in people:
+                x, y, w, h = one.box
+                numbers = ",".join(number(value) for value in (x + 1.0, y + 1.0, w, h))
+                written.write(f"{frame},{one.identity},{numbers},1,{_PEDESTRIAN},{number(one.visible_fraction)}\n")
+    suffix = next(path.suffix for path in sorted((folder / "img1").iterdir()))
+    width, height = annotations.image_size_px
+    info = (
+        f"[Sequence]\nname={annotations.name}\nimDir=img1\nframeRate={annotations.rate_hz:g}\n"
+        f"seqLength={len(annotations)}\nimWidth={width}\nimHeight={height}\nimExt={suffix}\n"
+    )
+    (folder / _INFO).write_text(info, encoding="utf-8")
