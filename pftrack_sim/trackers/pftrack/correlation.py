@@ -20,21 +20,26 @@ from pftrack_sim.trackers.pftrack.windows import hann
 
 Spectrum: TypeAlias = NDArray[np.complex64]
 
+FADE = 1.5
+"""Distance at which the filter ends, as a multiple of the target's half width and half height."""
+
 
 class CorrelationFilter:
     """A filter for patches of `hog_map.CELL_PX * cells` pixels in each direction.
 
     Args:
-        cells: Cells of a patch in each direction.
+        cells: Cells of a patch in each direction, even.
+        size: Width and height of the target [cells].
         sigma: Standard deviation of the label [cells].
         ridge: Regularisation, as a share of the mean spectral energy of the first patch.
         rate: Weight of a new patch in the running means, in [0, 1].
     """
 
-    def __init__(self, cells: int, sigma: float, ridge: float, rate: float) -> None:
+    def __init__(self, cells: int, size: tuple[float, float], sigma: float, ridge: float, rate: float) -> None:
         self._cells = cells
         self._ridge_share, self._rate = ridge, np.float32(rate)
         self._window = np.outer(hann(cells), hann(cells))
+        self._support = np.outer(_support(cells, size[1]), _support(cells, size[0]))
         # The label's peak is at the corner for a centred target; responses are rolled so that it is in the middle.
         steps = np.minimum(np.arange(cells), cells - np.arange(cells))
         squares = np.square(steps)[:, None] + np.square(steps)[None, :]
@@ -65,10 +70,24 @@ class CorrelationFilter:
         else:
             self._numerator += self._rate * (numerator - self._numerator)
             self._denominator += self._rate * (denominator - self._denominator)
-        self._filter = self._numerator / (self._denominator + self._ridge)
+        quotient = np.asarray(self._numerator / (self._denominator + self._ridge), dtype=np.complex64)
+        whole: NDArray[np.float32] = scipy.fft.irfft2(quotient, (self._cells, self._cells))
+        inner = np.asarray(whole * self._support, dtype=np.float32)
+        self._filter = scipy.fft.rfft2(inner)
 
     def respond(self, spectrum: Spectrum) -> NDArray[np.float32]:
-        """`(cells, cells)` response: about 1 at the target's centre; row and column `cells // 2` are the window's."""
+        """`(cells, cells)` response, greatest at the target's centre; row and column `cells // 2` are the window's."""
         mixed = np.asarray((spectrum * self._filter).sum(axis=0), dtype=np.complex64)
         response: NDArray[np.float32] = scipy.fft.irfft2(mixed, (self._cells, self._cells))
         return np.fft.fftshift(response)
+
+
+def _support(cells: int, length: float) -> NDArray[np.float32]:
+    """`(cells,)` weights along an axis: 1 in the target, falling to 0 at `FADE` of its half length from the centre.
+
+    A filter that is convolved has its origin in the middle of the window and is mirrored; so is an even window.
+    """
+    half = 0.5 * length
+    distances = np.abs(np.arange(cells) - cells // 2)
+    beyond = np.clip((distances - half) / max(half * (FADE - 1.0), 1.0), 0.0, 1.0)
+    return (0.5 + 0.5 * np.cos(np.pi * beyond)).astype(np.float32)

@@ -26,13 +26,15 @@ from pftrack_sim.trackers.pftrack.windows import vertex
 MIN_SIZE_PX = 4.0
 SLOW = 0.05
 """Weight of a new frame in the running means that the occlusion test compares with."""
+APART = 0.15
+"""Starts of the search nearer to each other than this share of the square root of the target's area count as one."""
 
 
 class PftrackParameters(Parameters):
     """Parameters of `pftrack`.
 
     Attributes:
-        cells: Cells of 4x4 pixels of the search window in each direction.
+        cells: Cells of 4x4 pixels of the search window in each direction, even.
         padding: Side of the search window, as a multiple of the square root of the target's area.
         label_sigma: Standard deviation of the correlation filter's label, as a share of the square root of the area.
         ridge: Regularisation of the correlation filter, as a share of the mean spectral energy of the first patch.
@@ -48,12 +50,15 @@ class PftrackParameters(Parameters):
         camera_certainty: Least sum of the phase correlation around its peak for a motion to be used; 1 is a pure shift.
         recentre: Distance of the target from the window's centre above which the window is put around it and evaluated
             once more, as a share of its side.
+        momentum: Share of the target's own velocity by which the search starts ahead; 0: no such start.
         occlusion_peak: The target is occluded when the correlation response is below this share of its running mean ...
         occlusion_colour: ... and the colour response is below this share of its own.
+        occlusion_hold: An occluded target whose score is below this share of its running mean is not followed; above
+            it the box moves, but nothing is learnt.
     """
 
-    cells: Annotated[int, Field(ge=8, le=128)] = 28
-    padding: Annotated[float, Field(ge=1.1, le=10.0)] = 2.5
+    cells: Annotated[int, Field(ge=8, le=128, multiple_of=2)] = 32
+    padding: Annotated[float, Field(ge=1.1, le=10.0)] = 3.5
     label_sigma: Annotated[float, Field(gt=0.0, le=1.0)] = 0.07
     ridge: NotNegative = 0.001
     rate: Share = 0.015
@@ -67,8 +72,10 @@ class PftrackParameters(Parameters):
     camera_motion: bool = True
     camera_certainty: Share = 0.3
     recentre: NotNegative = 0.1
+    momentum: Share = 0.7
     occlusion_peak: Share = 0.6
     occlusion_colour: Share = 0.85
+    occlusion_hold: Share = 0.5
 
 
 class Match(NamedTuple):
@@ -90,20 +97,24 @@ class Pftrack(BaseTracker):
         self._side = 1.0
         self._scale = 1.0
         self._centre = np.zeros(2)
+        self._velocity = np.zeros(2)
         self._frame = 0
         self._filter: CorrelationFilter
         self._colour: ColourModel
         self._scales: ScaleFilter
         self._camera: CameraMotion
-        self._usual: tuple[float, float] | None = None
+        self._usual: FloatArray | None = None
 
     def _start(self, image: Image, box: Box) -> None:
         p = self.params
         self._size, self._centre, self._scale, self._frame = box[2:].copy(), boxes.centre(box), 1.0, 0
+        self._velocity = np.zeros(2)
         area_root = math.sqrt(float(self._size[0] * self._size[1]))
         # Around long thin targets the window still has some surround.
         self._side = max(p.padding * area_root, 1.3 * float(self._size.max()))
-        self._filter = CorrelationFilter(p.cells, p.label_sigma * area_root / self._side * p.cells, p.ridge, p.rate)
+        width, height = (float(side) / self._side * p.cells for side in self._size)
+        sigma = p.label_sigma * math.sqrt(width * height)
+        self._filter = CorrelationFilter(p.cells, (width, height), sigma, p.ridge, p.rate)
         self._colour = ColourModel(p.colour_rate)
         self._scales = ScaleFilter(self._size, p.scale_count, p.scale_step, p.scale_cells, p.scale_rate)
         self._camera = CameraMotion(p.camera_certainty)
@@ -118,19 +129,19 @@ class Pftrack(BaseTracker):
         pyramid = ImagePyramid(image)
         shift = self._camera_shift(pyramid, image)
         found = self._search(pyramid, image, shift)
-        if self._usual is None:
-            self._usual = (found.peak, found.colour)
-        peak, colour = self._usual
-        occluded = found.peak < p.occlusion_peak * peak and found.colour < p.occlusion_colour * colour
-        confidence = min(max(found.peak / max(peak, 1e-6), 0.0), 1.0)
-        if occluded:
-            self._centre = _inside(self._centre + shift, image)
-        else:
-            self._centre = found.centre
-            self._usual = (peak + SLOW * (found.peak - peak), colour + SLOW * (found.colour - colour))
+        now = np.array([found.score, found.peak, found.colour])
+        usual = now if self._usual is None else self._usual
+        unseen, weak, recoloured = now < usual * (p.occlusion_hold, p.occlusion_peak, p.occlusion_colour)
+        occluded = bool(weak and recoloured)
+        carried = self._centre + shift
+        self._centre = _inside(carried, image) if occluded and unseen else found.centre
+        if not occluded:
+            self._velocity = 0.5 * (self._velocity + found.centre - carried)
+            self._usual = usual + SLOW * (now - usual)
             if p.scale_count > 1 and self._frame % p.scale_interval == 0:
                 self._rescale(pyramid, image)
             self._learn(pyramid)
+        confidence = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
         size = self._scale * self._size
         return Estimate(np.concatenate([self._centre - 0.5 * size, size]), confidence, occluded)
 
@@ -140,18 +151,17 @@ class Pftrack(BaseTracker):
         return self._camera.shift(pyramid, image.shape[1], image.shape[0])
 
     def _search(self, pyramid: ImagePyramid, image: Image, shift: FloatArray) -> Match:
-        """The best match from where the target was, and from where the camera's motion takes that place."""
-        side, reach = self._scale * self._side, 0.15 * self._scale * math.sqrt(float(self._size.prod()))
-        best: Match | None = None
-        start = self._centre
-        for place in (self._centre + shift, self._centre):
-            if best is not None and math.hypot(*shift) <= reach:
-                break
+        """The best match from where the camera's motion takes the target, where it was, and where it was going."""
+        side, apart = self._scale * self._side, APART * self._scale * math.sqrt(float(self._size.prod()))
+        carried = self._centre + shift
+        starts = [_inside(carried, image)]
+        for place in (self._centre, carried + self.params.momentum * self._velocity):
             inside = _inside(place, image)
-            found = self._match(pyramid, image, inside)
-            if best is None or found.score > best.score:
-                best, start = found, inside
-        assert best is not None
+            if min(math.hypot(*(inside - other)) for other in starts) > apart:
+                starts.append(inside)
+        matches = [self._match(pyramid, image, start) for start in starts]
+        chosen = max(range(len(matches)), key=lambda k: matches[k].score)
+        start, best = starts[chosen], matches[chosen]
         # Hann's window weakens a target far from the centre.
         if math.hypot(*(best.centre - start)) > self.params.recentre * side:
             again = self._match(pyramid, image, best.centre)
