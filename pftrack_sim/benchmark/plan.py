@@ -24,6 +24,8 @@ from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.ranges import is_range
 from pftrack_sim.scenario.section import NotNegative, Section
 
+MAX_EPISODES = 10_000_000
+
 EpisodeKind: TypeAlias = Literal["open", "follow"]
 """`"open"`: the robot follows its script, and all trackers share the frames. `"follow"`: a tracker drives the robot in
 closed loop, and each has its own episode."""
@@ -218,6 +220,9 @@ class Plan(Section):
             ],
             "tracker": [(tracker.label, (tracker.label,)) for tracker in self.trackers],
         }
+        count = sum(sweep.episode_count for sweep in self.sweeps) * max(len(self.trackers), 1)
+        if count > MAX_EPISODES:
+            raise ValueError(f"a plan has at most {MAX_EPISODES} episodes, got {count}")
         for kind, given in named.items():
             if not given:
                 raise ValueError(f"a plan needs at least one {kind}")

@@ -25,6 +25,7 @@ from pftrack_sim.controllers import code_digest as controller_code
 from pftrack_sim.controllers import make as make_controller
 from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.trackers import code_digest as tracker_code
@@ -34,6 +35,11 @@ CLOSED_LOOP_TRACKERS = ("oracle",)
 CONTROLLERS = ("servo-avoid",)
 SEEDS = (0, 1, 2)
 """Defaults of scenarios without a suite."""
+
+MAX_SEEDS = 1_000_000
+MAX_CONDITIONS = 10_000
+_MAX_DIGITS = 18
+"""Bounds of a plan."""
 
 
 def make_plan(
@@ -235,6 +241,9 @@ def _check_axis(axis: str) -> None:
 
 
 def _conditions(axes: Mapping[str, Sequence[float]], variant: str) -> Iterator[Condition]:
+    count = math.prod(len(levels) for levels in axes.values())
+    if count > MAX_CONDITIONS:
+        raise ParameterError(f"the levels of the axes make {count} conditions: at most {MAX_CONDITIONS} are run")
     for levels in itertools.product(*axes.values()):
         yield Condition(levels=tuple(zip(axes, (float(level) for level in levels), strict=True)), variant=variant)
 
@@ -251,7 +260,12 @@ def parse_seeds(text: str) -> list[int]:
     seeds: list[int] = []
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d+)\s*(?::\s*(\d+)\s*)?", part)
+        if match and max(len(number) for number in match.groups() if number) > _MAX_DIGITS:
+            raise ParameterError(f"a seed has at most {_MAX_DIGITS} digits")
         if not match or (match[2] is not None and int(match[2]) <= int(match[1])):
-            raise ParameterError(f"seeds are written 3, 0:20 (20 excluded) or 1,5,9; got {text!r}")
-        seeds += range(int(match[1]), int(match[2])) if match[2] is not None else [int(match[1])]
+            raise ParameterError(f"seeds are written 3, 0:20 (20 excluded) or 1,5,9; got {one_line(text, 60)!r}")
+        first, end = int(match[1]), int(match[2] or int(match[1]) + 1)
+        if len(seeds) + end - first > MAX_SEEDS:
+            raise ParameterError(f"a run has at most {MAX_SEEDS} seeds; got {one_line(text, 60)!r}")
+        seeds += range(first, end)
     return seeds

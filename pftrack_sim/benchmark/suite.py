@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -15,6 +14,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
+from pftrack_sim.core.inputs import is_file
+from pftrack_sim.scenario.load import read_toml
 from pftrack_sim.scenario.section import NotNegative, Positive, Section, Share
 from pftrack_sim.scenario.validation import problems
 
@@ -151,11 +152,11 @@ def is_suite(name: str) -> bool:
     if name in suite_names():
         return True
     path = Path(name)
-    if path.suffix != ".toml" or not path.is_file():
+    if path.suffix != ".toml" or not is_file(path):
         return False
     try:
-        return "run" in tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return "run" in read_toml(path, name)
+    except ScenarioError:
         return False  # reported when it is read as a scenario
 
 
@@ -171,14 +172,9 @@ def load_suite(name: str | Path) -> Suite:
     """
     shipped = envs_dir() / "suites" / f"{name}.toml"
     path = shipped if str(name) in suite_names() else Path(name)
-    if not path.is_file():
+    if not is_file(path):
         raise UnknownNameError("suite", str(name), suite_names())
-    try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(str(name), [f"not valid TOML: {error}"]) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(str(name), [f"cannot be read: {error}"]) from None
+    tree = read_toml(path, str(name))
     return make_suite(str(name), tree)
 
 

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.inputs import parse_toml
+from pftrack_sim.core.text import one_line
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import TrackerSpec
@@ -94,9 +96,11 @@ def parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, dic
 
 def _value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        return parse_toml(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
+    except ValueError as error:
+        raise ParameterError(f"{one_line(text, 60)}: {error}") from None
 
 
 def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[TrackerSpec]:

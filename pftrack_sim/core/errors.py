@@ -9,6 +9,11 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 
+from pftrack_sim.core.text import printable
+
+_LONGEST_NAME = 200
+"""Characters of a name for which a similar one is looked up: the search takes the square of them."""
+
 
 class PftrackError(Exception):
     """Base of every error that a user's input can cause."""
@@ -19,6 +24,7 @@ class UnknownNameError(PftrackError):
 
     def __init__(self, kind: str, given: object, allowed: Iterable[str], hint: str = "") -> None:
         names = sorted(allowed)
+        given = printable(given, 200) if isinstance(given, str) else given
         listed = ", ".join(names) if names else "none"
         super().__init__(f"unknown {kind} {given!r}{did_you_mean(str(given), names)} (known: {listed}{hint})")
         self.kind = kind
@@ -92,5 +98,7 @@ def did_you_mean(given: str, allowed: Iterable[str]) -> str:
     >>> did_you_mean("ko2021", ["ko2012", "stay"])
     "; did you mean 'ko2012'?"
     """
+    if len(given) > _LONGEST_NAME:
+        return ""
     near = difflib.get_close_matches(given, list(allowed), n=1, cutoff=0.5)
     return f"; did you mean {near[0]!r}?" if near else ""

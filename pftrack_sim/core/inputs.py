@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import stat
 import tomllib
 from collections.abc import Mapping
@@ -17,6 +18,9 @@ MAX_DEPTH = 24
 MAX_VALUES = 20_000
 MAX_TEXT = 2_000
 """Bounds of a tree of settings: levels, values and keys, characters of a text."""
+
+_KEY_PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
+_LONG_KEY = re.compile(f"(?:{_KEY_PART}){{{MAX_DEPTH}}}", re.ASCII)
 
 
 def is_file(path: Path) -> bool:
@@ -53,6 +57,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     Raises:
         ValueError: It is not TOML, or too large or too deep.
     """
+    # The parser takes the square of a key's parts.
+    if _LONG_KEY.search(text):
+        raise ValueError(f"nested more than {MAX_DEPTH} levels deep")
     try:
         tree = tomllib.loads(text)
     except RecursionError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import importlib.util
 from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
@@ -68,8 +69,7 @@ def own_style() -> Generator[None]:
         ParameterError: matplotlib is not installed.
     """
     require_matplotlib()
-    import matplotlib as mpl
-
+    mpl: Any = importlib.import_module("matplotlib")
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams["svg.hashsalt"] = "pftrack_sim"

@@ -32,7 +32,9 @@ class Turn(Section):
 
     kind: Literal["turn"]
     at_s: _At
-    duration_s: Annotated[float, Field(ge=4.2)] = Field(default=5.2, description="Slowing down and turns included.")
+    duration_s: Annotated[float, Field(ge=4.2, le=3600.0)] = Field(
+        default=5.2, description="Slowing down and turns included."
+    )
 
     @property
     def back_m(self) -> float:
@@ -64,7 +66,9 @@ class Face(Section):
 
     kind: Literal["face"]
     at_s: _At
-    duration_s: Annotated[float, Field(ge=3.2)] = Field(default=4.5, description="Slowing down and turns included.")
+    duration_s: Annotated[float, Field(ge=3.2, le=3600.0)] = Field(
+        default=4.5, description="Slowing down and turns included."
+    )
     towards: Literal["camera", "away", "left", "right"] = Field(
         default="camera", description="Where the front of the body points, as seen in the image."
     )
@@ -87,7 +91,9 @@ class Crouch(_Lowering):
 
     kind: Literal["crouch"]
     at_s: _At
-    duration_s: Annotated[float, Field(ge=2.8)] = Field(default=3.8, description="Slowing down and rising included.")
+    duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(
+        default=3.8, description="Slowing down and rising included."
+    )
 
 
 class Bend(_Lowering):
@@ -95,7 +101,9 @@ class Bend(_Lowering):
 
     kind: Literal["bend"]
     at_s: _At
-    duration_s: Annotated[float, Field(ge=2.8)] = Field(default=3.8, description="Slowing down and rising included.")
+    duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(
+        default=3.8, description="Slowing down and rising included."
+    )
 
 
 class Gesture(Section):
@@ -103,7 +111,7 @@ class Gesture(Section):
 
     kind: Literal["wave", "look_around"]
     at_s: _At
-    duration_s: Annotated[float, Field(ge=2.8)] = Field(default=4.0, description="Slowing down included.")
+    duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(default=4.0, description="Slowing down included.")
 
 
 class Run(Section):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import tomllib
 import typing
 from collections.abc import Mapping
@@ -15,11 +16,19 @@ from pydantic import ValidationError
 
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
+from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, parse_toml, read_bytes
+from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ranges
 from pftrack_sim.scenario.frame_delivery import frame_count
 from pftrack_sim.scenario.model import LightChange, ResolvedScenario, Route
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 from pftrack_sim.scenario.validation import problems
+
+MAX_FILE_BYTES = 256 * 1024
+MAX_OVERRIDES = 1000
+MAX_ALTERNATIVES = 2000
+MAX_PROBLEMS = 40
+"""Bounds of a scenario's file, its overrides, the ends and alternatives of its ranges, and the problems listed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,18 +92,24 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
     if isinstance(scenario, Scenario):
         loaded = scenario
     elif isinstance(scenario, Mapping):
+        _check_tree("custom", scenario)
         loaded = Scenario("custom", ranges.replaced(scenario, {}))
     else:
         loaded = _read(scenario)
     tree = loaded.tree
     errors: list[str] = []
+    if len(overrides or {}) > MAX_OVERRIDES:
+        raise ScenarioError(loaded.name, [f"at most {MAX_OVERRIDES} overrides, got {len(overrides or {})}"])
     for key, value in (overrides or {}).items():
         tree, error = _set(tree, key, value)
         errors += [error] if error else []
+    if overrides:
+        _check_tree(loaded.name, tree)
     # An override that shortens an episode cuts its actions off.
     errors += _problems(tree, whole="duration_s" not in (overrides or {}))
     if errors:
-        raise ScenarioError(loaded.name, errors)
+        more = [f"and {len(errors) - MAX_PROBLEMS} more"] if len(errors) > MAX_PROBLEMS else []
+        raise ScenarioError(loaded.name, [*errors[:MAX_PROBLEMS], *more])
     return Scenario(loaded.name, tree)
 
 
@@ -104,22 +119,45 @@ def _read(scenario: str | Path) -> Scenario:
         path, name = shipped, scenario
     else:
         path, name = Path(scenario), str(scenario)
-        if not path.is_file():
-            if path.suffix == ".toml" or path.is_dir():
-                raise ScenarioError(name, ["no such file" if not path.is_dir() else "is a folder, not a TOML file"])
+        if "\0" in name or not os.path.lexists(path):
+            if path.suffix == ".toml":
+                raise ScenarioError(one_line(name), ["no such file"])
             raise UnknownNameError("scenario", name, names())
+        if path.is_dir():
+            raise ScenarioError(name, ["is a folder, not a TOML file"])
+    return Scenario(name, read_toml(path, name))
+
+
+def read_toml(path: Path, name: str) -> Tree:
+    """Read a TOML file of bounded size and depth; `name` is named in the message.
+
+    Raises:
+        ScenarioError: It cannot be read, or is not TOML.
+    """
     try:
-        return Scenario(name, tomllib.loads(path.read_text(encoding="utf-8")))
+        return parse_toml(read_bytes(path, MAX_FILE_BYTES).decode())
+    except UnicodeDecodeError:
+        raise ScenarioError(one_line(name), ["cannot be read: it is no UTF-8 text"]) from None
     except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(name, [f"not valid TOML: {error}"]) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(name, [f"cannot be read: {error}"]) from None
+        raise ScenarioError(one_line(name), [f"not valid TOML: {one_line(str(error))}"]) from None
+    except (OSError, ValueError) as error:
+        text = error.strerror if isinstance(error, OSError) else one_line(str(error))
+        raise ScenarioError(one_line(name), [f"cannot be read: {text}"]) from None
+
+
+def _check_tree(name: str, tree: object) -> None:
+    try:
+        check_tree(tree)
+    except ValueError as error:
+        raise ScenarioError(name, [str(error)]) from None
 
 
 def _set(tree: Tree, key: str, value: object) -> tuple[Tree, str | None]:
     """Copy of the tree with one dotted key set, or the same tree and an error message."""
     copied = cast("Tree", ranges.replaced(tree, {}))
     parts = key.split(".")
+    if len(parts) > MAX_DEPTH or len(key) > MAX_TEXT:
+        return tree, f"{one_line(key, 60)}: a key of more than {MAX_DEPTH} levels or {MAX_TEXT} characters"
     node: Any = copied
     for position, part in enumerate(parts):
         last = position == len(parts) - 1
@@ -164,10 +202,15 @@ def _problems(tree: Tree, *, whole: bool) -> list[str]:
             spans.append((path, list(next(iter(value.values())))))
     if found:
         return found
+    count = sum(len(values) for _, values in spans)
+    if count > MAX_ALTERNATIVES:
+        return [f"the ranges have {count} ends and alternatives together: at most {MAX_ALTERNATIVES} are checked"]
     base = {path: values[0] for path, values in spans}
     # Every end of every range must be valid on its own, so that validity does not depend on the seed.
     trials = [base] + [{**base, path: value} for path, values in spans for value in values[1:]]
     for trial in trials:
+        if len(found) > MAX_PROBLEMS:
+            break
         candidate = ranges.replaced(tree, trial)
         try:
             settings = ResolvedScenario.model_validate(candidate)

@@ -6,6 +6,8 @@ x forward at the robot's start. The JSON Schema for editors is derived from thes
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
@@ -13,7 +15,7 @@ from pydantic import Field, model_validator
 from pftrack_sim.scenario.actions import Action, end_s, overlap_problem, title
 from pftrack_sim.scenario.axes import Axes
 from pftrack_sim.scenario.carried import Carried, carrying_problem
-from pftrack_sim.scenario.section import NotNegative, Point, Positive, Section, Share
+from pftrack_sim.scenario.section import Angle, Coordinate, NotNegative, Point, Positive, Seconds, Section, Share
 from pftrack_sim.scenario.teleoperation import Operator, Sills
 
 
@@ -29,14 +31,16 @@ class StillRoute(Section):
 
     kind: Literal["still"]
     start_m: Point = Field(default=(0.0, 0.0), description="Position of the robot.")
-    heading_deg: float = Field(default=0.0, description="Heading; 0 is +x, counter-clockwise.")
+    heading_deg: Angle = Field(default=0.0, description="Heading; 0 is +x, counter-clockwise.")
 
 
 class WaypointRoute(Section):
     """The robot drives through points, then stops."""
 
     kind: Literal["waypoints"]
-    points_m: Annotated[tuple[Point, ...], Field(min_length=2)] = Field(description="Points to drive through.")
+    points_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=1000)] = Field(
+        description="Points to drive through."
+    )
     speed_m_s: Positive = Field(default=0.8, description="Cruising speed.")
 
 
@@ -45,7 +49,7 @@ class TrailRoute(Section):
 
     kind: Literal["trail"]
     distance_m: Positive = Field(default=3.5, description="Distance kept behind the target, along its path.")
-    offset_m: float = Field(default=0.0, description="Sideways offset from the target's path; positive is left.")
+    offset_m: Coordinate = Field(default=0.0, description="Sideways offset from the target's path; positive is left.")
 
 
 class BesideRoute(Section):
@@ -54,7 +58,9 @@ class BesideRoute(Section):
     kind: Literal["beside"]
     distance_m: Positive = Field(default=3.0, description="Sideways distance from the target's path.")
     side: Literal["left", "right"] = Field(default="right", description="On which side of the target the robot drives.")
-    lead_m: float = Field(default=0.0, description="How far ahead of the target along its path; negative is behind.")
+    lead_m: Coordinate = Field(
+        default=0.0, description="How far ahead of the target along its path; negative is behind."
+    )
 
 
 Route: TypeAlias = Annotated[StillRoute | WaypointRoute | TrailRoute | BesideRoute, Field(discriminator="kind")]
@@ -165,7 +171,7 @@ class Lights(Section):
 
     shadows: bool = Field(default=True, description="Whether the main light casts shadows.")
     ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(default=0.0, description="All light, in stops; -1 halves it.")
-    sun_azimuth_deg: float = Field(default=40.0, description="Azimuth of the sun; 0 is +x, counter-clockwise.")
+    sun_azimuth_deg: Angle = Field(default=40.0, description="Azimuth of the sun; 0 is +x, counter-clockwise.")
     sun_elevation_deg: Annotated[float, Field(ge=5.0, le=90.0)] = Field(default=48.0, description="Sun's elevation.")
     patches: Annotated[float, Field(ge=0.0, le=0.9)] = Field(
         default=0.0,
@@ -175,18 +181,23 @@ class Lights(Section):
     patch_m: Annotated[float, Field(ge=0.5, le=20.0)] = Field(
         default=3.0, description="Mean size of a tree's crown or window that makes the patches."
     )
-    schedule: tuple[LightChange, ...] = Field(default=(), description="Changes over time; their stops add up.")
+    schedule: tuple[LightChange, ...] = Field(
+        default=(), max_length=1000, description="Changes over time; their stops add up."
+    )
+
+
+MAX_PATH_M = 2000.0
 
 
 class Target(Section):
     """The person to track."""
 
-    path_m: Annotated[tuple[Point, ...], Field(min_length=2)] = Field(
+    path_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=1000)] = Field(
         description="Points the target walks through; corners are rounded. It stops at the last one."
     )
     speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=1.25, description="Walking speed.")
     height_m: Annotated[float, Field(ge=1.4, le=2.1)] = Field(default=1.74, description="Body height.")
-    wardrobe: Annotated[int, Field(ge=0)] = Field(
+    wardrobe: Annotated[int, Field(ge=0, le=10_000)] = Field(
         default=0,
         description="Number of the set of random clothes and builds: scenarios with different numbers show different "
         "people at the same seed.",
@@ -201,9 +212,20 @@ class Target(Section):
         description="Gait phase in the first frame, in which the target is selected: 'median': one at which the box "
         "has its median width over a stride; 'any': drawn from the seed.",
     )
-    actions: tuple[Action, ...] = Field(default=(), description="What it does on its way, one thing at a time.")
+    actions: tuple[Action, ...] = Field(
+        default=(), max_length=1000, description="What it does on its way, one thing at a time."
+    )
 
-    carries: tuple[Carried, ...] = Field(default=(), description="What it carries, or picks up on its way.")
+    carries: tuple[Carried, ...] = Field(
+        default=(), max_length=100, description="What it carries, or picks up on its way."
+    )
+
+    @model_validator(mode="after")
+    def _path_can_be_walked(self) -> Target:
+        length_m = sum(math.dist(one, other) for one, other in pairwise(self.path_m))
+        if length_m > MAX_PATH_M:
+            raise ValueError(f"path_m must be at most {MAX_PATH_M:g} m long, got {length_m:g} m")
+        return self
 
     @model_validator(mode="after")
     def _actions_are_possible(self) -> Target:
@@ -259,7 +281,7 @@ class Follow(Section):
 class ResolvedScenario(Section):
     """Scenario of one episode with every range drawn; created by `Scenario.resolve(seed)`."""
 
-    version: Annotated[int, Field(ge=1)] = Field(
+    version: Annotated[int, Field(ge=1, le=10_000)] = Field(
         default=1, description="Raised when frames or truth of the scenario change."
     )
     title: str = Field(description="One line for lists.")
@@ -267,7 +289,7 @@ class ResolvedScenario(Section):
         default="easy",
         description="'easy': calm; 'real': as hard as recorded video (docs/profile.md); 'hard': harder.",
     )
-    duration_s: Positive = Field(default=12.0, description="Length of an episode.")
+    duration_s: Seconds = Field(default=12.0, description="Length of an episode.")
     place: Place
     robot: Robot
     camera: Camera = Camera()
@@ -277,7 +299,7 @@ class ResolvedScenario(Section):
     lights: Lights = Lights()
     target: Target
     distractors: Distractors = Distractors()
-    occluders: tuple[Occluder, ...] = Field(default=(), description="Occlusions, each at its time.")
+    occluders: tuple[Occluder, ...] = Field(default=(), max_length=32, description="Occlusions, each at its time.")
     follow: Follow = Follow()
 
     def late_actions(self) -> list[str]:

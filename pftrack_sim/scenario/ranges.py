@@ -18,6 +18,9 @@ Tree: TypeAlias = dict[str, Any]
 KeyPath: TypeAlias = tuple[str | int, ...]
 
 KINDS = ("uniform", "integer", "choice")
+MAX_CHOICES = 1000
+MOST = 1e9
+"""Number of alternatives of a choice, and largest end of a range: drawing beyond would overflow."""
 
 
 def dotted(path: KeyPath) -> str:
@@ -51,13 +54,17 @@ def problem(value: Mapping[str, Any]) -> str | None:
     if not isinstance(given, Sequence) or isinstance(given, str) or len(cast("Sequence[object]", given)) == 0:
         return f"{kind} needs a list, got {given!r}"
     items = cast("Sequence[object]", given)
+    if len(items) > MAX_CHOICES:
+        return f"{kind} takes at most {MAX_CHOICES} values, got {len(items)}"
     if kind == "choice":
-        return None
+        return "a choice cannot hold ranges" if next(walk(items), None) is not None else None
     wanted = (int,) if kind == "integer" else (int, float)
     if len(items) != 2 or not all(isinstance(item, wanted) and not isinstance(item, bool) for item in items):
         noun = "whole numbers" if kind == "integer" else "numbers"
-        return f"{kind} needs [low, high], two {noun}, got {list(items)!r}"
+        return f"{kind} needs [low, high], two {noun}, got {list(items[:3])!r}"
     low, high = cast("tuple[float, float]", tuple(items))
+    if not (abs(low) <= MOST and abs(high) <= MOST):
+        return f"{kind} takes numbers from {-MOST:g} to {MOST:g}"
     if not low <= high:
         return f"{kind} needs low <= high, got {list(items)!r}"
     return None

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias, cast
 
 from pydantic import Field, model_validator
 
-from pftrack_sim.scenario.section import Positive, Section
+from pftrack_sim.scenario.section import Section
 
 Character: TypeAlias = Literal["steady", "careful", "average", "hasty"]
 
@@ -126,14 +126,14 @@ class Operator(Section):
         default=1.0,
         description="Largest over smallest distance kept from the target; the route's is their geometric mean.",
     )
-    distance_period_s: Annotated[float, Field(ge=2.0)] = Field(
+    distance_period_s: Annotated[float, Field(ge=2.0, le=3600.0)] = Field(
         default=20.0, description="Mean time from near to far and back, within 20 %."
     )
     swing_m: Annotated[float, Field(ge=0.0, le=3.0)] = Field(
         default=0.0,
         description="How far the base swings wide of its route, to each side in turn: up to this, where there is room.",
     )
-    swing_every_m: Annotated[float, Field(ge=2.0)] = Field(
+    swing_every_m: Annotated[float, Field(ge=2.0, le=3600.0)] = Field(
         default=8.0, description="Mean distance from one swing to the left to the next."
     )
 
@@ -153,4 +153,6 @@ class Sills(Section):
     height_mm: Annotated[float, Field(ge=0.0, le=15.0)] = Field(
         default=0.0, description="Height; thresholds of doors have up to 13 (ADA Standards 2010, 404.2.5)."
     )
-    every_m: Positive = Field(default=4.0, description="Mean way from one to the next, within 30 %.")
+    every_m: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
+        default=4.0, description="Mean way from one to the next, within 30 %."
+    )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, cast
+from typing import Annotated, ClassVar, cast
 
 from pydantic import Field, model_validator
 
-from pftrack_sim.scenario.section import NotNegative, Section
+from pftrack_sim.scenario.section import Section
 
 
 class Axis(Section):
@@ -30,7 +30,7 @@ class Axis(Section):
     law: ClassVar[str]
     source: ClassVar[str]
 
-    severity: NotNegative = Field(
+    severity: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
         default=0.0,
         description="0: the base scenario to the bit; 1: typical; 2: twice that. 1 where only parameters are given.",
     )

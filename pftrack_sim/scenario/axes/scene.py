@@ -146,7 +146,7 @@ class TargetAxis(Axis):
     )
 
     per_minute: NotNegative = Field(default=12.0, description="Manoeuvres a minute at severity 1; 0 for none.")
-    manoeuvres: Annotated[tuple[Manoeuvre, ...], Field(min_length=1)] = Field(
+    manoeuvres: Annotated[tuple[Manoeuvre, ...], Field(min_length=1, max_length=100)] = Field(
         default=("stop", "run", "crouch", "turn"),
         description="In this order, over and over. 'stop': stands still for a while; 'turn': faces about on the spot, "
         "walks back, and faces about again; 'crouch': stops, squats and rises; 'run': runs for a while.",
@@ -221,7 +221,7 @@ class LightAxis(Axis):
         "tungsten. Flicker and pools are chosen; Kim et al. 2002, US 7024034 (Planckian locus)"
     )
 
-    parts: Annotated[tuple[Part, ...], Field(min_length=1)] = Field(
+    parts: Annotated[tuple[Part, ...], Field(min_length=1, max_length=100)] = Field(
         default=("change", "colour", "flicker", "pools"), description="Which changes; the others are left out."
     )
     lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change their brightness.")

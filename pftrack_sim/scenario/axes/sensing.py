@@ -11,6 +11,7 @@ from pftrack_sim.scenario.axes.base import Axis
 from pftrack_sim.scenario.section import NotNegative, Positive
 
 Source: TypeAlias = Literal["wind", "ground", "road"]
+_Coefficient: TypeAlias = Annotated[float, Field(ge=-10.0, le=10.0)]
 RoadClass: TypeAlias = Literal["A", "B", "C", "D", "E"]
 
 
@@ -31,7 +32,7 @@ class JitterAxis(Axis):
         "standard deviations"
     )
 
-    sources: Annotated[tuple[Source, ...], Field(min_length=1)] = Field(
+    sources: Annotated[tuple[Source, ...], Field(min_length=1, max_length=8)] = Field(
         default=("wind", "ground", "road"), description="Active sources."
     )
     wind_rms_deg: NotNegative = Field(default=0.5, description="Gusts: RMS of each of pitch, yaw and roll.")
@@ -117,11 +118,11 @@ class DistortionAxis(Axis):
         "image of 50 deg"
     )
 
-    k1: float = Field(default=-0.125, description="Radial, r^2: negative is a barrel, positive a cushion.")
-    k2: float = Field(default=0.04, description="Radial, r^4.")
-    p1: float = Field(default=0.0, description="Tangential: the sensor is tilted about the horizontal.")
-    p2: float = Field(default=0.0, description="Tangential: the sensor is tilted about the vertical.")
-    k3: float = Field(default=0.0, description="Radial, r^6.")
+    k1: _Coefficient = Field(default=-0.125, description="Radial, r^2: negative is a barrel, positive a cushion.")
+    k2: _Coefficient = Field(default=0.04, description="Radial, r^4.")
+    p1: _Coefficient = Field(default=0.0, description="Tangential: the sensor is tilted about the horizontal.")
+    p2: _Coefficient = Field(default=0.0, description="Tangential: the sensor is tilted about the vertical.")
+    k3: _Coefficient = Field(default=0.0, description="Radial, r^6.")
 
     @property
     def coefficients(self) -> tuple[float, float, float, float, float]:
@@ -193,7 +194,7 @@ class StreamAxis(Axis):
     dropped_share: Annotated[float, Field(ge=0.0, le=MOST_DROPPED)] = Field(
         default=0.1, description="Share of the frames sent that are lost, in the long run."
     )
-    burst_frames: Annotated[float, Field(ge=1.0)] = Field(
+    burst_frames: Annotated[float, Field(ge=1.0, le=1000.0)] = Field(
         default=3.0, description="Mean number of frames lost in a row."
     )
     rate_hz: Positive = Field(

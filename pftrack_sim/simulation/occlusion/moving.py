@@ -183,7 +183,9 @@ def _candidates(
             cost += 2.0 * max(0.0, WALL_GAP_M - float(clearance.min()))
             cost += _side_effect_cost(crossing, run, start_s, times, track)
             covering = (times <= until_s) & (times >= occluder.at_s)
-            yield _Candidate(crossing, cost, bool(clearance[covering].min() < mover.min_gap_m))
+            # A cover that is shorter than a step has no sample of its own.
+            narrow = bool((clearance[covering] < mover.min_gap_m).any())
+            yield _Candidate(crossing, cost, narrow)
 
 
 def _course_cost(crossing: Crossing, track: FloatArray, target: FloatArray, clearance: FloatArray) -> float:
