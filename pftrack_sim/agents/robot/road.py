@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes.sensing import JitterAxis
 from pftrack_sim.scenario.teleoperation import Sills
 from pftrack_sim.scene.robot import (
@@ -60,7 +60,7 @@ def sill_profile(sills: Sills, rng: np.random.Generator) -> FloatArray:
     way = np.arange(round(LOOP_M / _SAMPLE_M)) * _SAMPLE_M
     heights = np.zeros(way.size)
     at_m = sills.every_m * rng.uniform(0.5, 1.0)
-    while at_m < LOOP_M - SILL_WIDTH_M:
+    while at_m < LOOP_M - 1.0:  # None where the road begins again: there stands the robot at the start
         beyond = np.maximum(np.abs(way - at_m) - 0.5 * SILL_WIDTH_M, 0.0)
         rise = np.sqrt(np.maximum(radius**2 - beyond**2, 0.0)) - (radius - height)
         heights = np.maximum(heights, rise)
@@ -73,11 +73,13 @@ class RoadExcitation:
 
     def __init__(self, model: mujoco.MjModel, axis: JitterAxis, sills: Sills, seed: int) -> None:
         tracks = [road_profile(axis.road_class, stream(seed, "jitter", "road", side)) for side in ("left", "right")]
-        # Casters run between the wheels' tracks.
-        self._heights = axis.roughness * np.stack([*tracks, 0.5 * (tracks[0] + tracks[1])])
-        self._slopes = _slopes(self._heights)
-        self._sills = sill_profile(sills, stream(seed, "sills"))[None] if sills.height_mm > 0.0 else None
-        self._sill_slopes = _slopes(self._sills) if self._sills is not None else None
+        # Casters run between the wheels' tracks. Both wheels meet a sill at once, however the robot has turned.
+        rough = axis.roughness * np.stack([*tracks, 0.5 * (tracks[0] + tracks[1])])
+        self._track, self._heights = np.array([0, 1, 2, 2]), rough
+        if sills.height_mm > 0.0:
+            self._track = np.array([0, 1, 2, 2, 3, 3, 3, 3])
+            self._heights = np.concatenate([rough, sill_profile(sills, stream(seed, "sills"))[None]])
+        self._slopes = (np.roll(self._heights, -1, axis=1) - self._heights) / _SAMPLE_M
         axles = [model.joint(f"robot/axle-{side}") for side in ("left", "right")]
         self._axle_qpos = np.array([joint.qposadr[0] for joint in axles])
         self._axle_dofs = np.array([joint.dofadr[0] for joint in axles])
@@ -85,8 +87,7 @@ class RoadExcitation:
         self._suspension_dofs = np.array([model.joint(f"robot/suspension-{end}").dofadr[0] for end in ends])
         self._spring = np.repeat([WHEEL_SPRING_N_M, CASTER_SPRING_N_M], 2)
         self._damper = np.repeat([WHEEL_DAMPING_NS_M, CASTER_DAMPING_NS_M], 2)
-        self._track = np.array([0, 1, 2, 2])
-        self._ahead_m = np.array([0.0, 0.0, CASTER_ARM_M, -CASTER_ARM_M])
+        self._ahead_m = np.tile([0.0, 0.0, CASTER_ARM_M, -CASTER_ARM_M], len(self._track) // 4)
 
     def write(self, data: mujoco.MjData) -> None:
         """Set the forces for the coming physics step."""
@@ -98,24 +99,13 @@ class RoadExcitation:
         left, right = (WHEEL_RADIUS_M * data.qpos[self._axle_qpos]).tolist()
         left_m_s, right_m_s = (WHEEL_RADIUS_M * data.qvel[self._axle_dofs]).tolist()
         middle, middle_m_s = 0.5 * (left + right), 0.5 * (left_m_s + right_m_s)
-        speed = np.array([left_m_s, right_m_s, middle_m_s, middle_m_s])
-        distance = np.array([left, right, middle, middle]) + self._ahead_m
-        height, slope = _interpolated(self._heights, self._slopes, self._track, distance)
-        if self._sills is not None and self._sill_slopes is not None:
-            # Both wheels meet a sill at once, however the robot has turned.
-            sill, sill_slope = _interpolated(self._sills, self._sill_slopes, 0, middle + self._ahead_m)
-            return height + sill, slope * speed + sill_slope * middle_m_s
-        return height, slope * speed
-
-
-def _slopes(heights: FloatArray) -> FloatArray:
-    return (np.roll(heights, -1, axis=1) - heights) / _SAMPLE_M
-
-
-def _interpolated(
-    heights: FloatArray, slopes: FloatArray, track: IntArray | int, distance_m: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    sample = np.mod(distance_m, LOOP_M) / _SAMPLE_M
-    index = sample.astype(np.intp) % heights.shape[1]
-    slope = slopes[track, index]
-    return heights[track, index] + slope * (sample - np.floor(sample)) * _SAMPLE_M, slope
+        count = len(self._track)
+        distance = np.array([left, right, *[middle] * (count - 2)]) + self._ahead_m
+        sample = np.mod(distance, LOOP_M) / _SAMPLE_M
+        index = sample.astype(np.intp) % self._heights.shape[1]
+        slope = self._slopes[self._track, index]
+        height = self._heights[self._track, index] + slope * (sample - np.floor(sample)) * _SAMPLE_M
+        rate = slope * np.array([left_m_s, right_m_s, *[middle_m_s] * (count - 2)])
+        if count > 4:
+            return height[:4] + height[4:], rate[:4] + rate[4:]
+        return height, rate
