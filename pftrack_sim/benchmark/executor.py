@@ -218,9 +218,8 @@ def _run(job: EpisodeJob) -> EpisodeFiles:
     return run_episode(job, lambda: _count_frame())
 
 
-def _initialise(shared: Any, index: int) -> None:
-    """Prepare a worker process."""
-    global _count_frame
+def prepare_worker() -> None:
+    """Prepare a worker process: it ignores Ctrl-C, ends with its parent, and draws with one core."""
     # Ctrl-C reaches the whole process group; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
@@ -232,6 +231,12 @@ def _initialise(shared: Any, index: int) -> None:
     import cv2
 
     cv2.setNumThreads(1)
+
+
+def _initialise(shared: Any, index: int) -> None:
+    """Prepare a worker process that counts its frames."""
+    global _count_frame
+    prepare_worker()
 
     def count() -> None:
         shared[2 * index] += 1

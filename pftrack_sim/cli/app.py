@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from pftrack_sim.cli import reading, running, tables
+from pftrack_sim.cli.export import export
 from pftrack_sim.cli.options import Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.profile import profile
 from pftrack_sim.cli.progress import progress_bar
@@ -131,6 +132,7 @@ for name, command in {
     "bench": running.bench,
     "follow": running.follow,
     "evaluate": running.evaluate,
+    "export": export,
     "compare": reading.compare,
     "report": reading.report,
     "query": reading.query,

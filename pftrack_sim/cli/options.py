@@ -58,6 +58,14 @@ SequenceLayout = Annotated[
     str | None,
     typer.Option("--format", metavar="LAYOUT", help="otb, lasot, got10k, vot or mot; default: found by its files."),
 ]
+AxisLevels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--axis",
+        metavar="AXIS=0,1,2",
+        help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated.",
+    ),
+]
 Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")]
 Workers = Annotated[int | None, typer.Option(min=0, help="Worker processes; default: one per core.")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]

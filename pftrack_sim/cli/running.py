@@ -9,6 +9,7 @@ import typer
 
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import (
+    AxisLevels,
     Backend,
     BenchPreset,
     BenchSeeds,
@@ -44,14 +45,7 @@ def bench(
     scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
     trackers: BenchTrackers = None,
     seeds: BenchSeeds = None,
-    axis: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--axis",
-            metavar="AXIS=0,1,2",
-            help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated.",
-        ),
-    ] = None,
+    axis: AxisLevels = None,
     settings: Settings = None,
     preset: BenchPreset = None,
     truth: ScoredBox = "box",

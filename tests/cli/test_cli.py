@@ -321,6 +321,9 @@ WRONG = [
     (["render", "plaza-walk", "--video", "a.mp4", "--trackers", "ko2021"], "did you mean 'ko2012'"),
     (["render", "plaza-walk", "--video", "a.mp4", "--param", "particles=true"], "needs --trackers"),
     (["render", "plaza-walk", "--image", "a.png", "--at-s", "500"], "lasts"),
+    (["export", "plaza-wlk", "--out", "a"], "did you mean 'plaza-walk'"),
+    (["export", "plaza-walk", "--out", "a", "--format", "mott"], "did you mean 'mot'"),
+    (["export", "plaza-walk"], "--out"),
     (["list", "trakers"], "did you mean 'trackers'"),
 ]
 

@@ -1,0 +1,46 @@
+"""The command `export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pftrack_sim.cli import tables
+from pftrack_sim.cli.options import AxisLevels, Backend, BenchSeeds, Settings, Workers
+from pftrack_sim.cli.progress import cores, progress_bar
+from pftrack_sim.cli.values import parse_axes, parse_settings
+
+
+def export(
+    scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
+    out: Annotated[Path, typer.Option(help="Folder of the data set; the same command resumes it.")],
+    layout: Annotated[str, typer.Option("--format", help="otb, lasot, got10k, vot or mot.")] = "otb",
+    seeds: BenchSeeds = None,
+    axis: AxisLevels = None,
+    settings: Settings = None,
+    image: Annotated[str, typer.Option(help="png, lossless, or jpg.")] = "png",
+    quality: Annotated[int, typer.Option(help="Quality of JPEG, 1 to 100.")] = 95,
+    workers: Workers = None,
+    backend: Backend = None,
+) -> None:
+    """Write episodes as a data set in a public layout.
+
+    The truth of everybody in view lies beside each sequence in truth.parquet.
+    """
+    from pftrack_sim.benchmark import parse_seeds, plan_all
+    from pftrack_sim.benchmark.export import export as export_plan
+    from pftrack_sim.benchmark.export import sequence_count
+
+    plan = plan_all(
+        scenarios,
+        trackers=["stay"],
+        seeds=parse_seeds(seeds) if seeds is not None else None,
+        axes=parse_axes(axis or []),
+        overrides=parse_settings(settings or []),
+    )
+    chosen = workers if workers is not None else cores()
+    with progress_bar("writing sequences", sequence_count(plan)) as tick:
+        export_plan(plan, out, layout, image=image, quality=quality, workers=chosen, backend=backend, on_sequence=tick)
+    tables.print_folder(out)

@@ -1,0 +1,101 @@
+"""Data sets written from episodes: the same frames and truth as the simulation's, in every layout."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import Plan, make_plan
+from pftrack_sim.benchmark.export import TRUTH, export
+from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
+from pftrack_sim.formats import LAYOUTS, read_sequence
+from pftrack_sim.scenario import load
+from pftrack_sim.simulation.simulation import Simulation
+
+TINY: dict[str, Any] = {"camera.width_px": 96, "camera.height_px": 72, "duration_s": 0.4, "lights.shadows": False}
+
+
+def plan(seeds: list[int], **overrides: Any) -> Plan:
+    return make_plan(["easy/plaza-walk"], ["stay"], seeds, overrides={**TINY, **overrides})
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_sequence_has_the_frames_and_boxes_of_the_episode(tmp_path: Path, layout: str):
+    out = export(plan([3]), tmp_path / "out", layout)
+    folder = out / LAYOUTS[layout].sequences / "easy-plaza-walk-0003"
+    read = read_sequence(folder)
+    with Simulation(load("easy/plaza-walk", TINY)) as simulation:
+        frame = simulation.reset(3)
+        for index in range(simulation.frame_count):
+            np.testing.assert_array_equal(read.image(index), frame.image)
+            np.testing.assert_allclose(read.truth[index], frame.truth.box, atol=6e-6)
+            if index + 1 < simulation.frame_count:
+                frame = simulation.advance()
+    if layout not in ("otb", "lasot"):
+        assert read.rate_hz == 30.0
+    sql = "SELECT frame, identity, person, list_extract(box, 1) FROM '{}' WHERE identity = 1 ORDER BY frame"
+    rows = duckdb.sql(sql.format(folder / TRUTH)).fetchall()
+    assert [row[0] for row in rows] == list(range(len(read)))
+    assert {row[2] for row in rows} == {"target"}
+    np.testing.assert_allclose([row[3] for row in rows], read.truth[:, 0], atol=6e-6)
+    assert json.loads((out / "dataset.json").read_text())["format"] == layout
+    index_file = LAYOUTS[layout].index
+    if index_file is not None:
+        assert (out / index_file).read_text().splitlines()[-1] == folder.name
+
+
+def test_a_resumed_export_has_the_bytes_of_an_uninterrupted_one(tmp_path: Path):
+    whole = export(plan([0, 1, 2]), tmp_path / "whole", "got10k", image="jpg", quality=80)
+    resumed = export(plan([0, 1, 2]), tmp_path / "resumed", "got10k", image="jpg", quality=80)
+    for path in sorted((resumed / "val/easy-plaza-walk-0001").iterdir()):
+        path.unlink()
+    (resumed / "val/easy-plaza-walk-0001").rmdir()
+    (resumed / "val/.easy-plaza-walk-0001.part").mkdir()
+    (resumed / "val/.easy-plaza-walk-0001.part/00000001.jpg").write_bytes(b"half")
+    (resumed / "val/list.txt").unlink()
+    export(plan([0, 1, 2]), resumed, "got10k", image="jpg", quality=80)
+    assert files(whole) == files(resumed)
+
+
+def test_another_plan_or_foreign_files_are_not_touched(tmp_path: Path):
+    out = export(plan([0]), tmp_path / "out", "otb")
+    before = files(out)
+    for other, layout, image in ((plan([1]), "otb", "png"), (plan([0]), "vot", "png"), (plan([0]), "otb", "jpg")):
+        with pytest.raises(RunError, match="holds another data set"):
+            export(other, out, layout, image=image)
+    assert files(out) == before
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/thesis.txt").write_text("precious")
+    with pytest.raises(RunError, match="not an empty folder"):
+        export(plan([0]), tmp_path / "mine", "otb")
+    assert files(tmp_path / "mine") == {"thesis.txt": b"precious"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"layout": "otbb"}, UnknownNameError, "did you mean 'otb'"),
+        ({"image": "gif"}, UnknownNameError, "known: jpg, png"),
+        ({"quality": 0}, ParameterError, "quality must be 1 to 100"),
+        ({"backend": "vulkan"}, PftrackError, "vulkan"),
+    ],
+)
+def test_wrong_options_write_nothing(tmp_path: Path, changes: dict[str, Any], error: type[PftrackError], words: str):
+    options = {"layout": "otb", **changes}
+    with pytest.raises(error, match=words):
+        export(plan([0]), tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_workers_write_the_same_bytes(tmp_path: Path):
+    alone = export(plan([0, 1, 2]), tmp_path / "alone", "mot")
+    together = export(plan([0, 1, 2]), tmp_path / "together", "mot", workers=2)
+    assert files(alone) == files(together)
