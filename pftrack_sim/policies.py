@@ -51,6 +51,7 @@ def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rob
         math.radians(robot.max_pan_deg_s),
         math.radians(robot.max_tilt_deg_s),
         settings.follow.distance_m,
+        camera.height_m,
     )
 
 

@@ -27,6 +27,7 @@ class RobotParameters:
         max_pan_rad_s: Pan rate of a command of 1.
         max_tilt_rad_s: Tilt rate of a command of 1.
         distance_m: Desired distance to the target.
+        camera_height_m: Height of the optical centre above the ground.
 
     Raises:
         ParameterError: A number that is not positive and finite, or a field of view of 180 degrees or more.
@@ -40,6 +41,7 @@ class RobotParameters:
     max_pan_rad_s: float = math.radians(120.0)
     max_tilt_rad_s: float = math.radians(60.0)
     distance_m: float = 3.0
+    camera_height_m: float = 1.25
 
     def __post_init__(self) -> None:
         numbers = {key: value for key, value in vars(self).items() if key != "image_size"}
@@ -93,6 +95,11 @@ class DistanceController(Controller, Protocol):
     @property
     def distance_m(self) -> float | None:
         """Distance by the last box; None while the target is lost."""
+        ...
+
+    @property
+    def wanted_m_s(self) -> float:
+        """Forward speed for a target straight ahead; the command is less while the target is to the side."""
         ...
 
 

@@ -43,6 +43,9 @@ HYSTERESIS_RAD = math.radians(25.0)
 MEMORY_M = 12.0
 """Scans are kept until the robot has driven this far: odometry drifts with distance, not with time."""
 
+_TRAIL_STEP_M = 0.25
+_PASSED_M = 0.4
+
 _SCAN_M = 0.15
 _SCAN_RAD = math.radians(15.0)
 """A scan is kept whenever the robot has moved or turned this far since the last."""
@@ -57,6 +60,10 @@ class ObstacleAvoidance:
     mobile robots", ICRA): a beam that ends at range d blocks the directions within asin((hull + margin) / d) of it. The
     open direction nearest to the pan angle is taken. The speed is such that the robot could stop before whatever its
     hull would hit straight ahead: v <= sqrt(2 a gap + (a t)^2) - a t, with deceleration a and reaction time t.
+
+    Where the way to the target is blocked, the robot drives along the target's own trail, which is stored in the
+    odometry frame: towards the latest point of it that the beams leave open (only if there is none, the open direction
+    nearest to the target). It goes on until the direct way is open.
 
     The range finder does not cover the back: backwards the same holds for the scans of the last `MEMORY_M`, stored in
     the odometry frame.
@@ -75,6 +82,8 @@ class ObstacleAvoidance:
         self._limits = robot.limits
         self._detour_rad: float | None = None
         self._scans: deque[_Scan] = deque()
+        self._trail: list[FloatArray] = []
+        self._on_trail = False
         self._driven_m = 0.0
         self._last_m: FloatArray | None = None
 
@@ -86,8 +95,11 @@ class ObstacleAvoidance:
         pan = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
         target = self._inner.distance_m
         reach = HORIZON_M if target is None else min(HORIZON_M, max(target - TARGET_CLEAR_M, HULL_M + MARGIN_M))
+        self._mark_trail(proprio, pan, target)
+        if self._on_trail:
+            forward = max(forward, self._inner.wanted_m_s)
         if forward > 0.02:
-            direction = self._choose_direction(pan, ranges, reach)
+            direction = self._choose_direction(pan, ranges, reach, self._trail_ahead(proprio))
             if direction is None:
                 forward, turn = 0.0, math.copysign(0.5, turn if self._detour_rad is None else self._detour_rad)
             elif abs(math.remainder(direction - pan, 2.0 * math.pi)) > 1e-9:
@@ -96,18 +108,30 @@ class ObstacleAvoidance:
             ahead, aside = ranges * np.cos(RANGE_ANGLES_RAD), np.abs(ranges * np.sin(RANGE_ANGLES_RAD))
             forward = min(forward, _safe_speed(ahead, aside))
         else:
-            self._detour_rad = None
-        self._remember(proprio, ranges)
+            self._detour_rad, self._on_trail = None, False
+        self._remember(proprio, ranges, pan)
         if forward < 0.0:
             forward = max(forward, -_safe_speed(*self._behind(proprio)))
         changed = np.clip(np.array([forward, turn]) / self._limits[:2], -1.0, 1.0)
         return np.concatenate([changed, command[2:]])
 
-    def _choose_direction(self, goal_rad: float, ranges: FloatArray, reach_m: float) -> float | None:
-        """The goal [rad] if it is open, else the open direction nearest to it; None if all are blocked."""
-        if _open(np.array([goal_rad]), ranges, reach_m)[0]:
-            self._detour_rad = None
+    def _choose_direction(
+        self, goal_rad: float, ranges: FloatArray, reach_m: float, trail: list[tuple[float, float]]
+    ) -> float | None:
+        """The goal [rad] if it is open, else the latest open point of the trail, else the open direction nearest to it.
+
+        None if all are blocked. `trail` has the directions [rad] and distances [m] of the points, the latest first.
+        """
+        unseen = self._on_trail and abs(goal_rad) > RANGE_ANGLES_RAD[-1]
+        if not unseen and _open(np.array([goal_rad]), ranges, reach_m)[0]:
+            self._detour_rad, self._on_trail = None, False
             return goal_rad
+        for direction, distance in trail:
+            # Behind the robot there are no beams: it turns round before it knows.
+            if _open(np.array([direction]), ranges, min(reach_m, distance + HULL_M))[0]:
+                self._detour_rad, self._on_trail = direction, True
+                return direction
+        self._on_trail = False
         candidates = _DIRECTIONS_RAD[_open(_DIRECTIONS_RAD, ranges, reach_m)]
         if not candidates.size:
             return None
@@ -117,13 +141,38 @@ class ObstacleAvoidance:
         self._detour_rad = float(candidates[np.argmin(cost)])
         return self._detour_rad
 
-    def _remember(self, proprio: NDArray[Any], ranges: FloatArray) -> None:
-        """Store the end points of the beams in the odometry frame."""
+    def _mark_trail(self, proprio: NDArray[Any], pan_rad: float, target_m: float | None) -> None:
+        """Add the target's position to its trail, and drop the part that the robot has passed."""
+        x, y, heading = (float(value) for value in proprio[:3])
+        if target_m is not None:
+            angle = heading + pan_rad
+            point = np.array([x + target_m * math.cos(angle), y + target_m * math.sin(angle)])
+            if not self._trail or np.hypot(*(point - self._trail[-1])) > _TRAIL_STEP_M:
+                self._trail.append(point)
+        if self._trail:
+            away = np.hypot(*(np.array(self._trail) - (x, y)).T)
+            nearest = int(np.argmin(away))
+            # A point is passed when the robot has been near it, or nearer to a later one.
+            self._trail = self._trail[nearest + int(away[nearest] < _PASSED_M) :]
+
+    def _trail_ahead(self, proprio: NDArray[Any]) -> list[tuple[float, float]]:
+        """Direction [rad] and distance [m] of the points of the trail, the latest first."""
+        x, y, heading = (float(value) for value in proprio[:3])
+        offsets = [(float(px) - x, float(py) - y) for px, py in reversed(self._trail)]
+        return [(math.remainder(math.atan2(dy, dx) - heading, 2.0 * math.pi), math.hypot(dx, dy)) for dx, dy in offsets]
+
+    def _remember(self, proprio: NDArray[Any], ranges: FloatArray, pan_rad: float) -> None:
+        """Store the end points of the beams in the odometry frame, without the target: it walks on."""
         x, y, heading = (float(value) for value in proprio[:3])
         position = np.array([x, y])
         self._driven_m += 0.0 if self._last_m is None else float(np.hypot(*(position - self._last_m)))
         self._last_m = position
         hits = ranges < RANGE_M
+        target_m = self._inner.distance_m
+        if target_m is not None:
+            ahead = ranges * np.cos(RANGE_ANGLES_RAD) - target_m * math.cos(pan_rad)
+            aside = ranges * np.sin(RANGE_ANGLES_RAD) - target_m * math.sin(pan_rad)
+            hits &= np.hypot(ahead, aside) > TARGET_CLEAR_M
         angles = heading + RANGE_ANGLES_RAD[hits]
         points = np.stack([x + ranges[hits] * np.cos(angles), y + ranges[hits] * np.sin(angles)])
         # While the robot hardly moves, the newest scan replaces the last one, as people move on.

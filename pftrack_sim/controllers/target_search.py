@@ -50,6 +50,11 @@ class TargetSearch:
         """Distance by the last box; None while the target is lost."""
         return self._inner.distance_m
 
+    @property
+    def wanted_m_s(self) -> float:
+        """Forward speed for a target straight ahead; 0 while the target is lost."""
+        return self._inner.wanted_m_s
+
     def reset(self, robot: RobotParameters) -> None:
         """See `Controller.reset`."""
         self._inner.reset(robot)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.controllers.base import RobotParameters, is_lost, is_positive
+from pftrack_sim.controllers.target_distance import EDGE_PX, TargetDistance, View
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.proprioception import PROPRIO_INDEX
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import FloatArray
 
@@ -23,11 +24,17 @@ TURN_S = 0.8
 DISTANCE_S = 1.2
 """Time constant of the distance: an error of 1 m commands 0.8 m/s, which the base reaches within 0.7 s."""
 
-SPEED_S = 1.0
-"""Time constant of the low-pass on the target's speed: the box's height oscillates twice per second with the gait."""
+STOP_M = 0.75
+"""Distance at which the robot has stopped at the latest: its hull, half a stride, and the error of the distance."""
 
-MAX_TARGET_SPEED_M_S = 2.5
-"""Bound of the estimated target speed (anti-windup)."""
+BRAKE_M_S2 = 1.0
+"""Deceleration that the speed limit counts on; the base's greatest is 1.2."""
+
+TARGET_BRAKE_M_S2 = 2.5
+"""Deceleration of a walker who stops."""
+
+REACTION_S = 0.15
+"""Delay of vision and motors, without the tracker's."""
 
 COAST_S = 0.6
 """Time constant with which all motion decays while the target is lost."""
@@ -39,8 +46,6 @@ ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
 """Rate limit of the command: forward [m/s^2], turn, pan, tilt [rad/s^2], which the base can follow and which keeps the
 mast upright."""
 ACCELERATION.setflags(write=False)
-
-_EDGE_PX = 1.5
 
 
 class VisualServo:
@@ -57,12 +62,13 @@ class VisualServo:
     The gains follow from the robot. An error e with de/dt = -e / T and a delay d has the phase margin pi/2 - d / T:
     the head's delay of 0.1 s and T = 0.25 s give 67 degrees. The base turns under the head, which compensates its turn:
     T = 0.8 s keeps it a factor of three slower. A first-order servo would lag behind a walker of speed u by u T; the
-    estimated speed of the target is fed forward instead. It is the only integrated quantity: it is bounded, and frozen
-    while the box is unreliable, against windup.
+    estimated speed of the target is fed forward instead.
 
-    The distance follows from the box's height and an assumed body height. A box cut by the top or bottom of the image
-    is too low: it may decrease the distance, but not increase it. While the target is lost (`is_lost`) the last command
-    decays.
+    Distance and speed of the target are those of `TargetDistance`. The forward speed is limited to
+    sqrt(2 a gap + (a t)^2) - a t, from which the robot stops `STOP_M` in front of a target that stops walking; gap is
+    the distance beyond, with the target's own stopping distance. Where the image cuts the box above and below, its
+    centre says nothing: the camera tilts to where the middle of the body is at the estimated distance. While the target
+    is lost (`is_lost`) the last command decays.
 
     Args:
         distance_m: Desired distance; None takes that of the task.
@@ -82,7 +88,7 @@ class VisualServo:
         if least_confidence != 0.0 and not (is_positive(least_confidence) and least_confidence <= 1.0):
             raise ParameterError(f"servo: least_confidence must be in [0, 1], got {least_confidence!r}")
         self._own_distance_m = distance_m
-        self._person_m = float(person_m)
+        self._estimator = TargetDistance(float(person_m))
         self.least_confidence = float(least_confidence)
         self.reset(RobotParameters())
 
@@ -94,47 +100,50 @@ class VisualServo:
         self._max_step = ACCELERATION * robot.frame_s / self._limits
         self._command = np.zeros(4)
         self.distance_m: float | None = None
-        """Distance by the last box; None while the target is lost."""
-        self._target_speed_m_s = 0.0
+        """Estimated distance; None while the target is lost."""
+        self.wanted_m_s = 0.0
+        """Forward speed for a target straight ahead; 0 while the target is lost."""
+        self._estimator.reset(robot)
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> FloatArray:
         """See `Controller.act`."""
+        pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
+        tilt = float(proprio[PROPRIO_INDEX["tilt_rad"]])
+        speed = 0.5 * float(proprio[PROPRIO_INDEX["wheel_left_m_s"]] + proprio[PROPRIO_INDEX["wheel_right_m_s"]])
         if is_lost(estimate, self.least_confidence):
-            self.distance_m = None
+            self.distance_m, self.wanted_m_s = None, 0.0
+            self._estimator.predict(speed * math.cos(pan))
             self._command = self._command * math.exp(-self._robot.frame_s / COAST_S)
             return self._command.copy()
-        _, y, _, h = estimate.box.tolist()
         bearing, elevation = box_direction(estimate, self._robot)
-        pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
         yaw_rate = float(proprio[PROPRIO_INDEX["gyro_z_rad_s"]])
-        speed = 0.5 * float(proprio[PROPRIO_INDEX["wheel_left_m_s"]] + proprio[PROPRIO_INDEX["wheel_right_m_s"]])
-        distance = self._estimate_distance(y, h, speed * math.cos(pan + bearing))
-        forward = max(0.0, math.cos(pan)) * (self._target_speed_m_s + (distance - self._desired_m) / DISTANCE_S)
-        forward = max(forward, -REVERSE_SHARE * float(self._limits[0]))
+        x, y, width, height = estimate.box.tolist()
+        self._estimator.predict(speed * math.cos(pan + bearing))
+        self._estimator.update(View((x, y, width, height), pan, tilt, np.asarray(proprio[RANGES], dtype=np.float64)))
+        distance = self._estimator.distance_m
+        assert distance is not None
+        self.distance_m = distance
+        if y < EDGE_PX and y + height > self._robot.image_size[1] - EDGE_PX:
+            elevation = self._estimator.body_elevation_rad() - tilt
+        wanted_m_s = self._estimator.speed_m_s + (distance - self._desired_m) / DISTANCE_S
+        wanted_m_s = min(wanted_m_s, self._safe_speed(distance), float(self._limits[0]))
+        self.wanted_m_s = max(wanted_m_s, -REVERSE_SHARE * float(self._limits[0]))
+        forward = max(0.0, math.cos(pan)) * self.wanted_m_s
         rates = np.array([forward, pan / TURN_S, bearing / GAZE_S - yaw_rate, elevation / GAZE_S])
         wanted = np.clip(rates / self._limits, -1.0, 1.0)
         self._command = self._command + np.clip(wanted - self._command, -self._max_step, self._max_step)
         return self._command.copy()
 
-    def _estimate_distance(self, y_px: float, h_px: float, approach_m_s: float) -> float:
-        """Distance to the person [m]; also updates the estimated speed of the target.
+    def _safe_speed(self, distance_m: float) -> float:
+        """Greatest speed from which the robot stops in front of the target if that stops walking now [m/s].
 
-        Args:
-            y_px: Top of the box.
-            h_px: Height of the box.
-            approach_m_s: The robot's speed towards the person.
+        The scan counts unfiltered: it shows at once that the target has stopped.
         """
-        distance = self._robot.focal_px * self._person_m / h_px
-        last, frame_s = self.distance_m, self._robot.frame_s
-        cut = y_px < _EDGE_PX or y_px + h_px > self._robot.image_size[1] - _EDGE_PX
-        if last is not None and cut:
-            distance = min(distance, last)
-        elif last is not None:
-            gain = 1.0 - math.exp(-frame_s / SPEED_S)
-            self._target_speed_m_s += gain * ((distance - last) / frame_s + approach_m_s - self._target_speed_m_s)
-            self._target_speed_m_s = min(max(self._target_speed_m_s, -MAX_TARGET_SPEED_M_S), MAX_TARGET_SPEED_M_S)
-        self.distance_m = distance
-        return distance
+        walks = max(self._estimator.speed_m_s, 0.0)
+        near = min(distance_m, self._estimator.legs_m)
+        gap = near - min(STOP_M, 0.5 * self._desired_m) + 0.5 * walks * walks / TARGET_BRAKE_M_S2
+        lag = BRAKE_M_S2 * (REACTION_S + self._robot.frame_s)
+        return math.sqrt(2.0 * BRAKE_M_S2 * max(gap, 0.0) + lag * lag) - lag
 
 
 def box_direction(estimate: Estimate, robot: RobotParameters) -> tuple[float, float]:

@@ -24,6 +24,7 @@ class Playground:
         target_m: Position of the person.
         height_m: Height of the person.
         posts: x, y and radius [m] of round obstacles, measured by the range finder only.
+        legs: Whether the range finder measures the person.
     """
 
     def __init__(
@@ -31,13 +32,16 @@ class Playground:
         target_m: tuple[float, float],
         height_m: float = 1.72,
         posts: Sequence[tuple[float, float, float]] = (),
+        legs: bool = False,
     ) -> None:
         self.x = self.y = self.heading = self.pan = self.tilt = 0.0
         self.rates = np.zeros(4)
         self.target = np.array(target_m, dtype=np.float64)
         self.height_m = height_m
         self.posts = np.array(posts, dtype=np.float64).reshape(-1, 3)
+        self.legs = legs
         self.nearest_m = math.inf
+        self.nearest_to_person_m = math.inf
         self.commands: list[np.ndarray] = []
 
     @property
@@ -65,7 +69,7 @@ class Playground:
         angles = self.heading + RANGE_ANGLES_RAD
         beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         found = np.full(len(beams), RANGE_M)
-        for x, y, radius in self.posts:
+        for x, y, radius in [*self.posts, *([(*self.target, 0.12)] if self.legs else [])]:
             offset = np.array([x - self.x, y - self.y])
             along, aside = beams @ offset, beams @ np.array([-offset[1], offset[0]])
             meets = (along > 0.0) & (np.abs(aside) < radius)
@@ -110,5 +114,6 @@ class Playground:
             self.pan += pan
             self.tilt += tilt
             self.target = self.target + np.array(velocity) / 30.0
+            self.nearest_to_person_m = min(self.nearest_to_person_m, self.distance_m)
             for x, y, radius in self.posts:
                 self.nearest_m = min(self.nearest_m, math.hypot(x - self.x, y - self.y) - radius)

@@ -57,7 +57,13 @@ def test_unknown_names_are_refused():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"fovy_rad": math.pi}, {"rate_hz": 0.0}, {"max_speed_m_s": math.nan}, {"image_size": (0, 480)}],
+    [
+        {"fovy_rad": math.pi},
+        {"rate_hz": 0.0},
+        {"max_speed_m_s": math.nan},
+        {"image_size": (0, 480)},
+        {"camera_height_m": 0.0},
+    ],
 )
 def test_invalid_robot_parameters_are_refused(wrong: dict):
     with pytest.raises(ParameterError, match="robot parameters"):

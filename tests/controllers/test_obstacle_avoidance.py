@@ -82,3 +82,14 @@ def test_it_does_not_reverse_into_an_obstacle_seen_before_a_long_stop():
     for _ in range(60):
         world.play(controller, 0.1, (-0.3, -0.1) if world.x > 0.5 else (0.0, 0.0))
     assert world.nearest_m > HULL_M
+
+
+def test_round_the_end_of_a_wall_it_drives_along_the_trail_of_the_target():
+    wall = [(x, 1.6, 0.1) for x in np.arange(-8.0, 5.6, 0.15)]
+    world = Playground((3.0, 0.0), posts=wall)
+    controller = made()
+    for seconds, velocity in ((3.5, (1.2, 0.0)), (2.7, (0.0, 1.2)), (7.0, (-1.2, 0.0)), (10.0, (0.0, 0.0))):
+        world.play(controller, seconds, velocity)
+    assert world.nearest_m > HULL_M
+    assert world.y > 2.0
+    assert abs(world.distance_m - 3.0) < 0.4

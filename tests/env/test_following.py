@@ -34,6 +34,23 @@ def test_oracle_and_servo_follow_to_the_end(name: str):
 
 
 @pytest.mark.slow
+def test_servo_at_a_short_distance_does_not_run_into_the_target():
+    overrides = {**SMALL, "duration_s": 20, "follow.distance_m": 1.5}
+    env = gym.make("pftrack_sim/Follow-v0", scenario="follow/plaza", overrides=overrides)
+    observation, info = env.reset(seed=0)
+    robot = policies.robot_parameters(env.unwrapped.simulation.settings)
+    policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo"), robot)
+    distances: list[float] = []
+    while info.get("outcome") is None:
+        observation, _, _, _, info = env.step(policy(observation, info))
+        distances.append(info["distance_m"])
+    assert info["outcome"] == "finished"
+    assert min(distances) > 0.8
+    assert np.median(distances) < 2.3
+    env.close()
+
+
+@pytest.mark.slow
 def test_a_robot_that_stands_still_loses_the_target():
     env = gym.make("pftrack_sim/Follow-v0", scenario="plaza-walk", overrides={**SMALL, "duration_s": 16})
     env.reset(seed=4)
