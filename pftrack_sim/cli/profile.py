@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,10 +15,11 @@ import typer
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import Backend, Seeds, SequenceLayout, Settings
 from pftrack_sim.cli.progress import progress_bar
-from pftrack_sim.cli.values import parse_settings
+from pftrack_sim.cli.values import parse_axes, parse_settings
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
+    from pftrack_sim.scenario import Scenario
     from pftrack_sim.score.profile import Profile
 
 _ABREAST = 5
@@ -27,9 +28,14 @@ _ABREAST = 5
 
 def profile(
     videos: Annotated[
-        list[str], typer.Argument(help="Scenarios (names or paths of TOML files) and folders of recorded sequences.")
+        list[str],
+        typer.Argument(help="Scenarios and suites (names or paths of TOML files), and folders of recorded sequences."),
     ],
     seeds: Seeds = "0:2",
+    axis: Annotated[
+        list[str] | None,
+        typer.Option("--axis", metavar="AXIS=0,1,2", help="Severities of a stress axis, as for bench."),
+    ] = None,
     settings: Settings = None,
     backend: Backend = None,
     layout: SequenceLayout = None,
@@ -40,7 +46,7 @@ def profile(
     Their numbers are printed beside the quantiles of recorded video.
     """
     from pftrack_sim import scenario as scenarios
-    from pftrack_sim.benchmark import parse_seeds
+    from pftrack_sim.benchmark import parse_seeds, plan_all
     from pftrack_sim.benchmark.files import write_bytes
     from pftrack_sim.benchmark.profiling import profile_scenario, profile_sequence
     from pftrack_sim.formats import read_sequence
@@ -51,7 +57,13 @@ def profile(
         require_matplotlib()
     folders = {name for name in videos if name not in scenarios.names() and Path(name).is_dir()}
     sequences = [read_sequence(name, layout) for name in videos if name in folders]
-    loaded = [scenarios.load(name, parse_settings(settings or [])) for name in videos if name not in folders]
+    loaded: list[Scenario] = []
+    if simulated := [name for name in videos if name not in folders]:
+        axes, overrides = parse_axes(axis or []), parse_settings(settings or [])
+        plan = plan_all(simulated, trackers=["stay"], seeds=[0], axes=axes, overrides=overrides)
+        for one in plan.episodes():
+            condition = f" {one.condition.name}" if one.condition.levels else ""
+            loaded.append(replace(one.scenario, name=one.scenario.name + condition))
     names = [one.name for one in (*loaded, *sequences)]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
@@ -84,7 +96,10 @@ def _print(profiles: Mapping[str, Profile]) -> None:
     names = list(columns)
     for first in range(0, len(names), _ABREAST):
         shown = names[first : first + _ABREAST]
-        heads = (*(f"{share:.0%}" for share in QUANTILES), *(name.replace("/", "/\n") for name in shown))
+        heads = (
+            *(f"{share:.0%}" for share in QUANTILES),
+            *(name.replace("/", "/\n").replace(" ", "\n") for name in shown),
+        )
         table = tables.new_table("Profile, after the quantiles of 48 recorded sequences", ("number",), heads)
         for key, quantiles in recorded.items():
             cells = [_marked(columns[name][key], quantiles) for name in shown]

@@ -15,8 +15,11 @@ from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.report.axes import axes_rows, profile_rows
 
 _BLOCK = re.compile(r"(?P<begin><!-- tables of (?P<name>[^\s>]+) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL)
+
+_LIST = re.compile(r"(?P<begin><!-- list of axes -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL)
 
 _FOLLOWING = {
     "success": "success",
@@ -39,14 +42,16 @@ _BESIDE_OVERLAP = {
 
 
 def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
-    """Replace every block `<!-- tables of NAME -->` ... `<!-- end -->` by the tables of the run folder `runs/NAME`.
+    """Replace every block `<!-- tables of NAME -->` ... `<!-- end -->` by the tables of the folder `runs/NAME`.
+
+    The folder is that of a run, or of `profile`. A block `<!-- list of axes -->` gets the stress axes.
 
     Args:
         document: Markdown file.
         runs: Folder that holds the run folders.
 
     Returns:
-        Names of the blocks written, and of those left as they are because there is no such run folder.
+        Names of the blocks written, and of those left as they are because there is no such folder.
 
     Raises:
         RunError: The document cannot be read or written, has no block, or a run folder cannot be read.
@@ -60,13 +65,24 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
 
     def replaced(block: re.Match[str]) -> str:
         folder = runs / block["name"]
-        if not (folder / "run.json").is_file():
+        if (folder / "profile.json").is_file():
+            heads = ["Condition", "profile: from the base scenario's to"]
+            body = _table(heads, list(profile_rows(folder / "profile.json")))
+        elif (folder / "run.json").is_file():
+            body = tables(RunStore(folder))
+        else:
             kept.append(block["name"])
             return block[0]
         written.append(block["name"])
-        return f"{block['begin']}\n{tables(RunStore(folder))}\n{block['end']}"
+        return f"{block['begin']}\n{body}\n{block['end']}"
 
-    updated = _BLOCK.sub(replaced, text)
+    def listed(block: re.Match[str]) -> str:
+        written.append("axes")
+        return (
+            f"{block['begin']}\n{_table(['Axis', 'severity 1', 'law', 'reference'], list(axes_rows()))}\n{block['end']}"
+        )
+
+    updated = _LIST.sub(listed, _BLOCK.sub(replaced, text))
     if not written and not kept:
         raise RunError(f"{document} has no block <!-- tables of NAME --> ... <!-- end -->")
     write_bytes(document, updated.encode())

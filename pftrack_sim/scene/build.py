@@ -19,6 +19,7 @@ from pftrack_sim.scene.robot import add_robot
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 SHADOW_PIXELS = 2048
+_MAX_SHADE = 0.9
 
 
 def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> tuple[mujoco.MjSpec, WalkableArea]:
@@ -28,7 +29,9 @@ def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> tuple[m
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     _set_graphics(spec, settings)
     rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
-    layout = places.add_place(spec, settings.place, settings.lights, rng, patch_rng)
+    patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
+    lights = settings.lights.model_copy(update={"patches": patches})
+    layout = places.add_place(spec, settings.place, lights, rng, patch_rng)
     add_robot(spec, settings.robot, settings.camera)
     return spec, layout
 

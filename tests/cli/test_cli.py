@@ -182,6 +182,16 @@ def test_render_writes_a_video_and_a_frame(tmp_path: Path):
     assert 5 < (dots != boxes).any(axis=2).sum() < 1000
 
 
+def test_profiles_over_an_axis_stand_beside_each_other():
+    done = pftrack_sim("profile", "easy/corridor", "--seeds", "0", "--axis", "jitter=0,4", *SMALL)
+    assert done.returncode == 0, done.stderr
+    assert "jitter=0" in done.stdout
+    assert "jitter=4" in done.stdout
+    (row,) = [line for line in done.stdout.splitlines() if "camera_step_p95" in line]
+    *_, still, shaken, _ = [float(word) for word in row.split()[1:] if word[0] not in "<>"]
+    assert shaken > 3.0 * still
+
+
 def test_lists_schema_and_doctor():
     listed = pftrack_sim("list", "scenarios").stdout
     assert re.search(r"^easy/corridor +easy  Down a corridor", listed, re.MULTILINE)

@@ -6,11 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from pftrack_sim import scenario
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.core.photometry import DISPLAY_GAMMA, LUMINANCE
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes, LightAxis
+from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.lighting import Lighting
 
 WIDTH, HEIGHT, RATE_HZ = 64, 48, 30.0
@@ -160,3 +162,13 @@ def test_light_is_tinted_and_white_balance_restores_it_with_the_given_lag(card: 
     expected = np.log2(warm[0] / warm[2]) * np.exp(-since_s[after] / lag_s)
     assert abs(excess[after] - expected).max() < 0.15
     assert abs(excess[-10:]).max() < 0.05
+
+
+def test_patches_of_shade_are_added_to_those_of_the_place():
+    def meshes(**keys: object) -> int:
+        given = {f"axes.light.{key}": value for key, value in keys.items()}
+        return len(build_stage(scenario.load("easy/plaza-walk", given).resolve(0), 0, 0.01)[0].meshes)
+
+    assert meshes(severity=1.0, parts=["change"]) == meshes(severity=0.0) == meshes(severity=1.0, patch_share=0.0)
+    assert meshes(severity=1.0) > meshes(severity=0.0)
+    assert LightAxis(severity=4.0).shade == pytest.approx(0.8)

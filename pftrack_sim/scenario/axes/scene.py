@@ -192,7 +192,7 @@ class TargetAxis(Axis):
         return self.severity * self.leave_s
 
 
-Part: TypeAlias = Literal["change", "colour", "flicker", "pools"]
+Part: TypeAlias = Literal["change", "colour", "flicker", "pools", "patches"]
 
 WHITE_K = 6504.0
 """Colour temperature of the light that the scenarios are drawn in."""
@@ -202,7 +202,7 @@ WARMEST_K, COLDEST_K = 2000.0, 25000.0
 
 
 class LightAxis(Axis):
-    """Light that drops and returns, changes its colour, flickers, and varies along the path.
+    """Light that drops and returns, changes its colour, flickers, and varies along the path and from place to place.
 
     Change and colour share one time course: at `at_s` the light falls by `dim_ev`, stays for `hold_s`, returns, and
     repeats every `every_s`.
@@ -211,18 +211,19 @@ class LightAxis(Axis):
     headline: ClassVar[str] = "dim_ev"
     unit: ClassVar[str] = "EV"
     law: ClassVar[str] = (
-        "stops, flicker depth and shift of colour in mired (1e6 / K) are multiplied by the severity, times and "
-        "frequencies stay; -1 EV halves the luminance of everything that the light falls on, the sky included"
+        "stops, flicker depth, shift of colour in mired (1e6 / K) and share of shade are multiplied by the severity, "
+        "times and frequencies stay; -1 EV halves the luminance of everything that the light falls on, the sky included"
     )
     source: ClassVar[str] = (
         "changes: Ko, Nam & Kwak 2012, table 2 (light and colour), and Lee et al. 2012 (sudden, by day and night). "
         "Severity 1: 2 stops, from an office of 320 lx into a corridor of 80 lx; 4: 8 stops, from open sun (100000 lx) "
         "into a room (300 lx; CIBSE Code for Interior Lighting: 8.4). Colour at 1: from D65 to CIE illuminant A, "
-        "tungsten. Flicker and pools are chosen; Kim et al. 2002, US 7024034 (Planckian locus)"
+        "tungsten. Flicker, pools and patches are chosen; Kim et al. 2002, US 7024034 (Planckian locus)"
     )
 
     parts: Annotated[tuple[Part, ...], Field(min_length=1, max_length=100)] = Field(
-        default=("change", "colour", "flicker", "pools"), description="Which changes; the others are left out."
+        default=("change", "colour", "flicker", "pools", "patches"),
+        description="Which changes; the others are left out.",
     )
     lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change their brightness.")
     dim_ev: Annotated[float, Field(ge=-5.0, le=10.0)] = Field(
@@ -243,6 +244,9 @@ class LightAxis(Axis):
         default=0.7, description="Pools: stops from below a lamp to midway between two."
     )
     pool_every_m: Positive = Field(default=8.0, description="Pools: distance between lamps along the target's path.")
+    patch_share: Annotated[float, Field(ge=0.0, le=0.9)] = Field(
+        default=0.2, description="Patches: share of the ground in shade, added to `lights.patches` (needs shadows)."
+    )
     auto_exposure: bool = Field(default=False, description="Whether the camera holds the first frame's mean luminance.")
     exposure_lag_s: NotNegative = Field(default=0.5, description="Auto-exposure: time constant; 0 answers at once.")
     exposure_range_ev: Annotated[float, Field(gt=0.0, le=10.0)] = Field(
@@ -295,6 +299,11 @@ class LightAxis(Axis):
             depth = min(0.95, self.severity * self.flicker_depth)
             stops += math.log2(1.0 + depth * math.sin(2.0 * math.pi * self.flicker_hz * time_s + flicker_rad))
         return stops
+
+    @property
+    def shade(self) -> float:
+        """Share of the ground in shade at this severity."""
+        return self.severity * self.patch_share if "patches" in self.parts else 0.0
 
     def light_k(self, time_s: float) -> float:
         """Colour temperature of the light [K]; `WHITE_K` while it is unchanged."""
