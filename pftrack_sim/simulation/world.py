@@ -19,7 +19,7 @@ from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scenario.carried import grips_s
+from pftrack_sim.scenario.carried import Item, grips_s
 from pftrack_sim.scene.build import add_agents, build_stage
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
@@ -149,9 +149,9 @@ class World:
         lying.sort(key=lambda one: grips_s(one, target.actions)[0])
         times_s = [grips_s(one, target.actions)[0][0] for one in lying]
         found = places_alone(self._path, target, self.settings.axes.target, times_s)
-        places: dict[str, tuple[float, float, float]] = {
-            one.item: place for one, (_, place) in zip(lying, found, strict=True)
-        }
+        places: dict[Item, tuple[float, float, float]] = {}
+        for one, (_, place) in zip(lying, found, strict=True):
+            places[one.item] = place
         return CarriedItems(self.model, target, anatomy, places)
 
     def _crowd(self, plan: Plan, distractors: int) -> Crowd:
