@@ -243,6 +243,9 @@ class Distractors(Section):
         default=0.2, description="Similarity of their clothes to the target's; 1 is the same clothes."
     )
     speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=1.2, description="Mean walking speed.")
+    changes_per_minute: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
+        default=0.0, description="How often each changes its pace, or pauses for 1 to 3 s: a third of the changes."
+    )
 
 
 class Occluder(Section):

@@ -238,9 +238,10 @@ class Gait:
         roll[:, 5:9] = self._arm_rolls
         for person, side, arm in self._arms:
             upper, fore, outward = 5 + side, 7 + side, SIDES[side]
-            # What is held before the chest hangs below it when the person bends.
+            # What is held before the chest hangs below it in a bend, and is held above the knees in a crouch.
+            shoulder = arm.shoulder + _CROUCH_SHOULDER * self._crouch[person] + bend_arms[person]
             elbow = arm.elbow * (1.0 - _BEND_ELBOW * bend[person])
-            pitch[person, upper] += arm.share * (-arm.shoulder - bend_arms[person] - pitch[person, upper])
+            pitch[person, upper] += arm.share * (-shoulder - pitch[person, upper])
             pitch[person, fore] += arm.share * (-elbow - pitch[person, fore])
             roll[person, upper] += arm.share * outward * arm.outward
             roll[person, fore] += arm.share * outward * arm.forearm

@@ -20,6 +20,7 @@ from pftrack_sim.agents.pedestrians.goal_sampler import PREDICTION_TIMES_S, Goal
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, at_different_depths
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass
+from pftrack_sim.agents.pedestrians.pace_changes import PaceChanges
 from pftrack_sim.agents.pedestrians.reactive import SENTINEL_M, ReactivePedestrians, turn
 from pftrack_sim.agents.pedestrians.scripted import Cart, CrossingPedestrian, OncomingPedestrian, Phase, Surroundings
 from pftrack_sim.agents.pedestrians.target import TargetWalk
@@ -105,6 +106,9 @@ class Crowd:
         self._headings = np.zeros(self._robot_column)
         rngs = [stream(self._seed, f"{kind}s", i) for kind, count in self._counts.items() for i in range(count)]
         self._goals = GoalManager(self._graph, self._sampler, rngs, self._distractors.count)
+        distractors = self._distractors
+        rngs_of_pace = [stream(self._seed, "distractors", "pace", i) for i in range(distractors.count)]
+        self._pace = PaceChanges(rngs_of_pace, distractors.changes_per_minute)
         self._target.reset()
         self._store_target()
         occupied = [self._state[:2, 0].copy()]
@@ -202,6 +206,8 @@ class Crowd:
     def _update_reactive(self, dt_s: float, time_s: float) -> None:
         columns = self._reactive.columns
         if len(columns):
+            self._pace.update(time_s)
+            self._goals.pace[1 : 1 + self._distractors.count] = self._pace.factors
             self._goals.update(dt_s, time_s, columns, self._state, self._headings, self.target_s_m)
             self._reactive.update(dt_s, self._state, self._headings, self._goals)
 

@@ -48,6 +48,7 @@ class GoalManager:
         waypoint_m: `(2, P)` next waypoints.
         desired_speed_m_s: `(P,)` speeds desired now: the walking speed, or 0.
         walking_speed_m_s: `(P,)` walking speeds.
+        pace: `(P,)` present factors on the desired speeds.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class GoalManager:
         self.waypoint_m = np.zeros((2, people))
         self.desired_speed_m_s = np.zeros(people)
         self.walking_speed_m_s = np.zeros(people)
+        self.pace = np.ones(people)
         self._arrival_radius_m = np.full(people, ARRIVAL_RADIUS_M)
         self._tasks = [_Task() for _ in range(people)]
         self._since_check_s = 0.0

@@ -91,7 +91,7 @@ class ReactivePedestrians:
         """`(2, M)` velocities towards the next waypoints, along arcs that a walking body can turn."""
         offset = goals.waypoint_m[:, self.columns] - position
         error = wrapped(np.arctan2(offset[1], offset[0]) - heading)
-        speed = goals.desired_speed_m_s[self.columns] * np.maximum(np.cos(error), 0.4)
+        speed = (goals.desired_speed_m_s * goals.pace)[self.columns] * np.maximum(np.cos(error), 0.4)
         # Waiting pedestrians come to rest at their waiting position, and return to it after stepping aside.
         approach = np.minimum(np.maximum((np.sqrt(avoidance.dot(offset, offset)) - 0.15) / 0.8, 0.0), 1.0)
         speed = np.where(self._waiting, speed * approach, speed)

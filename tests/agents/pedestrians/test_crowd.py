@@ -9,6 +9,7 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.oncoming import plan_oncoming_pass, positions_away_from
+from pftrack_sim.agents.pedestrians.pace_changes import PaceChanges
 from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 
@@ -178,3 +179,25 @@ def test_on_laps_each_oncoming_pedestrian_passes_the_target_once() -> None:
         assert np.ptp(near) * TICK_S < 4.0, "it came close once"
         speeds = np.linalg.norm(np.diff(walked[:, person], axis=0), axis=1) / TICK_S
         assert speeds.max() < 2.41
+
+
+def test_distractors_pause_and_change_their_pace_as_often_as_asked():
+    rngs = [np.random.default_rng(seed) for seed in range(40)]
+    changes, times = PaceChanges(rngs, 20.0), np.arange(0.0, 60.0, 0.04)
+    factors = []
+    for time_s in times:
+        changes.update(time_s)
+        factors.append(changes.factors.copy())
+    course = np.array(factors)
+    changed = (np.diff(course, axis=0) != 0.0).sum(axis=0)
+    assert changed.mean() == pytest.approx(20.0, rel=0.25)
+    assert 0.1 < (course == 0.0).mean() < 0.3
+    assert (course[course > 0.0] >= 0.55).all()
+    paused = Crowd(FIELD, TARGET, Path(PATH_M), model.Distractors(count=4, changes_per_minute=30.0), (), 1)
+    positions, *_ = walk(paused, 12.0)
+    speeds = np.linalg.norm(np.diff(positions[:, 1:], axis=0), axis=-1) / TICK_S
+    assert (speeds < 0.1).mean() > 0.05
+    assert speeds.max() < 2.2
+    still = PaceChanges(rngs, 0.0)
+    still.update(1e6)
+    assert (still.factors == 1.0).all()
