@@ -62,10 +62,10 @@ class PftrackParameters(Parameters):
     label_sigma: Annotated[float, Field(gt=0.0, le=1.0)] = 0.07
     ridge: NotNegative = 0.001
     rate: Share = 0.015
-    colour_share: Share = 0.35
+    colour_share: Share = 0.3
     colour_rate: Share = 0.04
     scale_count: Annotated[int, Field(ge=1, le=99)] = 17
-    scale_step: Annotated[float, Field(gt=1.0, le=1.5)] = 1.02
+    scale_step: Annotated[float, Field(gt=1.0, le=1.5)] = 1.04
     scale_rate: Share = 0.025
     scale_interval: Annotated[int, Field(ge=1, le=100)] = 2
     scale_cells: Annotated[int, Field(ge=4, le=1024)] = 36
