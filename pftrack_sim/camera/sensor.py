@@ -11,7 +11,7 @@ from pftrack_sim.camera.auto_exposure import AutoExposure
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.scenario import model
-from pftrack_sim.scenario.axes import Axes
+from pftrack_sim.scenario.axes import Axes, NoiseAxis
 
 
 class Sensor:
@@ -29,10 +29,10 @@ class Sensor:
         self._exposure = AutoExposure(axes.light) if axes.light.on else None
         self._quality = axes.stream.quality if axes.stream.on else None
         self._noise = None
-        if axes.noise.on:
+        if axes.noise.on or axes.light.noisy:
             from pftrack_sim.camera.noise import Noise  # numba: imported when it is used
 
-            self._noise = Noise(axes.noise, seed)
+            self._noise = Noise(axes.noise if axes.noise.on else NoiseAxis(severity=1.0, gain=1.0), seed)
         self._radius_px = max(1, math.ceil(4.0 * settings.psf_sigma_px))
         self._sigma_px = sampled_sigma(settings.psf_sigma_px, self._radius_px) if settings.psf_sigma_px > 0.0 else 0.0
 

@@ -172,3 +172,17 @@ def test_patches_of_shade_are_added_to_those_of_the_place():
     assert meshes(severity=1.0, parts=["change"]) == meshes(severity=0.0) == meshes(severity=1.0, patch_share=0.0)
     assert meshes(severity=1.0) > meshes(severity=0.0)
     assert LightAxis(severity=4.0).shade == pytest.approx(0.8)
+
+
+def test_a_dark_frame_shows_the_noise_of_the_sensor():
+    bright, dark = np.full((48, 64, 3), 200, np.uint8), np.full((48, 64, 3), 16, np.uint8)
+    noisy, plain = (
+        Sensor(model.Sensor(psf_sigma_px=0.0), Axes(light=LightAxis(severity=1.0, parts=parts)), 0)
+        for parts in (("noise",), ("change",))
+    )
+    assert (plain.read(dark, 3) == dark).all()
+    spreads = [noisy.read(image, 3).std() / image.mean() for image in (bright, dark)]
+    assert spreads[0] < 0.02
+    assert spreads[1] > 0.1
+    assert (noisy.read(dark, 3) == noisy.read(dark, 3)).all()
+    assert not LightAxis(severity=0.0).noisy

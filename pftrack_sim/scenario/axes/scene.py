@@ -192,7 +192,7 @@ class TargetAxis(Axis):
         return self.severity * self.leave_s
 
 
-Part: TypeAlias = Literal["change", "colour", "flicker", "pools", "patches"]
+Part: TypeAlias = Literal["change", "colour", "flicker", "pools", "patches", "noise"]
 
 WHITE_K = 6504.0
 """Colour temperature of the light that the scenarios are drawn in."""
@@ -222,8 +222,8 @@ class LightAxis(Axis):
     )
 
     parts: Annotated[tuple[Part, ...], Field(min_length=1, max_length=100)] = Field(
-        default=("change", "colour", "flicker", "pools", "patches"),
-        description="Which changes; the others are left out.",
+        default=("change", "colour", "flicker", "pools", "patches", "noise"),
+        description="Which changes; the others are left out. 'noise': the sensor's at gain 1, which dark frames show.",
     )
     lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change their brightness.")
     dim_ev: Annotated[float, Field(ge=-5.0, le=10.0)] = Field(
@@ -299,6 +299,11 @@ class LightAxis(Axis):
             depth = min(0.95, self.severity * self.flicker_depth)
             stops += math.log2(1.0 + depth * math.sin(2.0 * math.pi * self.flicker_hz * time_s + flicker_rad))
         return stops
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the sensor has the noise of gain 1."""
+        return self.on and "noise" in self.parts
 
     @property
     def shade(self) -> float:
