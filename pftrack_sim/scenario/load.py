@@ -105,8 +105,9 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
         errors += [error] if error else []
     if overrides:
         _check_tree(loaded.name, tree)
-    # An override that shortens an episode cuts its actions off.
-    errors += _problems(tree, whole="duration_s" not in (overrides or {}))
+    # An override that shortens an episode cuts its actions off, now or when this Scenario was loaded.
+    whole = not isinstance(scenario, Scenario) and "duration_s" not in (overrides or {})
+    errors += _problems(tree, whole=whole)
     if errors:
         more = [f"and {len(errors) - MAX_PROBLEMS} more"] if len(errors) > MAX_PROBLEMS else []
         raise ScenarioError(loaded.name, [*errors[:MAX_PROBLEMS], *more])

@@ -200,3 +200,10 @@ def test_walk_and_replaced_are_inverse():
     found = dict(ranges.walk(tree))
     assert list(found) == [("a", 0, "b")]
     assert ranges.replaced(tree, {("a", 0, "b"): 5}) == {"a": [{"b": 5}, 3]}
+
+
+def test_a_scenario_that_an_override_shortened_can_be_loaded_again():
+    short = scenario.load("plaza-walk", {"duration_s": 1.0})
+    assert scenario.load(short, {"camera.width_px": 64}).resolve(0).duration_s == 1.0
+    with pytest.raises(ScenarioError, match="ends after the episode, which lasts 1 s"):
+        scenario.load(dict(short.tree))
