@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,12 @@ _render_lock = threading.Lock()
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """An episode, how to run it, and the version of this package where the job was made; workers need the same."""
+    """An episode, how to run it, and the version of this package where the job was made; workers need the same.
+
+    Attributes:
+        scratch: Folder for temporary files, if the worker has it.
+        dropped: Labels of trackers that are not run: they ended the process of a worker.
+    """
 
     episode: Episode
     video: bool = False
@@ -49,6 +55,8 @@ class EpisodeJob:
     isolation: Isolation = "auto"
     limits: Limits = field(default_factory=Limits)
     version: str = pftrack_sim.__version__
+    scratch: Path | None = None
+    dropped: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,12 +69,17 @@ class EpisodeFiles:
     rows: tuple[dict[str, Any], ...]
 
 
-def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) -> EpisodeFiles:
+def run_episode(
+    job: EpisodeJob,
+    on_frame: Callable[[], None] = lambda: None,
+    on_tracker: Callable[[int | None], None] = lambda place: None,
+) -> EpisodeFiles:
     """Run an episode.
 
     Args:
         job: What to run.
         on_frame: Called after every frame.
+        on_tracker: Called with the place of a tracker before it runs, and with None afterwards.
 
     Raises:
         RenderError: No renderer works.
@@ -78,12 +91,16 @@ def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) ->
     episode = job.episode
     with _render_lock, ExitStack() as stack:
         try:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pftrack-sim-")))
+            own = job.scratch if job.scratch is not None and job.scratch.is_dir() else None
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pftrack-sim-", dir=own)))
         except OSError as error:
             raise RunError(f"cannot make a temporary folder: {error.strerror}") from None
-        runners = make_runners(episode.trackers, seed=episode.seed, isolation=job.isolation, limits=job.limits)
-        for runner in runners:
+        runners = make_runners(
+            episode.trackers, seed=episode.seed, isolation=job.isolation, limits=job.limits, dropped=job.dropped
+        )
+        for place, runner in enumerate(runners):
             stack.callback(runner.close)
+            runner.announce = partial(_announce, on_tracker, place)
         settings = episode.scenario.resolve(episode.seed)
         log, course = TruthLog(), FollowLog()
         sinks: list[Sink] = [log]
@@ -103,6 +120,10 @@ def run_episode(job: EpisodeJob, on_frame: Callable[[], None] = lambda: None) ->
         following = course.scores(settings, simulation.frame_count) if episode.kind == "follow" else {}
         rows = _write(table, episode, settings, log, runners, course.columns(), following, simulation.graphics)
         return EpisodeFiles(table.read_bytes(), video.read_bytes() if job.video else None, len(log.truths), tuple(rows))
+
+
+def _announce(on_tracker: Callable[[int | None], None], place: int, running: bool) -> None:
+    on_tracker(place if running else None)
 
 
 def _driver(runner: TrackerRunner, settings: ResolvedScenario, latency_ms: float) -> Driver:

@@ -6,18 +6,19 @@ of its running jobs when one process dies, so that the episode that killed it wo
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import signal
 import threading
 import time
-from collections import Counter, deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait as wait_for
+from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
 from pftrack_sim.benchmark.episode import EpisodeFiles, EpisodeJob, run_episode
@@ -25,6 +26,11 @@ from pftrack_sim.core.errors import RunError, ScenarioError
 
 MAX_DEATHS = 3
 """An episode whose worker dies this often is given up."""
+
+DEATHS_OF_ONE = 2
+"""A tracker that was running as often as this when the worker of an episode died is dropped from the episode."""
+
+_SLOTS = 3
 
 _PROGRESS_PERIOD_S = 0.2
 _CONNECT_S = 30
@@ -95,18 +101,19 @@ class LocalExecutor:
     """
 
     def __init__(self, count: int) -> None:
-        self._context = multiprocessing.get_context("spawn")
-        # For each worker the number of rendered frames and the process id; only the worker writes them.
-        self._shared: Any = self._context.RawArray("q", 2 * count)
+        self._context = _RecordingContext()
+        # For each worker the number of rendered frames, the process id, and the tracker that runs (its place in the
+        # episode, from 1; 0 for none); only the worker writes them.
+        self._shared: Any = self._context.RawArray("q", _SLOTS * count)
+        self._culprits: defaultdict[str, list[str | None]] = defaultdict(list)
         self._pools = [self._start(index) for index in range(count)]
 
     def _start(self, index: int) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(1, self._context, initializer=_initialise, initargs=(self._shared, index))
 
     def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
-        """See `Executor`. An episode whose worker dies is run again by a new one."""
+        """See `Executor`. An episode whose worker dies is run again by a new one, without a tracker that caused it."""
         repeated: deque[EpisodeJob] = deque()
-        deaths: Counter[str] = Counter()
         running: dict[Future[EpisodeFiles], tuple[int, EpisodeJob]] = {}
         idle = list(range(len(self._pools)))
         while True:
@@ -122,13 +129,25 @@ class LocalExecutor:
                 try:
                     yield _finish(job, future.result)
                 except BrokenExecutor:
+                    again = self._after_death(index, job)
                     self._restart(index)
-                    deaths[job.episode.path] += 1
-                    if deaths[job.episode.path] < MAX_DEATHS:
-                        repeated.append(job)
+                    if again is not None:
+                        repeated.append(again)
                     else:
                         yield FinishedJob(job, None, f"{job.episode.name}: its worker died {MAX_DEATHS} times")
             yield None
+
+    def _after_death(self, index: int, job: EpisodeJob) -> EpisodeJob | None:
+        """The job that is run in place of one whose worker died; None to give it up."""
+        running: int = self._shared[_SLOTS * index + 2]
+        self._shared[_SLOTS * index + 2] = 0
+        label = job.episode.labels[running - 1] if running else None
+        culprits = self._culprits[job.episode.path]
+        culprits.append(label)
+        if label is not None and culprits.count(label) >= DEATHS_OF_ONE:
+            culprits.clear()
+            return replace(job, dropped=(*job.dropped, label))
+        return job if len(culprits) < MAX_DEATHS else None
 
     def _submit(self, index: int, job: EpisodeJob) -> Future[EpisodeFiles]:
         try:
@@ -144,20 +163,35 @@ class LocalExecutor:
     @property
     def frames_done(self) -> int:
         """See `Executor`."""
-        return sum(self._shared[::2])
+        return sum(self._shared[::_SLOTS])
 
     @property
     def process_ids(self) -> list[int]:
         """Ids of the workers that have started."""
-        return [pid for pid in self._shared[1::2] if pid]
+        return [pid for pid in self._shared[1::_SLOTS] if pid]
 
     def close(self) -> None:
         """See `Executor`."""
         for pool in self._pools:
             pool.shutdown(wait=False, cancel_futures=True)
-        for pid in self.process_ids:
-            with contextlib.suppress(OSError):
-                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+        # Those too that are still starting and have not reported themselves.
+        for process in self._context.started:
+            if process.pid is not None and process.is_alive():
+                process.kill()
+
+
+class _RecordingContext(SpawnContext):
+    """Starts processes as `spawn` does, and knows them from the moment they are made."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.started: list[BaseProcess] = []
+
+    # There it is a class.
+    def Process(self, *args: Any, **kwargs: Any) -> BaseProcess:  # pyright: ignore[reportIncompatibleVariableOverride]
+        process = SpawnProcess(*args, **kwargs)
+        self.started = [one for one in self.started if one.pid is None or one.is_alive()] + [process]
+        return process
 
 
 class DaskExecutor:
@@ -212,10 +246,11 @@ class DaskExecutor:
 
 
 _count_frame: Callable[[], None] = lambda: None  # noqa: E731 - set once in each worker
+_note_tracker: Callable[[int | None], None] = lambda place: None  # noqa: E731 - set once in each worker
 
 
 def _run(job: EpisodeJob) -> EpisodeFiles:
-    return run_episode(job, lambda: _count_frame())
+    return run_episode(job, lambda: _count_frame(), lambda place: _note_tracker(place))
 
 
 def prepare_worker() -> None:
@@ -235,14 +270,17 @@ def prepare_worker() -> None:
 
 def _initialise(shared: Any, index: int) -> None:
     """Prepare a worker process that counts its frames."""
-    global _count_frame
+    global _count_frame, _note_tracker
     prepare_worker()
 
     def count() -> None:
-        shared[2 * index] += 1
+        shared[_SLOTS * index] += 1
 
-    _count_frame = count
-    shared[2 * index + 1] = os.getpid()
+    def note(place: int | None) -> None:
+        shared[_SLOTS * index + 2] = 0 if place is None else place + 1
+
+    _count_frame, _note_tracker = count, note
+    shared[_SLOTS * index + 1] = os.getpid()
 
 
 def _exit_with_parent() -> None:

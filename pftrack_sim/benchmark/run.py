@@ -15,7 +15,7 @@ from pftrack_sim.benchmark.executor import DaskExecutor, Executor, LocalExecutor
 from pftrack_sim.benchmark.files import slug
 from pftrack_sim.benchmark.plan import Episode, Plan
 from pftrack_sim.benchmark.progress import ProgressCounter, RunProgress
-from pftrack_sim.benchmark.store import RunStore
+from pftrack_sim.benchmark.store import SCRATCH, RunStore
 from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.simulation.simulation import Simulation
@@ -91,7 +91,7 @@ def run(
 
     def job(episode: Episode) -> EpisodeJob:
         video = videos == "all" or (videos == "first" and episode.is_first_seed)
-        return EpisodeJob(episode, video, backend, isolated, limits)
+        return EpisodeJob(episode, video, backend, isolated, limits, scratch=path.resolve() / SCRATCH)
 
     with (
         contextlib.closing(make_executor(plan, workers, scheduler)) as executor,

@@ -12,13 +12,15 @@ from typing import Any
 
 import av
 import numpy as np
+from av.error import FFmpegError
 
 from pftrack_sim.benchmark.episode_file import Column, column
 from pftrack_sim.benchmark.files import atomic_write
 from pftrack_sim.benchmark.rollout import Sample, Step
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
-from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.records import Image, Truth
+from pftrack_sim.core.text import one_line
 from pftrack_sim.render.overlay import draw_frame, draw_recorded
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.score import following
@@ -75,7 +77,7 @@ def video_writer(path: Path, rate_hz: float, quality: int = 21) -> Generator[Cal
     if path.suffix.lower() != ".mp4":
         raise ParameterError(f"a video's name must end in .mp4, got {str(path)!r}")
     rate = Fraction(rate_hz).limit_denominator(1001)
-    with atomic_write(path) as part:
+    with _encoder_errors(path), atomic_write(path) as part:
         container: Any
         with av.open(str(part), "w", format="mp4", options={"movflags": "faststart"}) as container:
             options = {"crf": str(quality), "preset": "veryfast", "threads": "1"}
@@ -94,6 +96,14 @@ def video_writer(path: Path, rate_hz: float, quality: int = 21) -> Generator[Cal
 
             yield add
             container.mux(stream.encode())
+
+
+@contextlib.contextmanager
+def _encoder_errors(path: Path) -> Generator[None]:
+    try:
+        yield
+    except FFmpegError as error:  # not always an OSError: a full disk is found when the file is closed
+        raise RunError(f"cannot write {path}: {one_line(str(error.strerror or error))}") from None
 
 
 class FollowLog:

@@ -33,6 +33,8 @@ from pftrack_sim.core.text import one_line
 
 _LOCK = ".lock"
 SCRATCH = ".scratch"
+"""Folder of a run for the temporary files of its workers."""
+
 _DERIVED = ("summary.parquet", *(f"tables/{name}" for name in TABLE_FILES))
 
 
@@ -87,6 +89,7 @@ class RunStore:
                 write_record(path, new_record(plan))
             remove_parts(path)
             shutil.rmtree(path / SCRATCH, ignore_errors=True)
+            (path / SCRATCH).mkdir(exist_ok=True)
             store = cls(path)
             (path / SUMS).unlink(missing_ok=True)
             store.record["sessions"].append(session())
@@ -179,6 +182,7 @@ class RunStore:
     def close(self) -> None:
         """Unlock the folder. Closing twice is fine."""
         if self._lock is not None:
+            shutil.rmtree(self.path / SCRATCH, ignore_errors=True)
             os.close(self._lock)
             self._lock = None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, cast, get_args
 
@@ -41,6 +41,7 @@ class TrackerRunner:
         failure: The first error with its frame; None without one. Every frame from there on is a miss.
         started: Whether the tracker was initialised.
         took_ms: Time taken by the last call.
+        announce: Called with True before the tracker runs and with False afterwards.
     """
 
     spec: TrackerSpec
@@ -51,6 +52,7 @@ class TrackerRunner:
     failure: str | None = None
     started: bool = False
     took_ms: float = 0.0
+    announce: Callable[[bool], None] = lambda running: None
 
     def step(self, image: Image, true_box: Box, visible: bool) -> None:
         """Call the tracker on the next frame and record the result.
@@ -80,6 +82,7 @@ class TrackerRunner:
             TrackerFault: The tracker raised, crashed, timed out, or returned no valid estimate. It is closed then.
         """
         first, self.started = not self.started, True
+        self.announce(True)
         try:
             if isinstance(self.tracker, IsolatedTracker):
                 return self._call_isolated(self.tracker, image, true_box, first)
@@ -90,6 +93,8 @@ class TrackerRunner:
         except (Exception, SystemExit) as error:  # a third-party tracker may raise anything
             self.close()
             raise TrackerFault(describe_error(error)) from error
+        finally:
+            self.announce(False)
 
     def _call_isolated(self, tracker: IsolatedTracker, image: Image, true_box: Box, first: bool) -> Estimate:
         if tracker.needs_truth:
@@ -142,8 +147,23 @@ class TrackerRunner:
             self.tracker.close()
 
 
+class _DroppedTracker:
+    """Stands for a tracker that ended the worker process it ran in."""
+
+    def init(self, image: Image, box: Box) -> None:
+        raise TrackerFault("its worker process died twice while it ran")
+
+    def update(self, image: Image) -> Estimate:
+        raise TrackerFault("it was dropped")
+
+
 def make_runners(
-    specs: Sequence[str | TrackerSpec], *, seed: int, isolation: Isolation = "never", limits: Limits | None = None
+    specs: Sequence[str | TrackerSpec],
+    *,
+    seed: int,
+    isolation: Isolation = "never",
+    limits: Limits | None = None,
+    dropped: Collection[str] = (),
 ) -> list[TrackerRunner]:
     """Make fresh trackers.
 
@@ -152,6 +172,7 @@ def make_runners(
         seed: Root seed of the episode: every tracker draws from its own `tracker` stream of it.
         isolation: Which trackers run in a process of their own.
         limits: Limits of those.
+        dropped: Labels of trackers that fail in their first frame and are not made, because they end their worker.
 
     Raises:
         UnknownNameError: No such tracker.
@@ -161,7 +182,9 @@ def make_runners(
     runners: list[TrackerRunner] = []
     for given in specs:
         spec = given if isinstance(given, TrackerSpec) else TrackerSpec(name=given)
-        if is_isolated(spec.name, isolation):
+        if spec.label in dropped:
+            made = _DroppedTracker()
+        elif is_isolated(spec.name, isolation):
             made = IsolatedTracker(
                 spec.name, seed=seed, preset=spec.preset, params=spec.params, limits=limits or Limits()
             )

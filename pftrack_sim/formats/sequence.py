@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.records import Image, frozen_array
 from pftrack_sim.core.types import FloatArray
+
+MAX_IMAGE_BYTES = 256 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,7 @@ class RecordedSequence:
             raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
         path = self.paths[index]
         try:
-            data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+            data = np.frombuffer(read_bytes(path, MAX_IMAGE_BYTES), dtype=np.uint8)
         except OSError as error:
             raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -68,6 +69,10 @@ def never_returns(**_: Any) -> FaultyTracker:
 
 def segfaults(**_: Any) -> FaultyTracker:
     return FaultyTracker(lambda image: ctypes.string_at(0))
+
+
+def kills_its_process(**_: Any) -> FaultyTracker:
+    return FaultyTracker(lambda image: os.kill(os.getpid(), signal.SIGKILL))
 
 
 def calls_sys_exit(**_: Any) -> FaultyTracker:

@@ -5,6 +5,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from pftrack_sim.benchmark import run
 from pftrack_sim.benchmark.check import check
 from pftrack_sim.benchmark.progress import RunProgress
 from pftrack_sim.core.errors import RunError
-from tests.benchmark.kills import command, survive
+from tests.benchmark.kills import children, command, survive
 from tests.benchmark.small import contents, small_plan
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills processes and fills disks the Linux way")
@@ -23,6 +24,25 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills processes
 @pytest.mark.slow
 def test_killed_at_random_moments(tmp_path: Path):
     survive(tmp_path, kills=2, episodes=4, seed=1)
+
+
+@pytest.mark.slow
+def test_ctrl_c_while_workers_start_ends_at_once(tmp_path: Path):
+    begun = subprocess.Popen(command(tmp_path / "run", 4), stderr=subprocess.PIPE, start_new_session=True)
+    while not (started := children(begun.pid)) and begun.poll() is None:
+        time.sleep(0.01)
+    begun.send_signal(signal.SIGINT)
+    _, said = begun.communicate(timeout=60)
+    assert begun.returncode == 130, said.decode()
+    assert "Traceback" not in said.decode()
+    assert not [pid for pid in started if b"spawn_main" in _command_line(pid)]
+
+
+def _command_line(pid: int) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""
 
 
 def test_ctrl_c_prints_the_command_to_resume(tmp_path: Path):
@@ -67,6 +87,31 @@ def test_a_full_disk_loses_no_finished_episode(little_disk: Path, tmp_path: Path
     run(plan, little_disk / "run", videos="none")
     assert check(little_disk / "run").good
     assert contents(little_disk / "run") == contents(run(plan, tmp_path / "whole", videos="none").path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", ["120k", "400k"])
+def test_a_disk_that_fills_while_filming_is_one_error_and_free_afterwards(little_disk: Path, size: str):
+    subprocess.run(["mount", "-o", f"remount,size={size}", str(little_disk)], check=True)
+    big = {"camera.width_px": 320, "camera.height_px": 240, "duration_s": 2.0}
+    plan = small_plan(range(8), ["oracle", "stay"], **big)
+    with pytest.raises(RunError, match=r"No space left|cannot write|cannot make"):
+        run(plan, little_disk / "run", videos="all")
+    assert not list(little_disk.rglob("*.part"))
+    assert not list(little_disk.rglob("pftrack-sim-*"))
+    assert all(one.startswith("missing") for one in check(little_disk / "run").problems)
+
+
+@pytest.mark.slow
+def test_a_report_for_which_there_is_no_space_is_one_error(little_disk: Path):
+    from pftrack_sim.report import write_report
+
+    subprocess.run(["mount", "-o", "remount,size=1m", str(little_disk)], check=True)
+    run(small_plan(range(1), ["stay"]), little_disk / "run", videos="none")
+    with pytest.raises(RunError, match="No space left on device"):
+        write_report(little_disk / "run")
+    assert not list(little_disk.rglob("*.part"))
+    assert check(little_disk / "run").good
 
 
 def test_a_file_size_limit_loses_no_finished_episode(tmp_path: Path):

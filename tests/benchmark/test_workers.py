@@ -209,6 +209,44 @@ def test_closing_an_executor_ends_its_workers(plan: Plan):
         time.sleep(0.05)
 
 
+def test_closing_an_executor_ends_workers_that_are_still_starting(plan: Plan):
+    pool = LocalExecutor(1)
+    from pftrack_sim.benchmark.episode import EpisodeJob
+
+    waiting = pool.run_all(EpisodeJob(episode) for episode in plan.episodes())
+    assert next(waiting) is None
+    assert pool.process_ids == []
+    started = list(pool._context.started)
+    assert [one.is_alive() for one in started] == [True]
+    pool.close()
+    for one in started:
+        one.join(20)
+        assert not one.is_alive()
+
+
+@pytest.mark.slow
+def test_a_tracker_that_ends_its_worker_is_dropped_and_the_others_go_on(tmp_path: Path):
+    killer = "tests.benchmark.faulty_trackers:kills_its_process"
+    together = run(
+        small_plan(range(2), [killer, "stay"]), tmp_path / "together", videos="none", workers=1, isolation="never"
+    )
+    alone = run(small_plan(range(2), ["stay"]), tmp_path / "alone", videos="none")
+    failures = {result.label: result.failure for result in together.results}
+    assert failures == {killer: "frame 0: its worker process died twice while it ran", "stay": None}
+    rows = "SELECT * EXCLUDE ms FROM frames WHERE tracker = 'stay' ORDER BY seed, frame"
+    assert str(together.query(rows)) == str(alone.query(rows))
+
+
+def test_temporary_files_lie_in_the_run_folder_and_are_swept(plan: Plan, tmp_path: Path):
+    with RunStore.begin(tmp_path / "run", plan):
+        left = tmp_path / "run/.scratch/pftrack-sim-killed"
+        left.mkdir()
+    assert not left.exists()
+    left.mkdir(parents=True)
+    RunStore.begin(tmp_path / "run", plan)  # never closed: its process was killed
+    assert list((tmp_path / "run/.scratch").iterdir()) == []
+
+
 def _state(pid: int) -> str:
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
