@@ -1,12 +1,11 @@
 """A Gymnasium space for bounding boxes.
 
-`gymnasium.spaces.Box` bounds each number separately, so most of its samples are no boxes of the image, and it wants
-actions normalised to [-1, 1]. This space contains every valid box and samples boxes inside the image.
+It is a `gymnasium.spaces.Box` with the bounds of the image, so that wrappers and vector environments take it, but it
+contains every valid box and samples boxes inside the image: bounded separately, most numbers are no box of the image.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import gymnasium as gym
@@ -18,8 +17,11 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import BoxError
 
 
-class BoundingBox(gym.Space[NDArray[np.float64]]):
+class BoundingBox(gym.spaces.Box):
     """All boxes x, y, w, h [px] with finite numbers and sizes >= 0; they may leave the image.
+
+    `low` and `high`, `(4,)` float64, are those of boxes whose corner lies in the image and that are not larger than it:
+    `RescaleAction` maps to them, `ClipAction` clips to them.
 
     Args:
         width_px: Image width; `sample` stays inside.
@@ -28,14 +30,10 @@ class BoundingBox(gym.Space[NDArray[np.float64]]):
     """
 
     def __init__(self, width_px: int, height_px: int, seed: int | np.random.Generator | None = None) -> None:
-        super().__init__(shape=(4,), dtype=np.float64, seed=seed)
+        high = np.array([width_px, height_px, width_px, height_px], dtype=np.float64)
+        super().__init__(np.zeros(4), high, dtype=np.float64, seed=seed)
         self.width_px = width_px
         self.height_px = height_px
-
-    @property
-    def is_np_flattenable(self) -> bool:
-        """Boxes are flat already, but unbounded: wrappers that need bounds cannot flatten them."""
-        return False
 
     def sample(self, mask: None = None, probability: None = None) -> NDArray[np.float64]:
         """A random box with its corners inside the image, `(4,)` float64."""
@@ -51,14 +49,6 @@ class BoundingBox(gym.Space[NDArray[np.float64]]):
             return False
         return True
 
-    def to_jsonable(self, sample_n: Iterable[NDArray[np.float64]]) -> list[list[float]]:
-        """Boxes as lists."""
-        return [np.asarray(box).tolist() for box in sample_n]
-
-    def from_jsonable(self, sample_n: list[Any]) -> list[NDArray[np.float64]]:
-        """Lists as boxes."""
-        return [np.asarray(box, dtype=np.float64) for box in sample_n]
-
     def __eq__(self, other: object) -> bool:
         return isinstance(other, BoundingBox) and self.width_px == other.width_px and self.height_px == other.height_px
 
@@ -71,5 +61,7 @@ class BoundingBox(gym.Space[NDArray[np.float64]]):
 
 @batch_space.register(BoundingBox)
 def _batch(space: BoundingBox, n: int = 1) -> gym.spaces.Box:
-    """Actions of a vector environment: `(n, 4)` numbers, so that an array of boxes can be passed."""
-    return gym.spaces.Box(-np.inf, np.inf, (n, 4), np.float64, seed=space.np_random)
+    """Actions of a vector environment: `(n, 4)` numbers, whose samples are boxes."""
+    return gym.spaces.Box(
+        np.tile(space.low, (n, 1)), np.tile(space.high, (n, 1)), dtype=np.float64, seed=space.np_random
+    )

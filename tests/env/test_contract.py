@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import ClipAction, FlattenObservation, RescaleAction
 
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import scenario
@@ -48,6 +49,8 @@ def test_gymnasium_checker_passes_without_warnings(env_id: str):
     env = make(env_id, render_mode="rgb_array")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        # The boxes of actions are in pixels; `RescaleAction` normalises them for those who learn.
+        warnings.filterwarnings("ignore", message=".*symmetric and normalized space.*")
         check_env(env.unwrapped)
 
 
@@ -254,6 +257,28 @@ def test_vector_environments(mode: str):
     np.testing.assert_array_equal(observation["image"][1], expected)
     alone.close()
     envs.close()
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_vector_environments_take_samples_of_their_action_space(env_id: str):
+    envs = gym.make_vec(env_id, num_envs=2, scenario="plaza-walk", overrides=SMALL)
+    envs.action_space.seed(1)
+    envs.reset(seed=1)
+    for _ in range(3):
+        action = envs.action_space.sample()
+        assert action in envs.action_space
+        assert envs.step(action)[1].shape == (2,)
+    envs.close()
+
+
+def test_wrappers_of_gymnasium_take_the_space_of_boxes():
+    env = FlattenObservation(ClipAction(RescaleAction(make(), -1.0, 1.0)))
+    flat, info = env.reset(seed=4)
+    assert flat.shape == env.observation_space.shape
+    x, y, width, height = info["truth"].box
+    action = np.array([x / 96, y / 72, width / 96, height / 72]) * 2.0 - 1.0
+    assert abs(env.step(action)[1] - 1.0) < 1e-9
+    env.close()
 
 
 def test_a_pickled_environment_starts_anew_with_the_same_bits():
