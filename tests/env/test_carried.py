@@ -121,3 +121,18 @@ def test_everything_that_is_carried_stays_with_the_target():
 def test_what_cannot_be_carried_is_an_error(carries: list[Any], actions: list[Any], message: str):
     with pytest.raises(ScenarioError, match=message):
         scenario.load("plaza-walk", {"target.carries": carries, "target.actions": actions})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_pedestrian_covers_an_approaching_target_when_planned(seed: int):
+    keys = {
+        "target.actions": [{"kind": "approach", "at_s": 3.0, "distance_m": 1.2}],
+        "occluders": [{"kind": "walker", "at_s": 5.0, "duration_s": 0.6}],
+    }
+    with Simulation(scenario.load("easy/plaza-walk", {**SMALL, **keys})) as simulation:
+        simulation.reset(seed)
+        frames = [simulation.advance() for _ in range(round(7.0 * RATE_HZ))]
+    covered = [frame.time_s for frame in frames if frame.truth.visible_fraction < 0.3]
+    assert 4.7 < min(covered) < 5.3
+    assert 5.2 < max(covered) < 6.2
