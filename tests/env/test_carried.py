@@ -27,7 +27,7 @@ SMALL: dict[str, Any] = {
 
 
 def world(**keys: Any) -> World:
-    return World(scenario.load("plaza-walk", {**SMALL, **keys}).resolve(3), 3)
+    return World(scenario.load("easy/plaza-walk", {**SMALL, **keys}).resolve(3), 3)
 
 
 def place(one: World, body: str) -> np.ndarray:
@@ -47,7 +47,7 @@ def tracked(one: World, item: str, seconds: float) -> tuple[np.ndarray, list[flo
 
 def test_a_backpack_hides_the_back_and_changes_no_box():
     plain, packed = (
-        Simulation(scenario.load("plaza-walk", {**SMALL, "target.carries": carries}))
+        Simulation(scenario.load("easy/plaza-walk", {**SMALL, "target.carries": carries}))
         for carries in ([], [{"item": "backpack", "colour": [200, 30, 30]}])
     )
     with plain, packed:
@@ -77,6 +77,7 @@ def test_a_thing_lies_within_reach_until_it_is_picked_up(item: str):
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() * RATE_HZ < 4.0
 
 
+@pytest.mark.slow
 def test_a_bag_stays_where_it_is_put_down():
     actions = [{"kind": "crouch", "at_s": 0.5, "puts_down": "bag"}]
     places, distances = tracked(world(**{"target.carries": [{"item": "bag"}], "target.actions": actions}), "bag", 7.5)
@@ -120,7 +121,7 @@ def test_everything_that_is_carried_stays_with_the_target():
 )
 def test_what_cannot_be_carried_is_an_error(carries: list[Any], actions: list[Any], message: str):
     with pytest.raises(ScenarioError, match=message):
-        scenario.load("plaza-walk", {"target.carries": carries, "target.actions": actions})
+        scenario.load("easy/plaza-walk", {"target.carries": carries, "target.actions": actions})
 
 
 @pytest.mark.slow

@@ -13,14 +13,19 @@ from pftrack_sim.scene.layout import PEOPLE_GROUP
 from pftrack_sim.scene.people.person import TRUNK
 from pftrack_sim.simulation.simulation import Simulation
 
-SMALL: dict[str, Any] = {"camera.width_px": 200, "camera.height_px": 150, "lights.shadows": False}
+SMALL: dict[str, Any] = {
+    "camera.width_px": 200,
+    "camera.height_px": 150,
+    "lights.shadows": False,
+    "camera.rate_hz": 15.0,
+}
 
 
 @cache
 def frames(init: str) -> tuple[Frame, ...]:
     """The first stride of a target seen from the side."""
-    with Simulation(scenario.load("warehouse", {**SMALL, "target.init": init})) as simulation:
-        return simulation.reset(0), *(simulation.advance() for _ in range(35))
+    with Simulation(scenario.load("easy/warehouse", {**SMALL, "target.init": init})) as simulation:
+        return simulation.reset(0), *(simulation.advance() for _ in range(17))
 
 
 def test_selected_in_mid_stride_the_box_seen_from_the_side_has_its_median_width():
@@ -48,7 +53,7 @@ def test_the_torso_is_selected_scored_and_steadier_while_everything_else_stays()
 @pytest.mark.parametrize("lens", [{}, {"axes.distortion.severity": 1.0}], ids=["pinhole", "distorted"])
 @pytest.mark.slow
 def test_the_torsos_box_is_the_extent_of_its_pixels(lens: dict[str, float]):
-    with Simulation(scenario.load("warehouse", {**SMALL, **lens, "target.init": "torso"})) as simulation:
+    with Simulation(scenario.load("easy/warehouse", {**SMALL, **lens, "target.init": "torso"})) as simulation:
         truth = simulation.reset(1).truth
         world, renderer = simulation.world, simulation._renderer
         assert renderer is not None
@@ -67,7 +72,7 @@ def test_the_torsos_box_is_the_extent_of_its_pixels(lens: dict[str, float]):
 
 @pytest.mark.slow
 def test_the_environment_hands_out_and_rewards_the_torso():
-    env = gym.make("pftrack_sim/Track-v0", scenario="warehouse", overrides={**SMALL, "target.init": "torso"})
+    env = gym.make("pftrack_sim/Track-v0", scenario="easy/warehouse", overrides={**SMALL, "target.init": "torso"})
     observation, info = env.reset(seed=1)
     assert (observation["init_box"] == info["truth"].box).all()
     assert env.step(observation["init_box"])[1] == pytest.approx(1.0)

@@ -159,7 +159,9 @@ def test_what_the_path_is_too_short_for_is_named():
     assert len(found) == 2
     assert "target.actions.0 (approach, 1 to 7.62727 s): walks back 3.0 m, but is only 1.2 m along" in found[0]
     assert "target.actions.1 (pace, 24 to 28 s): only 0.0 m of its path" in found[1]
-    settings = scenario.load("plaza-walk", {"target.actions": [{"kind": "approach", "at_s": 0.5, "distance_m": 5.0}]})
+    settings = scenario.load(
+        "easy/plaza-walk", {"target.actions": [{"kind": "approach", "at_s": 0.5, "distance_m": 5.0}]}
+    )
     with pytest.raises(ScenarioError, match=r"walks back 5\.0 m"):
         World(settings.resolve(0), 0)
 
@@ -179,9 +181,9 @@ def test_what_the_path_is_too_short_for_is_named():
 )
 def test_schedules_that_cannot_be_are_errors_before_the_first_frame(actions: list[Any], message: str):
     with pytest.raises(ScenarioError, match=message):
-        scenario.load("plaza-walk", {"target.actions": actions})
+        scenario.load("easy/plaza-walk", {"target.actions": actions})
 
 
 def test_an_override_of_the_duration_cuts_the_schedule():
     late = {"target.actions": [{"kind": "run", "at_s": 4.0}], "duration_s": 2.0}
-    assert scenario.load("plaza-walk", late).resolve(0).target.actions
+    assert scenario.load("easy/plaza-walk", late).resolve(0).target.actions
