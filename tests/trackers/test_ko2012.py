@@ -72,6 +72,21 @@ def test_a_jump_is_rejected(make_scene: Callable[..., Scene]):
         assert np.allclose(estimate.box, truth[0], rtol=0, atol=1e-12)
 
 
+def test_a_covered_target_is_waited_for_where_it_was(make_scene: Callable[..., Scene]):
+    """While the similarity is low the state is kept, so that the particles do not walk off on the occluder."""
+    images, truth = make_scene(count=30, step_px=0.5)
+    grey = np.random.default_rng(0).integers(90, 130, (*images[0].shape[:2], 1), dtype=np.uint8)
+    shown = [image if not 10 <= index < 20 else np.repeat(grey, 3, axis=2) for index, image in enumerate(images)]
+    tracker = trackers.make("ko2012")
+    tracker.init(shown[0], truth[0])
+    found = [tracker.update(image) for image in shown[1:]]
+    covered = found[9:19]
+    assert all(one.occluded for one in covered)
+    assert all(np.array_equal(one.box, found[8].box) for one in covered)
+    assert not found[19].occluded
+    assert boxes.pairwise_iou(np.array([one.box for one in found[-5:]]), truth[-5:]).min() > 0.6
+
+
 def test_particles_are_optional(scene: Scene):
     images, truth = scene
     for wanted in (True, False):

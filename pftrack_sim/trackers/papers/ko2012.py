@@ -24,7 +24,13 @@ from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.histogram import cell_layout, epanechnikov_layout, uniform_layout
-from pftrack_sim.trackers.features.histogram_model import Feature, HistogramModel, LikelihoodForm, log_mixture
+from pftrack_sim.trackers.features.histogram_model import (
+    EncodedRegion,
+    Feature,
+    HistogramModel,
+    LikelihoodForm,
+    log_mixture,
+)
 from pftrack_sim.trackers.features.pixel_codes import PATTERN_COUNT, cs_lbp_codes, hsv_codes, rgb_codes
 from pftrack_sim.trackers.filters.dynamics import RandomWalk
 from pftrack_sim.trackers.filters.particles import ParticleFilter
@@ -33,6 +39,8 @@ from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Shar
 
 COLOUR_BINS = 128
 MIN_SIZE_PX = 2.0
+USUAL_RATE = 0.03
+"""Share of a new similarity in the running mean: after a second, a lasting change counts as usual."""
 
 
 class Ko2012Parameters(Parameters):
@@ -56,6 +64,8 @@ class Ko2012Parameters(Parameters):
         hold_distance: T of the jump (13), as a multiple of the square root of the box's area. Not printed: 0.5.
         redraw: Next particles: `"weights"`: systematic resampling; `"estimate"`: all at the new state, another reading
             of section 3.3.2.
+        hold_below: Similarity of the new state, as a share of its running mean, below which the previous state is kept
+            as after a jump (13). Not in the paper: 0, never.
         particles: Whether estimates contain the particles.
     """
 
@@ -73,6 +83,7 @@ class Ko2012Parameters(Parameters):
             "top_count": 20,
             "hold_distance": 0.6,
             "redraw": "estimate",
+            "hold_below": 0.88,
         }
     )
 
@@ -88,6 +99,7 @@ class Ko2012Parameters(Parameters):
     top_count: Count = 10
     hold_distance: NotNegative = 0.5
     redraw: Literal["weights", "estimate"] = "weights"
+    hold_below: Share = 0.0
     particles: bool = False
 
 
@@ -130,10 +142,12 @@ class Ko2012(BaseTracker):
         self._model: HistogramModel
         self._filter: ParticleFilter
         self._state = np.zeros(4)
+        self._usual = 0.0
 
     def _start(self, image: Image, box: Box) -> None:
         self._model = HistogramModel(self.features, image, box)
         self._state = state_of(box)
+        self._usual = 0.0
         states = np.tile(self._state, (self.params.particle_count, 1))
         self._filter = ParticleFilter(states, random_streams.stream(self._seed, "tracker"))
 
@@ -150,6 +164,10 @@ class Ko2012(BaseTracker):
         particle_filter.weigh(log_mixture(similarities, self._shares, p.likelihood, self._lambdas))
         state = particle_filter.mean(p.top_count)
         held = self._is_jump(state)
+        if p.hold_below:
+            similarity = self._similarity(encoded, state)
+            held = held or similarity < p.hold_below * self._usual
+            self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
         if not held:
             self._state = state
         # After a rejected jump the particles surround a wrong state: they restart at the previous one.
@@ -157,9 +175,12 @@ class Ko2012(BaseTracker):
             particle_filter.restart(self._state)
         else:
             particle_filter.resample()
-        box = boxes.from_states(self._state[None])
-        confidence = float(self._shares @ encoded.similarities(box)[:, 0])
-        return Estimate(box[0], min(confidence, 1.0), held, particles if p.particles else None)
+        box = boxes.from_states(self._state[None])[0]
+        return Estimate(box, self._similarity(encoded, self._state), held, particles if p.particles else None)
+
+    def _similarity(self, encoded: EncodedRegion, state: FloatArray) -> float:
+        """Similarity of a state's box with the model, in [0, 1]: (9) in the form `"linear"`."""
+        return min(float(self._shares @ encoded.similarities(boxes.from_states(state[None]))[:, 0]), 1.0)
 
     def _is_jump(self, state: FloatArray) -> bool:
         """Whether a state is at least T away from the previous one (13)."""
