@@ -94,8 +94,8 @@ def test_an_unrelated_image_has_no_shift():
 @pytest.mark.parametrize("moved", [(0, 0), (3, -2), (-4, 1)])
 def test_the_response_s_peak_moves_with_the_target(moved: tuple[int, int]):
     image = texture(200, 200, seed=3)
-    subject = CorrelationFilter(cells=20, size=(8.0, 8.0), sigma=1.0, ridge=0.001, rate=0.1)
-    subject.learn(subject.spectrum(np.ascontiguousarray(image[60:140, 60:140])))
+    subject = CorrelationFilter(cells=20, size=(8.0, 8.0), sigma=1.0, ridge=0.001)
+    subject.learn(subject.spectrum(np.ascontiguousarray(image[60:140, 60:140])), 1.0)
     top, left = 60 - 4 * moved[1], 60 - 4 * moved[0]
     response = subject.respond(subject.spectrum(np.ascontiguousarray(image[top : top + 80, left : left + 80])))
     row, column = divmod(int(response.argmax()), 20)
@@ -105,9 +105,9 @@ def test_the_response_s_peak_moves_with_the_target(moved: tuple[int, int]):
 def test_colours_of_the_target_alone_score_high():
     patch = np.full((80, 80, 3), (40, 90, 160), np.uint8)
     patch[20:60, 30:50] = (200, 60, 30)
-    model = ColourModel(rate=0.04)
+    model = ColourModel()
     assert np.allclose(model.respond(patch, 20, 40)[40, 40], 0.5, rtol=0, atol=1e-6), "nothing is learnt yet"
-    model.learn(patch, 20, 40)
+    model.learn(patch, 20, 40, 0.04)
     response = model.respond(np.roll(patch, (7, -5), (0, 1)), 20, 40)
     peak = np.array(np.unravel_index(response.argmax(), response.shape))
     assert np.abs(peak - (47, 35)).max() <= 2
@@ -118,9 +118,9 @@ def test_colours_of_the_target_alone_score_high():
 @pytest.mark.parametrize("zoom", [0.94, 1.0, 1.06])
 def test_a_change_of_size_is_found(zoom: float):
     image = texture(240, 240, seed=4)
-    subject = ScaleFilter(np.array([40.0, 70]), count=17, step=1.02, cells=36, rate=0.025)
+    subject = ScaleFilter(np.array([40.0, 70]), count=17, step=1.02, cells=36)
     centre = np.array([120.0, 120])
-    subject.learn(ImagePyramid(image), centre, 1.0)
+    subject.learn(ImagePyramid(image), centre, 1.0, 0.025)
     matrix = np.array([[zoom, 0, 119.5 * (1 - zoom)], [0, zoom, 119.5 * (1 - zoom)]])
     zoomed = cv2.warpAffine(image, matrix, (240, 240), borderMode=cv2.BORDER_REFLECT)
     assert subject.factor(ImagePyramid(zoomed), centre, 1.0) == pytest.approx(zoom, abs=0.012)

@@ -22,25 +22,20 @@ _HALF = np.float32(0.5)
 
 
 class ColourModel:
-    """Colours of the target and of its surround in patches that are centred on the target.
+    """Colours of the target and of its surround in patches that are centred on the target."""
 
-    Args:
-        rate: Weight of a new patch in the running means, in [0, 1].
-    """
-
-    def __init__(self, rate: float) -> None:
-        self._rate = np.float32(rate)
+    def __init__(self) -> None:
         self._histograms: NDArray[np.float32] | None = None
         self._scores = np.full(1 << 3 * BITS, 0.5, np.float32)
 
-    def learn(self, patch: Image, width_px: float, height_px: float) -> None:
-        """Learn from an RGB patch with the target, `width_px` by `height_px`, in its middle."""
+    def learn(self, patch: Image, width_px: float, height_px: float, rate: float) -> None:
+        """Add an RGB patch with the target, `width_px` by `height_px`, in its middle, with weight `rate` in [0, 1]."""
         now = np.zeros((2, 1 << 3 * BITS), np.float32)
         _count(patch, width_px, height_px, now)
         if self._histograms is None:
             self._histograms = now
         else:
-            self._histograms += self._rate * (now - self._histograms)
+            self._histograms += np.float32(rate) * (now - self._histograms)
         target, surround = self._histograms
         self._scores = (target + _HALF * _PRIOR) / (target + surround + _PRIOR)
 

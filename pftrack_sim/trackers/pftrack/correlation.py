@@ -32,12 +32,11 @@ class CorrelationFilter:
         size: Width and height of the target [cells].
         sigma: Standard deviation of the label [cells].
         ridge: Regularisation, as a share of the mean spectral energy of the first patch.
-        rate: Weight of a new patch in the running means, in [0, 1].
     """
 
-    def __init__(self, cells: int, size: tuple[float, float], sigma: float, ridge: float, rate: float) -> None:
+    def __init__(self, cells: int, size: tuple[float, float], sigma: float, ridge: float) -> None:
         self._cells = cells
-        self._ridge_share, self._rate = ridge, np.float32(rate)
+        self._ridge_share = ridge
         self._window = np.outer(hann(cells), hann(cells))
         self._support = np.outer(_support(cells, size[1]), _support(cells, size[0]))
         # The label's peak is at the corner for a centred target; responses are rolled so that it is in the middle.
@@ -60,16 +59,17 @@ class CorrelationFilter:
         features[CHANNELS] = (brightness - brightness.mean()) * self._window
         return scipy.fft.rfft2(features, axes=(1, 2))
 
-    def learn(self, spectrum: Spectrum) -> None:
-        """Add a patch that is centred on the target."""
+    def learn(self, spectrum: Spectrum, rate: float) -> None:
+        """Add a patch that is centred on the target, with weight `rate` in [0, 1] (the first one with 1)."""
         numerator = self._label * spectrum.conj()
         denominator = (np.square(spectrum.real) + np.square(spectrum.imag)).sum(axis=0)
         if self._numerator is None:
             self._numerator, self._denominator = numerator, denominator
             self._ridge = np.float32(max(self._ridge_share * float(denominator.mean()), 1e-6))
         else:
-            self._numerator += self._rate * (numerator - self._numerator)
-            self._denominator += self._rate * (denominator - self._denominator)
+            weight = np.float32(rate)
+            self._numerator += weight * (numerator - self._numerator)
+            self._denominator += weight * (denominator - self._denominator)
         quotient = np.asarray(self._numerator / (self._denominator + self._ridge), dtype=np.complex64)
         whole: NDArray[np.float32] = scipy.fft.irfft2(quotient, (self._cells, self._cells))
         inner = np.asarray(whole * self._support, dtype=np.float32)

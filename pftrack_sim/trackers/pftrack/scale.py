@@ -26,11 +26,10 @@ class ScaleFilter:
         count: Number of sizes compared, odd.
         step: Ratio of successive sizes, above 1.
         cells: Approximate number of cells of a patch.
-        rate: Weight of a new sample in the running means, in [0, 1].
     """
 
-    def __init__(self, size: FloatArray, count: int, step: float, cells: int, rate: float) -> None:
-        self._size, self._step, self._rate = size, step, np.float32(rate)
+    def __init__(self, size: FloatArray, count: int, step: float, cells: int) -> None:
+        self._size, self._step = size, step
         zoom = math.sqrt(cells / float(size[0] * size[1]))
         # Long thin targets keep two cells across, and no side is longer than the number of cells asked for.
         self._columns, self._rows = (min(max(round(float(side) * zoom), 2), cells) for side in size)
@@ -43,16 +42,17 @@ class ScaleFilter:
         self._numerator: NDArray[np.complex64] | None = None
         self._denominator = np.zeros(count, np.float32)
 
-    def learn(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> None:
-        """Learn the target's size: `scale` times that at scale 1."""
+    def learn(self, pyramid: ImagePyramid, centre: FloatArray, scale: float, rate: float) -> None:
+        """Learn the target's size, `scale` times that at scale 1, with weight `rate` in [0, 1]."""
         spectrum = self._spectrum(pyramid, centre, scale)
         numerator = self._label[:, None] * spectrum.conj()
         denominator = (np.square(spectrum.real) + np.square(spectrum.imag)).sum(axis=1)
         if self._numerator is None:
             self._numerator, self._denominator = numerator, denominator
         else:
-            self._numerator += self._rate * (numerator - self._numerator)
-            self._denominator += self._rate * (denominator - self._denominator)
+            weight = np.float32(rate)
+            self._numerator += weight * (numerator - self._numerator)
+            self._denominator += weight * (denominator - self._denominator)
 
     def factor(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> float:
         """Factor by which the size changed against `scale`; `learn` must have been called."""

@@ -38,12 +38,12 @@ class PftrackParameters(Parameters):
         padding: Side of the search window, as a multiple of the square root of the target's area.
         label_sigma: Standard deviation of the correlation filter's label, as a share of the square root of the area.
         ridge: Regularisation of the correlation filter, as a share of the mean spectral energy of the first patch.
-        rate: Weight of a new frame in the correlation filter.
+        rate: Weight of a new frame of confidence 1 in the correlation filter.
         colour_share: Weight of the colour response; the correlation filter has the rest. 0: no colour.
-        colour_rate: Weight of a new frame in the colour histograms.
+        colour_rate: The same in the colour histograms.
         scale_count: Number of sizes compared, odd. 1: the size is constant.
         scale_step: Ratio of successive sizes.
-        scale_rate: Weight of a new sample in the scale filter.
+        scale_rate: The same in the scale filter.
         scale_interval: The scale filter is applied every so many frames.
         scale_cells: Approximate number of cells of its patches.
         camera_motion: Whether the search starts also where the camera's motion takes the target.
@@ -114,14 +114,14 @@ class Pftrack(BaseTracker):
         self._side = max(p.padding * area_root, 1.3 * float(self._size.max()))
         width, height = (float(side) / self._side * p.cells for side in self._size)
         sigma = p.label_sigma * math.sqrt(width * height)
-        self._filter = CorrelationFilter(p.cells, (width, height), sigma, p.ridge, p.rate)
-        self._colour = ColourModel(p.colour_rate)
-        self._scales = ScaleFilter(self._size, p.scale_count, p.scale_step, p.scale_cells, p.scale_rate)
+        self._filter = CorrelationFilter(p.cells, (width, height), sigma, p.ridge)
+        self._colour = ColourModel()
+        self._scales = ScaleFilter(self._size, p.scale_count, p.scale_step, p.scale_cells)
         self._camera = CameraMotion(p.camera_certainty)
         self._usual = None
         pyramid = ImagePyramid(image)
         self._camera_shift(pyramid, image)
-        self._learn(pyramid)
+        self._learn(pyramid, 1.0)
 
     def _follow(self, image: Image) -> Estimate:
         p = self.params
@@ -133,6 +133,7 @@ class Pftrack(BaseTracker):
         usual = now if self._usual is None else self._usual
         unseen, weak, recoloured = now < usual * (p.occlusion_hold, p.occlusion_peak, p.occlusion_colour)
         occluded = bool(weak and recoloured)
+        confidence = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
         carried = self._centre + shift
         self._centre = _inside(carried, image) if occluded and unseen else found.centre
         if not occluded:
@@ -140,8 +141,7 @@ class Pftrack(BaseTracker):
             self._usual = usual + SLOW * (now - usual)
             if p.scale_count > 1 and self._frame % p.scale_interval == 0:
                 self._rescale(pyramid, image)
-            self._learn(pyramid)
-        confidence = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
+            self._learn(pyramid, confidence)
         size = self._scale * self._size
         return Estimate(np.concatenate([self._centre - 0.5 * size, size]), confidence, occluded)
 
@@ -192,14 +192,15 @@ class Pftrack(BaseTracker):
         most = max(2.0 * min(image.shape[1] / float(self._size[0]), image.shape[0] / float(self._size[1])), 1.0)
         self._scale = min(max(scale, least), most)
 
-    def _learn(self, pyramid: ImagePyramid) -> None:
+    def _learn(self, pyramid: ImagePyramid, confidence: float) -> None:
+        """Learn at the estimate, at rates in proportion to the confidence: a covered target is learnt little."""
         p = self.params
         patch = self._patch(pyramid, self._centre)
-        self._filter.learn(self._filter.spectrum(patch))
+        self._filter.learn(self._filter.spectrum(patch), p.rate * confidence)
         if p.colour_share > 0.0:
-            self._colour.learn(patch, *self._size_in_patch())
+            self._colour.learn(patch, *self._size_in_patch(), p.colour_rate * confidence)
         if p.scale_count > 1 and self._frame % p.scale_interval == 0:
-            self._scales.learn(pyramid, self._centre, self._scale)
+            self._scales.learn(pyramid, self._centre, self._scale, p.scale_rate * confidence)
 
     def _patch(self, pyramid: ImagePyramid, centre: FloatArray) -> Image:
         side, pixels = self._scale * self._side, CELL_PX * self.params.cells
