@@ -51,7 +51,9 @@ _REGISTRY = Registry[Controller](
     interface=Controller,
     methods=("reset", "act"),
     builtin={
-        "servo": BuiltIn(_servo, "visual servoing by the box, with a search when the target is lost"),
+        "servo": BuiltIn(
+            _servo, "visual servoing by box, ground plane and range finder, with a search when the target is lost"
+        ),
         "servo-avoid": BuiltIn(_servo_avoid, "servo with obstacle avoidance by the range finder"),
         "still": BuiltIn(Still, "stands still and looks ahead"),
     },
