@@ -25,7 +25,9 @@ CALM: dict[str, Any] = {
 ONLY_MANOEUVRES: dict[str, Any] = {"faster_m_s": 0.0, "range_m": 0.0, "leave_s": 0.0, "at_s": 0.5}
 
 
-def truths(until_s: float, name: str = "plaza-walk", from_s: float = 0.0, seed: int = 3, **axis: Any) -> list[Truth]:
+def truths(
+    until_s: float, name: str = "easy/plaza-walk", from_s: float = 0.0, seed: int = 3, **axis: Any
+) -> list[Truth]:
     keys = {f"axes.target.{key}": value for key, value in axis.items()}
     with Simulation(scenario.load(name, {**CALM, **keys})) as simulation:
         observed = [simulation.reset(seed).truth]
@@ -57,7 +59,7 @@ def test_a_stopped_target_stands_still():
 def test_a_crouch_lowers_the_amodal_box_and_rises_again():
     route = {"robot.route": {"kind": "still", "start_m": [4.0, -4.5], "heading_deg": 90.0}}
     keys = {f"axes.target.{key}": value for key, value in {"manoeuvres": ["crouch"], **ONLY_MANOEUVRES}.items()}
-    with Simulation(scenario.load("plaza-walk", {**CALM, **route, **keys})) as simulation:
+    with Simulation(scenario.load("easy/plaza-walk", {**CALM, **route, **keys})) as simulation:
         observed = [simulation.reset(3).truth, *(simulation.advance().truth for _ in range(130))]
     # Height in metres, independent of the distance.
     height = np.array([one.amodal_box[3] * one.distance_m for one in observed])
@@ -67,7 +69,7 @@ def test_a_crouch_lowers_the_amodal_box_and_rises_again():
 
 
 def test_a_turning_target_walks_back_and_then_continues():
-    observed = truths(6.8, name="corridor", manoeuvres=["turn"], per_minute=6, **ONLY_MANOEUVRES)
+    observed = truths(6.8, name="easy/corridor", manoeuvres=["turn"], per_minute=6, **ONLY_MANOEUVRES)
     ahead = np.array([one.T_world_target[:3, 0] for one in observed])
     back = round(3.2 * RATE_HZ)
     assert ahead[0, 0] > 0.9
@@ -94,7 +96,7 @@ def test_the_target_leaves_the_view_for_the_requested_time(name: str):
 def test_the_distance_to_the_target_varies_by_the_requested_range():
     def spread(range_m: float) -> float:
         requested = {"per_minute": 0.0, "leave_s": 0.0, "faster_m_s": 0.0, "range_m": range_m, "period_s": 10.0}
-        distance = [one.distance_m for one in truths(13.5, name="corridor", from_s=4.0, **requested)][1:]
+        distance = [one.distance_m for one in truths(13.5, name="easy/corridor", from_s=4.0, **requested)][1:]
         return max(distance) - min(distance)
 
     assert spread(0.4) == pytest.approx(0.8, abs=0.15)
