@@ -25,7 +25,7 @@ SMALL: dict[str, Any] = {
 def swept(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     """Axes that remove frames; only the first sweep has severity 0."""
     plans = [
-        make_plan(["corridor"], ["oracle", "ncc"], [3], axes={axis: levels}, overrides=SMALL)
+        make_plan(["easy/corridor"], ["oracle", "ncc"], [3], axes={axis: levels}, overrides=SMALL)
         for axis, levels in {"occlusion": (0, 0.5, 2), "stream": (3,)}.items()
     ]
     return run(join_plans(plans), tmp_path_factory.mktemp("swept") / "run", videos="none", workers=0)
@@ -62,8 +62,10 @@ def test_recoveries_stand_beside_the_overlap(swept: RunStore):
 
 def test_level_zero_is_shared_only_by_equal_scenarios(tmp_path: Path):
     small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
-    base = make_plan(["corridor"], ["stay"], [0], axes={"jitter": (0,)}, overrides=small)
-    other = make_plan(["corridor"], ["stay"], [0], axes={"noise": (1,)}, overrides={**small, "camera.fovy_deg": 40.0})
+    base = make_plan(["easy/corridor"], ["stay"], [0], axes={"jitter": (0,)}, overrides=small)
+    other = make_plan(
+        ["easy/corridor"], ["stay"], [0], axes={"noise": (1,)}, overrides={**small, "camera.fovy_deg": 40.0}
+    )
     assert degradation(run(join_plans([base, other]), tmp_path / "run", videos="none", workers=0)) == []
 
 

@@ -87,7 +87,9 @@ def test_luminance_follows_stops(card: Card, what: str):
 
 @pytest.mark.parametrize("severity", [0.5, 1.0, 2.0])
 def test_a_step_has_the_given_depth_and_times(card: Card, severity: float):
-    axis = LightAxis(severity=severity, parts=("change",), dim_ev=1.2, at_s=0.5, hold_s=1.0, every_s=2.0)
+    axis = LightAxis(
+        auto_exposure=False, severity=severity, parts=("change",), dim_ev=1.2, at_s=0.5, hold_s=1.0, every_s=2.0
+    )
     luminance = card.shoot(axis, 90) @ LUMINANCE
     stops = np.log2(luminance / luminance[0])
     time_s = np.arange(90) / RATE_HZ
@@ -97,7 +99,16 @@ def test_a_step_has_the_given_depth_and_times(card: Card, severity: float):
 
 
 def test_a_ramp_has_the_given_rate(card: Card):
-    axis = LightAxis(parts=("change",), dim_ev=2.0, rate_ev_s=2.0, at_s=0.2, hold_s=0.5, every_s=4.0, severity=1.0)
+    axis = LightAxis(
+        auto_exposure=False,
+        parts=("change",),
+        dim_ev=2.0,
+        rate_ev_s=2.0,
+        at_s=0.2,
+        hold_s=0.5,
+        every_s=4.0,
+        severity=1.0,
+    )
     luminance = card.shoot(axis, 45) @ LUMINANCE
     stops = np.log2(luminance / luminance[0])
     expected = -np.clip(2.0 * (np.arange(45) / RATE_HZ - 0.2), 0.0, 2.0)
@@ -106,7 +117,7 @@ def test_a_ramp_has_the_given_rate(card: Card):
 
 @pytest.mark.parametrize(("hertz", "depth"), [(2.0, 0.3), (6.5, 0.1), (11.0, 0.2)])
 def test_flicker_has_the_given_frequency_and_depth(card: Card, hertz: float, depth: float):
-    axis = LightAxis(severity=1.0, parts=("flicker",), flicker_hz=hertz, flicker_depth=depth)
+    axis = LightAxis(auto_exposure=False, severity=1.0, parts=("flicker",), flicker_hz=hertz, flicker_depth=depth)
     luminance = card.shoot(axis, 120) @ LUMINANCE
     power = np.abs(np.fft.rfft(luminance - luminance.mean())) ** 2
     assert np.fft.rfftfreq(120, 1 / RATE_HZ)[power.argmax()] == pytest.approx(hertz)

@@ -69,7 +69,7 @@ def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
 def test_a_low_cart_covers_the_requested_share(share: float):
-    observed = truths("corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", end_s=AT_S + 1.0, share=share)
+    observed = truths("easy/corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", end_s=AT_S + 1.0, share=share)
     assert_as_requested(np.array([one.visible_fraction for one in observed]), AT_S - 0.4, ((AT_S, 1.0),), share)
 
 
@@ -83,7 +83,7 @@ def test_severity_scales_the_duration_of_successive_occlusions():
 
 
 def test_without_a_gap_one_occlusion_begins_as_the_other_ends():
-    observed = truths("corridor", 4.4, from_s=1.8, count=2, every_s=0.8, duration_s=0.8, end_s=3.2)
+    observed = truths("easy/corridor", 4.4, from_s=1.8, count=2, every_s=0.8, duration_s=0.8, end_s=3.2)
     fraction = np.array([one.visible_fraction for one in observed])
     times = 1.8 + np.arange(len(fraction)) / RATE_HZ
     hidden = times[fraction < 0.5]
@@ -96,7 +96,7 @@ def test_without_a_gap_one_occlusion_begins_as_the_other_ends():
 @pytest.mark.parametrize("kind", ["pillar", "stranger"])
 def test_what_follows_the_end_is_the_same_at_every_severity(kind: str):
     common = {"kind": kind, "end_s": 3.0, "from_s": 2.8}
-    short, long = (truths("corridor", 4.0, severity=severity, **common)[1:] for severity in (0.5, 2.0))
+    short, long = (truths("easy/corridor", 4.0, severity=severity, **common)[1:] for severity in (0.5, 2.0))
     boxes = [[one.box.tolist() for one in arm if one.time_s >= 3.0] for arm in (short, long)]
     assert boxes[0] == boxes[1]
     assert len(boxes[0]) >= 29

@@ -217,8 +217,9 @@ class LightAxis(Axis):
     source: ClassVar[str] = (
         "changes: Ko, Nam & Kwak 2012, table 2 (light and colour), and Lee et al. 2012 (sudden, by day and night). "
         "Severity 1: 2 stops, from an office of 320 lx into a corridor of 80 lx; 4: 8 stops, from open sun (100000 lx) "
-        "into a room (300 lx; CIBSE Code for Interior Lighting: 8.4). Colour at 1: from D65 to CIE illuminant A, "
-        "tungsten. Flicker, pools and patches are chosen; Kim et al. 2002, US 7024034 (Planckian locus)"
+        "into a room (300 lx; CIBSE Code for Interior Lighting: 8.4), of which the exposure corrects 4. Colour at 1: "
+        "from D65 to CIE illuminant A, tungsten. Flicker, pools and patches are chosen; Kim et al. 2002, US 7024034 "
+        "(Planckian locus)"
     )
 
     parts: Annotated[tuple[Part, ...], Field(min_length=1, max_length=100)] = Field(
@@ -247,7 +248,7 @@ class LightAxis(Axis):
     patch_share: Annotated[float, Field(ge=0.0, le=0.9)] = Field(
         default=0.2, description="Patches: share of the ground in shade, added to `lights.patches` (needs shadows)."
     )
-    auto_exposure: bool = Field(default=False, description="Whether the camera holds the first frame's mean luminance.")
+    auto_exposure: bool = Field(default=True, description="Whether the camera holds the first frame's mean luminance.")
     exposure_lag_s: NotNegative = Field(default=0.5, description="Auto-exposure: time constant; 0 answers at once.")
     exposure_range_ev: Annotated[float, Field(gt=0.0, le=10.0)] = Field(
         default=4.0, description="Auto-exposure: largest correction in stops."
