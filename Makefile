@@ -9,7 +9,7 @@ WHEEL_VENV := build/wheel-venv
 
 WITHOUT_GL := PYTHONPATH=tests/without_opengl
 
-.PHONY: setup demo bare test test-slow lint perf wheel pictures clean
+.PHONY: setup demo bare test test-slow fuzz lint perf wheel pictures clean
 
 setup: $(STAMP)
 
@@ -51,6 +51,10 @@ test: setup
 # What .ci/run asks for besides.
 test-slow: setup
 	$(BIN)/python -m pytest -n 2 --dist worksteal -q -m slow
+
+# Mutated scenarios, command lines, run folders and recorded sequences: 10,000 cases, for a nightly run.
+fuzz: setup
+	PFTRACK_SIM_FUZZ_CASES=10000 $(BIN)/python -m pytest -n 2 --dist worksteal -q -m slow tests/attack/test_fuzz.py
 
 lint: setup
 	$(BIN)/ruff check .

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
 
+MAX_TEXT_BYTES = 64 << 20
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
 
 
@@ -78,7 +80,7 @@ def read_text(path: Path) -> str:
         SequenceError: It is missing, cannot be read, or is no text.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return read_bytes(path, MAX_TEXT_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise SequenceError(f"{path}: no such file") from None
     except OSError as error:
