@@ -39,7 +39,7 @@ class PftrackParameters(Parameters):
         label_sigma: Standard deviation of the correlation filter's label, as a share of the square root of the area.
         ridge: Regularisation of the correlation filter, as a share of the mean spectral energy of the first patch.
         rate: Weight of a new frame of confidence 1 in the correlation filter.
-        colour_share: Weight of the colour response; the correlation filter has the rest. 0: no colour.
+        colour_share: Weight of the colour response; the correlation filter has the rest. At 0 no occlusion is reported.
         colour_rate: The same in the colour histograms.
         scale_count: Number of sizes compared, odd. 1: the size is constant.
         scale_step: Ratio of successive sizes.
