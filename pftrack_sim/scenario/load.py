@@ -101,6 +101,7 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
     if len(overrides or {}) > MAX_OVERRIDES:
         raise ScenarioError(loaded.name, [f"at most {MAX_OVERRIDES} overrides, got {len(overrides or {})}"])
     for key, value in (overrides or {}).items():
+        _check_tree(loaded.name, {key: value})
         tree, error = _set(tree, key, value)
         errors += [error] if error else []
     if overrides:

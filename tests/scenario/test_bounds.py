@@ -15,6 +15,13 @@ from pftrack_sim.scenario.model import ResolvedScenario
 BASE = {"title": "x", "place": {"kind": "plaza"}, "robot": {"route": {"kind": "still"}}}
 
 
+def nested(levels: int) -> Any:
+    tree: Any = 1
+    for _ in range(levels):
+        tree = [tree]
+    return tree
+
+
 def numbers(schema: dict[str, Any], path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
     """Every number and list in a JSON Schema, with where it stands."""
     if schema.get("type") in ("number", "integer", "array") and "enum" not in schema:
@@ -66,6 +73,7 @@ def test_every_number_and_list_is_bounded():
         {"title": "x" * 100_000},
         {"title": "\udcff"},
         {"x" * 5000: 1},
+        {"occluders": nested(3000)},
         {".".join("a" * 3000): 1},
         {"x.y": 1, "\x1b[2J": 2},
         {f"key{number}": 1 for number in range(3000)},
