@@ -79,4 +79,5 @@ def residuals(vectors: FloatArray, basis: FloatArray) -> FloatArray:
     Returns:
         `(N,)` distances, from 0 to the vector's length.
     """
-    return np.linalg.norm(vectors - (vectors @ basis) @ basis.T, axis=1)
+    rest = vectors - (vectors @ basis) @ basis.T
+    return np.sqrt(np.einsum("ij,ij->i", rest, rest))

@@ -35,7 +35,7 @@ from pftrack_sim.trackers.features.pixel_codes import PATTERN_COUNT, cs_lbp_code
 from pftrack_sim.trackers.filters.dynamics import RandomWalk
 from pftrack_sim.trackers.filters.particles import ParticleFilter
 from pftrack_sim.trackers.papers.box_state import NoiseUnit, clip_states, noise_scales, state_of
-from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Share
+from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 
 COLOUR_BINS = 128
 MIN_SIZE_PX = 2.0
@@ -66,6 +66,7 @@ class Ko2012Parameters(Parameters):
             of section 3.3.2.
         hold_below: Similarity of the new state, as a share of its running mean, below which the previous state is kept
             as after a jump (13). Not in the paper: 0, never.
+        held_noise: Factor on `sigma_centre` after such a frame or a jump. Not in the paper: 1.
         particles: Whether estimates contain the particles.
     """
 
@@ -84,6 +85,7 @@ class Ko2012Parameters(Parameters):
             "hold_distance": 0.6,
             "redraw": "estimate",
             "hold_below": 0.88,
+            "held_noise": 2.5,
         }
     )
 
@@ -100,6 +102,7 @@ class Ko2012Parameters(Parameters):
     hold_distance: NotNegative = 0.5
     redraw: Literal["weights", "estimate"] = "weights"
     hold_below: Share = 0.0
+    held_noise: Positive = 1.0
     particles: bool = False
 
 
@@ -142,19 +145,20 @@ class Ko2012(BaseTracker):
         self._model: HistogramModel
         self._filter: ParticleFilter
         self._state = np.zeros(4)
-        self._usual = 0.0
+        self._usual, self._held = 0.0, False
 
     def _start(self, image: Image, box: Box) -> None:
         self._model = HistogramModel(self.features, image, box)
         self._state = state_of(box)
-        self._usual = 0.0
+        self._usual, self._held = 0.0, False
         states = np.tile(self._state, (self.params.particle_count, 1))
         self._filter = ParticleFilter(states, random_streams.stream(self._seed, "tracker"))
 
     def _follow(self, image: Image) -> Estimate:
         p, particle_filter = self.params, self._filter
         position, width, height = noise_scales(self._state, p.sigma_unit)
-        sigma = (p.sigma_centre * position, p.sigma_centre * position, p.sigma_size * width, p.sigma_size * height)
+        centre = p.sigma_centre * position * (p.held_noise if self._held else 1.0)
+        sigma = (centre, centre, p.sigma_size * width, p.sigma_size * height)
         particle_filter.predict(RandomWalk(sigma, p.size_correlation))
         clip_states(particle_filter.states, image, MIN_SIZE_PX)
         particles = boxes.from_states(particle_filter.states)
@@ -163,11 +167,9 @@ class Ko2012(BaseTracker):
         similarities = encoded.similarities(particles)
         particle_filter.weigh(log_mixture(similarities, self._shares, p.likelihood, self._lambdas))
         state = particle_filter.mean(p.top_count)
-        held = self._is_jump(state)
-        if p.hold_below:
-            similarity = self._similarity(encoded, state)
-            held = held or similarity < p.hold_below * self._usual
-            self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
+        similarity = self._similarity(encoded, state)
+        self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
+        self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
         if not held:
             self._state = state
         # After a rejected jump the particles surround a wrong state: they restart at the previous one.
@@ -175,8 +177,9 @@ class Ko2012(BaseTracker):
             particle_filter.restart(self._state)
         else:
             particle_filter.resample()
+        confidence = self._similarity(encoded, self._state) if held else similarity
         box = boxes.from_states(self._state[None])[0]
-        return Estimate(box, self._similarity(encoded, self._state), held, particles if p.particles else None)
+        return Estimate(box, confidence, held, particles if p.particles else None)
 
     def _similarity(self, encoded: EncodedRegion, state: FloatArray) -> float:
         """Similarity of a state's box with the model, in [0, 1]: (9) in the form `"linear"`."""
