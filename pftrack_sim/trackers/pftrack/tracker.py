@@ -75,7 +75,7 @@ class PftrackParameters(Parameters):
     momentum: Share = 0.7
     occlusion_peak: Share = 0.6
     occlusion_colour: Share = 0.85
-    occlusion_hold: Share = 0.5
+    occlusion_hold: Share = 0.35
 
 
 class Match(NamedTuple):
