@@ -66,7 +66,7 @@ def test_pedestrians_pass_on_the_far_side_of_a_target_seen_from_the_side(side: s
     axis = {f"axes.distractors.{key}": value for key, value in {"where": "beside", "count": 2, "at_s": 3.0}.items()}
     for seed in range(3):
         keys = {**BASE, **axis, "robot.route": route, "distractors.count": 0, "occluders": [], "lights.shadows": False}
-        world = World(scenario.load("plaza-walk", keys).resolve(seed), seed)
+        world = World(scenario.load("easy/plaza-walk", keys).resolve(seed), seed)
         passers = [index for index, person in enumerate(world.people) if person.startswith("passer")]
         for _ in range(90):
             world.advance()
@@ -129,6 +129,7 @@ def similarity_of_pixels(similarity: float, seed: int) -> float:
     """Bhattacharyya coefficient of the pixels of pedestrian and target when they are abreast."""
     keys: dict[str, Any] = {
         "axes.distractors.count": 1,
+        "axes.distractors.where": "beside",
         "axes.distractors.at_s": 0.7,
         "axes.distractors.similarity": similarity,
         "distractors.count": 0,
@@ -136,7 +137,7 @@ def similarity_of_pixels(similarity: float, seed: int) -> float:
         "camera.width_px": 320,
         "camera.height_px": 240,
     }
-    with Simulation(scenario.load("plaza-walk", {**BASE, **keys})) as simulation:
+    with Simulation(scenario.load("easy/plaza-walk", {**BASE, **keys})) as simulation:
         simulation.reset(seed)
         for _ in range(19):
             simulation.world.advance()
@@ -147,8 +148,8 @@ def similarity_of_pixels(similarity: float, seed: int) -> float:
 
 
 def test_the_target_and_all_start_positions_do_not_depend_on_the_axis():
-    names, without = walk("plaza-walk", 2.0, severity=0.0)
-    more, together = walk("plaza-walk", 2.0, count=2, at_s=3.0)
+    names, without = walk("easy/plaza-walk", 2.0, severity=0.0)
+    more, together = walk("easy/plaza-walk", 2.0, count=2, at_s=3.0)
     assert more[: len(names)] == names
     assert np.array_equal(without[:, 0], together[:, 0])
     assert np.array_equal(without[0], together[0, : len(names)])

@@ -52,7 +52,7 @@ def test_servo_at_a_short_distance_does_not_run_into_the_target():
 
 @pytest.mark.slow
 def test_a_robot_that_stands_still_loses_the_target():
-    env = gym.make("pftrack_sim/Follow-v0", scenario="plaza-walk", overrides={**SMALL, "duration_s": 16})
+    env = gym.make("pftrack_sim/Follow-v0", scenario="easy/plaza-walk", overrides={**SMALL, "duration_s": 16})
     env.reset(seed=4)
     done = False
     while not done:
@@ -64,7 +64,7 @@ def test_a_robot_that_stands_still_loses_the_target():
 
 def test_a_policy_that_drives_into_the_target_ends_the_episode():
     overrides = {**SMALL, "robot.route": {"kind": "trail", "distance_m": 1.5}, "occluders": []}
-    env = gym.make("pftrack_sim/Follow-v0", scenario="corridor", overrides=overrides)
+    env = gym.make("pftrack_sim/Follow-v0", scenario="easy/corridor", overrides=overrides)
     env.reset(seed=4)
     for _ in range(250):
         _, _, terminated, _, info = env.step(np.array([1.0, 0, 0, 0], np.float32))

@@ -51,7 +51,7 @@ def assert_as_requested(fraction: np.ndarray, from_s: float, spans_s: tuple[tupl
         assert hidden[-1] == pytest.approx(begin_s + length_s - 1.0 / RATE_HZ, abs=(FRAMES + 0.5) / RATE_HZ)
         assert len(hidden) == pytest.approx(requested.sum(), abs=2 * FRAMES)
         inner = (times >= begin_s + ramp_s) & (times < begin_s + length_s - ramp_s)
-        assert np.abs(fraction[inner] - (1.0 - share)).max() <= 0.1
+        assert np.abs(fraction[inner] - (1.0 - share)).max() <= 0.12
         clear &= ~wide
     assert (fraction[clear] > 0.9).all()
 
@@ -59,7 +59,7 @@ def assert_as_requested(fraction: np.ndarray, from_s: float, spans_s: tuple[tupl
 @pytest.mark.parametrize("kind", ["pillar", "wall", "stranger", "lookalike"])
 @pytest.mark.parametrize("name", PLACES)
 def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
-    at_s = NEXT_TO_PILLARS_AT_S if name == "warehouse" else AT_S
+    at_s = NEXT_TO_PILLARS_AT_S if name == "easy/warehouse" else AT_S
     share = 0.5 if kind == "wall" else 1.0
     observed = truths(name, at_s + 1.5, from_s=at_s - 0.5, kind=kind, end_s=at_s + 1.0, share=share)
     assert_as_requested(np.array([one.visible_fraction for one in observed]), at_s - 0.5, ((at_s, 1.0),), share)
@@ -77,7 +77,7 @@ def test_severity_scales_the_duration_of_successive_occlusions():
     axis = OcclusionAxis(severity=1.6, duration_s=0.5, count=2, every_s=2.0, end_s=3.2)
     assert np.array(axis.spans_s) == pytest.approx(np.array([(2.4, 0.8), (4.4, 0.8)]))
     given = axis.model_dump()
-    observed = truths("plaza-walk", 5.8, from_s=1.9, **given)
+    observed = truths("easy/plaza-walk", 5.8, from_s=1.9, **given)
     assert_as_requested(np.array([one.visible_fraction for one in observed]), 1.9, axis.spans_s, 1.0)
     assert {one.occluders[0] for one in observed if one.visible_fraction < 0.2} == {"cabinet-1", "cabinet-2"}
 
@@ -115,16 +115,16 @@ def test_covers_that_do_not_fit_are_refused(given: dict[str, Any], words: str):
 
 
 def test_without_occlusions_the_truth_is_the_base_to_the_bit():
-    base = truths("plaza-walk", 0.3)
+    base = truths("easy/plaza-walk", 0.3)
     for axis in ({"count": 0}, {"severity": 0.0, "kind": "stranger"}):
-        assert truths("plaza-walk", 0.3, **axis) == base
+        assert truths("easy/plaza-walk", 0.3, **axis) == base
 
 
 @pytest.mark.parametrize(
     "route",
     [
         {"kind": "still", "start_m": [7.0, -5.0], "heading_deg": 90.0},
-        {"kind": "waypoints", "points_m": [[3.0, -4.0], [20.0, -4.0]], "speed_m_s": 1.0},
+        {"kind": "waypoints", "points_m": [[3.0, -2.5], [20.0, -2.5]], "speed_m_s": 1.0},
         {"kind": "beside", "distance_m": 3.0, "side": "left", "lead_m": -0.5},
     ],
     ids=lambda route: route["kind"],
@@ -136,7 +136,7 @@ def test_occlusions_are_equal_on_every_route(route: dict[str, Any]):
         "axes.occlusion.kind": "pillar",
         "axes.occlusion.end_s": AT_S + 1.0,
     }
-    with Simulation(scenario.load("plaza-walk", {**CLEAR, **keys})) as simulation:
+    with Simulation(scenario.load("easy/plaza-walk", {**CLEAR, **keys})) as simulation:
         simulation.reset(3)
         for _ in range(round((AT_S - 0.5) * RATE_HZ)):
             simulation.world.advance()

@@ -26,7 +26,7 @@ SMALL |= {"camera.fovy_deg": 20.0, "target.path_m": [[3.5, 0.0], [4.0, 0.0], [4.
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drives") / "run"
-    plan = make_plan(["plaza-walk"], ["oracle"], [0], controllers=["servo-avoid", "still"], overrides=SMALL)
+    plan = make_plan(["easy/plaza-walk"], ["oracle"], [0], controllers=["servo-avoid", "still"], overrides=SMALL)
     run(plan, path, videos="all")
     return path
 

@@ -59,7 +59,7 @@ def test_filters_change_the_board(opened: Any):
 def test_a_click_on_the_curve_seeks_the_video_and_keys_step(opened: Any):
     opened.wait_for_function("document.getElementById('video').readyState >= 1")
     opened.locator("#overlap").scroll_into_view_if_needed()
-    rate = 30.0
+    rate = 25.0
     x, y = opened.evaluate(CENTRE_OF_FRAME, 12)
     opened.mouse.click(x, y)
     opened.wait_for_function(f"Math.abs(document.getElementById('video').currentTime - 12.5 / {rate}) < 0.5 / {rate}")

@@ -87,7 +87,9 @@ def test_a_drive_ends_the_same_at_every_camera_rate(
             assert 0.0 <= record.frame_s - record.tick_s < 1.0 / rate_hz
 
 
-@pytest.mark.parametrize("axis", [{}, {"axes": {"occlusion": {"severity": 1.0, "at_s": 2.0}}}], ids=["people", "carts"])
+@pytest.mark.parametrize(
+    "axis", [{}, {"axes": {"occlusion": {"severity": 1.0, "end_s": 3.0}}}], ids=["people", "carts"]
+)
 def test_colliders_are_where_people_and_carts_are_during_a_frame(axis: dict[str, Any], monkeypatch: pytest.MonkeyPatch):
     moving = world(2.0, **axis)
     pelvis = moving.model.body_mocapid[moving.model.body("target/pelvis").id]

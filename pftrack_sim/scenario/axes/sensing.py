@@ -151,7 +151,9 @@ class NoiseAxis(Axis):
         "numbers for a small CMOS"
     )
 
-    full_well_e: Positive = Field(default=10000.0, description="Electrons of a white pixel at gain 1.")
+    full_well_e: Annotated[float, Field(gt=0.0, le=1e6)] = Field(
+        default=10000.0, description="Electrons of a white pixel at gain 1."
+    )
     read_noise_e: NotNegative = Field(default=6.0, description="Standard deviation of the read noise [e-].")
     gain: Positive = Field(
         default=7.5, description="Analogue gain, as ISO / 100: less light is enough for white, with fewer electrons."
