@@ -55,6 +55,7 @@ def test_few_seeds_say_so_instead_of_a_verdict(stored: RunStore):
     assert row.verdict == "too few seeds"
 
 
+@pytest.mark.slow
 def test_two_runs_are_compared_where_they_have_the_same_episodes(stored: RunStore, tmp_path: Path):
     darker = make_run(tmp_path / "two", ["stay"], [1, 2], **{"lights.ev": -2.0})
     found = compare_runs(stored, darker)

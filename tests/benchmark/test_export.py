@@ -51,6 +51,7 @@ def test_a_sequence_has_the_frames_and_boxes_of_the_episode(tmp_path: Path, layo
         assert (out / index_file).read_text().splitlines()[-1] == folder.name
 
 
+@pytest.mark.slow
 def test_a_resumed_export_has_the_bytes_of_an_uninterrupted_one(tmp_path: Path):
     whole = export(plan([0, 1, 2]), tmp_path / "whole", "got10k", image="jpg", quality=80)
     resumed = export(plan([0, 1, 2]), tmp_path / "resumed", "got10k", image="jpg", quality=80)

@@ -91,6 +91,7 @@ def test_the_pose_after_a_command_is_that_of_the_next_frame(one: RunStore):
     assert np.abs(np.hypot(*gaps.T)[1:] - distances[:-1]).max() < 0.15
 
 
+@pytest.mark.slow
 def test_two_workers_and_another_order_give_the_same_bits(one: RunStore, tmp_path: Path):
     two = run(one.plan, tmp_path / "two", workers=2, videos="none", shuffle=1)
     assert contents(two.path) == contents(one.path)

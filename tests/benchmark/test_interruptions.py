@@ -45,6 +45,7 @@ def _command_line(pid: int) -> bytes:
         return b""
 
 
+@pytest.mark.slow
 def test_ctrl_c_prints_the_command_to_resume(tmp_path: Path):
     words = command(tmp_path / "run", 40)
     words[words.index("quiet")] = "json"

@@ -29,6 +29,7 @@ def one(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     return run(plan, tmp_path_factory.mktemp("one") / "run", videos="none")
 
 
+@pytest.mark.slow
 def test_two_workers_that_are_killed_give_the_same_bits(
     plan: Plan, one: RunStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

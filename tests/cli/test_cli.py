@@ -238,6 +238,7 @@ def test_a_failing_tracker_is_named_and_the_exit_code_is_1(fault: str, words: st
     assert "stay" in recorded.stdout
 
 
+@pytest.mark.slow
 def test_changed_code_is_not_mistaken_for_the_code_that_ran(tmp_path: Path):
     module = tmp_path / "changing_tracker.py"
     source = FAILING.replace("if self.frame == 3: FAULT", "self.box = self.box + SHIFT")

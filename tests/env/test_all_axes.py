@@ -48,6 +48,7 @@ def assert_only_pixels_differ(changed: list[Frame], plain: list[Frame]) -> None:
         ]
 
 
+@pytest.mark.slow
 def test_each_pair_of_pixel_axes_changes_no_truth():
     plain = frames("plaza-walk", BRIEF)
     for pair in itertools.combinations(PIXEL_AXES, 2):

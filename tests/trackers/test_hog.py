@@ -45,6 +45,7 @@ def reference_hog(grey: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, float]
     return out.ravel(), float(np.abs(turns % 1 - 0.5).min() * np.pi / 4)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.floats(-20, 60), st.floats(-20, 60), st.floats(1, 90), st.floats(1, 90))
 def test_hog_agrees_with_a_reference_implementation(seed: int, x: float, y: float, w: float, h: float):
