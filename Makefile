@@ -67,7 +67,7 @@ perf: setup
 
 # The pictures of the README.
 pictures: setup
-	@for pair in plaza-walk:7 corridor:5 warehouse:8 street-night:2; do \
+	@for pair in plaza-walk:7 corridor:9 warehouse:8 street-night:2; do \
 		name=$${pair%:*}; \
 		$(BIN)/pftrack-sim render $$name --seed $${pair#*:} --at-s 4 --truth --image docs/pictures/$$name.jpg || exit 1; \
 	done
