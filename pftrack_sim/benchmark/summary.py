@@ -16,7 +16,7 @@ from pftrack_sim.benchmark.files import atomic_write, csv_text, query_deadline, 
 from pftrack_sim.benchmark.integrity import sha256_of
 from pftrack_sim.benchmark.plan import Condition, Plan, TrackerSpec
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.core.inputs import is_file, read_bytes
 from pftrack_sim.score import Measures
 from pftrack_sim.score.following import Following
 
@@ -193,6 +193,8 @@ def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]
 
 def summary_problem(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan) -> str | None:
     """The first file among the summary and the tables that the episodes do not lead to, or None."""
+    if not is_file(path / "summary.parquet"):
+        return "summary.parquet: is not a regular file"
     stored = f"read_parquet({sql_text(path / 'summary.parquet')}, hive_partitioning = false)"
     load_summary(database, path, plan, hashes=True)
     try:

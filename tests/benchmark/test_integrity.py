@@ -148,6 +148,13 @@ def test_a_pipe_is_no_file(copied: Path, tmp_path: Path):
         RunStore(copied)
 
 
+def test_a_summary_that_is_a_pipe_is_reported_without_waiting(copied: Path):
+    (copied / SUMS).unlink()
+    (copied / "summary.parquet").unlink()
+    os.mkfifo(copied / "summary.parquet")
+    assert any("summary.parquet: is not a regular file" in problem for problem in check(copied).problems)
+
+
 def test_text_that_is_a_formula_is_escaped_in_csv():
     rows = [["=1+1"], ["+1"], ["-1"], ["@x"], ["\t=1"], [-1.5], ["a=b"], [None]]
     lines = csv_text(["cell"], rows).splitlines()

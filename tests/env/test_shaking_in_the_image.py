@@ -26,7 +26,7 @@ STILL = {
 
 def motion_deg(axis: dict[str, object]) -> np.ndarray:
     """`(N, 2)` angles by which the background has moved since the first frame, across and down."""
-    loaded = scenario.load("plaza-walk", {**STILL, "axes.jitter": axis})
+    loaded = scenario.load("easy/plaza-walk", {**STILL, "axes.jitter": axis})
     with Simulation(loaded) as simulation:
         first = simulation.reset(0)
         focal_px = first.truth.K[0, 0]
@@ -67,6 +67,8 @@ def test_the_background_moves_with_the_given_rms_and_band(
 
 
 def test_severity_zero_moves_nothing():
-    with Simulation(scenario.load("plaza-walk", {**STILL, "duration_s": 0.4, "axes.jitter.severity": 0})) as simulation:
+    with Simulation(
+        scenario.load("easy/plaza-walk", {**STILL, "duration_s": 0.4, "axes.jitter.severity": 0})
+    ) as simulation:
         first = simulation.reset(0).image
         assert all((simulation.advance().image == first).all() for _ in range(5))
