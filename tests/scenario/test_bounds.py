@@ -44,7 +44,7 @@ def test_every_number_and_list_is_bounded():
         if not (
             schema.get("maxItems", 10**9) <= 1000
             if schema["type"] == "array"
-            else {"minimum", "exclusiveMinimum"} & set(schema) and schema.get("maximum", 10**9) <= 100_000
+            else {"minimum", "exclusiveMinimum"} & set(schema) and schema.get("maximum", 10**9) <= 25_000
         )
     ]
     assert unbounded == []

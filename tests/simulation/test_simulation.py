@@ -38,7 +38,7 @@ def test_an_occluder_covers_the_target_at_its_time_whatever_the_operator_does(se
     operator = {"character": "hasty", "glances_per_minute": 0.0}
     walker = {"kind": "walker", "at_s": 5.0, "duration_s": 0.8}
     loaded = scenario.load(
-        "plaza-walk", {**SMALL, "robot.operator": operator, "occluders": [walker], "duration_s": 6.5}
+        "easy/plaza-walk", {**SMALL, "robot.operator": operator, "occluders": [walker], "duration_s": 6.5}
     )
     states = {}
     with Simulation(loaded) as simulation:
@@ -47,5 +47,5 @@ def test_an_occluder_covers_the_target_at_its_time_whatever_the_operator_does(se
             frame = simulation.advance()
             states[round(frame.time_s, 2)] = frame.truth.visible_fraction
     covered = [time_s for time_s, visible in states.items() if visible < 0.5]
-    assert min(covered) == pytest.approx(5.0, abs=0.3)
-    assert max(covered) == pytest.approx(5.8, abs=0.3)
+    assert 4.7 < min(covered) < 5.2
+    assert 5.6 < max(covered) < 6.1

@@ -151,7 +151,7 @@ class NoiseAxis(Axis):
         "numbers for a small CMOS"
     )
 
-    full_well_e: Annotated[float, Field(gt=0.0, le=1e5)] = Field(
+    full_well_e: Annotated[float, Field(gt=0.0, le=25_000.0)] = Field(
         default=10000.0, description="Electrons of a white pixel at gain 1."
     )
     read_noise_e: NotNegative = Field(default=6.0, description="Standard deviation of the read noise [e-].")
