@@ -24,7 +24,7 @@ from pftrack_sim.scenario.axes import axes_by_name
 Measure: TypeAlias = Literal["overlap", "recovered"]
 
 STAY = "stay"
-"""Label of the first box kept for ever, beside the trackers."""
+"""Label of the first box in every frame, beside the trackers."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Checksums of a run folder: `SHA256SUMS`, in the form that `sha256sum --check` reads.
 
-They are written at the end of a session and removed when the next one begins. They find accidents; whoever can write to
-the folder can write them too.
+They are written at the end of a session and removed when the next one begins. They find accidents, not attacks:
+write access to the folder includes them.
 """
 
 from __future__ import annotations

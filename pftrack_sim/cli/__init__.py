@@ -37,7 +37,7 @@ def main() -> None:
 def names_factory(words: Sequence[str]) -> bool:
     """Whether a command line asks to run a `module:factory`, which may lie in the working folder.
 
-    Only then is that folder on the path: a folder from a stranger may hold a module with the name of an optional one.
+    Only then is that folder on the path: a folder of unknown origin may hold a module with the name of an optional one.
 
     >>> names_factory(["bench", "corridor", "--seeds", "0:3", "--trackers", "mine.tracker:make"])
     True

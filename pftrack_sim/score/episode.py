@@ -31,7 +31,7 @@ class Summary:
     Attributes:
         frames: Number of scored frames.
         mean_overlap: Mean overlap (Ko et al. 2012, table 2).
-        stay: Mean overlap of the first box kept for ever, on the same frames.
+        stay: Mean overlap of the first box in every frame, on the same frames.
         success: Share of frames with an overlap of at least `SUCCESS_OVERLAP`.
         success_30: The same with `LOOSE_OVERLAP`.
         centre_inside: Share of frames in which the centre of the estimate lies inside the true box.

@@ -33,7 +33,7 @@ class Profile:
     """The numbers of one video; NaN where there are too few frames for one.
 
     Attributes:
-        stay_overlap: Mean overlap of the first box, kept for ever, with the truth.
+        stay_overlap: Mean overlap of the first box in every frame, with the truth.
         step_median: Displacement of the centre per frame, in sizes of the target; median.
         step_p95: Its 95 % quantile.
         scale_p95: |ln s(t+1) - ln s(t)|; 95 % quantile.

@@ -12,7 +12,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 
 DEFINITIONS = {
-    "stay": "mean overlap of the first box kept for ever, on the same frames",
+    "stay": "mean overlap of the first box in every frame, on the same frames",
     "skill": "(overlap - stay) / (1 - stay)",
     "ceiling": "share of frames in which the first box's size at the true centre reaches an overlap of 0.5",
     "inside": "share of frames in which the centre of the estimate lies inside the true box",
@@ -49,7 +49,7 @@ def skill(overlap: float, stay: float) -> float:
 
     Args:
         overlap: Mean overlap of a tracker.
-        stay: Mean overlap of the first box kept for ever, on the same frames.
+        stay: Mean overlap of the first box in every frame, on the same frames.
 
     Returns:
         NaN where `stay` is 1 and nothing could be better.

@@ -129,7 +129,7 @@ function drawCurves() {
   }
 }
 
-// Overlaps on the frames that all levels of an axis share; grey and dotted: the first box kept for ever.
+// Overlaps on the frames that all levels of an axis share; grey and dotted: the first box in every frame.
 function drawAxes() {
   const labels = [...new Set(DATA.axes.map(([label]) => label))];
   byId("axes-section").hidden = labels.length === 0;
