@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
 from functools import partial
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
@@ -180,6 +181,27 @@ class LocalExecutor:
                 process.kill()
 
 
+class _WorkerProcess(SpawnProcess):
+    """A process in which Ctrl-C waits until `prepare_worker` ignores it.
+
+    A new interpreter imports for seconds before it can ignore a signal, and a Ctrl-C in that time would print its
+    traceback. The mask of blocked signals is inherited.
+    """
+
+    def start(self) -> None:
+        """See `multiprocessing.Process`."""
+        if not hasattr(signal, "pthread_sigmask"):
+            super().start()
+            return
+        # Started within `start`, it would set the mask of blocked signals back.
+        resource_tracker.ensure_running()
+        previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, previous)
+
+
 class _RecordingContext(SpawnContext):
     """Starts processes as `spawn` does, and knows them from the moment they are made."""
 
@@ -189,7 +211,7 @@ class _RecordingContext(SpawnContext):
 
     # There it is a class.
     def Process(self, *args: Any, **kwargs: Any) -> BaseProcess:  # pyright: ignore[reportIncompatibleVariableOverride]
-        process = SpawnProcess(*args, **kwargs)
+        process = _WorkerProcess(*args, **kwargs)
         self.started = [one for one in self.started if one.pid is None or one.is_alive()] + [process]
         return process
 
@@ -257,6 +279,8 @@ def prepare_worker() -> None:
     """Prepare a worker process: it ignores Ctrl-C, ends with its parent, and draws with one core."""
     # Ctrl-C reaches the whole process group; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_exit_with_parent, daemon=True).start()
     # One core per worker: several episodes side by side gain more than several threads within a frame.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

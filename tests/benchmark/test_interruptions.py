@@ -27,11 +27,14 @@ def test_killed_at_random_moments(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_ctrl_c_while_workers_start_ends_at_once(tmp_path: Path):
+@pytest.mark.parametrize("imported_s", [0.0, 0.2, 0.6])
+def test_ctrl_c_while_workers_start_ends_at_once(tmp_path: Path, imported_s: float):
     begun = subprocess.Popen(command(tmp_path / "run", 4), stderr=subprocess.PIPE, start_new_session=True)
     while not (started := children(begun.pid)) and begun.poll() is None:
         time.sleep(0.01)
-    begun.send_signal(signal.SIGINT)
+    time.sleep(imported_s)
+    # A terminal sends it to the whole group.
+    os.killpg(begun.pid, signal.SIGINT)
     _, said = begun.communicate(timeout=60)
     assert begun.returncode == 130, said.decode()
     assert "Traceback" not in said.decode()
