@@ -162,7 +162,7 @@ def _write(
         measures = score.measure(frames, scored, visible, np.array(runner.ms), times)
         identity = identity_columns(runner.spec, episode.latency_ms)
         tables.append((identity, estimate_columns(runner, frames.overlap, frames.centre_error_px)))
-        errors = {"failure": runner.failure, "printed": runner.printed}
+        errors = {"error": runner.error, "printed": runner.printed}
         rows.append({**key, **identity, **measures.as_dict(), **following, **errors})
     metadata = {
         **key,

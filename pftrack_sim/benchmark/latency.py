@@ -73,7 +73,7 @@ def measure_ms(
     finally:
         runner.close()
     times = [ms for ms, status in zip(runner.ms, runner.statuses, strict=True) if status == "ok"]
-    if runner.failure is not None or not times:
-        reason = runner.failure or "the target did not appear"
+    if runner.error is not None or not times:
+        reason = runner.error or "the target did not appear"
         raise RunError(f"cannot measure the latency of {tracker.label}: {reason}")
     return max(math.ceil(10.0 * float(np.median(times))), 1) / 10.0

@@ -32,7 +32,7 @@ class RunProgress:
         elapsed_s: Time since this session began.
         left_s: Estimated time to the end; NaN while it is unknown.
         means: Mean overlap of each tracker so far, by label; NaN before its first episode.
-        failures: Failures of each tracker that had some, by label.
+        errors: Numbers of episodes in which a tracker ended with an error, by label.
         episode: The episode that was just finished, or None.
     """
 
@@ -43,7 +43,7 @@ class RunProgress:
     elapsed_s: float
     left_s: float
     means: Mapping[str, float]
-    failures: Mapping[str, int]
+    errors: Mapping[str, int]
     episode: str | None = None
 
 
@@ -62,7 +62,7 @@ class ProgressCounter:
         self._frames_per_episode = plan.frame_count / plan.episode_count
         self._sums = dict.fromkeys(plan.labels, 0.0)
         self._counts: Counter[str] = Counter()
-        self._failures: Counter[str] = Counter()
+        self._errors: Counter[str] = Counter()
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
@@ -86,7 +86,7 @@ class ProgressCounter:
             if not math.isnan(row["mean_overlap"]):
                 self._sums[row["label"]] += row["mean_overlap"]
                 self._counts[row["label"]] += 1
-            self._failures[row["label"]] += row["failure"] is not None
+            self._errors[row["label"]] += row["error"] is not None
 
     def progress(self, frames_done: int | None) -> RunProgress:
         """The progress at this moment; `frames_done` as the executor counts them, or None."""
@@ -107,7 +107,7 @@ class ProgressCounter:
             elapsed_s=elapsed_s,
             left_s=left_s,
             means=means,
-            failures={label: count for label, count in self._failures.items() if count},
+            errors={label: count for label, count in self._errors.items() if count},
             episode=last,
         )
 

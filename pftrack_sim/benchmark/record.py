@@ -21,7 +21,7 @@ from pftrack_sim.core.inputs import check_tree, parse_json, read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario.section import Section
 
-FORMAT = 4
+FORMAT = 5
 _MAX_RECORD_BYTES = 64 << 20
 _MAX_RECORD_VALUES = 5_000_000
 _VERSIONS_OF = ("pftrack-sim", "gymnasium", "mujoco", "numpy", "opencv-python-headless", "numba", "duckdb", "av")
@@ -42,7 +42,7 @@ class _Session(Section):
 class _Record(Section):
     """Content of `run.json`; the plan is validated where it is used."""
 
-    format: Literal[4]
+    format: Literal[5]
     plan_sha256: str
     finished: str | None
     sessions: tuple[_Session, ...]

@@ -35,7 +35,7 @@ class RecordedResult:
     tracker: TrackerSpec
     seed: int
     summary: Summary
-    failure: str | None
+    error: str | None
 
 
 def evaluate(
@@ -82,7 +82,7 @@ def evaluate(
             for runner in runners:
                 frames = score.frame_scores(runner.boxes, sequence.truth)
                 summary = score.summarise(frames, scored, np.array(runner.ms))
-                results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.failure))
+                results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.error))
     return results
 
 

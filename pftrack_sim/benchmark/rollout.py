@@ -29,7 +29,7 @@ Action: TypeAlias = Mapping[str, Any]
 """Action of `TrackAndFollow-v0`."""
 
 NO_ACTION: Action = {"box": np.zeros(4), "command": np.zeros(4)}
-"""Action after a failure: the robot stands still."""
+"""Action after an error: the robot stands still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +159,8 @@ class Driver:
     def act(self, sample: Sample) -> Action:
         """Return the action for a frame, and record the estimate that counts for it."""
         runner, self._adapter.called = self._runner, False
-        if runner.failure is not None:
-            runner.record(None, "failed")
+        if runner.error is not None:
+            runner.record(None, "error")
             return NO_ACTION
         started = runner.started
         try:

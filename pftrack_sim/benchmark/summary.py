@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -24,7 +25,7 @@ _CHUNK = 500
 
 # Types are given, because a column without any value has none.
 _CASTS = {
-    "failure": "VARCHAR",
+    "error": "VARCHAR",
     "printed": "VARCHAR",
     "controller": "VARCHAR",
     "collided_with": "VARCHAR",
@@ -40,7 +41,7 @@ _SCORES = ", ".join(
     [
         "count(*)::INTEGER AS episodes",
         *(f'{_MEANS[name]} AS "{name}"' for name in (*_MEAN_OF[:2], "skill", *_MEAN_OF[2:])),
-        "count(failure)::INTEGER AS failures",
+        "count(error)::INTEGER AS errors",
     ]
 )
 
@@ -50,7 +51,7 @@ _TABLES: Mapping[str, str] = {
     "conditions": f"SELECT scenario, condition, label AS tracker, {_SCORES} FROM summary "
     "GROUP BY scenario, condition, label ORDER BY min(number), min(place)",
     "episodes": "SELECT scenario, condition, seed, label AS tracker, frames, mean_overlap, stay, "
-    'success, success_30, centre_inside, ceiling, "precision", failure FROM summary ORDER BY number, place',
+    'success, success_30, centre_inside, ceiling, "precision", error FROM summary ORDER BY number, place',
 }
 _LATEX_TABLES = ("trackers", "conditions")
 TABLE_FILES = (*(f"{name}.csv" for name in _TABLES), *(f"{name}.tex" for name in _LATEX_TABLES))
@@ -90,21 +91,31 @@ class Result:
         return str(self.values["file"])
 
     @property
-    def failure(self) -> str | None:
+    def error(self) -> str | None:
         """The tracker's first error with its frame, or None."""
-        return self.values.get("failure")
+        return self.values.get("error")
 
     @property
     def measures(self) -> Measures:
         """Scores of tracking."""
-        return Measures(**{one.name: self.values[one.name] for one in fields(Measures)})
+        return Measures(**{one.name: self._known(one.name) for one in fields(Measures)})
 
     @property
     def following(self) -> Following | None:
         """Scores of following, in closed loop."""
         if self.tracker.controller is None:
             return None
-        return Following(**{one.name: self.values[f"follow_{one.name}"] for one in fields(Following)})
+        return Following(**{one.name: self._known(f"follow_{one.name}") for one in fields(Following)})
+
+    @property
+    def never_seen(self) -> bool:
+        """Whether the target is never visible, so that nothing is scored."""
+        return math.isnan(self.number("mean_overlap"))
+
+    def _known(self, name: str) -> Any:
+        """A column; NaN where it is undefined: the database makes it NULL."""
+        value = self.values[name]
+        return math.nan if value is None else value
 
 
 def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Result]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -23,9 +24,9 @@ from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault
 Isolation: TypeAlias = Literal["auto", "always", "never"]
 """Which trackers run in a process of their own; `"auto"`: third-party trackers."""
 
-TrackerStatus: TypeAlias = Literal["waiting", "init", "ok", "busy", "failed"]
+TrackerStatus: TypeAlias = Literal["waiting", "init", "ok", "busy", "error"]
 """Of a tracker in a frame: waiting for the target to appear, initialised, updated, still busy with an earlier frame,
-or failed in this frame or an earlier one."""
+or ended by an error in this frame or an earlier one."""
 
 
 @dataclass
@@ -36,9 +37,9 @@ class TrackerRunner:
         spec: Which tracker.
         tracker: The tracker itself.
         estimates: One for each frame; None without a valid one.
-        ms: Time taken for each frame; 0 where the tracker was not called.
+        ms: Time taken for each frame; NaN where the tracker was not called or raised an error.
         statuses: One for each frame.
-        failure: The first error with its frame; None without one. Every frame from there on is a miss.
+        error: The first error with its frame; None without one. Every frame from there on is a miss.
         started: Whether the tracker was initialised.
         took_ms: Time taken by the last call.
         announce: Called with True before the tracker runs and with False afterwards.
@@ -49,7 +50,7 @@ class TrackerRunner:
     estimates: list[Estimate | None] = field(default_factory=list[Estimate | None])
     ms: list[float] = field(default_factory=list[float])
     statuses: list[TrackerStatus] = field(default_factory=list[TrackerStatus])
-    failure: str | None = None
+    error: str | None = None
     started: bool = False
     took_ms: float = 0.0
     announce: Callable[[bool], None] = lambda running: None
@@ -62,8 +63,8 @@ class TrackerRunner:
             true_box: `(4,)` box [px]: for initialisation, and for trackers that need the truth.
             visible: Whether the target can be seen: a tracker is initialised in the first such frame.
         """
-        if self.failure is not None:
-            self.record(None, "failed")
+        if self.error is not None:
+            self.record(None, "error")
         elif not self.started and not visible:
             self.record(None, "waiting")
         else:
@@ -121,10 +122,10 @@ class TrackerRunner:
 
     def fail(self, problem: str) -> None:
         """Record an error in the current frame."""
-        self.failure = f"frame {len(self.ms)}: {problem}"
-        self.record(None, "failed")
+        self.error = f"frame {len(self.ms)}: {problem}"
+        self.record(None, "error")
 
-    def record(self, estimate: Estimate | None, status: TrackerStatus, ms: float = 0.0) -> None:
+    def record(self, estimate: Estimate | None, status: TrackerStatus, ms: float = math.nan) -> None:
         """Append the result of a frame."""
         self.estimates.append(estimate)
         self.statuses.append(status)

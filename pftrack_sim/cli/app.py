@@ -90,9 +90,9 @@ def render(
         if image is not None:
             save_image(loaded, seed, image, at_s=at_s, truth=truth, runners=runners, backend=backend)
     tables.print_folder(video or image)
-    failures = [f"{one.spec.label} failed, {one.failure}" for one in runners if one.failure is not None]
-    tables.print_lines(failures)
-    raise typer.Exit(1 if failures else 0)
+    errors = [f"{one.spec.label} ended with an error, {one.error}" for one in runners if one.error is not None]
+    tables.print_lines(errors)
+    raise typer.Exit(1 if errors else 0)
 
 
 def schema(

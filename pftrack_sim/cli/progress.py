@@ -122,7 +122,7 @@ def _show_json(status: RunProgress) -> None:
         "elapsed_s": round(status.elapsed_s, 3),
         "left_s": None if math.isnan(status.left_s) else round(status.left_s, 1),
         "means": {name: None if math.isnan(mean) else mean for name, mean in status.means.items()},
-        "failures": dict(status.failures),
+        "errors": dict(status.errors),
     }
     print(json.dumps(record), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
 
@@ -133,7 +133,7 @@ def _show_nothing(status: RunProgress) -> None:
 
 def _line(status: RunProgress) -> str:
     means = ", ".join(
-        f"{name} {mean:.3f}" + (f" ({status.failures[name]} failed)" if status.failures.get(name) else "")
+        f"{name} {mean:.3f}" + (f" ({status.errors[name]} with an error)" if status.errors.get(name) else "")
         for name, mean in status.means.items()
         if not math.isnan(mean)
     )

@@ -229,4 +229,4 @@ def evaluate(
     tables.print_recorded(results)
     if video is not None:
         tables.print_folder(video)
-    raise typer.Exit(1 if any(one.failure is not None for one in results) else 0)
+    raise typer.Exit(1 if any(one.error is not None for one in results) else 0)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pftrack_sim.score.following import Following
 
 # Longer lists are in the run folder.
-_MOST_EPISODES, _MOST_FAILURES, _MOST_WORSE = 40, 20, 10
+_MOST_EPISODES, _MOST_LINES, _MOST_WORSE = 40, 20, 10
 _WANTED_DIFFERENCE = 0.02
 
 _LEAST_NAME = 12
@@ -100,12 +100,16 @@ def print_bench(results: Sequence[Result]) -> None:
     for one in results:
         groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one.measures)
     _print_groups("frames in which the target is visible", groups)
-    failed = [one for one in results if one.failure]
-    for one in failed[:_MOST_FAILURES]:
-        where = " ".join([one.scenario, *([one.condition.name] if one.condition.name != "base" else [])])
-        console.print(f"{one.label} failed on {where} seed {one.seed}, {one.failure}", soft_wrap=True)
-    if len(failed) > _MOST_FAILURES:
-        console.print(f"and {len(failed) - _MOST_FAILURES} failures more: see summary.parquet")
+    errors = [f"{one.label} ended with an error on {_where(one)}, {one.error}" for one in results if one.error]
+    unseen = dict.fromkeys(_where(one) for one in results if one.never_seen)
+    for lines in (errors, [f"the target is never visible, and nothing is scored, in {where}" for where in unseen]):
+        print_lines(lines[:_MOST_LINES])
+        if len(lines) > _MOST_LINES:
+            console.print(f"and {len(lines) - _MOST_LINES} more: see summary.parquet")
+
+
+def _where(one: Result) -> str:
+    return " ".join([one.scenario, *([one.condition.name] if one.condition.name != "base" else []), f"seed {one.seed}"])
 
 
 def _print_episodes(results: Sequence[Result]) -> None:
@@ -266,8 +270,8 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
         groups.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
     _print_groups("frames with a known box", groups)
     for one in results:
-        if one.failure:
-            console.print(f"{one.tracker.label} failed on {one.sequence} seed {one.seed}, {one.failure}")
+        if one.error:
+            console.print(f"{one.tracker.label} ended with an error on {one.sequence} seed {one.seed}, {one.error}")
 
 
 def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> None:
@@ -293,7 +297,8 @@ def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> 
         cells = [_number(mean.mean_overlap) + ("" if math.isnan(low) else f"\n{low:.2f}-{high:.2f}")]
         cells += [_number(getattr(mean, name)) for name in _BESIDE_OVERLAP]
         cells += [_number(mean.precision)] if console.width >= _WIDE else []
-        ms = f"{float(np.median([one.ms_median for one in summaries])):.2f}"
+        took = [one.ms_median for one in summaries if not math.isnan(one.ms_median)]
+        ms = f"{float(np.median(took)):.2f}" if took else "-"
         indent = "  " if len(places) > 1 else ""
         table.add_row(indent + label, *([] if count else [str(len(summaries))]), *cells, ms)
     console.print(table)

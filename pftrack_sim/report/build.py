@@ -67,7 +67,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         suites=[_suite(suite, store.results) for suite in store.plan.suites],
         how=_provenance(store),
         scenarios=_hashes(store),
-        failures=[result for result in store.results if result.failure],
+        errors=[result for result in store.results if result.error],
     )
 
 

@@ -37,7 +37,7 @@ MEASURES = {
     "precision": "precision at 20 px",
     "normalised_precision": "normalised precision",
     "sr_75": "SR 0.75",
-    "failures": "failures",
+    "failures": "tracking failures",
     "recovered_2s": "recovered within 2 s",
     "recovered": "recovered",
     "recovery_s": "recovery [s]",
@@ -114,7 +114,7 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
         episode |= {"scenario": scenarios.index(first.scenario), "condition": conditions.index(first.condition)}
         for result in its_results:
             tracker = trackers.index(result.label)
-            rows.append([tracker, number, *(_json(result.number(name)) for name in measures), result.failure])
+            rows.append([tracker, number, *(_json(result.number(name)) for name in measures), result.error])
             at = (tracker, episode["scenario"], episode["condition"])
             curves.setdefault(at, _Counts()).add(frames[result.label])
             episode["overlap"][tracker] = _packed(frames[result.label].overlap)

@@ -107,6 +107,6 @@ def _ending(result: Result) -> str:
         "collision": f"ended by a collision with {touched}" if touched else "ended by a collision",
         "lost": "ended because the target was out of view for too long",
     }[str(result.values["outcome"])]
-    failure = f"; failure: {result.failure}" if result.failure else ""
+    error = f"; error: {result.error}" if result.error else ""
     tracked = f"{result.number('follow_tracking_rate'):.0%} tracked"
-    return f"{outcome}; success {result.number('follow_success'):.0f}, {tracked}{failure}"
+    return f"{outcome}; success {result.number('follow_success'):.0f}, {tracked}{error}"

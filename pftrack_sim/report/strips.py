@@ -40,15 +40,13 @@ def strips(store: RunStore) -> list[Strip]:
     overlaps: dict[str, list[float]] = {}
     for result in store.results:
         # The oracle has the truth: its episodes show nothing about tracking.
-        if result.tracker.name != "oracle":
+        if result.tracker.name != "oracle" and not result.never_seen:
             overlaps.setdefault(result.label, []).append(result.number("mean_overlap"))
-    leader = max(overlaps, key=lambda label: np.nanmean(overlaps[label]), default=None)
+    leader = max(overlaps, key=lambda label: np.mean(overlaps[label]), default=None)
     filmed = [
         (result, video)
         for result in store.results
-        if result.label == leader
-        and np.isfinite(result.number("mean_overlap"))
-        and (video := store.video_of(result)) is not None
+        if result.label == leader and not result.never_seen and (video := store.video_of(result)) is not None
     ]
     filmed.sort(key=lambda pair: pair[0].number("mean_overlap"))
     if not filmed:

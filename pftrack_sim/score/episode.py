@@ -38,7 +38,7 @@ class Summary:
         ceiling: Highest `success` of a box with the shape of the first one; see `fixed_shape_ceiling`.
         precision: Share of frames with a centre error of at most `PRECISION_PX`.
         centre_error_median_px: Median centre error; infinite when the tracker missed most frames.
-        ms_median: Median time per frame, without the frame of the initialisation.
+        ms_median: Median time of the frames in which the tracker answered, without that of the initialisation.
     """
 
     frames: int
@@ -102,7 +102,7 @@ def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
     Args:
         frames: From `frame_scores`.
         scored: `(N,)` true where the target can be seen; the first of these frames is not scored.
-        ms: `(N,)` time the tracker took for each frame.
+        ms: `(N,)` time the tracker took for each frame; NaN where it did not answer.
 
     Raises:
         ParameterError: The lengths differ.
@@ -125,7 +125,7 @@ def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
         ceiling=fixed_shape_ceiling(frames.truth, scored).success,
         precision=curves.precision(error),
         centre_error_median_px=_median(error),
-        ms_median=_median(took[reference.first_scored(scored) + 1 :]),
+        ms_median=_median(_known(took[reference.first_scored(scored) + 1 :])),
     )
 
 
@@ -152,7 +152,7 @@ def measure(
         frames: From `frame_scores`.
         scored: `(N,)` true where the target can be seen; the first of these frames is not scored.
         visible_fraction: `(N,)` in [0, 1].
-        ms: `(N,)` time the tracker took for each frame.
+        ms: `(N,)` time the tracker took for each frame; NaN where it did not answer.
         time_s: `(N,)` rising times of the frames.
 
     Raises:
@@ -163,7 +163,7 @@ def measure(
         raise ParameterError(f"time_s must be {frames.overlap.size} rising numbers, got shape {times.shape}")
     summary = summarise(frames, scored, ms)
     first, counted = reference.first_scored(scored), reference.counted_frames(scored)
-    overlap, took = frames.overlap[counted], np.asarray(ms, dtype=np.float64)[first + 1 :]
+    overlap, took = frames.overlap[counted], _known(np.asarray(ms, dtype=np.float64)[first + 1 :])
     # Before the initialisation there is no occlusion to recover from.
     visible = np.asarray(visible_fraction, dtype=np.float64)[first:]
     recoveries = events.recoveries(frames.overlap[first:], visible, times[first:])
@@ -188,6 +188,10 @@ def measure(
 def _mean(values: Sequence[float]) -> float:
     known = [value for value in values if not math.isnan(value)]
     return sum(known) / len(known) if known else math.nan
+
+
+def _known(values: FloatArray) -> FloatArray:
+    return values[~np.isnan(values)]
 
 
 def _median(values: FloatArray) -> float:

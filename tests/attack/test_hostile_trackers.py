@@ -79,11 +79,11 @@ def test_the_run_is_whole(attacked: RunStore):
 def test_what_an_attacker_is_told(attacked: RunStore, name: str):
     (result,) = [one for one in attacked.results if one.label == MODULE + name]
     if name in ANSWERS:
-        assert result.failure is not None
-        assert ANSWERS[name] in result.failure
-    if result.failure is not None:
-        assert len(result.failure) < 700
-        assert result.failure.isprintable()
+        assert result.error is not None
+        assert ANSWERS[name] in result.error
+    if result.error is not None:
+        assert len(result.error) < 700
+        assert result.error.isprintable()
 
 
 def test_nothing_that_they_started_is_left(attacked: RunStore):

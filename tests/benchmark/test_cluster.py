@@ -52,7 +52,7 @@ def test_a_cluster_gives_the_same_bits(scheduler: str, tmp_path: Path):
     here = run(plan, tmp_path / "here")
     there = run(plan, tmp_path / "there", scheduler=scheduler)
     assert contents(here.path) == contents(there.path)
-    assert [one.failure for one in there.results if one.label != "ko2012"] == ["frame 2: ValueError: lost my way"] * 4
+    assert [one.error for one in there.results if one.label != "ko2012"] == ["frame 2: ValueError: lost my way"] * 4
     assert len(list((there.path / "videos").rglob("*.mp4"))) == 1
     for file in list(there.episode_files())[::2]:
         file.unlink()

@@ -1,5 +1,6 @@
 """Faults of a tracker are reported with their frame, and other trackers are not affected."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -50,7 +51,7 @@ def test_other_trackers_give_the_same_bits(alone: RunStore, together: RunStore):
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_the_failure_is_reported_and_later_frames_are_misses(together: RunStore, name: str):
+def test_the_error_is_reported_and_later_frames_are_misses(together: RunStore, name: str):
     expected = FAULTS[name]
     (result,) = [one for one in together.results if one.label == MODULE + name]
     with together.database() as database:
@@ -59,14 +60,15 @@ def test_the_failure_is_reported_and_later_frames_are_misses(together: RunStore,
         ).fetchall()
     statuses = [status for status, _ in frames]
     if expected is None:
-        assert result.failure is None
+        assert result.error is None
         assert statuses == ["init", "ok", "ok", "ok"]
         return
-    assert result.failure is not None
-    assert result.failure.startswith(expected)
+    assert result.error is not None
+    assert result.error.startswith(expected)
     bad_from = 0 if name == "fails_for_seed_4" else 2
-    assert statuses == ["init", "ok"][:bad_from] + ["failed"] * (4 - bad_from)
+    assert statuses == ["init", "ok"][:bad_from] + ["error"] * (4 - bad_from)
     assert all(overlap == 0.0 for _, overlap in frames[bad_from:])
+    assert math.isnan(result.measures.ms_median) == (bad_from == 0)
 
 
 def test_printed_output_is_recorded_and_not_shown(together: RunStore, capfd: pytest.CaptureFixture[str]):

@@ -144,7 +144,7 @@ def test_a_busy_tracker_skips_frames_and_the_latency_axis_replaces_its_latency(o
 )
 def test_the_failure_of_a_controller_is_recorded(controller: str, says: str | None, clipped: int, tmp_path: Path):
     wrong = run(driving(range(1), ("oracle",), controllers=[f"{THIS}:{controller}"]), tmp_path / "run", videos="none")
-    ((failure, counted, outcome),) = wrong.query("SELECT failure, clipped, outcome FROM summary").rows
+    ((failure, counted, outcome),) = wrong.query("SELECT error, clipped, outcome FROM summary").rows
     assert counted == clipped
     assert outcome in ("finished", "lost")
     assert failure is None if says is None else failure.startswith(says)
@@ -158,7 +158,7 @@ def test_the_failure_of_a_controller_is_recorded(controller: str, says: str | No
 def test_a_tracker_that_fails_stops_the_robot(tmp_path: Path):
     plan = driving(range(1), ("tests.benchmark.faulty_trackers:raises",))
     failed = run(plan, tmp_path / "run", videos="none")
-    ((failure, frames_there),) = failed.query("SELECT failure, episode_frames FROM summary").rows
+    ((failure, frames_there),) = failed.query("SELECT error, episode_frames FROM summary").rows
     assert failure == "frame 2: ValueError: lost my way"
     assert frames_there == 4
     assert not frames(failed.path, "command_forward, command_turn", "tests")[2:].any()

@@ -84,8 +84,8 @@ def test_an_exception_ends_only_its_own_tracker(tmp_path: Path):
     query = "SELECT * EXCLUDE ms FROM '{}/episodes/*/*/*.parquet' WHERE tracker = 'ko2012' ORDER BY frame"
     assert str(rows(tmp_path / "a", query)) == str(rows(tmp_path / "b", query))
     assert alone.results[0].measures.mean_overlap == both[1].measures.mean_overlap
-    assert both[0].failure == "frame 3: ValueError: lost my way"
-    assert both[1].failure is None
+    assert both[0].error == "frame 3: ValueError: lost my way"
+    assert both[1].error is None
 
 
 def test_nothing_is_written_when_a_name_is_wrong(tmp_path: Path):

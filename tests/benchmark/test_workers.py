@@ -232,7 +232,7 @@ def test_a_tracker_that_ends_its_worker_is_dropped_and_the_others_go_on(tmp_path
         small_plan(range(2), [killer, "stay"]), tmp_path / "together", videos="none", workers=1, isolation="never"
     )
     alone = run(small_plan(range(2), ["stay"]), tmp_path / "alone", videos="none")
-    failures = {result.label: result.failure for result in together.results}
+    failures = {result.label: result.error for result in together.results}
     assert failures == {killer: "frame 0: its worker process died twice while it ran", "stay": None}
     rows = "SELECT * EXCLUDE ms FROM frames WHERE tracker = 'stay' ORDER BY seed, frame"
     assert str(together.query(rows)) == str(alone.query(rows))

@@ -107,6 +107,17 @@ def test_follow_prints_a_table_and_goes_on_with_the_latency_that_it_measured(tmp
     assert "see follow" in scripted.stderr
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("command", ["bench", "follow"])
+def test_a_target_that_is_never_visible_is_said_and_reported(command: str, tmp_path: Path):
+    hidden = ["--set", "robot.gaze=forward", "--set", "camera.mount=back", *SMALL]
+    done = pftrack_sim(command, "corridor", "--trackers", "ncc", "--seeds", "0", "--out", str(tmp_path / "a"), *hidden)
+    assert done.returncode == 0, done.stderr
+    assert "the target is never visible, and nothing is scored, in corridor seed 0" in done.stdout
+    assert "nan" not in done.stdout
+    assert (tmp_path / "a/report.html").is_file()
+
+
 def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
     done = pftrack_sim("evaluate", "--tracker", "ko2012,stay", "--seeds", "0:2", str(sequence(tmp_path / "square")))
     assert done.returncode == 0, done.stderr
@@ -226,7 +237,7 @@ def test_a_failing_tracker_is_named_and_the_exit_code_is_1(fault: str, words: st
         cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 1
-    assert "failing_tracker:make failed, frame 3" in done.stdout
+    assert "failing_tracker:make ended with an error, frame 3" in done.stdout
     assert words in done.stdout
     assert (tmp_path / "a.png").is_file()
     recorded = pftrack_sim(

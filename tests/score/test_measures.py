@@ -17,8 +17,8 @@ MS = [50.0, 1, 2, 3, 4, 5, 6, 7]
 TIMES = np.arange(8) / 10.0
 
 
-def row() -> score.Measures:
-    return score.measure(score.frame_scores(SAID, TRUTH), SCORED, VISIBLE, MS, TIMES)
+def row(ms: list[float] = MS) -> score.Measures:
+    return score.measure(score.frame_scores(SAID, TRUTH), SCORED, VISIBLE, ms, TIMES)
 
 
 def test_everything_agrees_with_the_parts():
@@ -36,6 +36,12 @@ def test_everything_agrees_with_the_parts():
     assert got.drift_per_s == pytest.approx(1.0)  # 0, 2 and 4 px of 20 in tenths of a second
     assert got.ms_median == 4.0
     assert got.ms_p95 == pytest.approx(np.percentile(MS[1:], 95))
+
+
+def test_the_time_is_that_of_frames_with_an_answer():
+    assert row([50.0, 1, 2, *[math.nan] * 5]).ms_median == 1.5
+    assert math.isnan(row([math.nan] * 8).ms_median)
+    assert math.isnan(row([math.nan] * 8).ms_p95)
 
 
 def test_a_tracker_that_never_answers():

@@ -10,7 +10,7 @@ const dash = (tracker) => DASHES[Math.floor(tracker / COLOURS.length) % DASHES.l
 const finite = (values) => values.filter((value) => value !== null && Number.isFinite(value));
 const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 const state = { trackers: new Set(DATA.trackers.keys()), scenario: -1, condition: -1, episode: 0 };
-const FIRST = 2; // columns of a row: tracker, episode, then the measures, then the failure
+const FIRST = 2; // columns of a row: tracker, episode, then the measures, then the error
 const measureAt = (name) => FIRST + DATA.measures.findIndex(([key]) => key === name);
 const OVERLAP = measureAt("mean_overlap");
 
