@@ -9,7 +9,8 @@ from pftrack_sim.benchmark import RunStore, run
 from pftrack_sim.benchmark.check import check
 from pftrack_sim.report import write_report
 from pftrack_sim.trackers.isolation import Limits
-from tests.attack.hostile_trackers import ATTACKS, MARK
+from tests.attack.hostile import MARK
+from tests.attack.hostile_trackers import ATTACKS
 from tests.benchmark.small import small_plan
 
 pytestmark = [
