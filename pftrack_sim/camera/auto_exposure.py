@@ -17,8 +17,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import LightAxis
 from pftrack_sim.scenario.axes.scene import WHITE_K
 
-_DARK = 1e-5
-"""Mean linear value of a channel below which nothing can be metered."""
+_DARK = 1e-5  # Mean linear value of a channel below which nothing can be metered
 
 _CODES = np.arange(256)
 _LINEAR = (_CODES / 255.0) ** DISPLAY_GAMMA

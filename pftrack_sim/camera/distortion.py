@@ -22,11 +22,8 @@ from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
-_VALID_RADII = 1.1
-"""The polynomial is used up to this multiple of the radius of the farthest corner."""
-
-_LEAST_SCALE = 0.05
-"""Local magnification relative to the image centre below which a lens counts as folding."""
+_VALID_RADII = 1.1  # The polynomial is used up to this multiple of the radius of the farthest corner
+_LEAST_SCALE = 0.05  # Local magnification relative to the image centre below which a lens counts as folding
 
 _INVERSION_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 

@@ -20,15 +20,13 @@ CORNERS: FloatArray = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1
 """`(8, 3)` corners of the box with half sizes 1."""
 CORNERS.setflags(write=False)
 
-_CHORD = np.arange(3) / 3.0
-"""Positions of outline points along the chord from one farthest vertex to the next."""
+_CHORD = np.arange(3) / 3.0  # Positions of outline points along the chord from one farthest vertex to the next
 
 _ANGLES = 2.0 * np.pi * np.arange(24) / 24
 _DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 """`(2, 24)` directions in which the farthest vertices of an outline are found."""
 
-_STACK_STEP = 64
-"""Parts whose vertices fill equally many runs of this length are projected together."""
+_STACK_STEP = 64  # Parts whose vertices fill equally many runs of this length are projected together
 
 
 class Bodies:

@@ -21,11 +21,8 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import NoiseAxis
 
-Table: TypeAlias = NDArray[np.uint8]
-"""`(256, QUANTILES)` output of a pixel of each value at each quantile."""
-
-QUANTILES = 4096
-"""Equally likely outputs of a pixel; the truncated tails lower the variance by less than 0.2 %."""
+Table: TypeAlias = NDArray[np.uint8]  # `(256, QUANTILES)` output of a pixel of each value at each quantile
+QUANTILES = 4096  # Equally likely outputs of a pixel; the truncated tails lower the variance by less than 0.2 %
 
 _EXACT_BELOW_E = 64.0
 """Mean electrons up to which the Poisson distribution is summed term by term.
@@ -34,8 +31,7 @@ Above, it is a Gaussian with the skewness of the Poisson distribution (first Edg
 probability is off by less than 0.001.
 """
 
-_STEPS_PER_EV = 16
-"""Tables per stop of a changing exposure: the variance is off by 2.2 % at most."""
+_STEPS_PER_EV = 16  # Tables per stop of a changing exposure: the variance is off by 2.2 % at most
 
 
 class Noise:

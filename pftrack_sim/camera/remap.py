@@ -24,14 +24,9 @@ from pftrack_sim.core.types import FloatArray
 PixelMap: TypeAlias = NDArray[np.float32]
 """`(rows, W, 2)` place x, y on a rendered image for each pixel, as pixel indices."""
 
-Radiance: TypeAlias = NDArray[np.unsignedinteger[Any]]
-"""Display-coded with 8 bits, or linear with 16 bits."""
-
-_LOWEST_EYE_M = 0.1
-"""Camera height below which no ground is assumed to be in view."""
-
-_DISTORTED_CELL_PX, _STRAIGHT_CELL_PX = 4, 8
-"""Grid spacing with and without lens distortion."""
+Radiance: TypeAlias = NDArray[np.unsignedinteger[Any]]  # Display-coded with 8 bits, or linear with 16 bits
+_LOWEST_EYE_M = 0.1  # Camera height below which no ground is assumed to be in view
+_DISTORTED_CELL_PX, _STRAIGHT_CELL_PX = 4, 8  # Grid spacing with and without lens distortion
 
 
 class RayGrid:

@@ -18,11 +18,8 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scenario.model import Jitter
 
-_COSINES = 64
-"""Cosines per axis: kurtosis within 0.03 of a Gaussian's, and no repetition within an episode."""
-
-_GUST_CUTOFF = 12.0
-"""Cutoff of gusts in corner frequencies; 95 % of the unlimited spectrum's power is below."""
+_COSINES = 64  # Cosines per axis: kurtosis within 0.03 of a Gaussian's, and no repetition within an episode
+_GUST_CUTOFF = 12.0  # Cutoff of gusts in corner frequencies; 95 % of the unlimited spectrum's power is below
 
 
 class CameraShake:

@@ -16,39 +16,21 @@ from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RAN
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import BoolArray, FloatArray
 
-HULL_M = 0.245
-"""Radius of the robot seen from above."""
-
-MARGIN_M = 0.2
-"""Desired clearance beside the hull; a gap is open if it is wider than the hull with this on both sides."""
-
-MIN_CLEARANCE_M = 0.06
-"""Clearance below which the robot does not drive on."""
-
-HORIZON_M = 2.2
-"""Obstacles farther than this are ignored: at 1.25 m/s they are almost two seconds ahead."""
-
-TARGET_CLEAR_M = 0.7
-"""An obstacle this close in front of the target is the target."""
-
-BRAKE_M_S2 = 0.8
-"""Deceleration for which the speed is chosen: two thirds of the base's greatest."""
-
-REACTION_S = 0.15
-"""Delay of the brakes."""
-
-HYSTERESIS_RAD = math.radians(25.0)
-"""A chosen side is kept unless the other is better by this."""
-
-MEMORY_M = 12.0
-"""Scans are kept until the robot has driven this far: odometry drifts with distance, not with time."""
+HULL_M = 0.245  # Radius of the robot seen from above
+MARGIN_M = 0.2  # Desired clearance beside the hull; a gap is open if it is wider than the hull with this on both sides
+MIN_CLEARANCE_M = 0.06  # Clearance below which the robot does not drive on
+HORIZON_M = 2.2  # Obstacles farther than this are ignored: at 1.25 m/s they are almost two seconds ahead
+TARGET_CLEAR_M = 0.7  # An obstacle this close in front of the target is the target
+BRAKE_M_S2 = 0.8  # Deceleration for which the speed is chosen: two thirds of the base's greatest
+REACTION_S = 0.15  # Delay of the brakes
+HYSTERESIS_RAD = math.radians(25.0)  # A chosen side is kept unless the other is better by this
+MEMORY_M = 12.0  # Scans are kept until the robot has driven this far: odometry drifts with distance, not with time
 
 _TRAIL_STEP_M = 0.25
 _PASSED_M = 0.4
 
-_SCAN_M = 0.15
-_SCAN_RAD = math.radians(15.0)
-"""A scan is kept whenever the robot has moved or turned this far since the last."""
+_SCAN_M = 0.15  # A scan is kept whenever the robot has moved, or
+_SCAN_RAD = math.radians(15.0)  # turned, this far since the last
 
 _DIRECTIONS_RAD = np.deg2rad(np.linspace(-100.0, 100.0, 81))
 

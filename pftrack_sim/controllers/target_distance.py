@@ -12,52 +12,31 @@ from pftrack_sim.controllers.base import RobotParameters
 from pftrack_sim.core.proprioception import RANGE_ANGLES_RAD, RANGE_M
 from pftrack_sim.core.types import FloatArray
 
-HEIGHT_SIGMA = 0.08
-"""Standard deviation of the logarithm of a box's height: gait and the tracker's error."""
+HEIGHT_SIGMA = 0.08  # Standard deviation of the logarithm of a box's height: gait and the tracker's error
 
 FEET_SIGMA_M, FEET_SIGMA_RAD = 0.12, 0.02
 """Error of the foot point: half a stride, and the angle of the box's lower edge with the swing of the mast."""
 
-RANGE_SIGMA_M = 0.12
-"""Error of the range to a body whose legs swing."""
-
-LEG_M = 0.12
-"""From the front of the nearest leg to the middle of the body: half a shin when standing, more in a stride."""
+RANGE_SIGMA_M = 0.12  # Error of the range to a body whose legs swing
+LEG_M = 0.12  # From the front of the nearest leg to the middle of the body: half a shin when standing, more in a stride
 
 LEG_GATE_M = (0.6, 1.5)
 """Beams that end farther from the estimated distance did not meet the target's legs: twice its standard deviation,
 within these limits."""
 
-LENS_M = 0.06
-"""From the axle, where the beams start, forward to the optical centre."""
-
-HALF_BODY_M = 0.3
-"""Half the width in which legs are searched in the scan."""
-
-CORRELATION_S = 0.4
-"""Correlation time of all errors: they come from the gait, so successive frames are not independent."""
+LENS_M = 0.06  # From the axle, where the beams start, forward to the optical centre
+HALF_BODY_M = 0.3  # Half the width in which legs are searched in the scan
+CORRELATION_S = 0.4  # Correlation time of all errors: they come from the gait, so successive frames are not independent
 
 SCALE_PRIOR, SCALE_S = 0.07, 20.0
 """Deviation of the logarithm of body heights, and the time in which a learnt error of the box's scale is forgotten."""
 
-SCALE_DRIFT = 0.08
-"""Random walk of the box's scale, per square root of a second: trackers' boxes drift."""
-
-ACCELERATION = 0.7
-"""Random walk of the target's speed, (m/s) per square root of a second."""
-
-MAX_SPEED_M_S = 2.5
-"""Bound of the target's speed."""
-
-GATE = 3.0
-"""Measurements farther than this many standard deviations from the prediction are not used."""
-
-RECOVERY_S = 0.7
-"""After the box has been refused for this time, the filter starts anew from it."""
-
-EDGE_PX = 1.5
-"""A box nearer than this to an edge of the image is cut by it."""
-
+SCALE_DRIFT = 0.08  # Random walk of the box's scale, per square root of a second: trackers' boxes drift
+ACCELERATION = 0.7  # Random walk of the target's speed, (m/s) per square root of a second
+MAX_SPEED_M_S = 2.5  # Bound of the target's speed
+GATE = 3.0  # Measurements farther than this many standard deviations from the prediction are not used
+RECOVERY_S = 0.7  # After the box has been refused for this time, the filter starts anew from it
+EDGE_PX = 1.5  # A box nearer than this to an edge of the image is cut by it
 _FIT_SCALE = 0.1  # A box whose scale is off by more does not end at the feet
 _LEAST_SLOPE = 0.02  # Beyond some 60 m neither feet nor height tell a distance
 _MIN_DISTANCE_M = 0.2

@@ -14,17 +14,13 @@ from pftrack_sim.core.proprioception import PROPRIO_INDEX
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import FloatArray
 
-PATIENCE_S = 0.5
-"""Time during which the last motion decays before the search: most occlusions are short."""
+PATIENCE_S = 0.5  # Time during which the last motion decays before the search: most occlusions are short
 
 OVERSHOOT_RAD = math.radians(35.0)
 """First angle past the last direction, to the side where the target left: half a usual field of view."""
 
-LOOK_S = 1.5
-"""Time at that angle before the sweep."""
-
-SWEEP_S = 6.0
-"""Period of the sweep: at an amplitude of 60 degrees the view moves at most 63 degrees/s."""
+LOOK_S = 1.5  # Time at that angle before the sweep
+SWEEP_S = 6.0  # Period of the sweep: at an amplitude of 60 degrees the view moves at most 63 degrees/s
 
 SWEEP_GROWTH_RAD_S = math.radians(10.0)
 MAX_AMPLITUDE_RAD = math.pi

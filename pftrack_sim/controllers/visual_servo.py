@@ -15,32 +15,18 @@ from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import FloatArray
 
-GAZE_S = 0.25
-"""Time constant of the head; the phase margin is 67 degrees with 0.1 s of delay in vision and motors."""
-
-TURN_S = 0.8
-"""Time constant of the base under the head: three times the head's, which decouples the two loops."""
-
-DISTANCE_S = 1.2
-"""Time constant of the distance: an error of 1 m commands 0.8 m/s, which the base reaches within 0.7 s."""
+GAZE_S = 0.25  # Time constant of the head; the phase margin is 67 degrees with 0.1 s of delay in vision and motors
+TURN_S = 0.8  # Time constant of the base under the head: three times the head's, which decouples the two loops
+DISTANCE_S = 1.2  # Time constant of the distance: an error of 1 m commands 0.8 m/s, which the base reaches within 0.7 s
 
 STOP_M = 0.75
 """Distance at which the robot has stopped at the latest: its hull, half a stride, and the error of the distance."""
 
-BRAKE_M_S2 = 1.0
-"""Deceleration that the speed limit counts on; the base's greatest is 1.2."""
-
-TARGET_BRAKE_M_S2 = 2.5
-"""Deceleration of a walker who stops."""
-
-REACTION_S = 0.15
-"""Delay of vision and motors, without the tracker's."""
-
-COAST_S = 0.6
-"""Time constant with which all motion decays while the target is lost."""
-
-REVERSE_SHARE = 0.4
-"""Greatest backward speed, as a share of the greatest forward speed."""
+BRAKE_M_S2 = 1.0  # Deceleration that the speed limit counts on; the base's greatest is 1.2
+TARGET_BRAKE_M_S2 = 2.5  # Deceleration of a walker who stops
+REACTION_S = 0.15  # Delay of vision and motors, without the tracker's
+COAST_S = 0.6  # Time constant with which all motion decays while the target is lost
+REVERSE_SHARE = 0.4  # Greatest backward speed, as a share of the greatest forward speed
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
 """Rate limit of the command: forward [m/s^2], turn, pan, tilt [rad/s^2], which the base can follow and which keeps the

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core.errors import BoxError
 from pftrack_sim.core.types import BoolArray, FloatArray
 
-Box: TypeAlias = FloatArray
-"""`(4,)` x, y, w, h [px]."""
+Box: TypeAlias = FloatArray  # `(4,)` x, y, w, h [px]
 
 NO_BOX: Box = np.full(4, np.nan)
 NO_BOX.setflags(write=False)

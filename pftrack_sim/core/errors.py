@@ -11,8 +11,7 @@ from collections.abc import Iterable, Sequence
 
 from pftrack_sim.core.text import printable
 
-_LONGEST_NAME = 200
-"""Characters of a name for which a similar one is looked up: the search takes the square of them."""
+_LONGEST_NAME = 200  # Characters of a name for which a similar one is looked up: the search takes the square of them
 
 
 class PftrackError(Exception):

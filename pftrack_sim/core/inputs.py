@@ -14,10 +14,8 @@ from typing import Any, cast
 
 from pftrack_sim.core.text import printable
 
-MAX_DEPTH = 24
-MAX_VALUES = 20_000
-MAX_TEXT = 2_000
-"""Bounds of a tree of settings: levels, values and keys, characters of a text."""
+# Bounds of a tree of settings: levels, values and keys, characters of a text.
+MAX_DEPTH, MAX_VALUES, MAX_TEXT = 24, 20_000, 2_000
 
 _KEY_PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _LONG_KEY = re.compile(f"(?:{_KEY_PART}){{{MAX_DEPTH}}}", re.ASCII)

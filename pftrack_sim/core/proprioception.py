@@ -8,8 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-RANGE_M = 5.0
-"""Maximum range of the range finder."""
+RANGE_M = 5.0  # Maximum range of the range finder
 
 RANGE_ANGLES_RAD: NDArray[np.float64] = np.deg2rad(np.linspace(-90.0, 90.0, 37))
 """`(37,)` direction of each beam of the range finder: from the right over straight ahead (0) to the left."""
@@ -48,8 +47,7 @@ PROPRIO_NAMES: tuple[str, ...] = tuple(name for name, _ in _LAYOUT)
 PROPRIO_INDEX: Mapping[str, int] = MappingProxyType({name: index for index, name in enumerate(PROPRIO_NAMES)})
 """Index of each entry."""
 
-RANGES = slice(len(PROPRIO_NAMES) - RANGE_ANGLES_RAD.size, len(PROPRIO_NAMES))
-"""Slice of the range finder's entries."""
+RANGES = slice(len(PROPRIO_NAMES) - RANGE_ANGLES_RAD.size, len(PROPRIO_NAMES))  # Slice of the range finder's entries
 
 PROPRIO_HIGH: NDArray[np.float32] = np.array([high for _, high in _LAYOUT], dtype=np.float32)
 """`(n,)` upper bound of each entry; -PROPRIO_HIGH is the lower bound. Ranges of common sensors."""

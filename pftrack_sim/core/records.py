@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.core.boxes import Box, checked
 from pftrack_sim.core.errors import ParameterError
 
-Image: TypeAlias = NDArray[np.uint8]
-"""`(H, W, 3)` RGB."""
+Image: TypeAlias = NDArray[np.uint8]  # `(H, W, 3)` RGB
 
 State: TypeAlias = Literal["visible", "occluded", "out_of_view"]
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-LONGEST = 500
-"""Characters kept of a message."""
+LONGEST = 500  # Characters kept of a message
 
 
 def printable(text: str, limit: int = LONGEST) -> str:

@@ -15,8 +15,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.layout import PEOPLE_GROUP, ROBOT_GROUP, SCENERY_GROUP, SKY
 
-DRAWN_GROUPS = (SCENERY_GROUP, PEOPLE_GROUP, ROBOT_GROUP)
-"""Geom groups that renderers draw."""
+DRAWN_GROUPS = (SCENERY_GROUP, PEOPLE_GROUP, ROBOT_GROUP)  # Geom groups that renderers draw
 
 _UNSET_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 

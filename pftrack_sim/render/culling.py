@@ -21,14 +21,9 @@ _BOUNDED_TYPES = [
 ]
 """Types of geoms that lie inside their `geom_aabb`."""
 
-_MARGIN_M, _MARGIN_PX = 0.01, 1.0
-"""OpenGL computes in single precision: a geom outside by less may still touch a pixel."""
-
-_FACE_MARGIN_M = 1e-4
-"""The same, for a person and the camera on the far side of a face."""
-
-_GROUND_CONTACT_M = 1e-4
-"""Soles penetrate the ground by up to this much without being occluded by it."""
+_MARGIN_M, _MARGIN_PX = 0.01, 1.0  # OpenGL computes in single precision: a geom outside by less may still touch a pixel
+_FACE_MARGIN_M = 1e-4  # The same, for a person and the camera on the far side of a face
+_GROUND_CONTACT_M = 1e-4  # Soles penetrate the ground by up to this much without being occluded by it
 
 
 class Bounds:

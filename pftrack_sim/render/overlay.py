@@ -39,11 +39,8 @@ _GREY: Colour = (190, 190, 190)
 _SHADE: Colour = (20, 20, 20)
 _PANEL_OPACITY = 0.62
 _MAX_PARTICLES = 400
-_MIN_LABEL_HEIGHT_PX = 200
-"""Lower images have no room for the names of other people."""
-
-_OCCLUDERS_BELOW = 0.98
-"""Visible fraction below which occluders are named: grass over a sole is not."""
+_MIN_LABEL_HEIGHT_PX = 200  # Lower images have no room for the names of other people
+_OCCLUDERS_BELOW = 0.98  # Visible fraction below which occluders are named: grass over a sole is not
 
 
 def draw_frame(frame: Frame, estimates: Mapping[str, Estimate]) -> Image:

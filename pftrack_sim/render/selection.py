@@ -9,8 +9,7 @@ from pftrack_sim.core.errors import RenderError, UnknownNameError
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.gl.context import BACKENDS, INSTALL_HINTS, forked, open_context
 
-NAMES = ("gl", *BACKENDS, "warp")
-"""Names of the renderers: any OpenGL library, one of them, or the ray caster."""
+NAMES = ("gl", *BACKENDS, "warp")  # Names of the renderers: any OpenGL library, one of them, or the ray caster
 
 WARP_INSTALL_HINT = """\
   anywhere:        pip install 'pftrack-sim[warp]'     (no OpenGL: a ray caster, slower, 400 MB)"""

@@ -18,9 +18,8 @@ Tree: TypeAlias = dict[str, Any]
 KeyPath: TypeAlias = tuple[str | int, ...]
 
 KINDS = ("uniform", "integer", "choice")
-MAX_CHOICES = 1000
-MOST = 1e9
-"""Number of alternatives of a choice, and largest end of a range: drawing beyond would overflow."""
+MAX_CHOICES = 1000  # Alternatives of a choice
+MOST = 1e9  # Largest end of a range: drawing beyond would overflow
 
 
 def dotted(path: KeyPath) -> str:

@@ -7,11 +7,8 @@ from typing import Annotated, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field
 
 Coordinate: TypeAlias = Annotated[float, Field(ge=-500.0, le=500.0)]
-Point: TypeAlias = tuple[Coordinate, Coordinate]
-"""x, y on the ground [m], world frame."""
-
-Angle: TypeAlias = Annotated[float, Field(ge=-3600.0, le=3600.0)]
-"""An angle that may go around [deg]."""
+Point: TypeAlias = tuple[Coordinate, Coordinate]  # x, y on the ground [m], world frame
+Angle: TypeAlias = Annotated[float, Field(ge=-3600.0, le=3600.0)]  # An angle that may go around [deg]
 
 Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, le=10_000.0)]

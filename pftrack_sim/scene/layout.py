@@ -16,9 +16,7 @@ HIDDEN_GROUP = 3
 HIDDEN_ROBOT_GROUP = 4
 """MuJoCo geom groups. Hidden geoms collide and are not drawn; those of the robot are ignored by its range finder."""
 
-Bounds: TypeAlias = tuple[float, float, float, float]
-"""x_min, y_min, x_max, y_max [m]."""
-
+Bounds: TypeAlias = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
 SKY = "sky"  # Name of the material whose emission is the brightness of the sky's texture
 
 

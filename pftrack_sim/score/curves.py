@@ -20,20 +20,14 @@ def _frozen(values: FloatArray) -> FloatArray:
     return values
 
 
-SUCCESS_OVERLAP = 0.5
-"""Overlap from which a frame counts as tracked."""
-
-LOOSE_OVERLAP = 0.3
-"""A looser overlap from which a frame counts as tracked, printed beside `SUCCESS_OVERLAP`."""
-
-PRECISION_PX = 20.0
-"""Centre error up to which a frame counts as precise."""
+SUCCESS_OVERLAP = 0.5  # Overlap from which a frame counts as tracked
+LOOSE_OVERLAP = 0.3  # A looser overlap from which a frame counts as tracked, printed beside `SUCCESS_OVERLAP`
+PRECISION_PX = 20.0  # Centre error up to which a frame counts as precise
 
 SUCCESS_THRESHOLDS = _frozen(np.linspace(0.0, 1.0, 21))
 """`(21,)` overlaps 0, 0.05 ... 1 (Wu, Lim & Yang 2013, and the GOT-10k toolkit)."""
 
-PRECISION_THRESHOLDS_PX = _frozen(np.arange(0.0, 51.0))
-"""`(51,)` centre errors 0, 1 ... 50 px (Wu, Lim & Yang 2013)."""
+PRECISION_THRESHOLDS_PX = _frozen(np.arange(0.0, 51.0))  # `(51,)` centre errors 0, 1 ... 50 px (Wu, Lim & Yang 2013)
 
 NORMALISED_PRECISION_THRESHOLDS = _frozen(np.linspace(0.0, 0.5, 51))
 """`(51,)` centre errors 0, 0.01 ... 0.5 in sizes of the box (Müller et al. 2018, TrackingNet)."""
@@ -59,7 +53,7 @@ def success_curve(overlap: ArrayLike, thresholds: ArrayLike = SUCCESS_THRESHOLDS
 
 
 def area_under_success(overlap: ArrayLike) -> float:
-    """AUC: mean of the success curve over its 21 thresholds (Wu, Lim & Yang 2013).
+    """AUC: mean of the success curve over its 21 thresholds (Wu, Lim & Yang 2013)
 
     Args:
         overlap: `(N,)` overlaps.

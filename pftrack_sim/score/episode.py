@@ -20,8 +20,7 @@ from pftrack_sim.score import curves, events, reference
 from pftrack_sim.score.ceilings import fixed_shape_ceiling
 from pftrack_sim.score.frames import FrameScores
 
-RECOVERY_S = 2.0
-"""Time within which a tracker is to have recovered."""
+RECOVERY_S = 2.0  # Time within which a tracker is to have recovered
 
 
 @dataclass(frozen=True)

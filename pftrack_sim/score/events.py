@@ -16,8 +16,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.score.curves import SUCCESS_OVERLAP
 
-COVERED_BELOW = 0.5
-"""Visible fraction below which the target counts as occluded."""
+COVERED_BELOW = 0.5  # Visible fraction below which the target counts as occluded
 
 
 @dataclass(frozen=True)

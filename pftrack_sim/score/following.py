@@ -19,17 +19,13 @@ from scipy.signal import savgol_filter
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 
-FOLLOWED_M = 3.0
-"""EVT-Bench: a step is followed when the target is faced and no farther than this."""
+FOLLOWED_M = 3.0  # EVT-Bench: a step is followed when the target is faced and no farther than this
 
 SUCCESS_M = (1.0, 3.0)
 """EVT-Bench: an episode that ended early is a success only if the target is faced at a distance within these."""
 
-COLLISION_M = 0.5
-"""EVT-Bench: nearer than this is a collision."""
-
-FOUND_S = 0.5
-"""A lost target that is visible this long without a break is found again."""
+COLLISION_M = 0.5  # EVT-Bench: nearer than this is a collision
+FOUND_S = 0.5  # A lost target that is visible this long without a break is found again
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 
-QUANTILES = (0.10, 0.25, 0.50, 0.75, 0.90)
-"""Quantiles of recorded video that `recorded_quantiles` gives."""
-
+QUANTILES = (0.10, 0.25, 0.50, 0.75, 0.90)  # Quantiles of recorded video that `recorded_quantiles` gives
 _PATCH = (24, 48)  # Width and height [px].
 _PATCHES_BETWEEN = 3  # Frames between the two patches of `ncc_to_previous`.
 _BINS, _RANGES = [8, 8, 4], [0, 180, 0, 256, 0, 256]  # Of hue, saturation and value in OpenCV's units.
@@ -73,8 +71,7 @@ class Profile:
     camera_step_p95: float
 
 
-NUMBERS = tuple(field.name for field in fields(Profile))
-"""Names of the numbers of a profile."""
+NUMBERS = tuple(field.name for field in fields(Profile))  # Names of the numbers of a profile
 
 
 def recorded_quantiles() -> dict[str, tuple[float, ...]]:

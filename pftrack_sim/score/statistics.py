@@ -18,8 +18,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
 BOOTSTRAP_RESAMPLES = 2000
-SIGN_FLIPS = 20_000
-"""Random sign flips behind a p-value where the exhaustive test would need more of them."""
+SIGN_FLIPS = 20_000  # Random sign flips behind a p-value where the exhaustive test would need more of them
 
 
 def bootstrap_interval(

@@ -15,8 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationIn
 from pftrack_sim.core.errors import ParameterError, did_you_mean
 from pftrack_sim.scenario.validation import problems
 
-PRESETS = ("default", "paper")
-"""`paper`: the printed values only; `default`: the best values found since."""
+PRESETS = ("default", "paper")  # `paper`: the printed values only; `default`: the best values found since
 
 Count: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
 Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]

@@ -18,11 +18,8 @@ from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.capture.frame_capture import CapturedFrame, RenderPass
 from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder, pixels_around
 
-_SWEEP_INSTANTS = 5
-"""Instants of each point's exposure whose extent is the swept box."""
-
-_MARGIN_PX = 3
-"""Pixels around a box that may belong to the person: rounding, and the error of bands."""
+_SWEEP_INSTANTS = 5  # Instants of each point's exposure whose extent is the swept box
+_MARGIN_PX = 3  # Pixels around a box that may belong to the person: rounding, and the error of bands
 
 _BORDER_POINTS = 24
 

@@ -21,9 +21,7 @@ from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 
-START_S = 2.0
-"""Before this time nothing happens; the aim begins to wander from the target at the start."""
-
+START_S = 2.0  # Before this time nothing happens; the aim begins to wander from the target at the start
 START_M = 1.0  # Way driven on the route before the first swing
 EDGE_RAD = math.radians(5.0)  # The centre of a target that is kept in view is this far inside the image
 _EDGE_TIME_CONSTANT_S = 0.12  # At which a target at the edge is brought back

@@ -39,8 +39,7 @@ _SHAKE_MARGIN_PX = 6
 _LARGEST_RATIO = 1.6
 """Largest size of a rendered image relative to the camera image; larger ones are rendered at a smaller scale."""
 
-_POSES_PER_FRAME = 9
-"""Instants within a frame between which camera poses are interpolated."""
+_POSES_PER_FRAME = 9  # Instants within a frame between which camera poses are interpolated
 
 
 @dataclass(frozen=True, eq=False)

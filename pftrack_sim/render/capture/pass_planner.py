@@ -18,23 +18,15 @@ from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
 _BAND_SHIFT_PX, _MOST_BANDS = 1.5, 6
 """Shift of scenery during readout that needs another band of rows; the error is at most half of it."""
 
-_SAMPLE_SHIFT_PX, _MOST_SAMPLES = 1.0, 8
-"""Shift during the exposure that needs another sample."""
-
-_MOST_PASSES = 16
-"""Most passes of a frame; bands are omitted beyond it."""
+_SAMPLE_SHIFT_PX, _MOST_SAMPLES = 1.0, 8  # Shift during the exposure that needs another sample
+_MOST_PASSES = 16  # Most passes of a frame; bands are omitted beyond it
 
 _ROTATION_SHIFT_PX, _MOST_ROTATIONS = 1.0, 32
 """Shift by camera rotation during the exposure that needs another resampling of a pass."""
 
-_STILL_M = 2e-4
-"""Travel of the camera during a frame below which it stands still."""
-
-NEAREST_M = 0.3
-"""Depth below which image motion is not evaluated."""
-
-_PROBE_GRID = (8, 6)
-"""Rays across and down that probe the distance of the scenery."""
+_STILL_M = 2e-4  # Travel of the camera during a frame below which it stands still
+NEAREST_M = 0.3  # Depth below which image motion is not evaluated
+_PROBE_GRID = (8, 6)  # Rays across and down that probe the distance of the scenery
 
 
 @dataclass(frozen=True)

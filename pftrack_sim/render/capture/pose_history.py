@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.camera.trajectory import exp_so3, log_so3
 from pftrack_sim.core.types import FloatArray, IntArray
 
-_STILL = 1e-9
-"""A geom whose position [m] and axes changed by less has not moved."""
+_STILL = 1e-9  # A geom whose position [m] and axes changed by less has not moved
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,7 @@ import mujoco
 
 from pftrack_sim.core.errors import RenderError, UnknownNameError
 
-BACKENDS = ("egl", "osmesa")
-"""OpenGL libraries that can be asked for by name."""
+BACKENDS = ("egl", "osmesa")  # OpenGL libraries that can be asked for by name
 
 INSTALL_HINTS = """\
   Debian, Ubuntu:  apt-get install libegl1 libgl1 libgl1-mesa-dri     (EGL)

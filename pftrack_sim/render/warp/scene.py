@@ -21,8 +21,7 @@ from pftrack_sim.render.backend import sky_material
 from pftrack_sim.render.warp import kernels, rays
 
 _INFINITE_PLANE_M = 1e4
-_BOX_MARGIN_M = 1e-4
-"""Rays are cast in single precision: slightly larger bounding boxes miss no hit."""
+_BOX_MARGIN_M = 1e-4  # Rays are cast in single precision: slightly larger bounding boxes miss no hit
 
 _APPEARANCE_FIELDS = {
     "repeat": ("mat_texrepeat", wp.vec2),

@@ -194,11 +194,8 @@ class TargetAxis(Axis):
 
 Part: TypeAlias = Literal["change", "colour", "flicker", "pools", "patches", "noise"]
 
-WHITE_K = 6504.0
-"""Colour temperature of the light that the scenarios are drawn in."""
-
-WARMEST_K, COLDEST_K = 2000.0, 25000.0
-"""Range of colour temperatures without negative primaries."""
+WHITE_K = 6504.0  # Colour temperature of the light that the scenarios are drawn in
+WARMEST_K, COLDEST_K = 2000.0, 25000.0  # Range of colour temperatures without negative primaries
 
 
 class LightAxis(Axis):

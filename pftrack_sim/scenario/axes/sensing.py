@@ -165,11 +165,8 @@ class NoiseAxis(Axis):
         return self.full_well_e / (self.severity * self.gain)
 
 
-MOST_DROPPED = 0.9
-"""Upper bound of the share of lost frames at any severity."""
-
-WORST_QUALITY = 3
-"""Lower bound of the JPEG quality at any severity."""
+MOST_DROPPED = 0.9  # Upper bound of the share of lost frames at any severity
+WORST_QUALITY = 3  # Lower bound of the JPEG quality at any severity
 
 
 class StreamAxis(Axis):

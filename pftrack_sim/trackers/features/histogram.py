@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.types import FloatArray
 
-Codes: TypeAlias = NDArray[np.uint8]
-"""`(H, W, C)` pixel codes."""
+Codes: TypeAlias = NDArray[np.uint8]  # `(H, W, C)` pixel codes
 
 ROWS = 48
 COLUMNS = 24

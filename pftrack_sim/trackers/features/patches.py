@@ -19,8 +19,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.image_region import ImageRegion, downsample
 
-Patches: TypeAlias = NDArray[np.float32]
-"""`(N, d)` patches, points row by row."""
+Patches: TypeAlias = NDArray[np.float32]  # `(N, d)` patches, points row by row
 
 
 def grid_shape(width: float, height: float, point_count: int) -> tuple[int, int]:
@@ -73,8 +72,7 @@ class PatchSampler:
         self._covered = np.concatenate([near, far])
 
 
-_MARGIN = 0.3
-"""Margin of the region, in sizes of the template."""
+_MARGIN = 0.3  # Margin of the region, in sizes of the template
 
 
 def sample_patches(grey: NDArray[np.uint8], placements: FloatArray, shape: tuple[int, int]) -> Patches:
@@ -137,5 +135,4 @@ def _sample(
             out[n, k] *= scale
 
 
-_FLAT = 1e-3
-"""Variances below this [grey levels squared] are rounding errors of a uniform patch."""
+_FLAT = 1e-3  # Variances below this [grey levels squared] are rounding errors of a uniform patch

@@ -202,5 +202,4 @@ _C0, _C1, _C2, _C3, _C4, _C5, _C6 = (
 _LOG2_E = np.float32(math.log2(math.e))
 _MAX_EXPONENT = np.float32(120.0)
 _TOGETHER = 8
-_LEAST = np.float32(1e-30)
-"""Least likelihood of a pixel: the product of `_TOGETHER` is still above 0 in float64."""
+_LEAST = np.float32(1e-30)  # Least likelihood of a pixel: the product of `_TOGETHER` is still above 0 in float64

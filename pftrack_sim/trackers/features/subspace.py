@@ -65,8 +65,7 @@ class Subspace:
         self._u, self._s, self._vt = u[:, :rank], s[:rank], vt[:rank]
 
 
-_TOLERANCE = 1e-13
-"""Components smaller than this share of the largest are rounding errors."""
+_TOLERANCE = 1e-13  # Components smaller than this share of the largest are rounding errors
 
 
 def residuals(vectors: FloatArray, basis: FloatArray) -> FloatArray:

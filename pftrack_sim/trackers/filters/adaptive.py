@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
-Observations: TypeAlias = NDArray[np.floating[Any]]
-"""Observations may have half the precision of states."""
+Observations: TypeAlias = NDArray[np.floating[Any]]  # Observations may have half the precision of states
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 
-NoiseUnit: TypeAlias = Literal["px", "box"]
-"""Unit of the dynamics' noise: pixels, or a share of the estimated box."""
+NoiseUnit: TypeAlias = Literal["px", "box"]  # Unit of the dynamics' noise: pixels, or a share of the estimated box
 
 
 def state_of(box: Box) -> FloatArray:

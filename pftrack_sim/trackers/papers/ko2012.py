@@ -39,8 +39,7 @@ from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Posi
 
 COLOUR_BINS = 128
 MIN_SIZE_PX = 2.0
-USUAL_RATE = 0.03
-"""Share of a new similarity in the running mean: after a second, a lasting change counts as usual."""
+USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a second, a lasting change counts as usual
 
 
 class Ko2012Parameters(Parameters):
