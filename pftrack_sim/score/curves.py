@@ -34,32 +34,19 @@ NORMALISED_PRECISION_THRESHOLDS = _frozen(np.linspace(0.0, 0.5, 51))
 
 
 def success_curve(overlap: ArrayLike, thresholds: ArrayLike = SUCCESS_THRESHOLDS) -> FloatArray:
-    """Share of frames with an overlap of *more* than each threshold (Wu, Lim & Yang 2013; GOT-10k: `>`).
+    """`(T,)` shares of `(N,)` overlaps above each of `(T,)` thresholds (Wu, Lim & Yang 2013; GOT-10k: `>`).
 
-    A perfect tracker is at 0 for the threshold 1: its area is 20/21, not 1.
-
-    Args:
-        overlap: `(N,)` overlaps.
-        thresholds: `(T,)` in [0, 1].
-
-    Returns:
-        `(T,)` shares; NaN for no frames.
+    NaN for no frames. A perfect tracker is at 0 for the threshold 1: its area is 20/21, not 1.
 
     Raises:
-        ParameterError: `overlap` or the thresholds are not a row of numbers.
+        ParameterError: One of them is not a row of numbers.
     """
     values, at = _row("overlap", overlap), _row("thresholds", thresholds)
     return _shares(values[:, None] > at)
 
 
 def area_under_success(overlap: ArrayLike) -> float:
-    """AUC: mean of the success curve over its 21 thresholds (Wu, Lim & Yang 2013)
-
-    Args:
-        overlap: `(N,)` overlaps.
-
-    Returns:
-        A number in [0, 20/21]; NaN for no frames.
+    """AUC: mean of the success curve of `(N,)` overlaps over its 21 thresholds (Wu, Lim & Yang 2013), in [0, 20/21].
 
     >>> round(area_under_success([1.0, 1.0]), 4), round(area_under_success([0.52, 0.0]), 4)
     (0.9524, 0.2619)
@@ -74,7 +61,7 @@ def average_overlap(overlap: ArrayLike) -> float:
 
 
 def success_rate(overlap: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> float:
-    """Share of frames with an overlap of *at least* the threshold; NaN for no frames.
+    """Share of `(N,)` overlaps of *at least* the threshold; NaN for no frames.
 
     Wu, Lim & Yang 2013 use more than the threshold, which differs only in frames exactly on it.
     """
@@ -88,11 +75,7 @@ def precision(centre_error: ArrayLike, threshold_px: float = PRECISION_PX) -> fl
 
 
 def strict_success_rate(overlap: ArrayLike, threshold: float = 0.5) -> float:
-    """SR: share of frames with an overlap of *more* than the threshold (GOT-10k: SR_0.5 and SR_0.75).
-
-    Args:
-        overlap: `(N,)` overlaps of a sequence without its first frame.
-        threshold: In [0, 1].
+    """SR: share of `(N,)` overlaps of *more* than the threshold (GOT-10k: SR_0.5 and SR_0.75, without the first frame).
 
     >>> strict_success_rate([0.5, 0.6]), strict_success_rate([0.5, 0.6], 0.75)
     (0.5, 0.0)
@@ -101,14 +84,9 @@ def strict_success_rate(overlap: ArrayLike, threshold: float = 0.5) -> float:
 
 
 def precision_curve(centre_error: ArrayLike, thresholds: ArrayLike = PRECISION_THRESHOLDS_PX) -> FloatArray:
-    """Share of frames with a centre error of *at most* each threshold (Wu, Lim & Yang 2013: `<=`).
+    """`(T,)` shares of `(N,)` centre errors of *at most* each of `(T,)` thresholds (Wu, Lim & Yang 2013: `<=`).
 
-    Args:
-        centre_error: `(N,)` [px], or normalised; NaN counts as a miss.
-        thresholds: `(T,)` in the same unit.
-
-    Returns:
-        `(T,)` shares; NaN for no frames.
+    Both are in pixels, or normalised. A NaN error counts as a miss; shares are NaN for no frames.
 
     Raises:
         ParameterError: One of them is not a row of numbers.

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.score import curves, events, reference
-from pftrack_sim.score.ceilings import fixed_shape_ceiling
 from pftrack_sim.score.frames import FrameScores
 
 RECOVERY_S = 2.0  # Time within which a tracker is to have recovered
@@ -34,7 +33,7 @@ class Summary:
         success: Share of frames with an overlap of at least `SUCCESS_OVERLAP`.
         success_30: The same with `LOOSE_OVERLAP`.
         centre_inside: Share of frames in which the centre of the estimate lies inside the true box.
-        ceiling: Highest `success` of a box with the shape of the first one; see `fixed_shape_ceiling`.
+        ceiling: Highest `success` of a box with the shape of the first one; see `reference.fixed_shape_ceiling`.
         precision: Share of frames with a centre error of at most `PRECISION_PX`.
         centre_error_median_px: Median centre error; infinite when the tracker missed most frames.
         ms_median: Median time of the frames in which the tracker answered, without that of the initialisation.
@@ -121,7 +120,7 @@ def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
         success=curves.success_rate(overlap),
         success_30=curves.success_rate(overlap, curves.LOOSE_OVERLAP),
         centre_inside=curves.average_overlap(frames.centre_inside[counted]),
-        ceiling=fixed_shape_ceiling(frames.truth, scored).success,
+        ceiling=reference.fixed_shape_ceiling(frames.truth, scored).success,
         precision=curves.precision(error),
         centre_error_median_px=_median(error),
         ms_median=_median(_known(took[reference.first_scored(scored) + 1 :])),
@@ -129,11 +128,7 @@ def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
 
 
 def mean_summary(summaries: Sequence[Summary]) -> Summary:
-    """Means over episodes, without NaN, of which `skill` is then the skill of the means; the sum of the frames.
-
-    Args:
-        summaries: At least one.
-    """
+    """Means over at least one episode, without NaN, and the sum of the frames; `skill` is then that of the means."""
     means = {
         one.name: _mean([float(getattr(summary, one.name)) for summary in summaries])
         for one in fields(Summary)
@@ -145,11 +140,11 @@ def mean_summary(summaries: Sequence[Summary]) -> Summary:
 def measure(
     frames: FrameScores, scored: ArrayLike, visible_fraction: ArrayLike, ms: ArrayLike, time_s: ArrayLike
 ) -> Measures:
-    """All measures of one simulated episode.
+    """All measures of one simulated episode, with `frames`, `scored` and `ms` as for `summarise`.
 
     Args:
-        frames: From `frame_scores`.
-        scored: `(N,)` true where the target can be seen; the first of these frames is not scored.
+        frames: Scores of its N frames.
+        scored: `(N,)` frames in which the target can be seen.
         visible_fraction: `(N,)` in [0, 1].
         ms: `(N,)` time the tracker took for each frame; NaN where it did not answer.
         time_s: `(N,)` rising times of the frames.

@@ -1,6 +1,8 @@
 """Events of an episode over time: failures, recovery after occlusions, drift, permanent loss.
 
 A tracker is not reinitialised after a failure. Times are the frames' own: under frame loss they are irregular.
+Arguments are `(N,)`, one number per frame; functions raise `ParameterError` where the lengths differ. `scored` is true
+where the target can be seen.
 """
 
 from __future__ import annotations
@@ -42,13 +44,6 @@ def failures(overlap: ArrayLike, scored: ArrayLike) -> int:
 
     VOT reinitialises a tracker after each; here it goes on, so a long absence counts once.
 
-    Args:
-        overlap: `(N,)` overlaps.
-        scored: `(N,)` true where the target can be seen.
-
-    Raises:
-        ParameterError: The lengths differ.
-
     >>> failures([0.8, 0.0, 0.0, 0.4, 0.0], [True] * 5)
     2
     """
@@ -56,57 +51,33 @@ def failures(overlap: ArrayLike, scored: ArrayLike) -> int:
     return int(np.count_nonzero((seen[1:] == 0.0) & (seen[:-1] > 0.0)))
 
 
-def occlusions(visible_fraction: ArrayLike, covered_below: float = COVERED_BELOW) -> list[tuple[int, int]]:
-    """Spans of frames in which the target is occluded.
-
-    Args:
-        visible_fraction: `(N,)` in [0, 1]; NaN counts as 0.
-        covered_below: Less than this is occluded.
-
-    Returns:
-        First and last frame of each span.
+def occlusions(visible_fraction: ArrayLike) -> list[tuple[int, int]]:
+    """First and last frame of each span in which the target is occluded; a visible fraction of NaN counts as 0.
 
     >>> occlusions([1.0, 0.4, 0.0, 0.9, 0.2])
     [(1, 2), (4, 4)]
     """
     visible = np.nan_to_num(np.asarray(visible_fraction, dtype=np.float64), nan=0.0)
-    return list(_spans(visible < covered_below))
+    return list(_spans(visible < COVERED_BELOW))
 
 
-def recoveries(
-    overlap: ArrayLike,
-    visible_fraction: ArrayLike,
-    time_s: ArrayLike,
-    *,
-    threshold: float = SUCCESS_OVERLAP,
-    covered_below: float = COVERED_BELOW,
-) -> list[Recovery]:
-    """Time after each occlusion until the target is tracked again.
+def recoveries(overlap: ArrayLike, visible_fraction: ArrayLike, time_s: ArrayLike) -> list[Recovery]:
+    """Time after each occlusion until the overlap reaches `SUCCESS_OVERLAP` again.
 
     An occlusion that lasts to the end of the episode is left out.
-
-    Args:
-        overlap: `(N,)` overlaps.
-        visible_fraction: `(N,)` in [0, 1].
-        time_s: `(N,)` times of the frames.
-        threshold: Overlap from which the target counts as tracked.
-        covered_below: Visible fraction below which it is occluded.
-
-    Raises:
-        ParameterError: The lengths differ.
     """
     values, visible = _pair("visible_fraction", overlap, visible_fraction)
     _, times = _pair("time_s", overlap, time_s)
     # The last frame lasts as long as a frame usually does.
     ends = np.append(times, times[-1] + np.median(np.diff(times))) if times.size > 1 else times
-    spans = occlusions(visible, covered_below)
+    spans = occlusions(visible)
     starts = [first for first, _ in spans] + [values.size]
     found: list[Recovery] = []
     for (first, last), end in zip(spans, starts[1:], strict=True):
         uncovered = last + 1
         if uncovered >= end:
             continue
-        tracked = np.flatnonzero(values[uncovered:end] >= threshold)
+        tracked = np.flatnonzero(values[uncovered:end] >= SUCCESS_OVERLAP)
         after = float(times[uncovered + tracked[0]] - times[uncovered]) if tracked.size else math.inf
         found.append(Recovery(first, last, after, float(ends[end] - times[uncovered])))
     return found
@@ -123,21 +94,9 @@ def recovered_within(found: Sequence[Recovery], limit_s: float) -> float:
 
 
 def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: ArrayLike, time_s: ArrayLike) -> float:
-    """Slope of the normalised centre error over time while the target is still tracked.
+    """Slope of the normalised centre error while the target is tracked [box sizes/s]; NaN for fewer than 3 frames.
 
     Ordinary least squares over the frames before the first failure (overlap 0), where the target can be seen.
-
-    Args:
-        normalised_error: `(N,)` centre errors in sizes of the box, from `normalised_centre_errors`.
-        overlap: `(N,)` overlaps.
-        scored: `(N,)` true where the target can be seen.
-        time_s: `(N,)` times of the frames.
-
-    Returns:
-        Box sizes per second; NaN for fewer than 3 frames.
-
-    Raises:
-        ParameterError: The lengths differ.
 
     >>> round(drift_per_second([0.0, 0.1, 0.2, 9.0], [1.0, 0.9, 0.8, 0.0], [True] * 4, [0.0, 0.1, 0.2, 0.3]), 6)
     1.0
@@ -153,19 +112,8 @@ def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: Ar
     return float(slope)
 
 
-def share_permanently_lost(overlap: ArrayLike, scored: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> float:
-    """Share of the scored frames after the last one in which the target was tracked.
-
-    Args:
-        overlap: `(N,)` overlaps.
-        scored: `(N,)` true where the target can be seen.
-        threshold: Overlap from which the target counts as tracked.
-
-    Returns:
-        0 when the last frame is tracked, 1 when none is; NaN for no frames.
-
-    Raises:
-        ParameterError: The lengths differ.
+def share_permanently_lost(overlap: ArrayLike, scored: ArrayLike) -> float:
+    """Share of the scored frames after the last one with an overlap of at least `SUCCESS_OVERLAP`; NaN for no frames.
 
     >>> share_permanently_lost([0.9, 0.6, 0.1, 0.0], [True] * 4)
     0.5
@@ -173,7 +121,7 @@ def share_permanently_lost(overlap: ArrayLike, scored: ArrayLike, threshold: flo
     seen, _ = _scored(overlap, scored)
     if not seen.size:
         return math.nan
-    tracked = np.flatnonzero(seen >= threshold)
+    tracked = np.flatnonzero(seen >= SUCCESS_OVERLAP)
     return 1.0 - (float(tracked[-1]) + 1.0) / seen.size if tracked.size else 1.0
 
 

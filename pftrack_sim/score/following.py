@@ -60,14 +60,7 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class FollowTask:
-    """Wanted distance and the limits of a follow task.
-
-    Attributes:
-        distance_m: Wanted.
-        distance_limit_m: Error of distance within which the target is followed.
-        bearing_limit_rad: Error of bearing within which it is.
-        frames: Frames of a full episode.
-    """
+    """Wanted distance, limits of the errors within which the target is followed, and frames of a full episode."""
 
     distance_m: float
     distance_limit_m: float
@@ -146,13 +139,9 @@ def summarise(path: DrivenPath, task: FollowTask) -> Following:
 
 
 def losses(time_s: ArrayLike, seen: ArrayLike) -> list[tuple[float, float]]:
-    """Times at which the target was lost and found again.
+    """Times at which the target was lost and found again, from `(N,)` times and whether it was seen.
 
     Lost: out of sight for longer than `FOUND_S`. Found: in sight for at least that long without a break.
-
-    Args:
-        time_s: `(N,)`.
-        seen: `(N,)`.
 
     Returns:
         For each loss the time of the first frame without it and of the first frame of the sight that ended the loss
@@ -181,13 +170,8 @@ def losses(time_s: ArrayLike, seen: ArrayLike) -> list[tuple[float, float]]:
 def jerk_rms(xy_m: ArrayLike, time_s: ArrayLike, window_s: float = 0.5) -> float:
     """RMS of the third derivative of a path [m/s^3], from a cubic fitted over a window (Savitzky and Golay 1964).
 
-    Args:
-        xy_m: `(N, 2)` positions.
-        time_s: `(N,)` rising times; positions at irregular times are interpolated to their median interval.
-        window_s: Length of the window.
-
-    Returns:
-        NaN when the path is shorter than the window.
+    `(N, 2)` positions at irregular `(N,)` times are interpolated to their median interval. NaN when the path is shorter
+    than the window.
     """
     path, times = np.asarray(xy_m, dtype=np.float64), np.asarray(time_s, dtype=np.float64)
     if len(times) < 2:

@@ -28,17 +28,11 @@ class Arm:
 
 
 def overlaps_on_common_frames(arms: Sequence[Arm], from_s: float = 0.0) -> FloatArray:
-    """Mean overlap of every arm over the times at which the target is scored in all of them.
+    """`(A,)` mean overlap of every arm over the times at which the target is scored in all of them; NaN where none is.
 
-    The times are those of the arm with the most frames. Between two frames an arm keeps the frame before: where frames
-    are lost, the overlap of a delivered frame counts for as long as it is the last one.
-
-    Args:
-        arms: Episodes of one scenario and seed.
-        from_s: Earlier times are left out.
-
-    Returns:
-        `(A,)`; NaN where no time is common.
+    The arms are episodes of one scenario and seed; times before `from_s` are left out. The times are those of the arm
+    with the most frames. Between two frames an arm keeps the frame before: where frames are lost, the overlap of a
+    delivered frame counts for as long as it is the last one.
     """
     times = max((arm.time_s for arm in arms), key=len)
     times = times[times >= from_s - _SAME_S]

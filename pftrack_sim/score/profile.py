@@ -110,13 +110,7 @@ class ProfileMeter:
         self._grey: list[float] = []
 
     def add(self, image: Image, box: ArrayLike, visible: bool) -> None:
-        """Measure the next frame.
-
-        Args:
-            image: `(H, W, 3)` uint8 RGB.
-            box: `(4,)` box of the target [px]; NaN where it is unknown.
-            visible: Whether the target can be seen.
-        """
+        """Measure the next frame, `(H, W, 3)` uint8 RGB, with the target's box [px], NaN where it is unknown."""
         true_box = boxes.clip(box, image.shape[1], image.shape[0]) if visible else boxes.NO_BOX
         visible = visible and boxes.area(box) > 0.0
         self._shape = image.shape[:2]

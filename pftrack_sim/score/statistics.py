@@ -52,13 +52,9 @@ def bootstrap_interval(
 
 
 def proportion_interval(values: ArrayLike) -> tuple[float, float]:
-    """95 % interval of a proportion (Wilson 1927), valid also where all values are equal.
+    """95 % interval of a proportion (Wilson 1927), valid also where all `(N,)` values, 0 or 1 per seed, are equal.
 
-    Args:
-        values: `(N,)` 0 or 1 per seed; NaN are left out.
-
-    Returns:
-        Lower and upper end, within [0, 1]; NaN without values.
+    NaN values are left out; without values both ends are NaN.
 
     Raises:
         ParameterError: A value is neither 0 nor 1.
@@ -79,18 +75,11 @@ def proportion_interval(values: ArrayLike) -> tuple[float, float]:
 def paired_difference(
     first: ArrayLike, second: ArrayLike, rng: np.random.Generator
 ) -> tuple[float, tuple[float, float], float]:
-    """Mean difference over seeds, its bootstrap interval, and the p-value of a sign-flip test (Fisher 1935).
+    """Mean of first - second, its 95 % bootstrap interval, and the p-value of a sign-flip test (Fisher 1935).
 
-    The test is exhaustive for few seeds and uses `SIGN_FLIPS` random flips for many. With n seeds the p-value cannot be
-    below 2 / 2^n: 5 seeds never reach 0.05.
-
-    Args:
-        first: `(N,)` scores, one per seed.
-        second: `(N,)` scores on the same seeds.
-        rng: Draws the resamples and random flips.
-
-    Returns:
-        Mean of first - second; lower and upper end of its 95 % interval; two-sided p-value. NaN without seeds.
+    Scores are `(N,)`, one per seed, on the same seeds; without seeds everything is NaN. The two-sided test is
+    exhaustive for few seeds and uses `SIGN_FLIPS` random flips for many. With n seeds the p-value cannot be below 2 /
+    2^n: 5 seeds never reach 0.05.
 
     Raises:
         ParameterError: The lengths differ.
@@ -111,15 +100,9 @@ def paired_difference(
 
 
 def holm(p_values: ArrayLike) -> FloatArray:
-    """P-values corrected for multiple comparisons, step-down (Holm 1979).
+    """`(N,)` p-values corrected for multiple comparisons, step-down (Holm 1979); NaN stay NaN and do not count.
 
     By hand: scipy has false discovery rates, but no family-wise correction.
-
-    Args:
-        p_values: `(N,)`; NaN stay NaN and do not count.
-
-    Returns:
-        `(N,)` corrected, in the same order, at most 1.
 
     Raises:
         ParameterError: `p_values` is not `(N,)`.
@@ -143,8 +126,6 @@ class Comparison:
     """Comparison of two trackers on the same seeds.
 
     Attributes:
-        first: The tracker.
-        second: The tracker it is compared with.
         difference: Mean of (first - second) over seeds.
         low: Lower end of the 95 % interval of that mean.
         high: Upper end.
@@ -166,9 +147,7 @@ class Comparison:
 def compare(scores: Mapping[str, ArrayLike], rng: np.random.Generator) -> list[Comparison]:
     """Comparison of every pair of trackers, corrected for the number of pairs.
 
-    Args:
-        scores: For each tracker `(N,)` scores, one per seed, in the same order of seeds; NaN where a score is missing.
-        rng: Draws resamples and sign flips.
+    Scores are `(N,)` for each tracker, in the same order of seeds; NaN where one is missing.
 
     Raises:
         ParameterError: The lengths differ.
@@ -187,15 +166,10 @@ def compare(scores: Mapping[str, ArrayLike], rng: np.random.Generator) -> list[C
 
 
 def win_matrix(comparisons: Sequence[Comparison], names: Sequence[str], *, level: float = 0.05) -> NDArray[np.int8]:
-    """Matrix of significant differences.
+    """`(T, T)` significant differences between trackers, in the order of `names`.
 
-    Args:
-        comparisons: From `compare`.
-        names: Order of rows and columns.
-        level: Corrected p-value below which a difference is significant.
-
-    Returns:
-        `(T, T)`: 1 where the row's tracker is better than the column's, -1 where it is worse, 0 where undecided.
+    1 where the row's tracker is better than the column's, -1 where it is worse, 0 where the corrected p-value is not
+    below `level`.
     """
     place = {name: index for index, name in enumerate(names)}
     table = np.zeros((len(names), len(names)), dtype=np.int8)
@@ -209,12 +183,9 @@ def win_matrix(comparisons: Sequence[Comparison], names: Sequence[str], *, level
 
 @dataclass(frozen=True)
 class RankAgreement:
-    """Spearman's rank correlation of two scores over methods, with its interval over seeds.
+    """Spearman's rank correlation, in [-1, 1], of two scores over methods, and the ends of its interval over seeds.
 
-    Attributes:
-        rho: In [-1, 1]; NaN where a score is constant.
-        low: Lower end of the interval.
-        high: Upper end.
+    NaN where a score is constant.
     """
 
     rho: float
@@ -223,14 +194,9 @@ class RankAgreement:
 
 
 def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
-    """Spearman's rank correlation of two scores of the same methods; ties share their mean rank.
+    """Spearman's rank correlation of two `(N,)` scores of the same methods; ties share their mean rank.
 
-    Args:
-        first: `(N,)` one score per method.
-        second: `(N,)` another score of the same methods.
-
-    Returns:
-        In [-1, 1]; NaN where a score is constant, or for fewer than two methods.
+    NaN where a score is constant, or for fewer than two methods.
 
     Raises:
         ParameterError: The lengths differ, or a number is not finite.

@@ -9,16 +9,17 @@ from hypothesis import strategies as st
 
 from pftrack_sim import score
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.score import curves
 
 OVERLAP = [1.0, 0.5, 0.75, 0.0, 0.49, 0.51]
 
 
 def test_success_counts_more_than_the_threshold():
     assert score.success_curve(OVERLAP, [0.0, 0.5, 0.75, 1.0]).tolist() == [5 / 6, 3 / 6, 1 / 6, 0.0]
-    assert score.strict_success_rate(OVERLAP) == 0.5
-    assert score.strict_success_rate(OVERLAP, 0.75) == 1 / 6
-    assert score.success_rate(OVERLAP) == 4 / 6  # at least the threshold: the papers' share of tracked frames
-    assert score.average_overlap(OVERLAP) == pytest.approx(3.25 / 6)
+    assert curves.strict_success_rate(OVERLAP) == 0.5
+    assert curves.strict_success_rate(OVERLAP, 0.75) == 1 / 6
+    assert curves.success_rate(OVERLAP) == 4 / 6  # at least the threshold: the papers' share of tracked frames
+    assert curves.average_overlap(OVERLAP) == pytest.approx(3.25 / 6)
 
 
 def test_area_is_the_mean_over_21_thresholds():
@@ -43,28 +44,28 @@ def test_precision_counts_the_threshold_itself():
 def test_normalised_error_is_in_sizes_of_the_box():
     truth = np.array([[0, 0, 10, 40], [0, 0, 10, 40], [0, 0, 10, 40], [math.nan] * 4, [0, 0, 0, 4]], dtype=float)
     said = np.array([[3, 0, 10, 40], [0, 16, 10, 40], [math.nan] * 4, [0, 0, 1, 1], [0, 0, 1, 1]], dtype=float)
-    errors = score.normalised_centre_errors(said, truth)
+    errors = score.frame_scores(said, truth).normalised_error
     assert np.array_equal(np.round(errors, 12), [0.3, 0.4, math.inf, math.nan, math.nan], equal_nan=True)
     # 0.3 is within 21 of the 51 thresholds 0 ... 0.5, 0.4 within 11, a miss within none.
-    assert score.normalised_precision(errors[:3] - 1e-9) == pytest.approx((21 + 11) / 3 / 51)
+    assert curves.normalised_precision(errors[:3] - 1e-9) == pytest.approx((21 + 11) / 3 / 51)
 
 
 def test_a_perfect_tracker():
     ones, zeros = np.ones(7), np.zeros(7)
     assert score.area_under_success(ones) == pytest.approx(20 / 21)
-    assert score.normalised_precision(zeros) == 1.0
+    assert curves.normalised_precision(zeros) == 1.0
     assert score.precision_curve(zeros).tolist() == [1.0] * 51
 
 
 def test_nothing_to_score_is_nan():
     assert np.isnan(score.success_curve([])).all()
     assert math.isnan(score.area_under_success([]))
-    assert math.isnan(score.average_overlap([]))
-    assert math.isnan(score.normalised_precision([]))
+    assert math.isnan(curves.average_overlap([]))
+    assert math.isnan(curves.normalised_precision([]))
 
 
 def test_tables_are_refused():
     with pytest.raises(ParameterError, match="shape"):
         score.success_curve([[0.1, 0.2]])
     with pytest.raises(ParameterError, match=r"\(N, 4\)"):
-        score.normalised_centre_errors([[0, 0, 1]], [[0, 0, 1]])
+        score.frame_scores([[0, 0, 1]], [[0, 0, 1]])

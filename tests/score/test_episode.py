@@ -9,6 +9,7 @@ import pytest
 
 from pftrack_sim import score
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.score import curves
 
 NAN = [math.nan] * 4
 TRUTH = np.array([[0, 0, 10, 10], [0, 0, 10, 10], [0, 0, 10, 10], NAN, [0, 0, 10, 10], [0, 0, 10, 10]])
@@ -18,16 +19,18 @@ MS = [100.0, 1, 2, 3, 4, 5]
 
 
 def test_overlaps_by_hand():
-    assert np.allclose(score.overlaps(SAID, TRUTH), [1, 1 / 3, 1 / 2, 0, 0, 0], rtol=0, atol=1e-12)
+    assert np.allclose(score.frame_scores(SAID, TRUTH).overlap, [1, 1 / 3, 1 / 2, 0, 0, 0], rtol=0, atol=1e-12)
 
 
 def test_no_overlap_is_above_one():
     box = [[55.57339453, 55.57339453, 1.0, 200.47253705]]
-    assert score.overlaps(box, box).tolist() == [1.0]
+    assert score.frame_scores(box, box).overlap.tolist() == [1.0]
 
 
 def test_centre_errors_by_hand():
-    assert np.array_equal(score.centre_errors(SAID, TRUTH), [0, 5, 2.5, math.nan, math.inf, 100], equal_nan=True)
+    assert np.array_equal(
+        score.frame_scores(SAID, TRUTH).centre_error_px, [0, 5, 2.5, math.nan, math.inf, 100], equal_nan=True
+    )
 
 
 def test_summary_by_hand():
@@ -81,11 +84,11 @@ def test_nothing_scored_is_nan_without_a_warning(scored: list[bool]):
 
 
 def test_edges_of_the_thresholds():
-    assert score.success_rate([0.5, 0.4999, 1.0, 0.0]) == 0.5
-    assert score.success_rate([0.5, 0.7], threshold=0.7) == 0.5
-    assert score.precision([20.0, 20.001, 0.0, math.nan, math.inf]) == 0.4
-    assert math.isnan(score.success_rate([]))
-    assert math.isnan(score.precision([]))
+    assert curves.success_rate([0.5, 0.4999, 1.0, 0.0]) == 0.5
+    assert curves.success_rate([0.5, 0.7], threshold=0.7) == 0.5
+    assert curves.precision([20.0, 20.001, 0.0, math.nan, math.inf]) == 0.4
+    assert math.isnan(curves.success_rate([]))
+    assert math.isnan(curves.precision([]))
 
 
 def test_arguments_are_not_edited():
@@ -98,14 +101,14 @@ def test_arguments_are_not_edited():
 
 def test_no_frames_at_all():
     none = np.empty((0, 4))
-    assert score.overlaps(none, none).shape == score.centre_errors(none, none).shape == (0,)
+    assert score.frame_scores(none, none).overlap.shape == (0,)
 
 
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(ParameterError, match=r"\(2, 4\) and \(3, 4\)"):
-        score.overlaps(np.zeros((2, 4)), np.zeros((3, 4)))
+        score.frame_scores(np.zeros((2, 4)), np.zeros((3, 4)))
     with pytest.raises(ParameterError, match="shape"):
-        score.centre_errors(np.zeros(4), np.zeros(4))
+        score.frame_scores(np.zeros(4), np.zeros(4))
     with pytest.raises(ParameterError, match="one number for each of 2 frames"):
         score.summarise(score.frame_scores(np.ones((2, 4)), np.ones((2, 4))), [True], [1.0])
     with pytest.raises(ParameterError, match=r"truth must be \(N, 4\) and scored \(N,\)"):

@@ -7,34 +7,34 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pftrack_sim import score
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.score import events
 
 
 def test_a_long_absence_is_one_failure_and_unseen_frames_are_none():
     overlap = [0.9, 0.0, 0.0, 0.3, 0.0, 0.2]
-    assert score.failures(overlap, [True] * 6) == 2
-    assert score.failures(overlap, [True, False, False, True, True, True]) == 1
-    assert score.failures([0.0, 0.0], [True, True]) == 0
+    assert events.failures(overlap, [True] * 6) == 2
+    assert events.failures(overlap, [True, False, False, True, True, True]) == 1
+    assert events.failures([0.0, 0.0], [True, True]) == 0
 
 
 def test_recovery_is_measured_from_the_end_of_each_occlusion():
     #            0    1    2    3    4    5    6    7    8    9
     visible = [1.0, 0.3, 0.0, 1.0, 1.0, 1.0, 0.1, 1.0, 1.0, 0.0]
     overlap = [0.9, 0.6, 0.0, 0.1, 0.2, 0.7, 0.0, 0.1, 0.4, 0.0]
-    first, second = score.recoveries(overlap, visible, np.arange(10) / 10.0)
+    first, second = events.recoveries(overlap, visible, np.arange(10) / 10.0)
     assert (first.first, first.last, first.after_s, first.observed_s) == (1, 2, pytest.approx(0.2), pytest.approx(0.3))
     assert (second.first, second.last, second.after_s, second.observed_s) == (6, 6, math.inf, pytest.approx(0.2))
 
 
 def test_held_through_an_occlusion_is_recovery_at_once():
-    (only,) = score.recoveries([0.8] * 5, [1, 0, 0, 1, 1], np.arange(5) / 25.0)
+    (only,) = events.recoveries([0.8] * 5, [1, 0, 0, 1, 1], np.arange(5) / 25.0)
     assert only.after_s == 0.0
 
 
 @given(st.lists(st.floats(0, 1), max_size=40))
 def test_occlusions_cover_exactly_the_covered_frames(visible: list[float]):
-    inside = {frame for first, last in score.occlusions(visible) for frame in range(first, last + 1)}
+    inside = {frame for first, last in events.occlusions(visible) for frame in range(first, last + 1)}
     assert inside == {index for index, value in enumerate(visible) if value < 0.5}
 
 
@@ -44,23 +44,23 @@ def test_drift_is_the_slope_until_the_first_failure():
     error = 0.02 + 0.3 * frames / rate
     overlap = np.where(frames < 40, 0.7, 0.0)
     scored = frames % 3 > 0
-    assert score.drift_per_second(error, overlap, scored, frames / rate) == pytest.approx(0.3)
-    assert math.isnan(score.drift_per_second([0.1, 0.2], [1, 1], [True, True], [0.0, 0.1]))
+    assert events.drift_per_second(error, overlap, scored, frames / rate) == pytest.approx(0.3)
+    assert math.isnan(events.drift_per_second([0.1, 0.2], [1, 1], [True, True], [0.0, 0.1]))
 
 
 @pytest.mark.parametrize(
     ("overlap", "share"), [([0.9, 0.9], 0.0), ([0.1, 0.1], 1.0), ([0.9, 0.1, 0.9, 0.2, 0.3], 0.4), ([], math.nan)]
 )
 def test_share_permanently_lost(overlap: list[float], share: float):
-    assert score.share_permanently_lost(overlap, [True] * len(overlap)) == pytest.approx(share, nan_ok=True)
+    assert events.share_permanently_lost(overlap, [True] * len(overlap)) == pytest.approx(share, nan_ok=True)
 
 
 def test_lengths_must_agree():
-    for call in (score.failures, score.share_permanently_lost):
+    for call in (events.failures, events.share_permanently_lost):
         with pytest.raises(ParameterError, match="per frame"):
             call([0.1, 0.2], [True])
     with pytest.raises(ParameterError, match="per frame"):
-        score.recoveries([0.1, 0.2], [1.0], [0.0, 0.1])
+        events.recoveries([0.1, 0.2], [1.0], [0.0, 0.1])
 
 
 def test_times_of_irregular_frames_decide_and_not_their_number():
@@ -69,12 +69,12 @@ def test_times_of_irregular_frames_decide_and_not_their_number():
     error = 0.02 + 0.3 * frames / 20.0
     kept = np.isin(frames, [12, 13, 14, 23, 24, 25, 26, 40], invert=True)
     every, some = frames / 20.0, frames[kept] / 20.0
-    (whole,) = score.recoveries(overlap, visible, every)
-    (thinned,) = score.recoveries(overlap[kept], visible[kept], some)
+    (whole,) = events.recoveries(overlap, visible, every)
+    (thinned,) = events.recoveries(overlap[kept], visible[kept], some)
     assert thinned.after_s == pytest.approx(whole.after_s)
     assert thinned.observed_s == pytest.approx(whole.observed_s)
     slopes = [
-        score.drift_per_second(error[keep], np.ones(keep.sum()), np.ones(keep.sum()), frames[keep] / 20.0)
+        events.drift_per_second(error[keep], np.ones(keep.sum()), np.ones(keep.sum()), frames[keep] / 20.0)
         for keep in (np.ones(60, dtype=bool), kept)
     ]
     assert slopes == pytest.approx([0.3, 0.3])

@@ -22,7 +22,7 @@ def row(ms: list[float] = MS) -> score.Measures:
 
 
 def test_everything_agrees_with_the_parts():
-    overlap = score.overlaps(SAID, TRUTH)
+    overlap = score.frame_scores(SAID, TRUTH).overlap
     counted = np.array([False, True, True, True, False, True, True, True])
     got = row()
     assert got.frames == 6

@@ -10,6 +10,7 @@ from scipy import stats
 
 from pftrack_sim import score
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.score import statistics
 
 levels = st.integers(0, 4).map(lambda number: 0.25 * number)
 
@@ -21,7 +22,7 @@ def rng() -> np.random.Generator:
 @given(st.lists(st.tuples(levels, levels), min_size=3, max_size=12))
 def test_correlation_is_scipys_with_ties_too(pairs: list[tuple[float, float]]):
     first, second = np.array(pairs).T
-    ours = score.rank_correlation(first, second)
+    ours = statistics.rank_correlation(first, second)
     if np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
         assert math.isnan(ours)
     else:
@@ -66,4 +67,4 @@ def test_what_is_no_pair_of_scores_is_refused():
     with pytest.raises(ParameterError, match="level"):
         score.rank_agreement([[0.1]], [[0.3]], rng(), level=1.0)
     with pytest.raises(ParameterError, match="finite"):
-        score.rank_correlation([0.1, np.nan], [0.1, 0.2])
+        statistics.rank_correlation([0.1, np.nan], [0.1, 0.2])

@@ -10,6 +10,7 @@ from scipy import stats
 
 from pftrack_sim import score
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.score import statistics
 
 
 def rng() -> np.random.Generator:
@@ -61,7 +62,7 @@ def test_fewest_seeds_cannot_be_significant():
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=12))
 def test_holm_agrees_with_its_definition(p_values: list[float]):
-    ours = score.holm(p_values)
+    ours = statistics.holm(p_values)
     order = sorted(range(len(p_values)), key=p_values.__getitem__)
     highest = 0.0
     for place, index in enumerate(order):
@@ -70,7 +71,7 @@ def test_holm_agrees_with_its_definition(p_values: list[float]):
 
 
 def test_nan_is_left_out_everywhere():
-    assert np.array_equal(score.holm([0.01, math.nan]), [0.01, math.nan], equal_nan=True)
+    assert np.array_equal(statistics.holm([0.01, math.nan]), [0.01, math.nan], equal_nan=True)
     assert score.bootstrap_interval([0.5, math.nan], rng()) == pytest.approx((math.nan, math.nan), nan_ok=True)
     mean, _, _ = score.paired_difference([1.0, math.nan, 3.0], [0.0, 0.0, 1.0], rng())
     assert mean == 1.5
@@ -98,7 +99,7 @@ def test_bad_input():
     with pytest.raises(ParameterError, match="per seed"):
         score.paired_difference([1.0], [1.0, 2.0], rng())
     with pytest.raises(ParameterError, match="shape"):
-        score.holm([[0.1]])
+        statistics.holm([[0.1]])
 
 
 @pytest.mark.parametrize(("held", "count"), [(0, 10), (10, 10), (3, 8), (24, 25), (1, 1)])
