@@ -28,9 +28,6 @@ class AutoExposure:
 
     The exposure of a frame is known before it is rendered, and the lights are scaled by it, so that highlights are
     clipped after the exposure. Colours are applied to the rendered frame, which is then metered for the next one.
-
-    Args:
-        axis: Course of the light, and which controllers are on.
     """
 
     def __init__(self, axis: LightAxis) -> None:
@@ -41,13 +38,9 @@ class AutoExposure:
         self._balance_ev, self._balance_error_ev = np.zeros(3), np.zeros(3)
 
     def settle(self, time_s: float) -> float:
-        """Correct the errors metered last by the share that belongs to the time since then.
+        """Exposure of the next frame, at a time since the start of the episode, relative to the first [EV].
 
-        Args:
-            time_s: Time of the next frame since the start of the episode.
-
-        Returns:
-            Exposure of that frame relative to the first [EV].
+        The errors metered last are corrected by the share that belongs to the time since then.
         """
         since_s, axis = time_s - self._metered_s, self._axis
         limit = axis.exposure_range_ev
@@ -68,14 +61,9 @@ class AutoExposure:
         return float(red), float(green), float(blue)
 
     def balance(self, image: Image, time_s: float) -> Image:
-        """Apply the colour of the light and the white balance, and meter the result.
+        """Apply the colour of the light and the white balance to an image rendered in white light, and meter the result.
 
-        Args:
-            image: `(H, W, 3)` uint8, rendered in white light at the exposure of `settle`.
-            time_s: Time of the frame since the start of the episode.
-
-        Returns:
-            `(H, W, 3)` uint8; the argument itself where no colour changes.
+        Images are `(H, W, 3)` uint8; the argument itself is returned where no colour changes.
         """
         kelvin = self._axis.light_k(time_s)
         factors = np.exp2(self._balance_ev)

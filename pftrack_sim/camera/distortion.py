@@ -91,11 +91,7 @@ class Lens:
         )
 
     def _checked_radius(self) -> float:
-        """Radius up to which the polynomial is used.
-
-        Raises:
-            ParameterError: The polynomial is not invertible up to there.
-        """
+        """Radius up to which the polynomial is used; raises `ParameterError` where it is not invertible up to there."""
         width, height = self.size
         not_invertible = ParameterError(
             f"the lens k1, k2, p1, p2, k3 = {[round(float(k), 6) for k in self.coefficients]} is not invertible "

@@ -159,13 +159,9 @@ def _stack(vertices: Sequence[FloatArray]) -> list[tuple[IntArray, FloatArray]]:
 
 
 def _extent_beyond(points: FloatArray, near_m: float) -> FloatArray:
-    """`(4,)` extent of the part of a hull beyond the near plane.
+    """`(4,)` extent of the part of a hull of `(V, 3)` points [m] in camera axes, one at least, beyond the near plane.
 
     The section with the plane is the hull of its intersections with the segments between vertices on either side.
-
-    Args:
-        points: `(V, 3)` vertices [m], camera axes; at least one beyond the plane.
-        near_m: Depth of the plane.
     """
     ahead, behind = points[points[:, 2] >= near_m], points[points[:, 2] < near_m]
     share = (ahead[:, None, 2] - near_m) / (ahead[:, None, 2] - behind[None, :, 2])

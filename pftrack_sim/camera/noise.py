@@ -35,12 +35,7 @@ _STEPS_PER_EV = 16  # Tables per stop of a changing exposure: the variance is of
 
 
 class Noise:
-    """Adds independent noise to every frame.
-
-    Args:
-        axis: Electrons of white, and read noise.
-        seed: Root seed of the episode.
-    """
+    """Adds independent noise to every frame of the episode of a root seed."""
 
     def __init__(self, axis: NoiseAxis, seed: int) -> None:
         self._white_e = axis.white_e
@@ -48,16 +43,13 @@ class Noise:
         self._seed = seed
 
     def read(self, image: Image, index: int, gains: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Image:
-        """Read out a frame.
+        """Read out a frame of `(H, W, 3)` uint8, display-coded, without noise; a new array.
 
         Args:
-            image: `(H, W, 3)` uint8, display-coded, without noise.
-            index: Index of the frame in its episode; it selects the random numbers.
+            image: The frame.
+            index: Its index in the episode; it selects the random numbers.
             gains: Gains on linear red, green and blue that `image` contains: a pixel amplified by g has 1 / g of the
                 electrons.
-
-        Returns:
-            `(H, W, 3)` uint8, a new array.
         """
         stops = (round(_STEPS_PER_EV * math.log2(gain)) / _STEPS_PER_EV for gain in gains)
         red, green, blue = (quantile_table(self._white_e * 2.0**-ev, self._read_e) for ev in stops)
@@ -67,14 +59,9 @@ class Noise:
 
 @lru_cache(maxsize=48)
 def quantile_table(white_e: float, read_e: float) -> Table:
-    """Quantiles of the output of a pixel of each value.
+    """`(256, QUANTILES)` uint8 quantiles of the output of a pixel of each value, each row ascending; read-only.
 
-    Args:
-        white_e: Electrons of a white pixel.
-        read_e: Standard deviation of the read noise [e-].
-
-    Returns:
-        `(256, QUANTILES)` uint8, read-only, each row ascending.
+    A white pixel has `white_e` electrons, the read noise a standard deviation of `read_e`.
     """
     mean_e = white_e * (np.arange(256) / 255.0) ** DISPLAY_GAMMA
     limits_e = white_e * (np.arange(0.5, 255.0) / 255.0) ** DISPLAY_GAMMA

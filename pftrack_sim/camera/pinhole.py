@@ -28,15 +28,7 @@ class Frustum(NamedTuple):
 
 
 def intrinsics(width_px: int, height_px: int, fovy_rad: float) -> FloatArray:
-    """Camera matrix of a centred pinhole camera with square pixels.
-
-    Args:
-        width_px: Image width.
-        height_px: Image height.
-        fovy_rad: Vertical field of view, between 0 and pi.
-
-    Returns:
-        `(3, 3)` K [px].
+    """`(3, 3)` camera matrix [px] of a centred pinhole camera with square pixels and a vertical field of view.
 
     Raises:
         ParameterError: An empty image, or a field of view outside (0, pi).
@@ -53,11 +45,7 @@ def intrinsics(width_px: int, height_px: int, fovy_rad: float) -> FloatArray:
 
 
 def camera_matrix(K: ArrayLike | float, width_px: int, height_px: int) -> FloatArray:
-    """`(3, 3)` camera matrix [px], given as such or as the vertical field of view [rad].
-
-    Raises:
-        ParameterError: As `intrinsics` and `focal_and_centre`.
-    """
+    """`(3, 3)` camera matrix [px], given as such or as the vertical field of view [rad]."""
     if np.ndim(K) == 0:
         return intrinsics(width_px, height_px, float(np.asarray(K)))
     focal_and_centre(K)
@@ -79,14 +67,7 @@ def focal_and_centre(K: ArrayLike) -> tuple[float, float, float, float]:
 
 
 def frustum(K: ArrayLike, width_px: int, height_px: int, near_m: float, far_m: float) -> Frustum:
-    """Frustum that renders the image described by K.
-
-    Args:
-        K: `(3, 3)` camera matrix [px], without skew.
-        width_px: Image width.
-        height_px: Image height.
-        near_m: Distance of the near plane.
-        far_m: Distance of the far plane.
+    """Frustum that renders the image described by a `(3, 3)` camera matrix [px] without skew.
 
     Raises:
         ParameterError: Not 0 < near < far, or a camera matrix with skew or a focal length <= 0.

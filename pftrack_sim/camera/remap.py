@@ -30,11 +30,7 @@ _DISTORTED_CELL_PX, _STRAIGHT_CELL_PX = 4, 8  # Grid spacing with and without le
 
 
 class RayGrid:
-    """Rays of the image's pixels on a coarse grid that extends one cell beyond the image.
-
-    Args:
-        lens: Projection of the camera.
-    """
+    """Rays of the pixels of a lens's image on a coarse grid that extends one cell beyond the image."""
 
     def __init__(self, lens: Lens) -> None:
         width, height = lens.size
@@ -51,19 +47,16 @@ class RayGrid:
         self._rays = np.concatenate([normalized, np.ones((*normalized.shape[:2], 1))], axis=-1)
 
     def reproject(self, first: int, last: int, poses: FloatArray, T_world_render: FloatArray) -> FloatArray:
-        """Normalized coordinates on a rendered image of the rays of some bands.
+        """`(rows, columns + 2, 2)` normalized coordinates on a rendered image of the rays of some bands of rows.
 
         The camera may rotate and travel over level ground: what a ray sees is assumed to lie on the ground z = 0, and
         above the horizon at infinity (homography of a plane: Hartley and Zisserman, 2nd ed., section 13.1).
 
         Args:
-            first: First band of rows.
-            last: One past the last band.
-            poses: `(last - first + 2, 4, 4)` T_world_camera for each grid row, or one `(4, 4)` for all.
+            first: First band.
+            last: One past the last band; `rows` is last - first + 2.
+            poses: `(rows, 4, 4)` T_world_camera for each grid row, or one `(4, 4)` for all.
             T_world_render: `(4, 4)` camera pose of the rendered image.
-
-        Returns:
-            `(last - first + 2, columns + 2, 2)`
         """
         rays = self._rays[first : last + 2] @ np.swapaxes(poses[..., :3, :3], -1, -2)
         positions = poses[..., None, :3, 3]
@@ -73,14 +66,10 @@ class RayGrid:
         return local[..., :2] / local[..., 2:]
 
     def pixel_map(self, first: int, last: int, normalized: FloatArray, K: FloatArray, top: int = 0) -> PixelMap:
-        """`(rows, W, 2)` map from the pixels of some bands to places on a rendered image.
+        """`(rows, W, 2)` map from the pixels of bands `first` to `last` - 1 to places on a rendered image.
 
-        Args:
-            first: First band.
-            last: One past the last band.
-            normalized: From `reproject`.
-            K: `(3, 3)` camera matrix of the rendered image [px].
-            top: Row of the rendered image that y counts from.
+        `normalized` is that of `reproject`, `K` the `(3, 3)` camera matrix of the rendered image [px], and `top` the
+        row of it that y counts from.
         """
         fx, fy, cx, cy = focal_and_centre(K)
         coarse = (normalized * (fx, fy) + (cx - 0.5, cy - 0.5 - top)).astype(np.float32)
@@ -109,22 +98,17 @@ def resample(radiance: Radiance, pixel_map: PixelMap) -> Radiance:
 def inverse_ground_range(rays: FloatArray, positions: FloatArray) -> FloatArray:
     """`(...,)` inverse distance to the ground z = 0 along each ray, in lengths of the ray; 0 where it meets none.
 
-    Args:
-        rays: `(..., 3)` directions, world frame.
-        positions: `(..., 3)` camera positions [m]; from below 0.1 m no ray meets the ground.
+    Rays are `(..., 3)` directions and positions `(..., 3)` those of the camera [m], world frame; from below 0.1 m no
+    ray meets the ground.
     """
     height = positions[..., 2]
     return np.where(height > _LOWEST_EYE_M, np.maximum(-rays[..., 2], 0.0) / np.maximum(height, _LOWEST_EYE_M), 0.0)
 
 
 class RadianceAccumulator:
-    """Averages images in linear light, as a pixel integrates photons.
+    """Averages `count` images in linear light into one of `shape`, as a pixel integrates photons.
 
     Images are display-coded by the sRGB curve (IEC 61966-2-1). A single image is passed through unchanged.
-
-    Args:
-        count: Number of images that will be added to each pixel.
-        shape: `(H, W, 3)` of the result.
     """
 
     def __init__(self, count: int, shape: tuple[int, int, int]) -> None:

@@ -17,11 +17,8 @@ from pftrack_sim.scenario.axes import Axes, NoiseAxis
 class Sensor:
     """Sensor and transmission of one episode's frames.
 
-    Args:
-        settings: Standard deviation of the lens' point-spread function. (Multisampling is the renderer's.)
-        axes: Stress axes; `light`, `noise` and the compression of `stream` act here.
-        seed: Root seed of the episode.
-        grey: Whether all three channels hold the luma (ITU-R BT.601).
+    Of the stress axes, `light`, `noise` and the compression of `stream` act here; multisampling is the renderer's. A
+    grey sensor has the luma (ITU-R BT.601) in all three channels.
     """
 
     def __init__(self, settings: model.Sensor, axes: Axes, seed: int, *, grey: bool = False) -> None:
@@ -46,17 +43,10 @@ class Sensor:
         return self._exposure is not None and self._exposure.metering
 
     def expose(self, image: Image, time_s: float) -> Image:
-        """Apply the lens blur, the colour of the light and the white balance, and meter the result.
+        """Apply the lens blur, the colour of the light and the white balance to a rendered image, and meter the result.
 
         With `metering`, every frame that the camera takes must pass through here in order of time, whether it is
-        delivered or not.
-
-        Args:
-            image: `(H, W, 3)` uint8 RGB, rendered.
-            time_s: Time of the frame since the start of the episode.
-
-        Returns:
-            `(H, W, 3)` uint8; the argument itself where nothing changes.
+        delivered or not. Images are `(H, W, 3)` uint8 RGB; the argument itself is returned where nothing changes.
         """
         if self._sigma_px > 0.0:
             # On display-coded values, as the renderer's light.
@@ -68,12 +58,8 @@ class Sensor:
     def read(self, image: Image, index: int) -> Image:
         """Read out and transmit the frame exposed last: noise, luma, JPEG.
 
-        Args:
-            image: `(H, W, 3)` uint8, from `expose`.
-            index: Index of the frame among those taken in the episode; it selects the noise.
-
-        Returns:
-            `(H, W, 3)` uint8; the argument itself where nothing changes.
+        `index` is that of the frame among those taken in the episode; it selects the noise. The argument itself is
+        returned where nothing changes.
         """
         if self._noise is not None:
             gains = (1.0, 1.0, 1.0) if self._exposure is None else self._exposure.gains
@@ -85,11 +71,7 @@ class Sensor:
 
 
 def compress(image: Image, quality: int) -> Image:
-    """Compress and decompress an image by JPEG, with chroma at half the resolution.
-
-    Args:
-        image: `(H, W, 3)` uint8 RGB.
-        quality: 1 to 100.
+    """Compress and decompress `(H, W, 3)` uint8 RGB by JPEG, with chroma at half the resolution.
 
     Raises:
         RenderError: OpenCV was built without JPEG.
@@ -101,13 +83,9 @@ def compress(image: Image, quality: int) -> Image:
 
 
 def sampled_sigma(sigma_px: float, radius_px: int) -> float:
-    """Parameter at which a Gaussian sampled at whole pixels has the standard deviation `sigma_px`.
+    """Parameter at which a Gaussian sampled at whole pixels -radius to radius has the standard deviation `sigma_px`.
 
     Below about a pixel the sampled kernel is narrower than the curve: at sigma = 0.5 its standard deviation is 0.46.
-
-    Args:
-        sigma_px: Wanted standard deviation of the kernel.
-        radius_px: The kernel has the samples -radius to radius.
     """
     squares = np.arange(-radius_px, radius_px + 1, dtype=np.float64) ** 2
     low, high = 0.05, 2.0 * sigma_px + 0.5

@@ -38,9 +38,7 @@ class CameraShake:
     def band_limited(cls, jitter: Jitter, rng: np.random.Generator) -> CameraShake:
         """A spectrum that is flat over a band: one cosine at a random place in each of 64 equal parts of it.
 
-        Args:
-            jitter: RMS of each rotation and translation, and the band.
-            rng: Draws frequencies and phases; the draws do not depend on the RMS.
+        The draws do not depend on the RMS.
         """
         low, high = jitter.band_hz
         share = (np.arange(_COSINES) + rng.random((6, _COSINES))) / _COSINES
@@ -54,13 +52,8 @@ class CameraShake:
         """Wind that sways a mast about its foot: one cosine in each of 64 parts of equal power.
 
         The power spectral density of each angle is proportional to 1 / (1 + (f / corner)^2), the first-order form of
-        the Dryden gust model (MIL-F-8785C), up to 12 corner frequencies.
-
-        Args:
-            rms_deg: RMS of each of pitch, yaw and roll.
-            corner_hz: Corner frequency.
-            mast_m: Height of the camera above the foot of the mast; pitch and roll displace the camera.
-            rng: Draws frequencies and phases.
+        the Dryden gust model (MIL-F-8785C), up to 12 corner frequencies. Pitch and roll displace the camera, `mast_m`
+        above the foot.
         """
         share = (np.arange(_COSINES) + rng.random((3, _COSINES))) / _COSINES
         omega = 2.0 * np.pi * corner_hz * np.tan(share * math.atan(_GUST_CUTOFF))
@@ -83,10 +76,7 @@ class CameraShake:
         )
 
     def offset(self, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Rotation vectors and translations relative to the camera without shake.
-
-        Args:
-            time_s: Instants since the start of the episode, any shape.
+        """Rotation vectors and translations relative to the camera without shake, at instants of any shape.
 
         Returns:
             `(..., 3)` rotation vectors [rad] (pitch about x, yaw about y, roll about z) and `(..., 3)` translations
@@ -97,12 +87,7 @@ class CameraShake:
         return axes[..., :3], axes[..., 3:]
 
     def displace(self, T_world_camera: FloatArray, time_s: float) -> FloatArray:
-        """`(4, 4)` pose of the shaken camera at a time since the start of the episode; equal to the bit without shake.
-
-        Args:
-            T_world_camera: `(4, 4)` pose without shake.
-            time_s: The time.
-        """
+        """`(4, 4)` pose of the shaken camera at a time, from that without shake; equal to the bit without shake."""
         if not self._amplitude.any():
             return np.array(T_world_camera, dtype=np.float64)
         rotation, translation = self.offset(time_s)
@@ -116,13 +101,7 @@ def camera_shake(base: Jitter, axis: JitterAxis, seed: int, mast_m: float) -> Ca
     """Vibration of a scenario's mount plus wind and ground of the jitter axis; its road moves the robot instead.
 
     Each source has a random stream of its own: a higher severity scales the same vibration, and omitting a source
-    changes no other.
-
-    Args:
-        base: Vibration of the scenario.
-        axis: Stress axis; `severity` times its RMS is added.
-        seed: Root seed of the episode.
-        mast_m: Height of the camera above the foot of the mast.
+    changes no other. `mast_m` is the height of the camera above the foot of the mast.
     """
     shake = CameraShake.band_limited(base, stream(seed, "jitter", "base"))
     if axis.on and "ground" in axis.sources:

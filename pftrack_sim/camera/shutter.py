@@ -51,15 +51,12 @@ class Shutter:
 
 
 def solve_row_times(shutter: Shutter, times_s: FloatArray, pixels: FloatArray) -> FloatArray:
-    """Solve for the instants at which moving points lie on the row that is at mid-exposure.
+    """`(...,)` first instants at which moving points lie on the row at mid-exposure; NaN for points that are NaN.
 
     Args:
         shutter: Timing of the rows.
         times_s: `(N,)` instants, ascending, that enclose every row's mid-exposure.
         pixels: `(N, ..., 2)` image positions of the points at these [px].
-
-    Returns:
-        `(...,)` the first such instant; NaN for points that are NaN.
     """
     if len(times_s) == 1:
         return np.broadcast_to(times_s[0], pixels.shape[1:-1])
@@ -76,15 +73,12 @@ def solve_row_times(shutter: Shutter, times_s: FloatArray, pixels: FloatArray) -
 
 
 def interpolate_pixels(times_s: FloatArray, pixels: FloatArray, when_s: FloatArray) -> FloatArray:
-    """Interpolate image positions, each point at an instant of its own.
+    """`(..., 2)` image positions [px] of points, each at an instant of its own.
 
     Args:
         times_s: `(N,)` instants, ascending.
         pixels: `(N, ..., 2)` image positions at these [px].
         when_s: `(...,)` instants wanted, clipped to the range of `times_s`.
-
-    Returns:
-        `(..., 2)` [px]
     """
     if len(times_s) == 1:
         return pixels[0]

@@ -77,14 +77,9 @@ class Controller(Protocol):
         ...
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> FloatArray:
-        """The command until the next frame.
+        """`(4,)` forward speed, turn, pan and tilt rate until the next frame, in [-1, 1] of the robot's limits.
 
-        Args:
-            estimate: The tracker's estimate in this frame.
-            proprio: `(n,)` in the order of `pftrack_sim.core.proprioception.PROPRIO_NAMES`.
-
-        Returns:
-            `(4,)` forward speed, turn rate, pan rate, tilt rate, in [-1, 1] of the robot's limits.
+        `proprio` is `(n,)` in the order of `pftrack_sim.core.proprioception.PROPRIO_NAMES`.
         """
         ...
 

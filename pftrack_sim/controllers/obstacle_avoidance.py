@@ -49,9 +49,6 @@ class ObstacleAvoidance:
 
     The range finder does not cover the back: backwards the same holds for the scans of the last `MEMORY_M`, stored in
     the odometry frame.
-
-    Args:
-        inner: Controller of the undisturbed motion.
     """
 
     def __init__(self, inner: DistanceController) -> None:
@@ -194,11 +191,9 @@ def _open(directions_rad: FloatArray, ranges: FloatArray, reach_m: float) -> Boo
 
 
 def _safe_speed(ahead: FloatArray, aside: FloatArray) -> float:
-    """Greatest speed from which the robot stops before its hull hits a point [m/s].
+    """Greatest speed [m/s] from which the robot stops before its hull hits a point.
 
-    Args:
-        ahead: `(N,)` distance of the points along the direction of travel, from the axle [m].
-        aside: `(N,)` lateral distance [m].
+    `(N,)` points are given by their distance from the axle along the direction of travel and beside it [m].
     """
     radius = HULL_M + MIN_CLEARANCE_M
     hit = aside < radius

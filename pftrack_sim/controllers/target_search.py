@@ -31,10 +31,8 @@ class TargetSearch:
 
     The target's last direction is stored in the odometry frame, with the side to which it was moving. For `PATIENCE_S`
     the last motion decays; then the head looks `OVERSHOOT_RAD` past that direction, the base turning after it; after
-    `LOOK_S` the view sweeps about that direction with growing amplitude, until the target is visible again.
-
-    Args:
-        inner: Follows; estimates the distance and defines when the target is lost.
+    `LOOK_S` the view sweeps about that direction with growing amplitude, until the target is visible again. The inner
+    controller estimates the distance and defines when the target is lost.
     """
 
     def __init__(self, inner: VisualServo) -> None:

@@ -21,11 +21,7 @@ NO_BOX.setflags(write=False)
 
 
 def checked(box: ArrayLike, *, what: str = "box") -> Box:
-    """Validated `(4,)` float64 copy of a box.
-
-    Args:
-        box: Four numbers x, y, w, h [px]; w and h >= 0.
-        what: Name of the argument in the message.
+    """Validated `(4,)` float64 copy of a box x, y, w, h [px] with w and h >= 0; `what` is its name in the message.
 
     Raises:
         BoxError: Wrong shape, not numbers, NaN, infinite, or a negative size.
@@ -55,14 +51,9 @@ def iou(first: ArrayLike, second: ArrayLike) -> float:
 
 
 def pairwise_iou(first: ArrayLike, second: ArrayLike) -> FloatArray:
-    """Overlap of each row of the first with the same row of the second.
+    """`(N,)` overlaps of each row of the first `(N, 4)` boxes [px] with the same row of the second.
 
-    Args:
-        first: `(N, 4)` boxes [px].
-        second: `(N, 4)` boxes [px].
-
-    Returns:
-        `(N,)` numbers in [0, 1]; 0 where the union is empty or a number is not finite.
+    In [0, 1]; 0 where the union is empty or a number is not finite.
     """
     a = np.asarray(first, dtype=np.float64)
     b = np.asarray(second, dtype=np.float64)

@@ -13,16 +13,11 @@ from pathlib import Path
 
 
 def code_digest(module: str) -> str:
-    """SHA-256 of the source of a module and of what it imports outside installed packages.
+    """SHA-256 of the source of a module, by its dotted name, and of what it imports outside installed packages.
 
     An installed module (in site-packages) counts with its file and the version of its distribution. Imports are read
-    from the source, so that modules imported under computed names are missed.
-
-    Args:
-        module: Dotted name, looked up on `sys.path`.
-
-    Returns:
-        Hexadecimal digits; the same on every machine with the same code. Empty if the module has no source.
+    from the source, so that modules imported under computed names are missed. The same on every machine with the same
+    code; empty if the module has no source.
     """
     found = _find(module)
     if found is None or found.origin is None or not Path(found.origin).is_file():

@@ -44,11 +44,9 @@ def chromaticity(kelvin: float) -> tuple[float, float]:
 
 
 def tint(kelvin: float, white_k: float) -> FloatArray:
-    """`(3,)` factors on linear red, green and blue for a change of the light's colour; grey keeps its luminance.
+    """`(3,)` factors on linear red, green and blue for light of one colour temperature, with `white_k` shown as white.
 
-    Args:
-        kelvin: Colour temperature of the light.
-        white_k: Colour temperature that the camera shows as white.
+    Grey keeps its luminance.
     """
     factors = _primaries(kelvin) / _primaries(white_k)
     return factors / (LUMINANCE @ factors)

@@ -52,11 +52,7 @@ class Registry(Generic[T]):
         return sorted({*self.builtin, *self._installed()})
 
     def describe(self, name: str) -> str:
-        """Description of one of `names()` in one line.
-
-        Raises:
-            UnknownNameError: No such name.
-        """
+        """Description of one of `names()` in one line; raises `UnknownNameError` for another name."""
         if name in self.builtin:
             return self.builtin[name].description
         installed = self._installed()
@@ -91,11 +87,7 @@ class Registry(Generic[T]):
         return product
 
     def code_digest(self, name: str) -> str:
-        """Digest of a third-party factory's code, see `core.code_digest`; empty for built-in ones.
-
-        Raises:
-            UnknownNameError: No such name.
-        """
+        """Digest of a third-party factory's code, see `core.code_digest`; empty for built-in ones."""
         return "" if name in self.builtin else code_digest(self._path(name).partition(":")[0].strip())
 
     def _path(self, name: str) -> str:

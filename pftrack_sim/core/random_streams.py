@@ -14,11 +14,7 @@ from pftrack_sim.core.errors import ParameterError
 
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:
-    """Random generator of one concern of one episode.
-
-    Args:
-        seed: Root seed of the episode, >= 0.
-        names: Name of the stream in parts, for example `"clothes", "distractor-1"`.
+    """Random generator of one concern of one episode, by root seed and name in parts: `"clothes", "crosser-1"`.
 
     Raises:
         ParameterError: The seed is negative.

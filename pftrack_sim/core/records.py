@@ -18,14 +18,10 @@ State: TypeAlias = Literal["visible", "occluded", "out_of_view"]
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
-    """A read-only float64 copy.
-
-    Args:
-        values: Numbers in any form that numpy reads.
-        shape: Required shape; None takes any.
+    """A read-only float64 copy of numbers in any form that numpy reads.
 
     Raises:
-        ParameterError: The shape differs.
+        ParameterError: The shape differs from the one required, if any.
     """
     array = np.array(values, dtype=np.float64)
     if shape is not None and array.shape != shape:

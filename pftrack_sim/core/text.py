@@ -8,9 +8,7 @@ LONGEST = 500  # Characters kept of a message
 def printable(text: str, limit: int = LONGEST) -> str:
     r"""Text that can be encoded, shown on a terminal and stored: bounded, without control characters and surrogates.
 
-    Args:
-        text: Any text.
-        limit: Characters kept; line ends are kept too.
+    Line ends are kept.
 
     >>> printable("lost \udcff\x1b[2J"), printable("abc" * 9, limit=8)
     ('lost \\udcff\\x1b[2J', 'abcabcab... (19 characters more)')

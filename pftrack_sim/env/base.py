@@ -78,12 +78,7 @@ class CameraEnv(gym.Env[Observation, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode.
-
-        Args:
-            seed: Root seed of the episode; None draws the next one from the environment's own generator.
-            options: None are known.
-        """
+        """Start an episode of a root seed; None draws one from the environment's own generator. It has no options."""
         super().reset(seed=seed)
         if options:
             raise ParameterError(f"reset takes no options, got {sorted(options)}")
@@ -105,13 +100,10 @@ class CameraEnv(gym.Env[Observation, Any]):
         return draw_frame(frame, estimates)
 
     def show(self, estimates: Mapping[str, Estimate]) -> None:
-        """Draw these estimates in `render`, instead of the box of the next action; valid for one step.
+        """Draw these estimates in `render`, by name, instead of the box of the next action; valid for one step.
 
         An estimate also holds whether the target is occluded, and particles where the tracker gives them:
         `env.unwrapped.show({"ko2012": policy.estimate})` before `env.step`.
-
-        Args:
-            estimates: By name, in the order of their colours.
         """
         self._shown = dict(estimates)
 
@@ -164,11 +156,7 @@ class CameraEnv(gym.Env[Observation, Any]):
 
 
 def checked_command(action: ArrayLike) -> NDArray[np.float64]:
-    """A `(4,)` command as four finite numbers; not clipped.
-
-    Raises:
-        CommandError: Not four finite numbers.
-    """
+    """A `(4,)` command as four finite numbers; not clipped. Anything else raises `CommandError`."""
     try:
         command = np.array(action, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -17,16 +17,12 @@ from pftrack_sim.env.spaces import BoundingBox
 
 
 def following_reward(distance_error: float, bearing_error: float) -> float:
-    """How well the target is followed, in [0, 1].
+    """How well the target is followed, in [0, 1], from the absolute errors of distance and bearing over their limits.
 
-    Active object tracking scores the errors of distance and bearing, each divided by its limit, and sums them
-    (Luo et al. 2018, "End-to-end active object tracking via reinforcement learning"; Zhong et al. 2019, "AD-VAT: an
-    asymmetric dueling mechanism for learning visual active tracking"). Here the sum falls off along a raised cosine, so
-    that the reward is smooth at both ends and never negative.
-
-    Args:
-        distance_error: Absolute error of distance over its limit.
-        bearing_error: Absolute error of bearing over its limit.
+    Active object tracking scores the errors of distance and bearing, each divided by its limit, and sums them (Luo et
+    al. 2018, "End-to-end active object tracking via reinforcement learning"; Zhong et al. 2019, "AD-VAT: an asymmetric
+    dueling mechanism for learning visual active tracking"). Here the sum falls off along a raised cosine, so that the
+    reward is smooth at both ends and never negative.
 
     >>> following_reward(0.0, 0.0), following_reward(0.5, 0.5)
     (1.0, 0.0)

@@ -18,15 +18,10 @@ from pftrack_sim.core.errors import BoxError
 
 
 class BoundingBox(gym.spaces.Box):
-    """All boxes x, y, w, h [px] with finite numbers and sizes >= 0; they may leave the image.
+    """All boxes x, y, w, h [px] with finite numbers and sizes >= 0; they may leave the image, samples do not.
 
     `low` and `high`, `(4,)` float64, are those of boxes whose corner lies in the image and that are not larger than it:
     `RescaleAction` maps to them, `ClipAction` clips to them.
-
-    Args:
-        width_px: Image width; `sample` stays inside.
-        height_px: Image height.
-        seed: Seed of `sample`.
     """
 
     def __init__(self, width_px: int, height_px: int, seed: int | np.random.Generator | None = None) -> None:

@@ -189,11 +189,7 @@ class RendererBase:
 
 
 def checked_poses(T_world_camera: ArrayLike) -> FloatArray:
-    """`(..., 4, 4)` camera poses.
-
-    Raises:
-        ParameterError: Another shape, or not finite.
-    """
+    """`(..., 4, 4)` camera poses; another shape, or a number that is not finite, raises `ParameterError`."""
     poses = np.asarray(T_world_camera, dtype=np.float64)
     if poses.shape[-2:] != (4, 4) or not np.isfinite(poses).all():
         raise ParameterError(f"T_world_camera must be a finite (4, 4) matrix, got {poses.tolist()}")

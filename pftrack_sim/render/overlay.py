@@ -56,17 +56,14 @@ def draw_boxes(
     people: Sequence[Truth] = (),
     particles: bool = True,
 ) -> Image:
-    """Draw boxes, a legend with overlaps, and a line with the target's state.
+    """A copy of an image with boxes, a legend with overlaps, and a line with the target's state.
 
     Args:
-        image: `(H, W, 3)` uint8 RGB; not modified.
+        image: `(H, W, 3)` uint8 RGB.
         truth: The target.
         estimates: By tracker name, in the order of their colours.
         people: Other people to mark; the target among them is ignored.
         particles: Whether the centres of an estimate's particles are drawn.
-
-    Returns:
-        A new `(H, W, 3)` uint8 image.
     """
     canvas = _Canvas(image)
     others = [person for person in people if person.name != truth.name]
@@ -86,17 +83,9 @@ def draw_boxes(
 def draw_recorded(
     image: Image, truth: Box, estimates: Mapping[str, Estimate], *, caption: str = "", particles: bool = True
 ) -> Image:
-    """Draw boxes over a frame of a recorded sequence, whose only truth is an annotated box.
+    """A copy of a frame of a recorded sequence with boxes; its truth is an annotated `(4,)` box [px], or NaN.
 
-    Args:
-        image: `(H, W, 3)` uint8 RGB; not modified.
-        truth: `(4,)` the annotated box [px]; NaN where there is none.
-        estimates: By tracker name, in the order of their colours.
-        caption: A line at the bottom.
-        particles: Whether the centres of an estimate's particles are drawn.
-
-    Returns:
-        A new `(H, W, 3)` uint8 image.
+    The caption is a line at the bottom; the other arguments are those of `draw_boxes`.
     """
     canvas = _Canvas(image)
     if particles:

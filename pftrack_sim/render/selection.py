@@ -16,11 +16,7 @@ WARP_INSTALL_HINT = """\
 
 
 def check_name(backend: str | None) -> None:
-    """Check the name of a renderer.
-
-    Raises:
-        UnknownNameError: No such renderer.
-    """
+    """Raise `UnknownNameError` if there is no such renderer; None is one."""
     if backend is not None and backend not in NAMES:
         raise UnknownNameError("renderer", backend, NAMES)
 
@@ -31,7 +27,7 @@ def warp_installed() -> bool:
 
 
 def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None = None) -> Renderer:
-    """Open a renderer of a model.
+    """Open a renderer of a model with an image of this width and height.
 
     Args:
         model: What to draw.

@@ -15,10 +15,6 @@ def arrivals(settings: ResolvedScenario, seed: int) -> Iterator[int]:
     """Indices of the captured frames that are delivered, ascending, endless.
 
     The first frame is always delivered: the target is selected in it.
-
-    Args:
-        settings: The scenario, every range drawn.
-        seed: Root seed of the episode.
     """
     axis = settings.axes.stream
     if not axis.on:

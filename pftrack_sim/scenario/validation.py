@@ -15,12 +15,9 @@ from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 
 
 def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None = None) -> Iterator[str]:
-    """One line per validation error.
+    """One line per validation error that pydantic raised for a tree whose ranges were already replaced.
 
-    Args:
-        error: Raised by pydantic for `tree`.
-        tree: The tree that was validated, ranges already replaced.
-        schema: JSON Schema of the validated model; that of a scenario if None.
+    `schema` is the JSON Schema of the validated model; that of a scenario if None.
     """
     schema = schema if schema is not None else json_schema()
     for found in error.errors(include_url=False):

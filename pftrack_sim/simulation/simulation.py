@@ -57,10 +57,7 @@ class Simulation:
         """Command in force at the last frame; None before the first one and while the robot follows its script."""
 
     def reset(self, seed: int) -> Frame:
-        """Start the episode of a seed.
-
-        Returns:
-            Its first frame.
+        """Start the episode of a seed and return its first frame.
 
         Raises:
             ScenarioError: The scenario contradicts itself at this seed, or its image size depends on the seed.

@@ -72,10 +72,8 @@ class World:
     def advance(self, command: FloatArray | None = None, delay_s: float = 0.0) -> None:
         """Move on to the next frame.
 
-        Args:
-            command: `(4,)` forward speed, turn rate, pan rate, tilt rate in [-1, 1] of the robot's limits; None lets
-                the robot follow its script.
-            delay_s: How long after this frame the command is given; until then the previous one stays in force.
+        `command` is `(4,)` forward speed, turn rate, pan rate, tilt rate in [-1, 1] of the robot's limits; None lets
+        the robot follow its script. It is given `delay_s` after this frame; until then the previous one stays in force.
         """
         self._collision = None
         tick_s = self.clock.tick_s

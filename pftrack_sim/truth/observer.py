@@ -104,16 +104,7 @@ class TruthObserver:
     def observe_captured(self, captured: CapturedFrame, image: Image, time_s: float) -> tuple[Truth, ...]:
         """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
 
-        Args:
-            captured: The captured frame.
-            image: `(H, W, 3)` the frame, for its luminance.
-            time_s: Time stamp of the frame since the start of the episode.
-
-        Returns:
-            As `observe`.
-
-        Raises:
-            ParameterError: Poses or an image of the wrong shape.
+        Image, time, result and errors are those of `observe`.
         """
         roots = captured.T_world_people
         self._check(image, roots)

@@ -40,12 +40,7 @@ class Projection:
 
 
 def project_people(captured: CapturedFrame, finder: SilhouetteFinder) -> Projection:
-    """Project all people into a captured frame.
-
-    Args:
-        captured: The frame.
-        finder: Finds silhouettes in render passes; its renderer rendered the frame.
-    """
+    """Project all people into a captured frame; the renderer of the finder of silhouettes rendered the frame."""
     amodal, swept = _boxes(captured, finder)
     silhouettes: dict[int, Silhouette] = {}
     for person, box in enumerate(amodal[: finder.people_count]):

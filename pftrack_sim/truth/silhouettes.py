@@ -150,12 +150,9 @@ class SilhouetteFinder:
 
 
 def pixels_around(box: FloatArray, size: tuple[int, int], margin_px: int = 1) -> PixelRect | None:
-    """Rectangle of the pixels that a body may touch; None if there are none in the image.
+    """Rectangle of the pixels that a body with a `(4,)` amodal box [px] may touch; None if there are none in the image.
 
-    Args:
-        box: `(4,)` amodal box of the body [px].
-        size: Width and height of the image [px].
-        margin_px: Pixels around the box that the body may touch; 1 covers the rounding of triangles.
+    `size` is the image's width and height [px]; a margin of 1 px covers the rounding of triangles.
     """
     if not np.isfinite(box).all():
         return None
@@ -167,14 +164,9 @@ def pixels_around(box: FloatArray, size: tuple[int, int], margin_px: int = 1) ->
 
 
 def _disjoint_groups(rects: dict[int, PixelRect], occluded: list[int]) -> list[list[int]]:
-    """Split people into groups whose rectangles do not intersect.
+    """Split people, by their rectangles, into groups whose rectangles do not intersect.
 
-    Args:
-        rects: Rectangle of each person.
-        occluded: People whom scenery may occlude.
-
-    Returns:
-        The groups. The first has none of the occluded people, as the scenery is rendered with it; it may be empty.
+    The first has none of the people whom scenery may occlude, as the scenery is rendered with it; it may be empty.
     """
     groups: list[list[int]] = [[]] if occluded else []
     for person in rects:

@@ -117,14 +117,7 @@ class Gait:
     def advance(
         self, dt_s: float, positions_m: ArrayLike, headings_rad: ArrayLike, postures: Sequence[Posture]
     ) -> None:
-        """Follow the people to their present positions.
-
-        Args:
-            dt_s: Time since the last call.
-            positions_m: `(P, 2)` on the ground.
-            headings_rad: `(P,)` directions people face; need not be wrapped.
-            postures: What each person does besides walking.
-        """
+        """Follow the people to `(P, 2)` positions on the ground and `(P,)` headings, which need not be wrapped."""
         self._time_s += dt_s
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)
@@ -144,11 +137,7 @@ class Gait:
         ]
 
     def poses(self) -> tuple[FloatArray, FloatArray]:
-        """Poses of all parts, in the order of `person.PARTS`.
-
-        Returns:
-            `(P, 13, 3)` positions [m] and `(P, 13, 4)` unit quaternions w, x, y, z.
-        """
+        """`(P, 13, 3)` positions [m] and `(P, 13, 4)` quaternions w, x, y, z of all parts, in the order of `person.PARTS`."""
         positions, rotations = self.part_poses()
         return positions, quaternions(rotations)
 

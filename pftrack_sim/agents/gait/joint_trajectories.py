@@ -71,10 +71,7 @@ def elbow_angles(phase: FloatArray, amplitude: FloatArray) -> FloatArray:
 def rolled_ankle(pitch: FloatArray, ankle_m: FloatArray | float, sole: Sole) -> tuple[FloatArray, FloatArray]:
     """Ankle of a foot that rolls on the ground: x ahead of the flat foot's ankle, and height above the ground [m].
 
-    Args:
-        pitch: Angle of the foot, toes up positive [rad].
-        ankle_m: Height of the ankle above the sole.
-        sole: Arcs of the sole.
+    `pitch` is positive with toes up [rad]; `ankle_m` is the height of the ankle above the sole.
     """
     heel_x, heel_radius, toe_x, toe_radius = sole
     centre = np.where(pitch > 0.0, heel_x, toe_x)

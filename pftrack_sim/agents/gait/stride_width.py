@@ -22,6 +22,9 @@ def median_width_phase(
 ) -> float:
     """Gait phase at which the box of a person in a steady walk has its median width over a stride.
 
+    Of the phases with this width, it is the one nearest to the start phase of the gait; that phase itself where the
+    width is constant, as at rest, or where the person is not in front of the camera.
+
     Args:
         person: The person.
         gait: That of this person alone; it is reset.
@@ -29,10 +32,6 @@ def median_width_phase(
         heading_rad: Direction of the walk.
         speed_m_s: Walking speed.
         T_world_camera: `(4, 4)` camera pose.
-
-    Returns:
-        Of the phases with this width, the one nearest to the start phase of the gait; that phase where the width is
-        constant, as at rest, or where the person is not in front of the camera.
     """
     bodies = Bodies([[mesh.vertices for mesh in part_meshes(person).values()]])
     drawn, widths = float(gait.feet.start_phase[0]), np.empty(len(_PHASES))

@@ -78,10 +78,7 @@ def _bend_speed(path: Path, s_m: float, limits: DriveLimits) -> float:
 def gaze_rates(T_world_camera: FloatArray, target_m: ArrayLike, tick_s: float) -> tuple[float, float]:
     """Pan and tilt rate [rad/s] that bring the target back into the dead zone, like a slow human operator.
 
-    Args:
-        T_world_camera: `(4, 4)` camera pose.
-        target_m: `(2,)` x, y of the target, world frame.
-        tick_s: Length of the tick; the head does not overshoot within one.
+    From a `(4, 4)` camera pose and `(2,)` x, y of the target; the head does not overshoot within a tick.
     """
     pan, tilt = bearing(T_world_camera, target_m)
     return gaze_rate(pan, tick_s), gaze_rate(tilt, tick_s)

@@ -65,12 +65,8 @@ class Lane:
     ) -> Lane:
         """The lane with the operator's swings, as wide as the place allows.
 
-        Args:
-            operator: Its swings, and its change of distance from a target beside.
-            beside_m: Sideways place of the target to the left of the route [m]; 0 if it is ahead.
-            speed_m_s: Of the target, which makes a length of the period of the distance.
-            obstacles: Kept clear of.
-            seed: Of the operator's random streams.
+        `beside_m` is the sideways place of the target to the left of the route [m], 0 if it is ahead; its distance
+        changes too. The target's speed makes a length of the period of that change.
 
         Raises:
             ParameterError: There is hardly any room for them.

@@ -88,14 +88,7 @@ class CapturedFrame:
 
 
 class FrameCapture:
-    """Captures the frames of one episode.
-
-    Args:
-        model: The rendered model.
-        lens: Projection of the camera.
-        shutter: Timing of the rows.
-        shake: Vibration of the camera mount.
-    """
+    """Captures the frames of one episode."""
 
     def __init__(self, model: mujoco.MjModel, lens: Lens, shutter: Shutter, shake: CameraShake) -> None:
         self.lens, self.shutter = lens, shutter
@@ -119,24 +112,16 @@ class FrameCapture:
     def record(
         self, data: mujoco.MjData, time_s: float, T_world_camera: FloatArray, T_world_people: FloatArray
     ) -> None:
-        """Record the poses of a camera frame. Every frame is recorded in order, whether it is captured or not.
+        """Record the poses at a camera frame's time stamp. Every frame is recorded in order, captured or not.
 
-        Args:
-            data: Positions at the time stamp, up to date.
-            time_s: Time stamp since the start of the episode.
-            T_world_camera: `(4, 4)` camera pose at the time stamp without camera shake.
-            T_world_people: `(P, 4, 4)` root poses at the time stamp.
+        `T_world_camera` is the `(4, 4)` camera pose without camera shake, `T_world_people` `(P, 4, 4)` root poses.
         """
         self._time_s = time_s
         self._history.append(data, time_s, T_world_camera, T_world_people)
         self._scratch.light_xpos[:], self._scratch.light_xdir[:] = data.light_xpos, data.light_xdir
 
     def capture(self, renderer: Renderer) -> CapturedFrame:
-        """Render and expose the frame recorded last.
-
-        Args:
-            renderer: Renderer of the model at `render_size`.
-        """
+        """Render and expose the frame recorded last, with a renderer of the model at `render_size`."""
         shutter, middle = self.shutter, self.shutter.middle_s
         instants = np.linspace(-shutter.window_s, 0.0, _POSES_PER_FRAME) if shutter.window_s else np.zeros(1)
         times = self._time_s + instants
@@ -237,12 +222,6 @@ def make_frame_capture(
 ) -> FrameCapture | None:
     """Frame capture of a scenario; None where each frame is taken at an instant through a pinhole.
 
-    Args:
-        settings: The resolved scenario.
-        model: The rendered model.
-        K: `(3, 3)` camera matrix [px].
-        shake: Vibration of the camera mount.
-
     Raises:
         ScenarioError: The lens is not invertible over the image.
     """
@@ -275,10 +254,8 @@ def _rows_used(grids: Sequence[FloatArray], K: FloatArray, height_px: int) -> sl
 def _fit_camera_matrix(lens: Lens, grids: Sequence[FloatArray], size: tuple[int, int]) -> FloatArray:
     """`(3, 3)` camera matrix of a rendered image that contains some rays, at the scale of the lens or smaller.
 
-    Args:
-        lens: Projection of the camera.
-        grids: `(rows, columns, 2)` normalized coordinates of the rays.
-        size: Width and height of the rendered image [px].
+    The rays are `(rows, columns, 2)` grids of normalized coordinates; `size` is the rendered image's width and height
+    [px].
     """
     low, high = _coordinate_range(grids)
     size_px = np.array(size)

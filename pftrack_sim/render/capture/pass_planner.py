@@ -45,14 +45,7 @@ class PassPlan:
 
 
 class PassPlanner:
-    """Plans the render passes of frames.
-
-    Args:
-        model: The rendered model.
-        lens: Projection of the camera.
-        shutter: Timing of the rows.
-        bands: Number of row bands of the image.
-    """
+    """Plans the render passes of frames with a number of row bands."""
 
     def __init__(self, model: mujoco.MjModel, lens: Lens, shutter: Shutter, bands: int) -> None:
         self._model, self._lens, self._shutter, self._bands = model, lens, shutter, bands
@@ -62,13 +55,7 @@ class PassPlanner:
         self._scenery = np.flatnonzero((groups == SCENERY_GROUP) & bounded)
 
     def plan(self, trajectory: CameraTrajectory, history: PoseHistory, data: mujoco.MjData) -> PassPlan:
-        """Plan the passes of a frame that is not taken at an instant.
-
-        Args:
-            trajectory: Camera poses during the frame.
-            history: Poses of everything else.
-            data: Positions at mid-exposure of the middle row.
-        """
+        """Plan a frame that is not taken at an instant; `data` is the scene at mid-exposure of the middle row."""
         shutter = self._shutter
         travels = np.ptp(trajectory.poses[:, :3, 3], axis=0).max() > _STILL_M
         points = self._scenery_points(trajectory.at(shutter.middle_s), data) if travels else np.empty((0, 3))

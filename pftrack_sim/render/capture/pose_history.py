@@ -29,11 +29,7 @@ class _Snapshot:
 
 
 class PoseHistory:
-    """Poses during the last frames. Instants are relative to the latest frame, hence <= 0.
-
-    Args:
-        span_s: Duration before the latest frame that is kept.
-    """
+    """Poses during the last `span_s`. Instants are relative to the latest frame, hence <= 0."""
 
     def __init__(self, span_s: float) -> None:
         self._span_s = span_s
@@ -42,14 +38,7 @@ class PoseHistory:
     def append(
         self, data: mujoco.MjData, time_s: float, T_world_camera: FloatArray, T_world_people: FloatArray
     ) -> None:
-        """Append the poses of a frame.
-
-        Args:
-            data: Positions, up to date.
-            time_s: Time of the frame since the start of the episode.
-            T_world_camera: `(4, 4)` camera pose without camera shake.
-            T_world_people: `(P, 4, 4)` root poses.
-        """
+        """Append the poses of a frame: `(4, 4)` of the camera without shake, and `(P, 4, 4)` root poses of people."""
         rotations = data.geom_xmat.reshape(-1, 3, 3).copy()
         self._snapshots.append(
             _Snapshot(
@@ -75,12 +64,7 @@ class PoseHistory:
         self._cache: dict[float, tuple[FloatArray, FloatArray]] = {}
 
     def write(self, data: mujoco.MjData, when_s: ArrayLike) -> None:
-        """Set `geom_xpos` and `geom_xmat` of all geoms.
-
-        Args:
-            data: Data of the model of the history.
-            when_s: One instant, or `(moving,)` one for each moving geom.
-        """
+        """Set `geom_xpos` and `geom_xmat` of all geoms at one instant, or at `(moving,)` instants of the moving geoms."""
         latest = self._snapshots[-1]
         data.geom_xpos[:], data.geom_xmat[:] = latest.positions, latest.rotations.reshape(-1, 9)
         if self.moving.size:

@@ -136,11 +136,7 @@ def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480))
 
 
 def candidates(backend: str | None = None) -> tuple[str, ...]:
-    """Backends to try on this system, in order.
-
-    Raises:
-        UnknownNameError: No such backend.
-    """
+    """Backends to try on this system, in order; an unknown one raises `UnknownNameError`."""
     if backend is not None:
         if backend not in BACKENDS:
             raise UnknownNameError("OpenGL backend", backend, BACKENDS)
@@ -158,11 +154,7 @@ def forked() -> bool:
 
 
 def probe(backend: str) -> OpenGLInfo:
-    """Open and close a context of one of the `candidates`.
-
-    Raises:
-        RenderError: It cannot draw; the message is the reason alone.
-    """
+    """Open and close a context of one of the `candidates`; `RenderError` is the reason why it cannot draw."""
     context = _open(backend, (16, 16))
     context.close()
     return context.info

@@ -24,10 +24,7 @@ _NO_PERTURBATION = mujoco.MjvPerturb()
 class ModelScene:
     """MuJoCo scenes of one model, for color images and for segmentations.
 
-    Args:
-        model: The model.
-        visible: `(ngeom,)` geoms that are drawn at all.
-        clip_m: Depths of the near and far plane.
+    Of `(ngeom,)` geoms those that are `visible` are drawn at all; `clip_m` are the depths of the near and far plane.
     """
 
     def __init__(self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float]) -> None:

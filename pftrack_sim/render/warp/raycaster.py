@@ -106,18 +106,7 @@ class Raycaster(RendererBase):
 def make_cameras(
     T_world_camera: Any, K: Sequence[ArrayLike | float], size: tuple[int, int], near_m: float, far_m: float
 ) -> Any:
-    """Cameras of n worlds, for the kernels.
-
-    Args:
-        T_world_camera: `(n, 4, 4)` camera poses.
-        K: n camera matrices [px] or vertical fields of view [rad].
-        size: Image width and height [px].
-        near_m: Depth of the near plane.
-        far_m: Depth of the far plane.
-
-    Raises:
-        ParameterError: An invalid pose or camera matrix.
-    """
+    """Cameras of n worlds: `(n, 4, 4)` poses, and n camera matrices [px] or vertical fields of view [rad]."""
     poses = checked_poses(T_world_camera)
     cameras = rays.Cameras()
     cameras.eye = wp.array(poses[:, :3, 3].astype(np.float32), dtype=wp.vec3)

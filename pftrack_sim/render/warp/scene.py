@@ -114,10 +114,7 @@ class SceneArrays:
         appearance.ambient = _array(np.array(ambient), wp.vec3)
 
     def bvh(self, geoms: BoolArray) -> tuple[Any, Any]:
-        """Build a bounding volume hierarchy of some geoms at their current poses.
-
-        Args:
-            geoms: `(n,)` mask over the geoms of all worlds.
+        """Build a bounding volume hierarchy of some geoms, a `(n,)` mask over all worlds' geoms, at their current poses.
 
         Returns:
             The argument of kernels, and its owner, which must be kept until they have run.

@@ -281,12 +281,10 @@ class LightAxis(Axis):
         return min(1.0, max(0.0, min(phase_s / ramp_s, (2.0 * ramp_s + self.hold_s - phase_s) / ramp_s)))
 
     def ev(self, time_s: float, walked_m: float, flicker_rad: float) -> float:
-        """Stops that this axis adds to the light.
+        """Stops that this axis adds to the light, `time_s` after the start of the episode.
 
-        Args:
-            time_s: Since the start of the episode.
-            walked_m: Distance of the target along its path; it starts below a lamp.
-            flicker_rad: Phase of the flicker at the start.
+        The target, which starts below a lamp, has walked `walked_m` along its path; `flicker_rad` is the flicker's
+        phase at the start.
         """
         stops = 0.0
         if "change" in self.parts:

@@ -81,11 +81,9 @@ class Anatomy:
 
 
 def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> Anatomy:
-    """Sample a body with natural proportions.
+    """Sample a body with natural proportions and this stature; None draws one.
 
-    Args:
-        rng: The number of draws does not depend on `height_m`, so the height changes no other attribute drawn.
-        height_m: Stature [m]; None draws one.
+    The number of draws does not depend on the stature, so that it changes no other attribute drawn.
 
     Raises:
         ParameterError: The height is not between 1.2 and 2.3 m.

@@ -71,11 +71,9 @@ def superellipse_rings(table: FloatArray, count: int, *, power: float = 2.0) -> 
 
 
 def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
-    """The surface through consecutive rings.
+    """The surface through consecutive `(R, N, 3)` rings [m], with `(R, N + 1, 2)` pixels of the texture.
 
-    Args:
-        rings: `(R, N, 3)` points [m].
-        pixels: `(R, N + 1, 2)` texture pixels; the last column belongs to the first point, at the texture's other edge.
+    The last column of pixels belongs to the first point, at the texture's other edge.
     """
     ring_count, count = rings.shape[:2]
     vertices = np.concatenate([rings, rings[:, :1]], axis=1).reshape(-1, 3)

@@ -79,14 +79,9 @@ def sample_outfit(rng: np.random.Generator) -> Outfit:
 def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: float) -> Outfit:
     """Sample an outfit of a given similarity to another.
 
-    The draws do not depend on the similarity: with the same random numbers, outfits form a path from clearly different
-    clothes to the same clothes.
-
-    Args:
-        rng: Generates the dissimilar outfit at the other end of the path.
-        reference: The outfit to resemble.
-        similarity: 1 for the same clothes, 0 for independent, clearly different ones; in between, the expected
-            Bhattacharyya coefficient of the colour histograms grows monotonically.
+    1 gives the same clothes, 0 independent, clearly different ones; in between, the expected Bhattacharyya coefficient
+    of the colour histograms grows monotonically. The draws do not depend on the similarity: with the same random
+    numbers, outfits form a path from clearly different clothes to the same clothes.
 
     Raises:
         ParameterError: The similarity is outside [0, 1].

@@ -81,11 +81,9 @@ class PlaceBuilder:
             self._footprints.append(Footprint(name, (float(x), float(y)), (half_x, half_y), float(yaw_rad), height))
 
     def add_loose(self, items: Sequence[LooseProp], displacement: Sequence[float]) -> None:
-        """Add a random share `clutter` of the items, displaced at random; item k is named `<kind>-<k + 1>`.
+        """Add a random share `clutter` of the loose props of the place; item k is named `<kind>-<k + 1>`.
 
-        Args:
-            items: All loose props of the place.
-            displacement: Largest displacement in x, y [m] and optionally yaw [rad].
+        They are displaced at random, at most by `displacement` in x, y [m] and optionally yaw [rad].
         """
         offsets = self.rng.uniform(-1.0, 1.0, (len(items), len(displacement))) * displacement
         order = self.rng.permutation(len(items))

@@ -25,12 +25,8 @@ _SURROUND_M = 6.0
 def foliage(bounds: Bounds, share: float, patch_m: float, height_m: float, rng: np.random.Generator) -> TexturedMesh:
     """Crowns of trees at a height, in random places: ragged discs with clusters of leaves around them.
 
-    Args:
-        bounds: Area to cover.
-        share: Share of it in shade (crowns that fall at random may overlap: a Boolean model).
-        patch_m: Mean diameter of a crown.
-        height_m: Height above the ground.
-        rng: Draws places and outlines.
+    They keep the light from a share of an area (crowns that fall at random may overlap: a Boolean model); `patch_m` is
+    the mean diameter of a crown.
     """
     half = 0.5 * patch_m
     left, low, right, high = bounds[0] - half, bounds[1] - half, bounds[2] + half, bounds[3] + half
@@ -53,12 +49,7 @@ def roof_with_windows(
 ) -> TexturedMesh:
     """A roof with rectangular windows, their bars, and no light from beside it.
 
-    Args:
-        bounds: Area with windows; the roof reaches beyond it.
-        share: Share of it that is closed.
-        patch_m: Mean length of a window.
-        height_m: Height of the roof.
-        rng: Draws where the windows are.
+    A share of the area is closed; the roof reaches beyond it. `patch_m` is the mean length of a window.
     """
     left, low, right, high = bounds
     around = _SURROUND_M

@@ -36,14 +36,10 @@ def covered_by_box(
     half_m: Sequence[float],
     yaw_rad: float,
 ) -> BoolArray:
-    """`(T,)` whether a static box is between camera and target.
+    """`(T,)` whether a static box is between camera and target, both at `(T, 2)` points on the ground.
 
-    Args:
-        camera_m: `(T, 2)` camera on the ground.
-        target_m: `(T, 2)` target's centre on the ground.
-        centre_m: `(2,)` centre of the box.
-        half_m: `(2,)` half sizes along the box's axes.
-        yaw_rad: Angle of its first axis to the world's x.
+    The box has its centre at `(2,)` and half sizes `(2,)` along its axes, the first of which is at an angle to the
+    world's x.
     """
     enter, leave = line_in_box(camera_m, target_m, centre_m, half_m, yaw_rad)
     return np.maximum(enter, 0.0) <= np.minimum(leave, 1.0)

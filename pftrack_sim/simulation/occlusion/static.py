@@ -35,10 +35,7 @@ _NOT_MONOTONIC = "the line of sight turns back in between"
 
 
 def plan_static(occluder: model.Occluder, run: DryRun, layout: WalkableArea, name: str = "occluder") -> Placement:
-    """Place one pillar, wall or stack of boxes.
-
-    Returns:
-        The placement whose depth is nearest to the requested one; among equals, the one facing the camera.
+    """Place one pillar, wall or stack of boxes, as near to the requested depth as possible, then facing the camera.
 
     Raises:
         ParameterError: It cannot be placed; the message has the reasons and what would work.
