@@ -61,7 +61,7 @@ class AutoExposure:
         return float(red), float(green), float(blue)
 
     def balance(self, image: Image, time_s: float) -> Image:
-        """Apply the colour of the light and the white balance to an image rendered in white light, and meter the result.
+        """Apply the colour of the light and the white balance to an image in white light, and meter the result.
 
         Images are `(H, W, 3)` uint8; the argument itself is returned where no colour changes.
         """

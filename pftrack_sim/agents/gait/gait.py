@@ -137,7 +137,7 @@ class Gait:
         ]
 
     def poses(self) -> tuple[FloatArray, FloatArray]:
-        """`(P, 13, 3)` positions [m] and `(P, 13, 4)` quaternions w, x, y, z of all parts, in the order of `person.PARTS`."""
+        """`(P, 13, 3)` positions [m] and `(P, 13, 4)` quaternions w, x, y, z, in the order of `person.PARTS`."""
         positions, rotations = self.part_poses()
         return positions, quaternions(rotations)
 

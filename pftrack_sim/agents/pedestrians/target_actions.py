@@ -57,7 +57,7 @@ def _manoeuvres(fixed: list[Action], axis: TargetAxis) -> Iterator[Action]:
 
 
 def command(action: Action, since_s: float, facing_rad: float) -> Command:
-    """What the target does `since_s` after an action's beginning; `facing_rad`, for a `Face`, is relative to the path."""
+    """What the target does `since_s` into an action; `facing_rad`, for a `Face`, is relative to the path."""
     left_s = action.duration_s - since_s
     match action:
         case actions.Run():

@@ -64,7 +64,7 @@ class PoseHistory:
         self._cache: dict[float, tuple[FloatArray, FloatArray]] = {}
 
     def write(self, data: mujoco.MjData, when_s: ArrayLike) -> None:
-        """Set `geom_xpos` and `geom_xmat` of all geoms at one instant, or at `(moving,)` instants of the moving geoms."""
+        """Set `geom_xpos` and `geom_xmat` of all geoms at one instant, or at `(moving,)` instants of moving ones."""
         latest = self._snapshots[-1]
         data.geom_xpos[:], data.geom_xmat[:] = latest.positions, latest.rotations.reshape(-1, 9)
         if self.moving.size:

@@ -114,7 +114,7 @@ class SceneArrays:
         appearance.ambient = _array(np.array(ambient), wp.vec3)
 
     def bvh(self, geoms: BoolArray) -> tuple[Any, Any]:
-        """Build a bounding volume hierarchy of some geoms, a `(n,)` mask over all worlds' geoms, at their current poses.
+        """Build a bounding volume hierarchy of some geoms, a `(n,)` mask over all worlds, at their current poses.
 
         Returns:
             The argument of kernels, and its owner, which must be kept until they have run.
