@@ -12,8 +12,8 @@ from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.text import printable
 
-_RUN_TRACKERS = ("bench", "evaluate", "follow", "render")
-_FACTORY = re.compile(r"(?<![\w.])[A-Za-z_][\w.]*:[A-Za-z_]")
+_RUN_TRACKERS = ("bench", "evaluate", "follow", "render", "trax")
+_FACTORY = re.compile(r"(?<![\w.])(?!trax:)[A-Za-z_][\w.]*:[A-Za-z_]")
 _MAX_SUITE_BYTES = 1 << 20
 
 

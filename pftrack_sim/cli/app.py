@@ -14,6 +14,7 @@ from pftrack_sim.cli.export import export
 from pftrack_sim.cli.options import Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.profile import profile
 from pftrack_sim.cli.progress import progress_bar
+from pftrack_sim.cli.trax import trax
 from pftrack_sim.cli.values import parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError
 
@@ -139,6 +140,7 @@ for name, command in {
     "check": reading.check,
     "merge": reading.merge,
     "tables": reading.update_tables,
+    "trax": trax,
     "schema": schema,
     "doctor": doctor,
 }.items():

@@ -1,4 +1,4 @@
-"""A digest of third-party code, found without running it: a changed tracker is not mistaken for the one that ran."""
+"""Digests of third-party code, found without running it: a changed tracker is not mistaken for the one that ran."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import hashlib
 import importlib.metadata
 import sys
 import sysconfig
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
@@ -22,12 +22,39 @@ def code_digest(module: str) -> str:
     found = _find(module)
     if found is None or found.origin is None or not Path(found.origin).is_file():
         return ""
+    version = _distribution_version(module) if _is_installed(Path(found.origin)) else ""
+    return _digest(_sources([module], root=module), version)
+
+
+def command_digest(words: Sequence[str]) -> str:
+    """SHA-256 of the files that a command names, and of what the Python files among them import.
+
+    A program that is looked up on the PATH does not count; the module after `-m` does.
+
+    Args:
+        words: Program and arguments.
+
+    Returns:
+        Hexadecimal digits; empty if no file is named.
+    """
+    files: set[tuple[str, Path]] = set()
+    for place, word in enumerate(words):
+        path = Path(word)
+        if place and words[place - 1] == "-m":
+            files |= _sources([word], root=word, search=["", *sys.path])
+        elif path.is_file() and (place or path.name != word):
+            files.add((path.name, path))
+            if path.suffix == ".py":
+                files |= _sources(_imports(path, ""), search=[str(path.parent), *sys.path])
+    return _digest(files) if files else ""
+
+
+def _digest(files: Iterable[tuple[str, Path]], version: str = "") -> str:
     digest = hashlib.sha256()
-    for name, path in sorted(_sources(module)):
+    for name, path in sorted(files):
         digest.update(f"{name}\0".encode())
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    if _is_installed(Path(found.origin)):
-        digest.update(_distribution_version(module).encode())
+        digest.update(bytes.fromhex(file_digest(path)))
+    digest.update(version.encode())
     return digest.hexdigest()
 
 
@@ -37,17 +64,17 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(opened, "sha256").hexdigest()
 
 
-def _sources(module: str) -> set[tuple[str, Path]]:
-    """Names and files of a module and of everything it imports that is not installed."""
+def _sources(modules: Iterable[str], root: str = "", search: list[str] | None = None) -> set[tuple[str, Path]]:
+    """Names and files of modules and of everything they import; installed ones are left out, except `root`."""
     seen: set[tuple[str, Path]] = set()
-    waiting = [module]
+    waiting = list(modules)
     while waiting:
         name = waiting.pop()
-        found = _find(name)
+        found = _find(name, search)
         if found is None or found.origin is None:
             continue
         path = Path(found.origin)
-        installed = name != module and _is_installed(path)
+        installed = name != root and _is_installed(path)
         if installed or path.suffix != ".py" or not path.is_file() or (name, path) in seen:
             continue
         seen.add((name, path))
@@ -72,7 +99,7 @@ def _imports(path: Path, package: str) -> Iterator[str]:
             yield from (f"{base}.{alias.name}" for alias in node.names)
 
 
-def _find(name: str) -> ModuleSpec | None:
+def _find(name: str, search: list[str] | None = None) -> ModuleSpec | None:
     """Where a module lies; unlike `importlib.util.find_spec` it imports no parent package."""
     if not name or name.partition(".")[0] in sys.stdlib_module_names:
         return None
@@ -82,7 +109,7 @@ def _find(name: str) -> ModuleSpec | None:
         if found is not None and locations is None:
             return None  # a module has no parts
         # The part alone: a dotted name of a namespace package would ask for its imported parent.
-        found = PathFinder.find_spec(part, locations)
+        found = PathFinder.find_spec(part, locations if locations is not None else search)
         if found is None:
             return None
         locations = list(found.submodule_search_locations) if found.submodule_search_locations is not None else None

@@ -1,19 +1,22 @@
-"""Trackers by name: built-in ones, those of installed packages, and any `package.module:factory`.
+"""Trackers by name: built-in ones, those of installed packages, any `package.module:factory`, and `trax:COMMAND`.
 
 A factory is called as `factory(seed=..., preset=..., **params)` and returns a `records.Tracker`. Installed packages
-announce theirs in the entry-point group `pftrack_sim.trackers`.
+announce theirs in the entry-point group `pftrack_sim.trackers`. `trax:` is followed by the command of another program.
 """
 
 from __future__ import annotations
 
 import importlib
 import operator
+import shlex
 from functools import partial
 from typing import Any
 
+from pftrack_sim.core.code_digest import command_digest
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.core.plugins import BuiltIn, Registry
 from pftrack_sim.core.records import Tracker
+from pftrack_sim.trackers.trax import PREFIX as TRAX
 
 GROUP = "pftrack_sim.trackers"
 _CONTRIB, _FILES = "needs opencv-contrib-python-headless", "needs model files"
@@ -62,7 +65,21 @@ _REGISTRY = Registry[Tracker](
 )
 names = _REGISTRY.names
 describe = _REGISTRY.describe
-code_digest = _REGISTRY.code_digest
+
+
+def code_digest(name: str) -> str:
+    """Digest of a third-party tracker's code, see `core.code_digest`; empty for built-in ones.
+
+    Raises:
+        UnknownNameError: No such tracker.
+        TrackerError: The command of a TraX tracker cannot be split into words.
+    """
+    if not name.startswith(TRAX):
+        return _REGISTRY.code_digest(name)
+    try:
+        return command_digest(shlex.split(name.removeprefix(TRAX)))
+    except ValueError as error:
+        raise TrackerError(f"tracker {name!r}: the command cannot be read: {error}") from None
 
 
 def is_builtin(name: str) -> bool:
@@ -74,7 +91,7 @@ def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) ->
     """Make a tracker.
 
     Args:
-        name: One of `names()`, or `package.module:factory`.
+        name: One of `names()`, `package.module:factory`, or `trax:COMMAND`.
         seed: Root seed, >= 0. The tracker draws from its stream `"tracker"` only.
         preset: `"default"` or `"paper"`; equal for trackers with one set of values.
         params: Parameters of the tracker.
@@ -92,4 +109,6 @@ def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) ->
         root = -1
     if root < 0:
         raise ParameterError(f"seed must be a whole number >= 0, got {seed!r}")
+    if name.startswith(TRAX):
+        return importlib.import_module("pftrack_sim.trackers.trax.client").make(name, root, preset, params)
     return _REGISTRY.make(name, params, seed=root, preset=preset)

@@ -245,7 +245,9 @@ def try_make(name: str, *, preset: str, params: dict[str, Any], limits: Limits) 
         text = str(error).removeprefix("could not be made: ")
         for prefix in ("TrackerError: ", "ParameterError: ", "UnknownNameError: "):
             text = text.removeprefix(prefix)  # messages of this package need no type
-        raise TrackerError(text if name in text else f"tracker {name!r} could not be made: {text}") from None
+        tracker.close()  # so that all that it printed has been read
+        text = text if name in text else f"tracker {name!r} could not be made: {text}"
+        raise TrackerError(text + (f"; it printed: {one_line(tracker.printed)}" if tracker.printed else "")) from None
     finally:
         tracker.close()
 
