@@ -24,14 +24,18 @@ class Sensor:
     def __init__(self, settings: model.Sensor, axes: Axes, seed: int, *, grey: bool = False) -> None:
         self._grey = grey
         self._exposure = AutoExposure(axes.light) if axes.light.on else None
+        self.retune(axes, seed)
+        self._radius_px = max(1, math.ceil(4.0 * settings.psf_sigma_px))
+        self._sigma_px = sampled_sigma(settings.psf_sigma_px, self._radius_px) if settings.psf_sigma_px > 0.0 else 0.0
+
+    def retune(self, axes: Axes, seed: int) -> None:
+        """Set noise and compression; the exposure goes on."""
         self._quality = axes.stream.quality if axes.stream.on else None
         self._noise = None
         if axes.noise.on or axes.light.noisy:
             from pftrack_sim.camera.noise import Noise  # numba: imported when it is used
 
             self._noise = Noise(axes.noise if axes.noise.on else NoiseAxis(severity=1.0, gain=1.0), seed)
-        self._radius_px = max(1, math.ceil(4.0 * settings.psf_sigma_px))
-        self._sigma_px = sampled_sigma(settings.psf_sigma_px, self._radius_px) if settings.psf_sigma_px > 0.0 else 0.0
 
     def settle(self, time_s: float) -> float:
         """Exposure of the frame at a time since the start of the episode, relative to the first [EV]."""

@@ -6,6 +6,9 @@ environments and the benchmark are built on this class; it knows no actions, rew
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +27,9 @@ from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
 from pftrack_sim.scene.people.person import TRUNK
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.observer import TruthObserver
+
+LIVE_AXES = ("jitter", "blur", "rolling_shutter", "distortion", "noise", "stream")
+"""Stress axes of the camera and of the link, which can change within an episode."""
 
 
 class Simulation:
@@ -62,6 +68,80 @@ class Simulation:
         Raises:
             ScenarioError: The scenario contradicts itself at this seed, or its image size depends on the seed.
         """
+        self._begin(seed)
+        return self._take_frame()
+
+    def resume(self, seed: int, commands: Sequence[FloatArray | None]) -> Frame:
+        """Start the episode of a seed at a later frame, equal to the bit to the one that `advance` would reach.
+
+        The world moves on without rendering, except for frames that the camera meters and the last two.
+
+        Args:
+            seed: Root seed of the episode.
+            commands: Of each camera period since the first frame, as in `advance`; at least as many periods pass, and
+                the last command is held until a frame is delivered.
+
+        Returns:
+            The first delivered frame after these periods.
+
+        Raises:
+            ScenarioError: As `reset`.
+        """
+        self._begin(seed)
+        stops = [0]
+        while stops[-1] < len(commands):
+            stops.append(next(self._arrivals))
+        last = stops[-1]
+        for index in range(last):
+            if index in stops[-2:]:
+                self._take_frame()
+            elif self._sensor.metering:
+                self._expose()
+            command = commands[min(index, len(commands) - 1)]
+            self._collision = None if index in stops else self._collision
+            self._advance_period(command, 0.0)
+            self._collision = self._collision or self.world.collision()
+            self._record_poses()
+            self._delivered = index + 1
+        self._index = len(stops) - 1
+        return self._take_frame()
+
+    def retune(self, scenario: Scenario, seed: int) -> None:
+        """Continue the running episode with other severities or parameters of `LIVE_AXES`, from the next frame on.
+
+        Poses before the change are not drawn again: an exposure that began earlier is cut, and the suspension has
+        no memory of another road. `resume` gives the frames of the new settings to the bit.
+
+        Args:
+            scenario: Differs from the present one in `LIVE_AXES` only.
+            seed: Root seed of the running episode.
+
+        Raises:
+            ScenarioError: It differs in something else, or the lens is not invertible.
+        """
+        settings, present = scenario.resolve(seed), self.settings
+        live = {name: getattr(settings.axes, name) for name in LIVE_AXES}
+        if present.model_copy(update={"axes": present.axes.model_copy(update=live)}) != settings:
+            raise ScenarioError(scenario.name, [f"only {', '.join(LIVE_AXES)} can change within an episode"])
+        frame, world = self.frame, self.world
+        shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
+        capture = make_frame_capture(settings, world.model, self._K, shake)
+        self.scenario, self._shake, self._frame_capture = scenario, shake, capture
+        world.retune(settings)
+        size = (settings.camera.width_px, settings.camera.height_px) if capture is None else capture.render_size
+        if self._renderer is None or (self._renderer.width_px, self._renderer.height_px) != size:
+            self._renderer = self._bind_renderer(world, size)
+        self._observe(self._renderer)
+        self._sensor.retune(settings.axes, seed)
+        self._arrivals = arrivals(settings, seed)
+        self._index = sum(1 for _ in itertools.takewhile(lambda index: index <= self._delivered, self._arrivals)) - 1
+        self._arrivals = (index for index in arrivals(settings, seed) if index > self._delivered)
+        self.frame_count = frame_count(settings, seed)
+        self._frame = replace(frame, index=self._index)
+        self._record_poses()
+
+    def _begin(self, seed: int) -> None:
+        """Build the world of a seed, and record the poses of the first frame."""
         settings = self.scenario.resolve(seed)
         size = (settings.camera.width_px, settings.camera.height_px)
         if self._image_size not in (None, size):
@@ -83,15 +163,13 @@ class Simulation:
         self._image_size = size
         self._world = world
         self._sensor = Sensor(settings.sensor, settings.axes, seed, grey=settings.camera.grey)
-        parts = TRUNK if settings.target.init == "torso" else ()
-        self._truth = TruthObserver(world.model, world.people, self._renderer, self._K, size, parts)
-        self._arrivals = arrivals(settings, seed)
+        self._observe(self._renderer)
+        self._arrivals: Iterator[int] = arrivals(settings, seed)
         self._delivered = next(self._arrivals)
         self._index = 0
         self.frame_count = frame_count(settings, seed)
         self.command = self._collision = None
         self._record_poses()
-        return self._take_frame()
 
     def advance(self, command: FloatArray | None = None, delay_s: float = 0.0) -> Frame:
         """Advance the world to the next frame that is delivered.
@@ -116,6 +194,13 @@ class Simulation:
         self._delivered = delivered
         self._index += 1
         return self._take_frame()
+
+    def _observe(self, renderer: Renderer) -> None:
+        """Observe the truth with this renderer."""
+        settings, world = self.settings, self.world
+        parts = TRUNK if settings.target.init == "torso" else ()
+        size = (settings.camera.width_px, settings.camera.height_px)
+        self._truth = TruthObserver(world.model, world.people, renderer, self._K, size, parts)
 
     def _bind_renderer(self, world: World, size: tuple[int, int]) -> Renderer:
         """The renderer, bound to the new model; opened again where the size has changed."""
@@ -168,6 +253,11 @@ class Simulation:
         image.setflags(write=False)
         self._frame = Frame(self._index, world.time_s, image, people[0], people)
         return self._frame
+
+    @property
+    def periods(self) -> int:
+        """Camera periods from the first frame to the last one delivered."""
+        return self._delivered
 
     @property
     def frame(self) -> Frame:

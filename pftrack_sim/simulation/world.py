@@ -87,6 +87,11 @@ class World:
             self.traffic.write(self.data)
         self._update_poses()
 
+    def retune(self, settings: ResolvedScenario) -> None:
+        """Go on under settings that differ in stress axes of the camera and the link only: here, the road's."""
+        self.settings = settings
+        self.robot.set_road(settings, self._seed)
+
     @property
     def time_s(self) -> float:
         """Simulated time since the start of the episode."""

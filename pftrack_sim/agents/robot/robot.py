@@ -31,11 +31,15 @@ class Robot:
         self.drive = Drive(model, settings.robot, settings.camera, calibration)
         self._delay = CommandDelay(clock, settings.robot.latency_ms)
         self._script = script
-        jitter, sills = settings.axes.jitter, settings.robot.sills
-        rough = jitter.roughness > 0.0 or sills.height_mm > 0.0
-        self._road = RoadExcitation(model, jitter, sills, seed) if rough else None
+        self.set_road(settings, seed)
         self._segments: Iterator[tuple[int, tuple[float, float, float, float]]] = iter(())
         self._steps_left = 0
+
+    def set_road(self, settings: ResolvedScenario, seed: int) -> None:
+        """Drive on the road of these settings from now on."""
+        jitter, sills = settings.axes.jitter, settings.robot.sills
+        rough = jitter.roughness > 0.0 or sills.height_mm > 0.0
+        self._road = RoadExcitation(self._model, jitter, sills, seed) if rough else None
 
     def reset(self, data: mujoco.MjData) -> None:
         """Stand at the start of the route."""
