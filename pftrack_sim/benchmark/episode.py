@@ -45,6 +45,7 @@ class EpisodeJob:
     """An episode, how to run it, and the version of this package where the job was made; workers need the same.
 
     Attributes:
+        labels: All trackers of the run: they give each its colour in the video.
         scratch: Folder for temporary files, if the worker has it.
         dropped: Labels of trackers that are not run: they ended the process of a worker.
     """
@@ -57,6 +58,7 @@ class EpisodeJob:
     version: str = pftrack_sim.__version__
     scratch: Path | None = None
     dropped: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def run_episode(
         with ExitStack() as open_video:
             if job.video:
                 add = open_video.enter_context(video_writer(video, settings.camera.rate_hz))
-                sinks.append(lambda step: add(picture(step.sample, runners), step.sample.time_s))
+                sinks.append(lambda step: add(picture(step.sample, runners, job.labels), step.sample.time_s))
             sinks.append(lambda step: on_frame())
             if episode.kind == "follow":
                 env = stack.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=job.backend)))

@@ -91,7 +91,8 @@ def run(
 
     def job(episode: Episode) -> EpisodeJob:
         video = videos == "all" or (videos == "first" and episode.is_first_seed)
-        return EpisodeJob(episode, video, backend, isolated, limits, scratch=path.resolve() / SCRATCH)
+        scratch = path.resolve() / SCRATCH
+        return EpisodeJob(episode, video, backend, isolated, limits, scratch=scratch, labels=plan.labels)
 
     with (
         contextlib.closing(make_executor(plan, workers, scheduler)) as executor,

@@ -19,6 +19,7 @@ from pftrack_sim.benchmark.files import atomic_write
 from pftrack_sim.benchmark.rollout import Sample, Step
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.palette import colours_of
 from pftrack_sim.core.records import Image, Truth
 from pftrack_sim.core.text import one_line
 from pftrack_sim.render.overlay import draw_frame, draw_recorded
@@ -29,13 +30,20 @@ _TIME_BASE = Fraction(1, 90_000)
 """Unit of time stamps in videos [s]: the one of MPEG."""
 
 
-def picture(sample: Sample, runners: Sequence[TrackerRunner]) -> Image:
-    """A frame with its truth and the trackers' latest estimates, `(H, W, 3)` uint8 RGB."""
+def picture(sample: Sample, runners: Sequence[TrackerRunner], labels: Sequence[str] = ()) -> Image:
+    """A frame with its truth and the trackers' latest estimates, `(H, W, 3)` uint8 RGB.
+
+    Args:
+        sample: The frame.
+        runners: The trackers.
+        labels: All trackers of the run, which give each its colour; default: those of the runners.
+    """
+    colours = colours_of(labels or [runner.spec.label for runner in runners])
     latest = {runner.spec.label: runner.estimates[-1] for runner in runners}
     estimates = {label: estimate for label, estimate in latest.items() if estimate is not None}
     if sample.frame is not None:
-        return draw_frame(sample.frame, estimates)
-    return draw_recorded(sample.image, sample.true_box, estimates, caption=sample.caption)
+        return draw_frame(sample.frame, estimates, colours)
+    return draw_recorded(sample.image, sample.true_box, estimates, caption=sample.caption, colours=colours)
 
 
 class TruthLog:

@@ -1,8 +1,7 @@
 """Ground truth and estimates drawn over a frame.
 
-Truth is white: dashed for the amodal box, solid for the visible box. Each tracker has a colour of a palette that
-colour-blind people can tell apart (Okabe and Ito, "Color Universal Design", 2008); its box is dashed while it reports
-the target as occluded.
+Truth is white: dashed for the amodal box, solid for the visible box. Each tracker has its colour of the run; its box is
+dashed while it reports the target as occluded.
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from itertools import cycle
 from typing import Any
 
 import cv2
@@ -18,21 +16,9 @@ import numpy as np
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.palette import Colour, colours_of
 from pftrack_sim.core.records import Estimate, Frame, Image, Truth
 from pftrack_sim.core.types import FloatArray
-
-Colour = tuple[int, int, int]
-
-PALETTE: tuple[Colour, ...] = (
-    (230, 159, 0),  # orange
-    (86, 180, 233),  # sky blue
-    (204, 121, 167),  # reddish purple
-    (0, 158, 115),  # bluish green
-    (240, 228, 66),  # yellow
-    (213, 94, 0),  # vermillion
-    (0, 114, 178),  # blue
-)
-"""Colours of the trackers, in the order they are given."""
 
 _WHITE: Colour = (255, 255, 255)
 _GREY: Colour = (190, 190, 190)
@@ -40,12 +26,13 @@ _SHADE: Colour = (20, 20, 20)
 _PANEL_OPACITY = 0.62
 _MAX_PARTICLES = 400
 _MIN_LABEL_HEIGHT_PX = 200  # Lower images have no room for the names of other people
+_MAX_PANEL = 0.08  # Share of the image for the legend; where it would cover more, only the overlaps are written
 _OCCLUDERS_BELOW = 0.98  # Visible fraction below which occluders are named: grass over a sole is not
 
 
-def draw_frame(frame: Frame, estimates: Mapping[str, Estimate]) -> Image:
+def draw_frame(frame: Frame, estimates: Mapping[str, Estimate], colours: Mapping[str, Colour] | None = None) -> Image:
     """Draw the truth and the estimates of a frame; see `draw_boxes`."""
-    return draw_boxes(frame.image, frame.truth, estimates, people=frame.people)
+    return draw_boxes(frame.image, frame.truth, estimates, people=frame.people, colours=colours)
 
 
 def draw_boxes(
@@ -55,17 +42,19 @@ def draw_boxes(
     *,
     people: Sequence[Truth] = (),
     particles: bool = True,
+    colours: Mapping[str, Colour] | None = None,
 ) -> Image:
     """A copy of an image with boxes, a legend with overlaps, and a line with the target's state.
 
     Args:
         image: `(H, W, 3)` uint8 RGB.
         truth: The target.
-        estimates: By tracker name, in the order of their colours.
+        estimates: By tracker name.
         people: Other people to mark; the target among them is ignored.
         particles: Whether the centres of an estimate's particles are drawn.
+        colours: By tracker name; default: those of a run of exactly these trackers.
     """
-    canvas = _Canvas(image)
+    canvas = _Canvas(image, colours or colours_of(estimates))
     others = [person for person in people if person.name != truth.name]
     for person in others:
         canvas.outline(person.amodal_box, _GREY, 1, dashed=True)
@@ -81,13 +70,19 @@ def draw_boxes(
 
 
 def draw_recorded(
-    image: Image, truth: Box, estimates: Mapping[str, Estimate], *, caption: str = "", particles: bool = True
+    image: Image,
+    truth: Box,
+    estimates: Mapping[str, Estimate],
+    *,
+    caption: str = "",
+    particles: bool = True,
+    colours: Mapping[str, Colour] | None = None,
 ) -> Image:
     """A copy of a frame of a recorded sequence with boxes; its truth is an annotated `(4,)` box [px], or NaN.
 
     The caption is a line at the bottom; the other arguments are those of `draw_boxes`.
     """
-    canvas = _Canvas(image)
+    canvas = _Canvas(image, colours or colours_of(estimates))
     if particles:
         canvas.particles(estimates)
     canvas.outline(truth, _WHITE, 1)
@@ -101,7 +96,8 @@ def draw_recorded(
 class _Canvas:
     """A copy of an image, with line and text sizes that suit its height."""
 
-    def __init__(self, image: Image) -> None:
+    def __init__(self, image: Image, colours: Mapping[str, Colour]) -> None:
+        self._colours = colours
         self.image = np.array(image, dtype=np.uint8, order="C")
         self.height, self.width = self.image.shape[:2]
         self._text_px = int(min(20, max(9, round(self.height / 34))))
@@ -111,8 +107,8 @@ class _Canvas:
         self._row_px = self._text_px + self._pad_px
 
     def estimates(self, estimates: Mapping[str, Estimate]) -> None:
-        for colour, estimate in zip(cycle(PALETTE), estimates.values(), strict=False):
-            self.outline(estimate.box, colour, self._line_px, dashed=estimate.occluded)
+        for name, estimate in estimates.items():
+            self.outline(estimate.box, self._colours[name], self._line_px, dashed=estimate.occluded)
 
     def outline(self, box: FloatArray, colour: Colour, width: int, *, dashed: bool = False) -> None:
         """Draw the edge of a box [px], with a dark line outside it for contrast; a box with NaN is not drawn."""
@@ -140,7 +136,7 @@ class _Canvas:
 
     def particles(self, estimates: Mapping[str, Estimate]) -> None:
         """Draw a pixel at the centre of each particle's box."""
-        for colour, estimate in zip(cycle(PALETTE), estimates.values(), strict=False):
+        for name, estimate in estimates.items():
             if estimate.particles is None or len(estimate.particles) == 0:
                 continue
             states = estimate.particles[:: math.ceil(len(estimate.particles) / _MAX_PARTICLES)]
@@ -148,7 +144,7 @@ class _Canvas:
             size = (self.width, self.height)
             inside = np.isfinite(centres).all(axis=1) & (centres >= 0).all(axis=1) & (centres < size).all(axis=1)
             columns, rows = np.floor(centres[inside]).astype(np.intp).T
-            self.image[rows, columns] = colour
+            self.image[rows, columns] = self._colours[name]
 
     def labels(self, people: Sequence[Truth], target: Truth) -> None:
         """Write names above the boxes of other people, nearest first, where neither a name nor the target is."""
@@ -170,22 +166,40 @@ class _Canvas:
                 self._write(person.name, x + 1, y, _GREY, size)
 
     def legend(self, truth: Box | None, estimates: Mapping[str, Estimate]) -> None:
-        """Top left: each tracker's colour, name and overlap with the truth."""
+        """Top left: each tracker's colour, name and overlap with the truth; in small images only the overlaps."""
         pad, text, swatch = self._pad_px, self._text_px, 2 * self._text_px
+        overlaps = {name: f"{boxes.iou(one.box, truth):.2f}" if truth is not None else "-"
+                    for name, one in estimates.items()}  # fmt: skip
         name_width = max(_text_width(name, text) for name in ("truth", *estimates))
-        number_width = _text_width("0.00", text) + pad if estimates else 0
-        panel_width = swatch + name_width + number_width + 4 * pad
-        self._darken(0, 0, panel_width, (1 + len(estimates)) * self._row_px + pad)
+        number_width = _text_width("0.00", text) + pad
+        panel_width = swatch + name_width + (number_width if estimates else 0) + 4 * pad
+        panel_height = (1 + len(estimates)) * self._row_px + pad
+        if panel_width * panel_height > _MAX_PANEL * self.width * self.height:
+            columns = max(1, (self.width - pad) // number_width)
+            rows = -(-len(estimates) // columns)
+            self._darken(0, 0, min(len(estimates), columns) * number_width + pad, rows * self._row_px + pad // 2)
+            for place, (name, overlap) in enumerate(overlaps.items()):
+                row, at = divmod(place, columns)
+                self._write(
+                    overlap, at * number_width + pad, (row + 1) * self._row_px - pad // 3, self._ink(name), text
+                )
+            return
+        self._darken(0, 0, panel_width, panel_height)
         base = self._row_px - pad // 3
         self._line(pad, text, base - text // 3, 1, _WHITE, dashed=True)
         self._line(pad + text, text, base - text // 3, 1, _WHITE)
         self._write("truth", swatch + 2 * pad, base, _WHITE, text)
-        for (name, estimate), colour in zip(estimates.items(), cycle(PALETTE), strict=False):
+        for name, estimate in estimates.items():
             base += self._row_px
-            self._line(pad, swatch, base - text // 3, self._line_px, colour, dashed=estimate.occluded)
+            self._line(pad, swatch, base - text // 3, self._line_px, self._colours[name], dashed=estimate.occluded)
             self._write(name, swatch + 2 * pad, base, _WHITE, text)
-            overlap = f"{boxes.iou(estimate.box, truth):.2f}" if truth is not None else "-"
-            self._write(overlap, panel_width - pad - _text_width(overlap, text), base, colour, text)
+            overlap = overlaps[name]
+            self._write(overlap, panel_width - pad - _text_width(overlap, text), base, self._ink(name), text)
+
+    def _ink(self, name: str) -> Colour:
+        """A tracker's colour, lightened so that it can be read on a dark panel."""
+        red, green, blue = ((value + 255) // 2 for value in self._colours[name])
+        return red, green, blue
 
     def caption(self, *parts: str) -> None:
         """Bottom left: as many parts as fit, at least the first."""

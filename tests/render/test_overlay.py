@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pftrack_sim.core.palette import ORACLE, TRACKERS, colours_of
 from pftrack_sim.core.records import Estimate, Frame, State, Truth
-from pftrack_sim.render.overlay import PALETTE, draw_boxes, draw_frame
+from pftrack_sim.render.overlay import draw_boxes, draw_frame
 
 
 def truth(box=(100.0, 60.0, 40.0, 90.0), *, name: str = "target", state: State = "visible", **changes) -> Truth:
@@ -52,7 +53,7 @@ def test_every_tracker_has_its_colour_on_the_edges_of_its_box():
     image = np.zeros((240, 320, 3), np.uint8)
     estimates = {f"tracker-{i}": Estimate(np.array([150.0 + 12 * i, 100 + 9 * i, 30, 60])) for i in range(3)}
     drawn = draw_boxes(image, truth((20, 150, 10, 20)), estimates)
-    for colour, estimate in zip(PALETTE, estimates.values(), strict=False):
+    for colour, estimate in zip(TRACKERS, estimates.values(), strict=False):
         x, y, w, h = (int(v) for v in estimate.box)
         assert tuple(drawn[y + h - 1, x]) == colour  # lower left corner: never under a later box
         assert (drawn[y : y + h, x : x + w] == colour).all(axis=2).sum() > w
@@ -62,7 +63,7 @@ def test_the_box_of_an_estimate_that_reports_occlusion_is_dashed():
     image = np.zeros((240, 320, 3), np.uint8)
     box = np.array([150.0, 100, 60, 100])
     open_edge, dashed = (
-        (draw_boxes(image, truth((20, 150, 10, 20)), {"a": Estimate(box, occluded=flag)}) == PALETTE[0]).all(axis=2)
+        (draw_boxes(image, truth((20, 150, 10, 20)), {"a": Estimate(box, occluded=flag)}) == TRACKERS[0]).all(axis=2)
         for flag in (False, True)
     )
     assert open_edge[100, 150:210].all()
@@ -104,7 +105,7 @@ def test_particles_are_drawn_inside_the_image_only():
     estimate = {"ko2012": Estimate(np.array([250.0, 50, 20, 20]), particles=particles)}
     with_dots = draw_boxes(image, truth((20, 150, 10, 20)), estimate)
     without = draw_boxes(image, truth((20, 150, 10, 20)), estimate, particles=False)
-    assert tuple(with_dots[202, 202]) == PALETTE[0]
+    assert tuple(with_dots[202, 202]) == TRACKERS[0]
     assert (with_dots != without).any(axis=2).sum() == 1
 
 
@@ -122,3 +123,21 @@ def test_other_people_of_a_frame_are_marked():
     changed = (with_other != without).any(axis=2)
     assert changed.any()
     assert not changed[:, :195].any()
+
+
+def test_a_tracker_has_the_colour_of_its_run_whatever_others_are_drawn():
+    image, box = np.zeros((240, 320, 3), np.uint8), np.array([150.0, 100, 60, 100])
+    for label, colour in zip(("a", "oracle+servo", "b"), (TRACKERS[0], ORACLE, TRACKERS[1]), strict=True):
+        drawn = draw_boxes(
+            image, truth((20, 150, 10, 20)), {label: Estimate(box)}, colours=colours_of(["a", "oracle+servo", "b"])
+        )
+        assert tuple(drawn[100, 180]) == colour
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+def test_the_legend_covers_little_of_the_image(size: tuple[int, int]):
+    image = np.full((size[1], size[0], 3), 255, np.uint8)
+    estimates = {f"a-long-name-{i}[alpha=0.5]": Estimate(np.array([150.0, 60, 30, 60])) for i in range(5)}
+    drawn = draw_boxes(image, truth((150, 60, 30, 60)), estimates)
+    covered = (drawn[:50] < 255).all(axis=2).mean() * 50 / size[1]
+    assert 0.0 < covered < 0.12
