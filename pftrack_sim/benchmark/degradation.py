@@ -1,7 +1,8 @@
 """Degradation over a stress axis: mean overlaps on the same frames at every level.
 
 A cover, a lost frame or a target that leaves the view removes frames. Of each scenario and seed only those times count
-at which the target can be seen at every level of the axis, after its event (`Axis.compared_from_s`).
+at which the target can be seen at every level of the axis, after its event (`Axis.compared_from_s`). Axes that were
+swept together share the frames of all their combinations.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from itertools import combinations
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -22,6 +24,8 @@ from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.axes import axes_by_name
 
 Measure: TypeAlias = Literal["overlap", "recovered"]
+_Key = TypeVar("_Key", bound=tuple[Any, ...])
+_Grid: TypeAlias = "list[tuple[tuple[AxisLevel, ...], Condition]]"
 
 STAY = "stay"
 """Label of the first box in every frame, beside the trackers."""
@@ -66,6 +70,41 @@ class Degradation:
 
 
 @dataclass(frozen=True)
+class Crossing:
+    """One tracker's mean overlap at a level of each of two axes that were swept together.
+
+    Attributes:
+        first: Level of one axis.
+        second: Level of the other.
+        tracker: Label of the tracker, or `STAY`.
+        scenario: The scenario.
+        seed: The seed.
+        overlap: Mean overlap on the frames that all combinations share, over the levels of further axes.
+    """
+
+    first: AxisLevel
+    second: AxisLevel
+    tracker: str
+    scenario: str
+    seed: int
+    overlap: float
+
+
+@dataclass(frozen=True)
+class Degradations:
+    """Scores over the axes of a run.
+
+    Attributes:
+        curves: Over each axis with at least two levels, in the plan's order; of an axis that was swept together with
+            others the means over the others' levels.
+        maps: Over each pair of axes that were swept together.
+    """
+
+    curves: tuple[Degradation, ...]
+    maps: tuple[Crossing, ...]
+
+
+@dataclass(frozen=True)
 class TableRow:
     """A level of an axis with the mean of every tracker, by label."""
 
@@ -80,26 +119,27 @@ TITLES: Mapping[Measure, str] = {
 """Titles of `table_rows` by measure."""
 
 
-def axis_of(condition: Condition) -> AxisLevel | None:
-    """The one axis of a condition; None for several axes or none."""
-    if len(condition.levels) != 1:
-        return None
-    ((name, level),) = condition.levels
+def levels_of(condition: Condition) -> tuple[AxisLevel, ...]:
+    """The levels of a condition in the axes' own units."""
+    return tuple(_level(name, level, condition.variant) for name, level in condition.levels)
+
+
+def _level(name: str, level: float, variant: str) -> AxisLevel:
     axis, _, parameter = name.partition(".")
     if name == LATENCY:
         return AxisLevel(name, level, level, "latency [ms]")
     if parameter:
         return AxisLevel(name, level, level, name)
     known = axes_by_name()[axis]
-    named = f"{axis} ({condition.variant})" if condition.variant else axis
-    series = f"{condition.variant} {axis}" if condition.variant else axis
+    named = f"{axis} ({variant})" if variant else axis
+    series = f"{variant} {axis}" if variant else axis
     return AxisLevel(series, level, level * known(severity=1.0).physical, f"{named} [{known.unit}]")
 
 
-def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> list[Degradation]:
-    """Scores over every axis of a run that has at least two levels, in the plan's order.
+def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> Degradations:
+    """Scores over the axes of a run.
 
-    A condition whose severities are all 0 is level 0 of every axis of the same scenario.
+    A condition whose severities are all 0 is level 0 of every axis of the same scenario that was swept alone.
 
     Args:
         store: The run.
@@ -112,13 +152,15 @@ def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) 
     for result in store.results:
         conditions = episodes.setdefault((result.scenario, result.seed), {})
         conditions.setdefault(result.condition, []).append(result)
-    found: list[Degradation] = []
+    curves: list[Degradation] = []
+    maps: list[Crossing] = []
     series = {scenario: _series(store, scenario) for scenario, _ in episodes}
     for (scenario, seed), conditions in episodes.items():
         read: dict[Condition, dict[str, score.Arm]] = {}
-        for levels in series[scenario].values():
-            shown = [(at, condition) for at, condition in levels if condition in conditions]
-            if len(shown) < 2:
+        for grid in series[scenario]:
+            shown = [(at, condition) for at, condition in grid if condition in conditions]
+            swept = [axis for axis in range(len(grid[0][0])) if len({at[axis] for at, _ in shown}) > 1]
+            if not swept:
                 continue
             for _, condition in shown:
                 if condition not in read:
@@ -127,11 +169,40 @@ def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) 
             arms = [read[condition] for _, condition in shown]
             for label in (name for name in arms[0] if all(name in arm for arm in arms)):
                 overlaps = score.overlaps_on_common_frames([arm[label] for arm in arms], from_s)
-                for (at, condition), overlap in zip(shown, overlaps, strict=True):
-                    own = (one.number("recovered_2s") for one in conditions[condition] if one.label == label)
-                    found.append(Degradation(at, label, scenario, seed, float(overlap), next(own, math.nan)))
+                recovered = [
+                    next((one.number("recovered_2s") for one in conditions[condition] if one.label == label), math.nan)
+                    for _, condition in shown
+                ]
+                levels = [at for at, _ in shown]
+                for axis in swept:
+                    scores = zip(_means([(at[axis],) for at in levels], overlaps),
+                                 _means([(at[axis],) for at in levels], recovered), strict=True)  # fmt: skip
+                    curves += [
+                        Degradation(_marginal(at, [levels[0][other].axis for other in swept if other != axis]),
+                                    label, scenario, seed, overlap, share)
+                        for ((at,), overlap), (_, share) in scores
+                    ]  # fmt: skip
+                for one, other in combinations(swept, 2):
+                    cells = _means([(at[one], at[other]) for at in levels], overlaps)
+                    maps += [Crossing(*pair, label, scenario, seed, overlap) for pair, overlap in cells]
         on_episode()
-    return found
+    return Degradations(tuple(curves), tuple(maps))
+
+
+def _means(keys: Sequence[_Key], values: Iterable[float]) -> list[tuple[_Key, float]]:
+    """The mean of the known values of each key, NaN where there is none."""
+    grouped: dict[_Key, list[float]] = {key: [] for key in keys}
+    for key, value in zip(keys, values, strict=True):
+        if not math.isnan(value):
+            grouped[key].append(float(value))
+    return [(key, float(np.mean(known)) if known else math.nan) for key, known in grouped.items()]
+
+
+def _marginal(at: AxisLevel, others: Sequence[str]) -> AxisLevel:
+    if not others:
+        return at
+    names = " and ".join(others)
+    return replace(at, axis=f"{at.axis} over {names}", label=f"{at.label}, mean over {names}")
 
 
 def seed_means(found: Iterable[Degradation], measure: Measure) -> list[float]:
@@ -157,24 +228,27 @@ def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]
     return rows
 
 
-def _series(store: RunStore, scenario: str) -> dict[str, list[tuple[AxisLevel, Condition]]]:
-    """Levels of every axis of a scenario, rising, with level 0 from another axis where an axis has none."""
-    found: dict[str, list[tuple[AxisLevel, Condition]]] = {}
+def _series(store: RunStore, scenario: str) -> list[_Grid]:
+    """Levels of every axis of a scenario, rising, with level 0 from another axis where an axis has none.
+
+    Axes that were swept together are one grid of all their combinations.
+    """
+    found: dict[tuple[str, ...], _Grid] = {}
     bases: list[Condition] = []
     trees = _trees(store, scenario)
     for condition in trees:
         if not any(level or "." in axis for axis, level in condition.levels):
             bases.append(condition)
-        if (at := axis_of(condition)) is not None:
-            found.setdefault(at.axis, []).append((at, condition))
-    for levels in found.values():
-        first, like = levels[0]
+        if at := levels_of(condition):
+            found.setdefault(tuple(one.axis for one in at), []).append((at, condition))
+    for grid in found.values():
+        (first, *others), like = grid[0]
         equal = [base for base in bases if _without_axes(trees[base]) == _without_axes(trees[like])]
         # A parameter has no level that changes nothing.
-        if equal and "." not in like.levels[0][0] and all(at.level for at, _ in levels):
-            levels.append((replace(first, level=0.0, x=0.0), equal[0]))
-        levels.sort(key=lambda pair: pair[0].level)
-    return found
+        if equal and not others and "." not in like.levels[0][0] and all(at.level for (at,), _ in grid):
+            grid.append(((replace(first, level=0.0, x=0.0),), equal[0]))
+        grid.sort(key=lambda pair: [at.level for at in pair[0]])
+    return list(found.values())
 
 
 def _trees(store: RunStore, scenario: str) -> dict[Condition, Mapping[str, Any]]:

@@ -178,5 +178,6 @@ def _write(
         "version": pftrack_sim.__version__,
         "trackers": rows,
     }
-    write_episode(path, key, {**truth_columns(truths), **course}, tables, metadata)
+    truth = {**truth_columns(truths), "nearest_person": np.array(log.nearest_person), **course}
+    write_episode(path, key, truth, tables, metadata)
     return rows

@@ -20,7 +20,7 @@ from pftrack_sim.benchmark.rollout import Sample, Step
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.palette import colours_of
-from pftrack_sim.core.records import Image, Truth
+from pftrack_sim.core.records import Frame, Image, Truth
 from pftrack_sim.core.text import one_line
 from pftrack_sim.render.overlay import draw_frame, draw_recorded
 from pftrack_sim.scenario.model import ResolvedScenario
@@ -46,17 +46,32 @@ def picture(sample: Sample, runners: Sequence[TrackerRunner], labels: Sequence[s
     return draw_recorded(sample.image, sample.true_box, estimates, caption=sample.caption, colours=colours)
 
 
+def nearest_person(frame: Frame) -> float:
+    """Distance of the target to the nearest other visible person in the image.
+
+    Returns:
+        Between the centres of their amodal boxes, in sizes of the target, sqrt(w h); infinite where there is nobody,
+        NaN where the target has no box.
+    """
+    x, y, width, height = frame.truth.amodal_box.tolist()
+    others = [one.amodal_box for one in frame.people if one.name != frame.truth.name and one.scored]
+    gaps = [math.hypot(left + w / 2 - x - width / 2, top + h / 2 - y - height / 2) for left, top, w, h in others]
+    return math.nan if math.isnan(x) else min(gaps, default=math.inf) / math.sqrt(width * height)
+
+
 class TruthLog:
-    """Truth of the target and a digest of the images of a simulated episode."""
+    """Truth of the target, its distance to other people, and a digest of the images of a simulated episode."""
 
     def __init__(self) -> None:
         self.truths: list[Truth] = []
+        self.nearest_person: list[float] = []
         self._images = hashlib.blake2b(digest_size=16)
 
     def __call__(self, step: Step) -> None:
         """Add a frame."""
         assert step.sample.frame is not None
         self.truths.append(step.sample.frame.truth)
+        self.nearest_person.append(nearest_person(step.sample.frame))
         self._images.update(np.ascontiguousarray(step.sample.image).data)
 
     @property

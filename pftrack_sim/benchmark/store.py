@@ -24,6 +24,7 @@ import duckdb
 from pftrack_sim.benchmark.episode_file import content_digest
 from pftrack_sim.benchmark.files import query_deadline, remove_parts, sql_text, write_bytes
 from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums, write_sums
+from pftrack_sim.benchmark.losses import create_loss_views
 from pftrack_sim.benchmark.plan import Episode, Plan, differences, read_plan
 from pftrack_sim.benchmark.record import new_record, now, plan_record, read_record, session, write_record
 from pftrack_sim.benchmark.summary import TABLE_FILES, Result, load_summary, results_of, write_summary
@@ -193,9 +194,10 @@ class RunStore:
         self.close()
 
     def database(self) -> duckdb.DuckDBPyConnection:
-        """A database with three views; the caller closes it.
+        """A database with views; the caller closes it.
 
-        `frames` has a row per tracker and frame, `summary` per tracker and episode, `episodes` per episode.
+        `frames` has a row per tracker and frame, `summary` per tracker and episode, `episodes` per episode, `losses`
+        per loss of the target with what happened then, `moments` per tracker and frame with what happens there.
 
         Raises:
             RunError: There is no finished episode, or a file cannot be read.
@@ -215,6 +217,7 @@ class RunStore:
                 f"CREATE VIEW frames AS FROM read_parquet([{', '.join(map(sql_text, files))}], "
                 "hive_partitioning = false)"
             )
+            create_loss_views(database)
             database.execute(
                 "CREATE VIEW episodes AS SELECT DISTINCT ON (number) number, kind, scenario, condition, levels, seed, "
                 "episode_frames, rate_hz, frames_digest, content_sha256, graphics, version, file "
@@ -229,7 +232,7 @@ class RunStore:
         return database
 
     def query(self, sql: str) -> QueryResult:
-        """Run a SELECT over the views `episodes`, `frames` and `summary`; nothing outside the run folder is read.
+        """Run a SELECT over the views of `database`; nothing outside the run folder is read.
 
         Raises:
             RunError: Nothing is there yet, or the SQL is wrong or does more than select.

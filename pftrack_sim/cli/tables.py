@@ -221,7 +221,7 @@ def print_axes(store: RunStore) -> None:
     """Print scores over every axis with at least two levels, on the same frames at each."""
     from pftrack_sim.benchmark.degradation import TITLES, degradation, table_rows
 
-    found = degradation(store)
+    found = degradation(store).curves
     for measure, title in TITLES.items():
         rows = table_rows(found, measure)
         if rows:

@@ -126,7 +126,7 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
         "conditions": [condition.name for condition in conditions],
         "axes": [
             [one.at.label, one.at.x, one.tracker, scenarios.index(one.scenario), one.seed, _json(one.overlap)]
-            for one in degradation(store)
+            for one in degradation(store).curves
         ],
         "measures": [[name, MEASURES[name]] for name in measures],
         "rows": rows,

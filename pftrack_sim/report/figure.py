@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import importlib
 import importlib.util
-from collections.abc import Callable, Generator, Mapping
+import math
+from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -14,17 +15,19 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
-from pftrack_sim.benchmark.degradation import degradation, seed_means
+from pftrack_sim.benchmark.degradation import STAY, Crossing, Degradation, degradation, seed_means
 from pftrack_sim.benchmark.files import atomic_write
-from pftrack_sim.core import random_streams
+from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import by_episode, read_frames
-
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
-"""Colours that the colour-blind can tell apart (Okabe & Ito 2008), the yellow darkened for thin lines on white."""
+from pftrack_sim.report.markdown import number_text
 
 LINES = ("-", "--", ":", "-.")
+"""Dashes of trackers that share a colour, in this order."""
+
+_WIDE, _HIGH = 4.6, 3.2  # Size of a plot [inches].
+_MAP_COLUMNS = 3
 
 
 def write_figure(path: Path, target: Path) -> Path:
@@ -47,13 +50,8 @@ def write_figure(path: Path, target: Path) -> Path:
     with own_style():
         from matplotlib.figure import Figure
 
-        figure: Any = Figure(figsize=(4.6, 3.2), layout="constrained")
-        axes: Any = figure.add_subplot()
-        FIGURES[target.stem](store, axes)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(alpha=0.25)
-        for text in axes.legend(fontsize=7, frameon=False).get_texts():
-            text.set_parse_math(False)  # a tracker's name is no formula
+        figure: Any = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
+        FIGURES[target.stem](store, figure)
         with atomic_write(target) as part:
             # Without a date the same run gives the same file.
             metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(target.suffix, {})
@@ -82,8 +80,23 @@ def require_matplotlib() -> None:
         raise ParameterError("figures need matplotlib: pip install 'pftrack-sim[figures]'")
 
 
-def _style(index: int) -> dict[str, Any]:
-    return {"color": COLOURS[index % len(COLOURS)], "linestyle": LINES[index // len(COLOURS) % len(LINES)], "lw": 1.4}
+def _plot(figure: Any, *at: int) -> Any:
+    axes = figure.add_subplot(*at)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.25)
+    return axes
+
+
+def _legend(axes: Any) -> None:
+    for text in axes.legend(fontsize=7, frameon=False).get_texts():
+        text.set_parse_math(False)  # a tracker's name is no formula
+
+
+def _style(store: RunStore, label: str) -> dict[str, Any]:
+    place = palette.places_of(store.plan.labels).get(label)
+    colour = palette.hexadecimal(palette.colours_of(store.plan.labels).get(label, palette.ORACLE))
+    line = LINES[place // len(palette.TRACKERS) % len(LINES)] if place is not None else ":" if label == STAY else "-"
+    return {"color": colour, "linestyle": line, "lw": 1.4}
 
 
 def _pooled(store: RunStore, column: Literal["overlap", "centre_error_px"]) -> dict[str, FloatArray]:
@@ -95,36 +108,83 @@ def _pooled(store: RunStore, column: Literal["overlap", "centre_error_px"]) -> d
     return {label: np.concatenate(parts) for label, parts in pooled.items()}
 
 
-def _success(store: RunStore, axes: Any) -> None:
+def _success(store: RunStore, figure: Any) -> None:
+    axes = _plot(figure)
     axes.set(xlabel="overlap threshold", ylabel="success rate", xlim=(0, 1), ylim=(0, 1))
-    for index, (tracker, overlap) in enumerate(_pooled(store, "overlap").items()):
+    for tracker, overlap in _pooled(store, "overlap").items():
         label = f"{tracker} [{score.area_under_success(overlap):.3f}]"
-        axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, **_style(index))
+        axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, **_style(store, tracker))
+    _legend(axes)
 
 
-def _precision(store: RunStore, axes: Any) -> None:
+def _precision(store: RunStore, figure: Any) -> None:
+    axes = _plot(figure)
     axes.set(xlabel="centre error threshold [px]", ylabel="precision", xlim=(0, 50), ylim=(0, 1))
-    for index, (tracker, error) in enumerate(_pooled(store, "centre_error_px").items()):
+    for tracker, error in _pooled(store, "centre_error_px").items():
         curve = score.precision_curve(error)
-        axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=f"{tracker} [{curve[20]:.3f}]", **_style(index))
+        label = f"{tracker} [{curve[20]:.3f}]"
+        axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=label, **_style(store, tracker))
+    _legend(axes)
 
 
-def _degradation(store: RunStore, axes: Any) -> None:
+def _degradation(store: RunStore, figure: Any) -> None:
+    """The curve over the first axis; of axes swept together a map for each tracker, and below them the curves."""
     found = degradation(store)
-    if not found:
+    if not found.curves:
         raise ParameterError("this run has no axis with two levels: run bench with --axis NAME=0,1,2")
-    label = found[0].at.label
+    if not found.maps:
+        _curves(store, found.curves, found.curves[0].at.label, _plot(figure))
+        return
+    pair = (found.maps[0].first.axis, found.maps[0].second.axis)
+    maps = [one for one in found.maps if (one.first.axis, one.second.axis) == pair]
+    trackers = list(dict.fromkeys(one.tracker for one in maps))
+    rows = -(-len(trackers) // _MAP_COLUMNS)
+    figure.set_size_inches(2.0 * _WIDE, 0.8 * _HIGH * rows + _HIGH)
+    upper, lower = figure.subfigures(2, 1, height_ratios=[0.8 * rows, 1.0])
+    shown: Any = None
+    for place, tracker in enumerate(trackers):
+        own = [one for one in maps if one.tracker == tracker]
+        axes = upper.add_subplot(rows, _MAP_COLUMNS, place + 1)
+        shown = _map(own, axes)
+        axes.set_title(tracker, fontsize=8, parse_math=False)
+    upper.colorbar(shown, ax=upper.axes, label="mean overlap")
+    marginal = dict.fromkeys(one.at.label for one in found.curves if " over " in one.at.axis)
+    labels = list(marginal)[:2]
+    for place, label in enumerate(labels):
+        _curves(store, found.curves, label, _plot(lower, 1, len(labels), place + 1))
+
+
+def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: Any) -> None:
     axes.set(xlabel=label, ylabel="mean overlap", ylim=(0, 1))
-    own = [one for one in found if one.at.label == label]
-    for index, tracker in enumerate(dict.fromkeys(one.tracker for one in own)):
+    own = [one for one in curves if one.at.label == label]
+    for tracker in dict.fromkeys(one.tracker for one in own):
         points: list[tuple[float, float, float, float]] = []
         for x in dict.fromkeys(one.at.x for one in own):
             means = seed_means([one for one in own if (one.tracker, one.at.x) == (tracker, x)], "overlap")
             low, high = score.bootstrap_interval(means, random_streams.stream(0, "bootstrap", tracker, str(x)))
-            points.append((x, float(np.nanmean(means)), low, high))
+            points.append((x, float(np.mean(means)) if means else math.nan, low, high))
         x, mean, low, high = np.array(sorted(points)).T
-        axes.plot(x, mean, marker="o", ms=3, label=tracker, **_style(index))
-        axes.fill_between(x, low, high, color=COLOURS[index % len(COLOURS)], alpha=0.15, lw=0)
+        style = _style(store, tracker)
+        axes.plot(x, mean, marker="o", ms=3, label=tracker, **style)
+        axes.fill_between(x, low, high, color=style["color"], alpha=0.15, lw=0)
+    _legend(axes)
+
+
+def _map(own: Sequence[Crossing], axes: Any) -> Any:
+    """Mean overlaps of one tracker as a heat map with numbers."""
+    columns, rows = (list(dict.fromkeys(getattr(one, name) for one in own)) for name in ("first", "second"))
+    cells = [[[one.overlap for one in own if (one.first, one.second) == (column, row) and not math.isnan(one.overlap)]
+              for column in columns] for row in rows]  # fmt: skip
+    means = np.array([[float(np.mean(values)) if values else math.nan for values in line] for line in cells])
+    shown = axes.imshow(means, vmin=0.0, vmax=1.0, cmap="viridis", origin="lower", aspect="auto")
+    for (row, column), value in np.ndenumerate(means):
+        ink = "black" if value > 0.6 else "white"
+        axes.text(column, row, number_text(value, 2), ha="center", va="center", fontsize=7, color=ink)
+    axes.set_xticks(range(len(columns)), [f"{one.x:g}" for one in columns], fontsize=7)
+    axes.set_yticks(range(len(rows)), [f"{one.x:g}" for one in rows], fontsize=7)
+    axes.set_xlabel(columns[0].label, fontsize=7)
+    axes.set_ylabel(rows[0].label, fontsize=7)
+    return shown
 
 
 FIGURES: Mapping[str, Callable[[RunStore, Any], None]] = MappingProxyType(

@@ -158,7 +158,7 @@ def _summary(results: Sequence[Result]) -> str:
 
 def _axes(store: RunStore) -> Iterator[str]:
     """Scores over every axis with at least two levels, a row for each."""
-    found = degradation(store)
+    found = degradation(store).curves
     for measure, title in TITLES.items():
         rows = table_rows(found, measure)
         if rows:

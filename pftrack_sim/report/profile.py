@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.benchmark.files import atomic_write
-from pftrack_sim.report.figure import COLOURS, own_style
+from pftrack_sim.core.palette import TRACKERS, hexadecimal
+from pftrack_sim.report.figure import own_style
 from pftrack_sim.score.profile import NUMBERS, Profile, recorded_quantiles
 
 _SHARES = ("stay_overlap", "ncc_to_first", "ncc_to_previous", "colour_change", "distinct_from_surround")
@@ -52,10 +53,10 @@ def write_profile_figure(profiles: Mapping[str, Profile], target: Path) -> Path:
             strip.xaxis.set_minor_locator(NullLocator())
         strip.set(xlim=ends, ylim=(0, 1), yticks=[])
         for index, (label, one) in enumerate(profiles.items()):
-            colour, marker = COLOURS[index % len(COLOURS)], _MARKERS[index // len(COLOURS) % len(_MARKERS)]
+            colour, marker = TRACKERS[index % len(TRACKERS)], _MARKERS[index // len(TRACKERS) % len(_MARKERS)]
             # Spread over the height of the strip, so that equal numbers can be told apart; 0 lies at the left end.
             height, place = (index + 1) / (len(profiles) + 1), np.clip(getattr(one, name), *ends)
-            strip.plot([place], [height], marker, ms=4, color=colour, label=label, clip_on=False)
+            strip.plot([place], [height], marker, ms=4, color=hexadecimal(colour), label=label, clip_on=False)
         strip.set_ylabel(name, rotation=0, ha="right", va="center", fontsize=8)
         strip.tick_params(labelsize=6, pad=1, which="both")
         strip.spines[["top", "left", "right"]].set_visible(False)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import Condition, RunStore, make_plan, run
-from pftrack_sim.benchmark.degradation import STAY, axis_of, degradation, table_rows
+from pftrack_sim.benchmark.degradation import STAY, degradation, levels_of, table_rows
 from pftrack_sim.benchmark.planning import join_plans
 
 SMALL: dict[str, Any] = {
@@ -32,7 +32,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
 
 
 def of(store: RunStore, axis: str, tracker: str) -> list[float]:
-    return [one.overlap for one in degradation(store) if (one.at.axis, one.tracker) == (axis, tracker)]
+    return [one.overlap for one in degradation(store).curves if (one.at.axis, one.tracker) == (axis, tracker)]
 
 
 def test_the_oracle_and_the_box_that_stays_are_flat_over_occlusion(swept: RunStore):
@@ -45,7 +45,7 @@ def test_the_oracle_and_the_box_that_stays_are_flat_over_occlusion(swept: RunSto
 
 
 def test_every_axis_has_the_level_zero_of_the_same_scenario(swept: RunStore):
-    levels = [(one.at.axis, one.at.level) for one in degradation(swept) if one.tracker == STAY]
+    levels = [(one.at.axis, one.at.level) for one in degradation(swept).curves if one.tracker == STAY]
     assert levels == [("occlusion", 0), ("occlusion", 0.5), ("occlusion", 2), ("stream", 0), ("stream", 3)]
 
 
@@ -55,7 +55,7 @@ def test_lost_frames_change_the_box_that_stays_by_no_more_than_their_gaps(swept:
 
 
 def test_recoveries_stand_beside_the_overlap(swept: RunStore):
-    rows = [row for row in table_rows(degradation(swept), "recovered") if row.at.axis == "occlusion"]
+    rows = [row for row in table_rows(degradation(swept).curves, "recovered") if row.at.axis == "occlusion"]
     assert [row.at.level for row in rows] == [0.5, 2.0]
     assert [row.means["oracle"] for row in rows] == [1.0, 1.0]
 
@@ -66,18 +66,36 @@ def test_level_zero_is_shared_only_by_equal_scenarios(tmp_path: Path):
     other = make_plan(
         ["easy/corridor"], ["stay"], [0], axes={"noise": (1,)}, overrides={**small, "camera.fovy_deg": 40.0}
     )
-    assert degradation(run(join_plans([base, other]), tmp_path / "run", videos="none", workers=0)) == []
+    assert degradation(run(join_plans([base, other]), tmp_path / "run", videos="none", workers=0)).curves == ()
 
 
 def test_axes_have_their_own_unit():
-    severe = axis_of(Condition(levels=(("blur", 2.0),)))
-    assert severe is not None
+    (severe,) = levels_of(Condition(levels=(("blur", 2.0),)))
     assert severe.label == "blur [ms]"
-    assert severe.x == 2.0 * axis_of(Condition(levels=(("blur", 1.0),))).x  # pyright: ignore[reportOptionalMemberAccess]
-    parameter = axis_of(Condition(levels=(("jitter.wind_rms_deg", 0.5),)))
-    assert parameter is not None
+    assert severe.x == 2.0 * levels_of(Condition(levels=(("blur", 1.0),)))[0].x
+    (parameter,) = levels_of(Condition(levels=(("jitter.wind_rms_deg", 0.5),)))
     assert (parameter.axis, parameter.x, parameter.label) == ("jitter.wind_rms_deg", 0.5, "jitter.wind_rms_deg")
-    assert axis_of(Condition()) is axis_of(Condition(levels=(("jitter", 1.0), ("light", 1.0)))) is None
-    named = axis_of(Condition(levels=(("occlusion", 9.0),), variant="stranger"))
-    assert named is not None
+    assert levels_of(Condition()) == ()
+    (named,) = levels_of(Condition(levels=(("occlusion", 9.0),), variant="stranger"))
     assert (named.axis, named.label) == ("stranger occlusion", "occlusion (stranger) [s]")
+
+
+def test_axes_swept_together_give_a_map_and_its_marginal_curves(tmp_path: Path):
+    axes = {"noise": (0, 2), "stream": (0, 3)}
+    plan = make_plan(["easy/corridor"], ["ncc"], [3], axes=axes, overrides={**SMALL, "duration_s": 1.0})
+    found = degradation(run(plan, tmp_path / "run", videos="none", workers=0))
+    cells = {(one.first.level, one.second.level): one.overlap for one in found.maps if one.tracker == "ncc"}
+    assert list(cells) == [(0, 0), (0, 3), (2, 0), (2, 3)]
+    curves = {(one.at.axis, one.at.level): one.overlap for one in found.curves if one.tracker == "ncc"}
+    assert set(curves) == {(f"{axis} over {other}", level) for axis, other in (("noise", "stream"), ("stream", "noise"))
+                           for level in axes[axis]}  # fmt: skip
+    for level in (0, 2):
+        assert curves["noise over stream", level] == pytest.approx((cells[level, 0] + cells[level, 3]) / 2, abs=1e-12)
+
+
+def test_an_axis_with_one_level_is_no_part_of_a_map(tmp_path: Path):
+    axes = {"noise": (0, 2), "stream": (3,)}
+    plan = make_plan(["easy/corridor"], ["stay"], [3], axes=axes, overrides={**SMALL, "duration_s": 0.5})
+    found = degradation(run(plan, tmp_path / "run", videos="none", workers=0))
+    assert {one.at.axis for one in found.curves} == {"noise"}
+    assert found.maps == ()

@@ -98,6 +98,16 @@ def test_figures_for_papers(finished: Path, tmp_path: Path, name: str):
     assert [path.name for path in target.parent.iterdir()] == [name]
 
 
+def test_axes_swept_together_are_drawn_as_maps_and_curves(tmp_path: Path):
+    axes = {"noise": (0, 2), "stream": (0, 3)}
+    small = {**SMALL, "camera.rate_hz": 10.0}
+    store = run(make_plan(["easy/corridor"], ["ncc"], [0], axes=axes, overrides=small), tmp_path / "run", videos="none")
+    drawn = report.write_figure(store.path, tmp_path / "axis.svg").read_text()
+    for words in ("noise [", "stream [", "mean over stream", "mean over noise", "ncc", "stay"):
+        assert words in drawn  # as comments beside the outlines of their letters
+    assert drawn.count("<image") == 3  # a map for each tracker, and the colour bar
+
+
 def test_unknown_figures_are_errors(finished: Path, tmp_path: Path):
     with pytest.raises(UnknownNameError, match="did you mean 'success'"):
         report.write_figure(finished, tmp_path / "succes.pdf")

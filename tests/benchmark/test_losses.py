@@ -1,0 +1,126 @@
+"""Losses begin where the target was tracked last, and carry what the truth says of that moment."""
+
+from typing import Any
+
+import duckdb
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import make_plan, run
+from pftrack_sim.benchmark.losses import TAGS, create_loss_views, loss_shares
+from pftrack_sim.benchmark.sinks import nearest_person
+from pftrack_sim.core.errors import RunError
+
+
+def losses(overlap: list[float], **truth: Any) -> list[dict[str, Any]]:
+    """Losses of an episode with these overlaps, ten frames a second; the truth is calm but for what is given."""
+    count = len(overlap)
+    columns: dict[str, Any] = {
+        "frame": np.arange(count),
+        "time_s": np.arange(count) / 10.0,
+        "overlap": np.array(overlap),
+    }
+    calm = {
+        "visible_fraction": 1.0,
+        "truncation": 0.0,
+        "image_motion_px": 1.0,
+        "nearest_person": np.inf,
+        "luminance": 0.4,
+    }
+    columns |= {name: np.asarray(truth.get(name, [value] * count), dtype=float) for name, value in calm.items()}
+    columns["scored"] = columns["visible_fraction"] > 0.0
+    columns["height"] = np.asarray(truth.get("height", [100.0] * count), dtype=float)
+    with duckdb.connect() as database:
+        database.register("given", columns)
+        database.execute(
+            "CREATE VIEW frames AS SELECT 'open' AS kind, 's' AS scenario, 'base' AS condition, 0 AS seed, "
+            "'t' AS label, * EXCLUDE height, [0.0, 0.0, height / 4, height] AS amodal_box FROM given"
+        )
+        create_loss_views(database)
+        table = database.execute("FROM losses")
+        names = [one[0] for one in table.description or ()]
+        return [dict(zip(names, row, strict=True)) for row in table.fetchall()]
+
+
+def during(loss: dict[str, Any]) -> set[str]:
+    return {tag for tag in TAGS if loss[tag]}
+
+
+def test_a_loss_begins_with_the_last_tracked_frame_and_ends_with_the_next():
+    (loss,) = losses([1.0] * 10 + [0.2, 0.1, 0.0, 0.0, 0.1, 0.0] + [0.5] * 4)
+    assert (loss["frame"], loss["zero_frame"], loss["found_s"]) == (9, 12, 1.6)
+    assert during(loss) == set()
+
+
+def test_low_overlap_alone_is_no_loss_and_a_loss_counts_once():
+    assert losses([1.0] * 5 + [0.05] * 10 + [0.6] * 5) == []
+    found = losses([1.0, 0.0, 0.4, 0.0, 0.2, 0.0])
+    assert [(loss["frame"], loss["found_s"]) for loss in found] == [(0, 0.2), (2, None)]
+
+
+def test_frames_without_the_target_are_no_loss():
+    visible = [1.0] * 5 + [0.0] * 5 + [1.0] * 5
+    assert losses([1.0] * 5 + [0.0] * 5 + [0.8] * 5, visible_fraction=visible) == []
+    (loss,) = losses([1.0] * 5 + [0.0] * 10, visible_fraction=visible)
+    assert (loss["frame"], loss["zero_frame"]) == (4, 10)
+    assert during(loss) == {"occluded"}
+
+
+@pytest.mark.parametrize(
+    ("tag", "name", "before", "at"),
+    [
+        ("occluded", "visible_fraction", 1.0, 0.4),
+        ("look_alike_near", "nearest_person", np.inf, 0.8),
+        ("light_change", "luminance", 0.4, 0.2),
+        ("fast_motion", "image_motion_px", 1.0, 40.0),
+        ("truncated", "truncation", 0.0, 0.3),
+        ("scale_change", "height", 100.0, 150.0),
+    ],
+)
+def test_each_tag_is_what_happens_around_the_loss(tag: str, name: str, before: float, at: float):
+    for frame, tagged in ((24, True), (16, True), (8, False), (29, False)):
+        values = np.full(40, before)
+        values[frame] = at
+        (loss,) = losses([1.0] * 21 + [0.0] * 19, **{name: values})
+        assert (during(loss) == {tag}) is tagged, f"{tag} in frame {frame}, lost in frame 20"
+
+
+def test_unknown_numbers_are_no_tags():
+    unknown = np.full(10, np.nan)
+    truth = dict.fromkeys(("image_motion_px", "nearest_person", "luminance", "truncation"), unknown)
+    (loss,) = losses([1.0] * 5 + [0.0] * 5, **truth)
+    assert during(loss) == set()
+
+
+def test_a_run_answers_for_its_losses(tmp_path):
+    small = {"duration_s": 3.0, "camera.width_px": 64, "camera.height_px": 48, "camera.rate_hz": 10.0}
+    plan = make_plan(["plaza-walk"], ["oracle", "stay"], [0], overrides={**small, "lights.shadows": False})
+    store = run(plan, tmp_path / "run", videos="none", workers=0)
+    shares = loss_shares(store)
+    assert list(shares) == ["oracle", "stay"]
+    assert (shares["oracle"].losses, shares["oracle"].episodes) == (0, 0)
+    counted = store.query("SELECT count(*), avg(occluded::INTEGER) FROM losses WHERE label = 'stay'").rows
+    assert counted == [(shares["stay"].losses, shares["stay"].shares["occluded"])]
+    assert shares["stay"].losses > 0
+    assert shares["stay"].frames == shares["oracle"].frames
+    nearest = [row[0] for row in store.query("SELECT nearest_person FROM frames WHERE label = 'stay'").rows]
+    assert len(nearest) == 30
+    assert all(value > 0.0 for value in nearest)
+    with pytest.raises(RunError):
+        store.query("SELECT nothing FROM losses")
+
+
+def test_the_nearest_person_is_measured_in_sizes_of_the_target():
+    from types import SimpleNamespace
+
+    def person(name: str, box: tuple[float, ...], scored: bool = True) -> Any:
+        return SimpleNamespace(name=name, amodal_box=np.array(box), scored=scored)
+
+    target, other = person("target", (100.0, 50.0, 25.0, 100.0)), person("distractor-1", (150.0, 50.0, 25.0, 100.0))
+    hidden = person("distractor-2", (100.0, 50.0, 25.0, 100.0), scored=False)
+    frame: Any = SimpleNamespace(truth=target, people=(target, other, hidden))
+    assert nearest_person(frame) == pytest.approx(1.0)
+    alone: Any = SimpleNamespace(truth=target, people=(target, hidden))
+    assert nearest_person(alone) == np.inf
+    gone: Any = SimpleNamespace(truth=person("target", (np.nan,) * 4), people=(other,))
+    assert np.isnan(nearest_person(gone))
