@@ -160,7 +160,8 @@ def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) 
         for grid in series[scenario]:
             shown = [(at, condition) for at, condition in grid if condition in conditions]
             swept = [axis for axis in range(len(grid[0][0])) if len({at[axis] for at, _ in shown}) > 1]
-            if not swept:
+            # Means over a grid with gaps would compare different combinations.
+            if not swept or (len(grid[0][0]) > 1 and len(shown) < len(grid)):
                 continue
             for _, condition in shown:
                 if condition not in read:

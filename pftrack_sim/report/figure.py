@@ -180,8 +180,8 @@ def _map(own: Sequence[Crossing], axes: Any) -> Any:
     for (row, column), value in np.ndenumerate(means):
         ink = "black" if value > 0.6 else "white"
         axes.text(column, row, number_text(value, 2), ha="center", va="center", fontsize=7, color=ink)
-    axes.set_xticks(range(len(columns)), [f"{one.x:g}" for one in columns], fontsize=7)
-    axes.set_yticks(range(len(rows)), [f"{one.x:g}" for one in rows], fontsize=7)
+    axes.set_xticks(range(len(columns)), [f"{one.x:.3g}" for one in columns], fontsize=7)
+    axes.set_yticks(range(len(rows)), [f"{one.x:.3g}" for one in rows], fontsize=7)
     axes.set_xlabel(columns[0].label, fontsize=7)
     axes.set_ylabel(rows[0].label, fontsize=7)
     return shown
