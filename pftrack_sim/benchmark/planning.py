@@ -24,7 +24,7 @@ from pftrack_sim.benchmark.suite import Suite, is_suite, load_suite, suite_names
 from pftrack_sim.controllers import code_digest as controller_code
 from pftrack_sim.controllers import make as make_controller
 from pftrack_sim.core.code_digest import file_digest
-from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.scenario.axes import axes_by_name
@@ -86,8 +86,33 @@ def make_plan(
     plan = make_checked_plan((sweep,), _with_controllers(specs, controllers, latency_ms or {}))
     for scenario in loaded:
         for condition in conditions:
-            scenarios.load(scenario, condition.overrides)  # wrong levels are reported now
+            changed = scenarios.load(scenario, condition.overrides)  # wrong levels are reported now
+            _check_effect(changed, condition, plan.sweeps[0].seeds[0])
     return plan
+
+
+def _check_effect(scenario: scenarios.Scenario, condition: Condition, seed: int) -> None:
+    """Raise ScenarioError where an axis is on whose events all come after the end of the episode."""
+    names = dict.fromkeys(axis.partition(".")[0] for axis, level in condition.levels if level and axis != LATENCY)
+    settings = scenario.resolve(seed) if names else None
+    problems = [scenarios.axis_without_effect(settings, name) for name in names] if settings is not None else []
+    if any(problems):
+        raise ScenarioError(f"{scenario.name} {condition.name}", [line for line in problems if line is not None])
+
+
+def late_events(plan: Plan) -> list[str]:
+    """One line for each scenario and condition in which something begins after the episode, at the first seed."""
+    lines: dict[str, str] = {}
+    for sweep in plan.sweeps:
+        for spec in sweep.scenarios:
+            for condition in sweep.conditions:
+                changed = scenarios.load(scenarios.Scenario(spec.name, spec.tree), condition.overrides)
+                settings = changed.resolve(sweep.seeds[0])
+                late = ", ".join(scenarios.late_events(settings))
+                if late:
+                    said = f"{spec.name} lasts {settings.duration_s:g} s, so that these never happen: {late}"
+                    lines.setdefault(said, said)
+    return list(lines)
 
 
 def _with_controllers(

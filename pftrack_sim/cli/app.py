@@ -77,6 +77,8 @@ def render(
     if (video is None) == (image is None):
         raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
+    late = scenarios.late_events(loaded.resolve(seed))
+    tables.print_warnings([f"after the end of the episode: {', '.join(late)}"] if late else [])
     if params and tracker is None:
         raise ParameterError("--param needs --trackers: it is theirs")
     specs = parse_trackers(tracker, preset, params or []) if tracker is not None else []

@@ -96,7 +96,9 @@ def _run(
 ) -> None:
     """Run a plan, print its results, and write the report."""
     from pftrack_sim.benchmark import new_run_path, run
+    from pftrack_sim.benchmark.planning import late_events
 
+    tables.print_warnings(late_events(plan))
     path = out if out is not None else new_run_path(plan)
     with show_run(progress, path) as on_progress:
         finished = run(

@@ -329,6 +329,13 @@ def print_lines(lines: Iterable[str]) -> None:
         console.print(line, soft_wrap=True)
 
 
+def print_warnings(lines: Sequence[str]) -> None:
+    """Print warnings on standard error, one line each."""
+    more = [f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else []
+    for line in [*lines[:_MOST_LINES], *more]:
+        print(f"pftrack-sim: warning: {line}", file=sys.stderr)  # noqa: T201
+
+
 def print_query(answer: QueryResult, layout: str) -> None:
     """Print the rows of a query as a table, as CSV, or as lines of JSON.
 

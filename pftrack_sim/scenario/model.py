@@ -115,7 +115,9 @@ class Jitter(Section):
     Band-limited Gaussian motion: independent roll, pitch, yaw and x, y, z, each with the RMS given.
     """
 
-    angular_rms_deg: NotNegative = Field(default=0.0, description="RMS of each of roll, pitch and yaw.")
+    angular_rms_deg: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
+        default=0.0, description="RMS of each of roll, pitch and yaw."
+    )
     translational_rms_mm: NotNegative = Field(default=0.0, description="RMS along each of x, y and z.")
     band_hz: tuple[Positive, Positive] = Field(default=(1.0, 12.0), description="Lowest and highest frequency.")
 

@@ -25,6 +25,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
+from pftrack_sim.simulation.feasibility import placement_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
 
 
@@ -32,8 +33,8 @@ class World:
     """Place, robot, people and carts of one episode, at time 0.
 
     Raises:
-        ScenarioError: A requested occlusion, oncoming pedestrian or swing of the robot is impossible, or the robot's
-            route meets an obstacle.
+        ScenarioError: A requested occlusion, oncoming pedestrian or swing of the robot is impossible, the robot's or
+            the target's way meets an obstacle, or the target is never in view.
     """
 
     def __init__(self, settings: ResolvedScenario, seed: int) -> None:
@@ -140,10 +141,13 @@ class World:
             script = Script(settings.robot, self._path, speed_m_s, axis, settings.camera, layout, self._seed)
         except ParameterError as error:
             raise ScenarioError(where, [str(error)]) from None
+        problems = placement_problems(settings, layout, self._path, script)
         hit = script.obstacle(layout, settings.duration_s)
         if hit is not None:
             name, x, y = hit
-            raise ScenarioError(where, [f"robot.route: the robot would run into {name!r} at {x:.1f}, {y:.1f}"])
+            problems.append(f"robot.route: the robot would run into {name!r} at {x:.1f}, {y:.1f}")
+        if problems:
+            raise ScenarioError(where, problems)
         return script
 
     def _carried(self, anatomy: Anatomy) -> CarriedItems:

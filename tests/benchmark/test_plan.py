@@ -73,6 +73,8 @@ def test_wrong_names_and_levels():
         make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter.bandhz": [1]})
     with pytest.raises(ScenarioError, match="severity"):
         make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter": [-1]})
+    with pytest.raises(ScenarioError, match=r"corridor occlusion=1.*\n.*its first event ends at 6 s"):
+        make_plan(["corridor"], ["stay"], [0], axes={"occlusion": [0, 1]}, overrides={"duration_s": 3.0})
     with pytest.raises(ParameterError, match="given twice: stay"):
         make_plan(["plaza-walk"], ["stay", "stay"], [0])
     with pytest.raises(ParameterError, match="at least one seed"):

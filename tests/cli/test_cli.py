@@ -116,6 +116,7 @@ def test_a_target_that_is_never_visible_is_said_and_reported(command: str, tmp_p
     assert "the target is never visible, and nothing is scored, in corridor seed 0" in done.stdout
     assert "nan" not in done.stdout
     assert (tmp_path / "a/report.html").is_file()
+    assert "warning: corridor lasts 0.5 s, so that these never happen: target.actions.0 (pace)" in done.stderr
 
 
 def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
@@ -327,6 +328,10 @@ WRONG = [
     (["query", "absent-folder", "SELECT 1"], "absent-folder is not a run folder"),
     (["merge", "out", "absent-folder"], "absent-folder is not a run folder"),
     (["bench", "plaza-walk", "--set", "camera.widthpx=3"], "did you mean 'width_px'"),
+    (["bench", "plaza-walk", "--set", "duration_s=1e9"], "duration_s: got 1e+09"),
+    (["bench", "plaza-walk", "--set", "jitter.angular_rms_deg=50"], "jitter.angular_rms_deg: got 50"),
+    (["bench", "plaza-walk", "--set", "axes.jitter.ground_rms_deg=50"], "may shake by at most 40 deg"),
+    (["bench", "plaza-walk", "--set", "duration_s=3", "--axis", "occlusion=0,1"], "axes.occlusion: has no effect"),
     (["bench", "plaza-walk", "--set", "camera"], "--set takes KEY=VALUE"),
     (["bench", "plaza-walk", "--videos", "some"], "videos must be one of"),
     (["bench", "plaza-walk", "--backend", "vulkan"], "egl"),

@@ -54,6 +54,11 @@ class Axis(Section):
         return self.severity * float(getattr(self, type(self).headline))
 
     @property
+    def events_s(self) -> tuple[float, ...]:
+        """When each of its events begins at this severity; none for an axis that acts all the time."""
+        return ()
+
+    @property
     def compared_from_s(self) -> float:
         """Time from which frames are compared between severities."""
         return 0.0

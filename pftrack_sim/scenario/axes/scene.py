@@ -55,6 +55,11 @@ class OcclusionAxis(Axis):
         return tuple((self.end_s + number * self.every_s - length, length) for number in range(self.count))
 
     @property
+    def events_s(self) -> tuple[float, ...]:
+        """When each cover begins."""
+        return tuple(at_s for at_s, _ in self.spans_s)
+
+    @property
     def compared_from_s(self) -> float:
         """The end of the first cover: before it, a higher severity leaves fewer frames."""
         return self.end_s
@@ -117,6 +122,11 @@ class DistractorsAxis(Axis):
         return tuple(self.at_s + number * self.every_s for number in range(math.ceil(self.severity * self.count)))
 
     @property
+    def events_s(self) -> tuple[float, ...]:
+        """When each person is nearest."""
+        return self.times_s
+
+    @property
     def passings_s(self) -> tuple[float, ...]:
         """Times at which people pass beside the target."""
         return {"both": self.times_s[1::2], "across": (), "beside": self.times_s}[self.where]
@@ -174,6 +184,12 @@ class TargetAxis(Axis):
                 return Crouch(kind="crouch", at_s=at_s)
             case "run":
                 return Run(kind="run", at_s=at_s, speed_m_s=self.run_m_s)
+
+    @property
+    def events_s(self) -> tuple[float, ...]:
+        """When the target leaves the view, where that is all this axis does; otherwise it acts all the time."""
+        others = self.severity * (self.faster_m_s + self.range_m + self.per_minute)
+        return (self.leave_at_s,) if self.away_s > 0.0 and not others else ()
 
     @property
     def every_s(self) -> float:
@@ -264,6 +280,11 @@ class LightAxis(Axis):
                 f"got {self.every_s:g}"
             )
         return self
+
+    @property
+    def events_s(self) -> tuple[float, ...]:
+        """When the change begins first, where it is the only part."""
+        return (self.at_s,) if self.on and self.parts == ("change",) else ()
 
     def course(self, time_s: float) -> float:
         """Share of the full change at this time, in [0, 1].

@@ -15,6 +15,10 @@ _Coefficient: TypeAlias = Annotated[float, Field(ge=-10.0, le=10.0)]
 RoadClass: TypeAlias = Literal["A", "B", "C", "D", "E"]
 
 
+MAX_SHAKE_DEG = 40.0
+"""Strongest shake of the axis at any severity, RMS of each of pitch, yaw and roll [deg]."""
+
+
 class JitterAxis(Axis):
     """Camera shake from the three sources of Ko et al. 2012: wind, ground vibration and road roughness."""
 
@@ -52,6 +56,11 @@ class JitterAxis(Axis):
     def _band_is_ordered(self) -> JitterAxis:
         if self.ground_band_hz[0] >= self.ground_band_hz[1]:
             raise ValueError(f"ground_band_hz must be [low, high] with low < high, got {list(self.ground_band_hz)}")
+        if self.physical > MAX_SHAKE_DEG:
+            raise ValueError(
+                f"the camera may shake by at most {MAX_SHAKE_DEG:g} deg RMS, got {self.physical:g} deg: severity "
+                f"{self.severity:g} times {self.angular_rms_deg:g} deg"
+            )
         return self
 
     @property

@@ -1,0 +1,84 @@
+"""Whether robot and target can be where a scenario puts them, and whether the camera can see the target at all.
+
+It is checked before anything is drawn, from the place, the target's path and the robot's start: no dry run.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M
+from pftrack_sim.agents.robot.script import Script
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scenario.model import StillRoute
+from pftrack_sim.scene.layout import WalkableArea
+from pftrack_sim.scene.robot import REST_YAW_RAD
+
+_STEP_M = 0.1
+_OUTSIDE_M = 1.0  # Paths may end this far outside the area that other pedestrians stay in
+_BODY_M = 0.2  # Half the depth of a person
+_LEAST_PX = 2.0  # A target that is lower than this in the image cannot be seen
+_VIEW_MARGIN_RAD = math.radians(20.0)  # For the width of the target, the operator's swings and the vibration
+
+
+def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path, script: Script) -> list[str]:
+    """One line for each thing that robot or target would stand in, and one if the camera never sees the target."""
+    walked_m = min(path.length_m, settings.target.speed_m_s * settings.duration_s)
+    target = np.stack(path.at(np.arange(0.0, walked_m + _STEP_M, _STEP_M))[:2])
+    start = script.start_pose()
+    robot = np.array([[start.x_m], [start.y_m]])
+    found = [_misplaced(target, layout, 0.0, "target.path_m: the target would walk through", "leave")]
+    if isinstance(settings.robot.route, StillRoute):
+        found.append(_misplaced(robot, layout, ROBOT_RADIUS_M, "robot.route: the robot would stand in", "be outside"))
+        gap_m = float(np.hypot(*(target - robot)).min())
+    else:
+        gap_m = float(np.hypot(*(target[:, :1] - robot)).min())
+    if gap_m < ROBOT_RADIUS_M + _BODY_M:
+        found.append(
+            f"robot.route: the robot would stand on the target: their centres come within {gap_m:.2f} m, "
+            f"at least {ROBOT_RADIUS_M + _BODY_M:.2f} m are needed"
+        )
+    found.append(_unseen(settings, target - robot))
+    return [line for line in found if line is not None]
+
+
+def _misplaced(points_m: FloatArray, layout: WalkableArea, radius_m: float, into: str, outside: str) -> str | None:
+    """The first thing that a disc at one of `(2, N)` points is in, or the point where it leaves the walkable area."""
+    distances = ObstacleMap(layout).distances(points_m)[0]
+    count = len(layout.footprints)
+    hit = np.flatnonzero((distances[:, :count] < radius_m).any(axis=1))
+    left = np.flatnonzero((distances[:, count:] < -_OUTSIDE_M).any(axis=1))
+    if len(hit):
+        x, y = points_m[:, hit[0]]
+        return f"{into} {layout.footprints[int(np.argmin(distances[hit[0], :count]))].name!r} at {x:.1f}, {y:.1f}"
+    if len(left):
+        x, y = points_m[:, left[0]]
+        x_min, y_min, x_max, y_max = layout.bounds_m
+        area = f"x {x_min:g} to {x_max:g}, y {y_min:g} to {y_max:g}"
+        where = into.rpartition(" would ")[0]
+        return f"{where} would {outside} the walkable area ({area}) at {x:.1f}, {y:.1f}"
+    return None
+
+
+def _unseen(settings: ResolvedScenario, offset_m: FloatArray) -> str | None:
+    """Why the target is never in view, from its `(2, N)` positions relative to a robot that stands still."""
+    robot, camera = settings.robot, settings.camera
+    half_v = math.radians(0.5 * camera.fovy_deg)
+    focal_px = 0.5 * camera.height_px / math.tan(half_v)
+    nearest_m = float(np.hypot(*offset_m).min())
+    if not isinstance(robot.route, StillRoute):
+        return None
+    if settings.target.height_m * focal_px < _LEAST_PX * nearest_m:
+        return f"target.path_m: the target is at least {nearest_m:.0f} m away: too small in the image to be seen"
+    if robot.gaze == "forward":
+        half = math.atan(0.5 * camera.width_px / focal_px) + _VIEW_MARGIN_RAD
+        ahead = math.radians(robot.route.heading_deg) + REST_YAW_RAD[camera.mount]
+        bearings = np.arctan2(offset_m[1], offset_m[0]) - ahead
+        if (np.abs((bearings + np.pi) % (2.0 * np.pi) - np.pi) > half).all():
+            return "robot.gaze: the target is never in view: the camera looks another way during the whole episode"
+    return None

@@ -1,0 +1,54 @@
+"""What cannot be is said before anything is drawn."""
+
+from typing import Any
+
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.simulation.world import World
+
+EASY: dict[str, Any] = {"distractors.count": 0, "occluders": [], "duration_s": 10.0}
+
+
+def still(x: float, y: float, heading_deg: float = 0.0) -> dict[str, Any]:
+    return {"robot.route": {"kind": "still", "start_m": [x, y], "heading_deg": heading_deg}}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"target.path_m": [[2, 0], [2, 12]], **still(0, 0)},
+            "target.path_m: the target would walk through 'wall-north-west'",
+        ),
+        ({"target.path_m": [[-5, 0], [-30, 0]], **still(0, 0)}, "the target would leave the walkable area"),
+        (still(0, 30), "robot.route: the robot would be outside the walkable area"),
+        (still(4, 0), "robot.route: the robot would stand on the target"),
+        ({"robot.route": {"kind": "trail", "distance_m": 0.2}}, "robot.route: the robot would stand on the target"),
+        ({**still(-3, 0, 180.0), "robot.gaze": "forward"}, "robot.gaze: the target is never in view"),
+        ({**still(-3, 0), "robot.gaze": "forward", "camera.mount": "back"}, "robot.gaze: the target is never in view"),
+    ],
+)
+def test_an_impossible_place_is_one_error(changes: dict[str, Any], words: str):
+    settings = scenario.load("easy/corridor", {**EASY, **changes}).resolve(0)
+    with pytest.raises(ScenarioError, match=words):
+        World(settings, 0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"target.path_m": [[0, 0], [12, 0]]}, "the target would walk through 'pillar-2' at 4."),
+        ({"robot.route": still(5, 0)["robot.route"]}, "the robot would stand in 'pillar-2' at 5.0, 0.0"),
+    ],
+)
+def test_the_thing_in_the_way_is_named(changes: dict[str, Any], words: str):
+    settings = scenario.load("warehouse", {**EASY, "target.actions": [], **still(-3, 1), **changes}).resolve(0)
+    with pytest.raises(ScenarioError, match=words):
+        World(settings, 0)
+
+
+def test_a_target_that_comes_into_view_or_is_turned_to_is_possible():
+    World(scenario.load("easy/corridor", {**EASY, **still(-3, 0), "camera.mount": "back"}).resolve(0), 0)
+    World(scenario.load("easy/corridor", {**EASY, **still(6, 1.2, -90), "robot.gaze": "forward"}).resolve(0), 0)
