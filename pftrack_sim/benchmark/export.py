@@ -96,14 +96,14 @@ def export(
     Simulation(
         next(plan.episodes()).scenario, backend=backend
     )  # A wrong renderer is reported before anything is written.
-    names = distinct_slugs(_name(episode) for episode in plan.episodes())
+    names = sequence_names(plan)
     folder = out / LAYOUTS[layout].sequences
     _begin(out, plan, layout, image, quality)
     _remove_parts(folder)
 
     def jobs() -> Iterator[ExportJob]:
-        for episode in plan.episodes():
-            path = folder / names[_name(episode)]
+        for episode, name in zip(plan.episodes(), names, strict=True):
+            path = folder / name
             if path.exists():
                 on_sequence()
             else:
@@ -113,7 +113,7 @@ def export(
         on_sequence()
     index = LAYOUTS[layout].index
     if index is not None:
-        lines = "".join(f"{name}\n" for name in names.values())
+        lines = "".join(f"{name}\n" for name in names)
         write_bytes(out / index, (LAYOUTS[layout].index_head + lines).encode())
     return out
 
@@ -211,9 +211,14 @@ class _SequenceWriter:
         return self.identities.setdefault(name, len(self.identities) + 1)
 
 
-def _name(episode: Episode) -> str:
-    condition = "" if episode.condition.name == "base" else f"-{episode.condition.name}"
-    return f"{episode.scenario.name}{condition}-{episode.seed:04d}"
+def sequence_names(plan: Plan) -> list[str]:
+    """Names of the sequences of a plan's episodes, in their order: `plaza-walk-0003`, `corridor-jitter-2-0000`."""
+
+    def name(episode: Episode) -> str:
+        condition = "" if episode.condition.name == "base" else f"-{episode.condition.name}"
+        return f"{episode.scenario.name}{condition}-{episode.seed:04d}"
+
+    return list(distinct_slugs(name(episode) for episode in plan.episodes()).values())
 
 
 def _begin(out: Path, plan: Plan, layout: str, image: str, quality: int) -> None:

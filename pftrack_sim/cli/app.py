@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pftrack_sim.cli import reading, running, tables
+from pftrack_sim.cli import reading, results, running, tables
 from pftrack_sim.cli.export import export
 from pftrack_sim.cli.options import Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.profile import profile
@@ -136,6 +136,8 @@ for name, command in {
     "follow": running.follow,
     "evaluate": running.evaluate,
     "export": export,
+    "export-results": results.export_results,
+    "score": results.score,
     "compare": reading.compare,
     "report": reading.report,
     "query": reading.query,

@@ -99,7 +99,7 @@ def print_bench(results: Sequence[Result]) -> None:
     groups: dict[tuple[str, str], list[Summary]] = {}
     for one in results:
         groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one.measures)
-    _print_groups("frames in which the target is visible", groups)
+    print_groups("frames in which the target is visible", groups)
     errors = [f"{one.label} ended with an error on {_where(one)}, {one.error}" for one in results if one.error]
     unseen = dict.fromkeys(_where(one) for one in results if one.never_seen)
     for lines in (errors, [f"the target is never visible, and nothing is scored, in {where}" for where in unseen]):
@@ -268,24 +268,24 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     groups: dict[tuple[str, str], list[Summary]] = {}
     for one in results:
         groups.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
-    _print_groups("frames with a known box", groups)
+    print_groups("frames with a known box", groups)
     for one in results:
         if one.error:
             console.print(f"{one.tracker.label} ended with an error on {one.sequence} seed {one.seed}, {one.error}")
 
 
-def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> None:
-    """Print means over seeds by (where, tracker), under a line for each place if there are several."""
+def print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]], unit: str = "seed") -> None:
+    """Print means over seeds, or other units, by (where, tracker), under a line for each place if there are several."""
     from pftrack_sim.score import DEFINITIONS, bootstrap_interval, mean_summary
 
     places = dict.fromkeys(where for where, _ in groups)
     seeds = {len(summaries) for summaries in groups.values()}
-    where = f" in {next(iter(places))}" if len(places) == 1 else ""
+    where = f" in {next(iter(places))}" if len(places) == 1 and any(places) else ""
     count = f" {min(seeds)}" if len(seeds) == 1 else ""
     heads = ["mean\noverlap", "stay", "skill", "tracked\n>= 0.5", "\n>= 0.3", "centre\ninside", "ceiling"]
     heads += ["precision\n@ 20 px"] if console.width >= _WIDE else []
-    title = f"Over{count or ' all'} seed{'' if count == ' 1' else 's'}{where} ({frames})"
-    table = new_table(title, ("tracker",), (*([] if count else ["seeds"]), *heads, "ms"))
+    title = f"Over{count or ' all'} {unit}{'' if count == ' 1' else 's'}{where} ({frames})"
+    table = new_table(title, ("tracker",), (*([] if count else [f"{unit}s"]), *heads, "ms"))
     previous = "" if len(places) > 1 else next(iter(places), "")
     for (place, label), summaries in groups.items():
         if place != previous:
@@ -304,7 +304,7 @@ def _print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]]) -> 
     console.print(table)
     print_lines(f"{name}: {words}" for name, words in DEFINITIONS.items())
     if max(seeds, default=0) > 1:
-        console.print("Below each overlap: the 95% bootstrap interval of its mean over seeds.", soft_wrap=True)
+        console.print(f"Below each overlap: the 95% bootstrap interval of its mean over {unit}s.", soft_wrap=True)
 
 
 def new_table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table:

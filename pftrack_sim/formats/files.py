@@ -44,13 +44,14 @@ def numbered_images(folder: Path) -> list[Path]:
     return [path for _, path in numbered]
 
 
-def number_rows(path: Path, what: str, count: int) -> FloatArray:
+def number_rows(path: Path, what: str, count: int, *, more: bool = False) -> FloatArray:
     """`(N, count)` numbers, one row per line, separated by commas, tabs or spaces; NaN is a number.
 
     Args:
         path: Text file.
         what: What a line holds, for messages: `"x, y, w, h"`.
-        count: Numbers in a line; more than these are ignored where a layout has optional ones.
+        count: Numbers in a line.
+        more: Whether a line may have further numbers, which are ignored.
 
     Raises:
         SequenceError: The file is missing, empty, or no text; a line is something else.
@@ -65,11 +66,11 @@ def number_rows(path: Path, what: str, count: int) -> FloatArray:
             numbers = [float(field) for field in fields]
         except ValueError:
             numbers = []
-        if len(numbers) != count:
+        if len(numbers) < count or (len(numbers) > count and not more):
             raise SequenceError(f"{path}, line {index + 1}: expected {what}, got {line.strip()[:60]!r}")
         if np.isinf(numbers).any():
             raise SequenceError(f"{path}, line {index + 1}: expected finite numbers or NaN, got {line.strip()[:60]!r}")
-        rows[index] = numbers
+        rows[index] = numbers[:count]
     return rows
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
 from pftrack_sim.formats import got10k, lasot, mot, otb, vot
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
+
+_DEPTH = 3
+"""Folders below a data set in which its sequences are looked for."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,46 @@ LAYOUTS: dict[str, Layout] = {
 """In the order in which they are looked for: `groundtruth.txt` alone does not tell GOT-10k, VOT and LaSOT apart."""
 
 
+def find_sequences(root: str | Path, layout: str | None = None) -> list[tuple[Path, str]]:
+    """Folders of the sequences of a data set, sorted by name, each with its layout.
+
+    Args:
+        root: Folder of the data set, or of one sequence.
+        layout: One of `LAYOUTS`; None finds out by the files that are there.
+
+    Raises:
+        UnknownNameError: No such layout.
+        SequenceError: The folder is missing, or nothing in it is a sequence.
+    """
+    top = _checked_folder(root, layout)
+    known = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
+    found: list[tuple[Path, str]] = []
+    for text, below, _ in os.walk(top):
+        folder = Path(text)
+        name = next((name for name, one in known.items() if one.matches(folder)), None)
+        if name is not None:
+            found.append((folder, name))
+        if name is not None or len(folder.relative_to(top).parts) >= _DEPTH:
+            below.clear()
+        below[:] = [one for one in below if not one.startswith(".")]
+    if not found:
+        raise SequenceError(f"{top}: no sequence in a known layout ({_expected(known.values())})")
+    return sorted(found)
+
+
+def _checked_folder(path: str | Path, layout: str | None) -> Path:
+    folder = Path(path)
+    if layout is not None and layout not in LAYOUTS:
+        raise UnknownNameError("layout", layout, LAYOUTS)
+    if not folder.is_dir():
+        raise SequenceError(f"{folder}: {'is not a folder' if folder.exists() else 'no such folder'}")
+    return folder
+
+
+def _expected(known: Iterable[Layout]) -> str:
+    return "; ".join(f"{one.title}: {one.expects}" for one in known)
+
+
 def read_sequence(path: str | Path, layout: str | None = None) -> RecordedSequence:
     """Read a recorded sequence, from its first frame with a true box on.
 
@@ -65,15 +109,10 @@ def read_sequence(path: str | Path, layout: str | None = None) -> RecordedSequen
         SequenceError: The folder is missing or has another layout; images or boxes are missing, damaged, or differ in
             number.
     """
-    folder = Path(path)
-    if layout is not None and layout not in LAYOUTS:
-        raise UnknownNameError("layout", layout, LAYOUTS)
-    if not folder.is_dir():
-        raise SequenceError(f"{folder}: {'is not a folder' if folder.exists() else 'no such folder'}")
+    folder = _checked_folder(path, layout)
     if layout is not None:
         return LAYOUTS[layout].read(folder)
     for known in LAYOUTS.values():
         if known.matches(folder):
             return known.read(folder)
-    listed = "; ".join(f"{known.title}: {known.expects}" for known in LAYOUTS.values())
-    raise SequenceError(f"{folder}: not a sequence in a known layout ({listed})")
+    raise SequenceError(f"{folder}: not a sequence in a known layout ({_expected(LAYOUTS.values())})")

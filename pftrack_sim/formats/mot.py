@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.files import number, number_rows, numbered_images, read_text
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
@@ -47,6 +48,17 @@ def read(folder: Path) -> RecordedSequence:
         except (configparser.Error, ValueError) as error:
             raise SequenceError(f"{folder / _INFO}: {str(error).splitlines()[0]}") from None
     return RecordedSequence.checked(folder, _TRUTH, paths, truth, rate_hz)
+
+
+def read_people(folder: Path) -> FloatArray:
+    """`(M, 6)` frame from 0, identity and box [px] of every pedestrian that is marked to be considered.
+
+    Raises:
+        SequenceError: The file is missing or holds something else.
+    """
+    rows = number_rows(folder / _TRUTH, _COLUMNS, 9)
+    rows = rows[(rows[:, 6] != 0.0) & (rows[:, 7] == _PEDESTRIAN)]
+    return rows[:, :6] - np.array([1.0, 0.0, 1.0, 1.0, 0.0, 0.0])
 
 
 def write(folder: Path, annotations: Annotations) -> None:

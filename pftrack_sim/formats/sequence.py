@@ -28,12 +28,14 @@ class RecordedSequence:
         truth: `(N, 4)` boxes x, y, w, h [px], read-only; NaN rows where the target is absent; the first
             row is finite.
         rate_hz: Frames per second; None where the layout does not tell.
+        start: Number of images before the first annotated one; they are left out.
     """
 
     name: str
     paths: tuple[Path, ...]
     truth: FloatArray
     rate_hz: float | None = None
+    start: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "truth", frozen_array(self.truth, (len(self.paths), 4)))
@@ -53,7 +55,7 @@ class RecordedSequence:
         if known.size == 0:
             raise SequenceError(f"{folder / boxes_in}: no frame has a box")
         first = int(known[0])
-        return cls(folder.resolve().name, tuple(paths[first:]), truth[first:], rate_hz)
+        return cls(folder.resolve().name, tuple(paths[first:]), truth[first:], rate_hz, first)
 
     def __len__(self) -> int:
         return len(self.paths)

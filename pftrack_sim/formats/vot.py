@@ -2,7 +2,7 @@
 
 The file `sequence` names the channels and tells rate, size and length; every attribute has a file `NAME.tag` with a
 flag per line. `0,0,0,0` means absent, NaN unknown; `occlusion.tag` marks frames in which less than half shows. Regions
-that are no rectangles (polygons of 8 or more numbers) become the boxes around them.
+that are no rectangles (polygons of 6 or more numbers, masks) become the boxes around them.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ EXPECTS = "a folder color/ of numbered images and the files groundtruth.txt and 
 IMAGE = "color/{:08d}"
 _TRUTH, _SEQUENCE = "groundtruth.txt", "sequence"
 _OCCLUDED_BELOW = 0.5
+_MAX_MASK_PIXELS = 1 << 28
 
 
 def matches(folder: Path) -> bool:
@@ -45,19 +46,58 @@ def read(folder: Path) -> RecordedSequence:
     return RecordedSequence.checked(folder, _TRUTH, paths, truth, rate_hz)
 
 
-def _box(path: Path, number: int, line: str) -> list[float]:
+def region_box(text: str) -> list[float] | None:
+    """Box x, y, w, h [px] around a region as VOT writes them, or None where the text is none.
+
+    Regions are rectangles `x,y,w,h`, polygons `x,y,x,y,...` and masks `mX,Y,W,H,N,N,...`, whose numbers of pixels off
+    and on alternate row by row from the corner X, Y on. A mask without pixels and a polygon with NaN have NaN.
+
+    >>> region_box("10,20,30,25,28,40"), region_box("m3,4,4,2,1,2,2,1,2"), region_box("1,2,x,4")
+    ([10.0, 20.0, 20.0, 20.0], [4.0, 4.0, 2.0, 2.0], None)
+    """
+    is_mask = text.startswith("m")
     try:
-        values: FloatArray = np.array([float(field) for field in line.split(",")])
+        values = np.array([float(field) for field in text.removeprefix("m").split(",")])
     except ValueError:
-        values = np.zeros(0)
-    if values.size == 4 and not np.isinf(values).any():
+        return None
+    if np.isinf(values).any():
+        return None
+    if is_mask:
+        return _mask_box(values)
+    if values.size == 4:
         return values.tolist()
-    if values.size >= 6 and values.size % 2 == 0 and np.isfinite(values).all():
+    if values.size >= 6 and values.size % 2 == 0:
         corners = values.reshape(-1, 2)
         low, high = corners.min(axis=0), corners.max(axis=0)
         return [*low.tolist(), *(high - low).tolist()]
+    return None
+
+
+def _mask_box(values: FloatArray) -> list[float] | None:
+    if values.size < 4 or np.isnan(values).any() or (values[2:] < 0).any() or values[2:4].prod() > _MAX_MASK_PIXELS:
+        return None
+    (x, y), (width, height) = values[:2], values[2:4].astype(int).tolist()
+    runs = values[4:].astype(np.int64)
+    pixels = np.repeat(np.arange(runs.size) % 2 == 1, runs) if runs.sum() <= width * height else None
+    if pixels is None:
+        return None
+    mask = np.zeros(width * height, dtype=np.bool_)
+    mask[: pixels.size] = pixels
+    rows, columns = np.nonzero(mask.reshape(height, width))
+    if not rows.size:
+        return [np.nan] * 4
+    left, top = columns.min(), rows.min()
+    return [float(x + left), float(y + top), float(columns.max() - left + 1), float(rows.max() - top + 1)]
+
+
+def _box(path: Path, number: int, line: str) -> list[float]:
+    box = region_box(line.strip())
+    if box is not None:
+        return box
     shown = line.strip()[:60]
-    raise SequenceError(f"{path}, line {number}: expected a rectangle x,y,w,h or a polygon x,y,x,y,..., got {shown!r}")
+    raise SequenceError(
+        f"{path}, line {number}: expected a rectangle x,y,w,h, a polygon x,y,x,y,... or a mask m..., got {shown!r}"
+    )
 
 
 def write(folder: Path, annotations: Annotations) -> None:

@@ -1,0 +1,208 @@
+"""Result files of public toolkits: written from a run, and scored against a data set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pftrack_sim import score
+from pftrack_sim.benchmark.export import sequence_names
+from pftrack_sim.benchmark.files import distinct_slugs, write_bytes
+from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.recorded import RecordedResult
+from pftrack_sim.benchmark.store import RunStore
+from pftrack_sim.core.boxes import pairwise_iou
+from pftrack_sim.core.errors import ParameterError, RunError, SequenceError
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.formats import find_sequences, read_sequence
+from pftrack_sim.formats.mot import read_people
+from pftrack_sim.formats.results import (
+    ResultFile,
+    TrackerResult,
+    check_format,
+    find_results,
+    read_result,
+    result_files,
+)
+from pftrack_sim.score.multi_object import Tracks, multi_object
+from pftrack_sim.score.protocols import PROTOCOLS, TrackedSequence
+
+_COLUMNS = ("label", "frame", "status", "estimate", "ms", "confidence")
+
+
+def export_results(run: RunStore, out: Path, form: str, *, on_episode: Callable[[], None] = lambda: None) -> list[Path]:
+    """Write the estimates of a run as result files of a public toolkit.
+
+    The sequences have the names that `export` gives them.
+
+    Args:
+        run: A finished run in open loop.
+        out: Folder of the results; files of the same trackers and sequences in it are replaced.
+        form: `"otb"`, `"got10k"`, `"vot"` or `"mot"`.
+        on_episode: Called after every episode.
+
+    Returns:
+        The files.
+
+    Raises:
+        UnknownNameError: No such format.
+        RunError: The run is not finished or drove the robot, so that no data set has its frames; a file cannot be
+            read or written.
+    """
+    chosen = check_format(form)
+    if run.plan.kind != "open":
+        raise RunError(f"{run.path} is a run in closed loop: each tracker saw frames of its own, which no data set has")
+    if not run.finished:
+        raise RunError(f"{run.path} is not finished: run the same command again first")
+    if out.exists() and not out.is_dir():
+        raise RunError(f"{out} is not a folder")
+    names = sequence_names(run.plan)
+    trackers = distinct_slugs(run.plan.labels)
+    episodes = dict(zip((one.path for one in run.plan.episodes()), names, strict=True))
+    written: list[Path] = []
+    for result in {one.file: one for one in run.results}.values():
+        sequence = episodes[Path(result.file).relative_to("episodes").with_suffix("").as_posix()]
+        table = run.frame_columns(result, _COLUMNS)
+        for label, tracker in trackers.items():
+            content = _tracker_result(table, label)
+            for name, text in result_files(chosen, tracker, sequence, content):
+                write_bytes(out / name, text.encode())
+                written.append(out / name)
+        on_episode()
+    return written
+
+
+def _tracker_result(table: Mapping[str, Any], label: str) -> TrackerResult:
+    mine = np.asarray(table["label"]) == label
+    statuses = np.asarray(table["status"])[mine].tolist()
+    rows = [np.full(4, np.nan) if row is None else row for row in _objects(table["estimate"][mine])]
+    confidence = np.ma.filled(np.ma.asarray(table["confidence"][mine], dtype=np.float64), np.nan)
+    first = statuses.index("init") if "init" in statuses else len(statuses) - 1
+    ms = np.asarray(table["ms"][mine], dtype=np.float64)
+    return TrackerResult(np.array(rows, dtype=np.float64).reshape(-1, 4), ms, confidence, first)
+
+
+def _objects(values: Any) -> list[Any]:
+    """Entries of a column of lists; None where it is NULL."""
+    pairs = zip(np.ma.getdata(values), np.ma.getmaskarray(values), strict=True)
+    return [None if masked else value for value, masked in pairs]
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Scores of result files.
+
+    Attributes:
+        results: Each tracker on each sequence, with the number of the repetition as the seed.
+        benchmark: For each tracker what the scorer of the data set's own benchmark computes; see `score.protocols` and
+            `score.multi_object`.
+        comparisons: Pairs of trackers by the mean overlap of the sequences that both have.
+    """
+
+    results: list[RecordedResult]
+    benchmark: dict[str, dict[str, float]]
+    comparisons: list[score.Comparison]
+
+
+def score_results(
+    results: Path,
+    dataset: Path,
+    *,
+    layout: str | None = None,
+    form: str | None = None,
+    on_result: Callable[[], None] = lambda: None,
+) -> Scored:
+    """Score result files that any toolkit wrote with the measures of this package, and with the benchmark's own.
+
+    Args:
+        results: Folder of the results.
+        dataset: Folder of the data set, or of one sequence.
+        layout: Of the data set; None finds it out.
+        form: Format of the results; None finds it out.
+        on_result: Called after every file.
+
+    Raises:
+        UnknownNameError: No such layout or format.
+        SequenceError: The data set or a result cannot be read, or they do not fit.
+        ParameterError: Sequences of the data set have the same name or different layouts.
+    """
+    chosen = None if form is None else check_format(form)
+    found = find_sequences(dataset, layout)
+    folders = {folder.resolve().name: folder for folder, _ in found}
+    layouts = {name for _, name in found}
+    if len(folders) != len(found) or len(layouts) != 1:
+        raise ParameterError(f"{dataset}: sequences need different names and one layout; choose with --format")
+    known = layouts.pop()
+    files = find_results(results, folders, chosen)
+    sequences = {name: read_sequence(folders[name], known) for name in {file.sequence for file in files}}
+    sizes = {name: sequence.image(0).shape[1::-1] for name, sequence in sequences.items()}
+    scored: list[RecordedResult] = []
+    tracked: dict[str, list[TrackedSequence]] = {}
+    people: dict[str, list[tuple[Tracks, Tracks]]] = {}
+    for file in files:
+        sequence = sequences[file.sequence]
+        content = read_result(file, sequence.start + len(sequence), known)
+        truth = np.concatenate([np.full((sequence.start, 4), np.nan), sequence.truth])
+        boxes = content.boxes if content.rows is None else _target_boxes(content.rows, content.boxes, truth)
+        scored.append(_summary(file, boxes, truth, content.ms))
+        if known in PROTOCOLS:
+            width, height = sizes[file.sequence]
+            tracked.setdefault(file.tracker, []).append(TrackedSequence(boxes, truth, (width, height)))
+        else:
+            estimated = content.rows if content.rows is not None else _single_track(boxes)
+            pair = (_tracks(read_people(folders[file.sequence]), file), _tracks(estimated, file))
+            people.setdefault(file.tracker, []).append(pair)
+        on_result()
+    benchmark = {tracker: PROTOCOLS[known](runs) for tracker, runs in tracked.items()}
+    benchmark |= {tracker: multi_object(pairs) for tracker, pairs in people.items()}
+    return Scored(scored, benchmark, _compare(scored, list(sequences)))
+
+
+def _summary(file: ResultFile, boxes: FloatArray, truth: FloatArray, ms: FloatArray) -> RecordedResult:
+    summary = score.summarise(score.frame_scores(boxes, truth), np.isfinite(truth[:, 0]), ms)
+    return RecordedResult(file.sequence, TrackerSpec(name=file.tracker), file.repetition, summary, None)
+
+
+def _target_boxes(rows: FloatArray, single: FloatArray, truth: FloatArray) -> FloatArray:
+    """Boxes of the target of several tracks: the one that overlaps its first true box most."""
+    if np.isfinite(single).any() or not len(rows):
+        return single
+    first = int(np.argmax(np.isfinite(truth[:, 0])))
+    there = rows[rows[:, 0] == first]
+    boxes = np.full(truth.shape, np.nan)
+    if len(there):
+        overlap = pairwise_iou(there[:, 2:], np.broadcast_to(truth[first], (len(there), 4)))
+        mine = rows[rows[:, 1] == there[int(np.argmax(overlap)), 1]]
+        boxes[mine[:, 0].astype(int)] = mine[:, 2:]
+    return boxes
+
+
+def _single_track(boxes: FloatArray) -> FloatArray:
+    """Rows of one identity."""
+    kept = np.flatnonzero(np.isfinite(boxes).all(axis=1))
+    return np.column_stack([kept.astype(np.float64), np.ones(len(kept)), boxes[kept]])
+
+
+def _tracks(rows: FloatArray, file: ResultFile) -> Tracks:
+    try:
+        return Tracks(rows[:, 0].astype(np.int64), rows[:, 1].astype(np.int64), rows[:, 2:])
+    except ParameterError as error:
+        raise SequenceError(f"{file.path}: {error}") from None
+
+
+def _compare(results: Sequence[RecordedResult], sequences: Sequence[str]) -> list[score.Comparison]:
+    """Compare trackers in pairs: a sequence is the unit, the mean of its repetitions the score."""
+    overlaps: dict[str, dict[str, list[float]]] = {}
+    for one in results:
+        overlaps.setdefault(one.tracker.label, {}).setdefault(one.sequence, []).append(one.summary.mean_overlap)
+    if len(overlaps) < 2 or len(sequences) < 2:
+        return []
+    rows = {
+        tracker: [float(np.mean(by_sequence[name])) if name in by_sequence else np.nan for name in sequences]
+        for tracker, by_sequence in overlaps.items()
+    }
+    return score.compare(rows, np.random.default_rng(0))
