@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import mujoco
+import numpy as np
 
 from pftrack_sim.agents.carried_items import CarriedItems
-from pftrack_sim.agents.entity import SceneState
 from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.gait.mocap_writer import MocapWriter
-from pftrack_sim.agents.gait.stride_width import median_width_phase
 from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.robot.robot import SceneState
+from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scene.occluders.carts import CartWriter
-from pftrack_sim.scene.people.person import Person
+from pftrack_sim.scene.people.person import Person, part_meshes, part_mocap_ids
+
+_PHASES = np.arange(48) / 48
+_NEAR_M = 0.05
 
 
 class Traffic:
@@ -34,8 +37,8 @@ class Traffic:
         self.names = tuple(person.name for person in people)
         self._target, self._seed = people[0], seed
         self._gait = self._gait_of(people)
-        self._people_writer = MocapWriter(model, self.names)
-        self._cart_writer = CartWriter(model, cart_names)
+        self._part_ids = part_mocap_ids(model, self.names)
+        self._cart_ids = [int(model.body_mocapid[model.body(name).id]) for name in cart_names]
         self._carried = carried
 
     def reset(self, data: mujoco.MjData) -> None:
@@ -61,11 +64,13 @@ class Traffic:
 
     def write(self, data: mujoco.MjData) -> None:
         """Write the poses of limbs and carts."""
-        self._people_writer.write(data, *self._gait.poses())
+        data.mocap_pos[self._part_ids], data.mocap_quat[self._part_ids] = self._gait.poses()
         if self._carried is not None:
             positions, rotations = self._gait.part_poses()
             self._carried.write(data, self._time_s, positions[0], rotations[0])
-        self._cart_writer.write(data, [(cart.position_m, cart.yaw_rad) for cart in self.crowd.carts])
+        for mocap, cart in zip(self._cart_ids, self.crowd.carts, strict=True):
+            data.mocap_pos[mocap] = (*cart.position_m, 0.0)
+            data.mocap_quat[mocap] = (math.cos(0.5 * cart.yaw_rad), 0.0, 0.0, math.sin(0.5 * cart.yaw_rad))
 
     def _reset_gait(self, data: mujoco.MjData) -> None:
         self._time_s = 0.0
@@ -79,3 +84,38 @@ class Traffic:
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
         return self._gait.root_poses()
+
+
+def median_width_phase(
+    person: Person, gait: Gait, position_m: FloatArray, heading_rad: float, speed_m_s: float, T_world_camera: FloatArray
+) -> float:
+    """Gait phase at which the box of a person in a steady walk has its median width over a stride.
+
+    Seen from the side the width swings by a factor of 2: a box selected at an unlucky moment has a width that the
+    person seldom has again. Of the phases with the median width, it is the one nearest to the start phase of the gait;
+    that phase itself where the width is constant, as at rest, or where the person is not in front of the camera.
+
+    Args:
+        person: The person.
+        gait: That of this person alone; it is reset.
+        position_m: `(2,)` x, y on the ground.
+        heading_rad: Direction of the walk.
+        speed_m_s: Walking speed.
+        T_world_camera: `(4, 4)` camera pose.
+    """
+    bodies = Bodies([[mesh.vertices for mesh in part_meshes(person).values()]])
+    drawn, widths = float(gait.feet.start_phase[0]), np.empty(len(_PHASES))
+    for index, phase in enumerate(_PHASES):
+        gait.feet.start_phase[:] = phase
+        gait.reset(position_m[None], [heading_rad], [speed_m_s])
+        positions, rotations = gait.part_poses()
+        extents, _ = bodies.extents(positions[0], rotations[0], T_world_camera, _NEAR_M)
+        widths[index] = extents[:, 2].max() - extents[:, 0].min()
+    excess = widths - np.median(widths)
+    following = np.roll(excess, -1)
+    crossing = np.flatnonzero((excess < 0.0) != (following < 0.0))
+    if not crossing.size:
+        return drawn
+    share = excess[crossing] / (excess[crossing] - following[crossing])
+    found = (_PHASES[crossing] + share / len(_PHASES)) % 1.0
+    return float(found[np.abs((found - drawn + 0.5) % 1.0 - 0.5).argmin()])

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.entity import Entity, SceneState
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.target import places_alone
-from pftrack_sim.agents.robot.robot import Robot
+from pftrack_sim.agents.robot.robot import Robot, SceneState
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
@@ -63,9 +62,8 @@ class World:
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         self._ticks = 0
         self._collision: str | None = None
-        entities: tuple[Entity, ...] = (self.robot, self.traffic)
-        for entity in entities:
-            entity.reset(self.data)
+        self.robot.reset(self.data)
+        self.traffic.reset(self.data)
         if settings.target.start_stride == "median":
             self.traffic.start_in_mid_stride(self.data, self._state().T_world_camera)
         self._update_poses()

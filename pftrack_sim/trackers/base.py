@@ -23,11 +23,7 @@ class NeedsTruth(Protocol):
     """
 
     def receive_truth(self, box: Box) -> None:
-        """Receive the target's true box in the next frame.
-
-        Args:
-            box: `(4,)` box [px]; NaN or without area when the target is not in the image.
-        """
+        """Receive the target's true `(4,)` box [px] in the next frame; NaN or without area if it is not in view."""
         ...
 
 
@@ -44,9 +40,7 @@ class BaseTracker(ABC):
     def init(self, image: Image, box: ArrayLike) -> None:
         """Start on an image and reset all state. After an error the tracker is unchanged.
 
-        Args:
-            image: `(H, W, 3)` uint8 RGB.
-            box: `(4,)` the target's box [px]. It may lie partly, but not wholly, outside the image.
+        The box may lie partly, but not wholly, outside the image.
 
         Raises:
             ImageError: The image is not `(H, W, 3)` uint8.
@@ -60,12 +54,9 @@ class BaseTracker(ABC):
     def update(self, image: Image) -> Estimate:
         """Estimate the target's box in the next image.
 
-        Args:
-            image: `(H, W, 3)` uint8 RGB, of the size given to `init`.
-
         Raises:
             TrackerError: `init` was not called.
-            ImageError: The image is not `(H, W, 3)` uint8, or its size changed.
+            ImageError: The image is not `(H, W, 3)` uint8, or its size is not that given to `init`.
         """
         if self._shape is None:
             raise TrackerError("update was called before init: a tracker must be given the first box")
@@ -83,11 +74,7 @@ class BaseTracker(ABC):
 
 
 def checked_image(image: object) -> Image:
-    """Check an image and make it contiguous.
-
-    Raises:
-        ImageError: It is not an array, not uint8, not `(H, W, 3)`, or has no pixels.
-    """
+    """A contiguous `(H, W, 3)` uint8 image with pixels; anything else raises `ImageError`."""
     if not isinstance(image, np.ndarray):
         raise ImageError(f"an image must be a numpy array (H, W, 3) uint8 RGB, got {type(image).__name__}")
     pixels = cast("np.ndarray[Any, np.dtype[Any]]", image)

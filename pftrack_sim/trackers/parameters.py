@@ -43,12 +43,7 @@ class Parameters(BaseModel):
 
     @classmethod
     def from_preset(cls, tracker: str, preset: str, given: Mapping[str, Any]) -> Self:
-        """Parameters of a preset, with the user's own values in place of its values.
-
-        Args:
-            tracker: Name, for messages.
-            preset: One of `PRESETS`.
-            given: The user's parameters by name.
+        """Parameters of a preset, with the user's own values in place of its values; messages name the tracker.
 
         Raises:
             ParameterError: An unknown preset or parameter, or a value that is not allowed.

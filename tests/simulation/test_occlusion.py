@@ -18,9 +18,8 @@ from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.simulation.dry_run import DryRun
-from pftrack_sim.simulation.occlusion.line_of_sight import covered_by_box, covered_by_person, spans
-from pftrack_sim.simulation.occlusion.moving import plan_crossing
-from pftrack_sim.simulation.occlusion.static import plan_static
+from pftrack_sim.simulation.occlusion.moving import covered_by_person, plan_crossing
+from pftrack_sim.simulation.occlusion.static import covered_by_box, plan_static, spans
 
 TICK_S = 1.0 / 60.0
 FRAME_S = 1.0 / 30.0

@@ -1,4 +1,4 @@
-"""Goals of the reactive pedestrians: routes, arrival, and new goals for pedestrians that make no progress."""
+"""Goals of the reactive pedestrians: routes, arrival, new goals where there is no progress; and changes of pace."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from enum import Enum, auto
 import numpy as np
 
 from pftrack_sim.agents.pedestrians.goal_sampler import GoalSampler
-from pftrack_sim.agents.pedestrians.visibility_graph import ROUTE_CLEARANCE_M, VisibilityGraph
+from pftrack_sim.agents.pedestrians.obstacle_map import ROUTE_CLEARANCE_M, VisibilityGraph
 from pftrack_sim.core.types import FloatArray, IntArray
 
 ARRIVAL_RADIUS_M = 0.7
 _CHECK_PERIOD_S = 0.1  # Time between two progress checks; each looks at one pedestrian.
 _STUCK_S = 4.0  # A pedestrian that moves less than _STUCK_M in this time gets a new goal.
 _STUCK_M = 0.6
+
+_PAUSES = 1.0 / 3.0  # Share of the changes of pace that are pauses
+_PAUSE_S = (0.8, 3.0)  # Shorter than `_STUCK_S`
+_PACE = (0.55, 1.35)
 
 
 class _Mode(Enum):
@@ -152,3 +156,35 @@ class GoalManager:
 
     def _stop(self, person: int) -> None:
         self.desired_speed_m_s[person], self._arrival_radius_m[person] = 0.0, -1.0
+
+
+class PaceChanges:
+    """Factors on the speeds of pedestrians, which change at random times.
+
+    Args:
+        rngs: One generator per pedestrian.
+        per_minute: Mean number of changes; 0 leaves every factor at 1.
+
+    Attributes:
+        factors: `(N,)` factors on the walking speeds; 0 in a pause.
+    """
+
+    def __init__(self, rngs: Sequence[np.random.Generator], per_minute: float) -> None:
+        self._rngs, self._mean_s = rngs, 60.0 / per_minute if per_minute > 0.0 else np.inf
+        self.factors: FloatArray = np.ones(len(rngs))
+        self._until_s = [self._walk_s(rng) for rng in rngs]
+
+    def update(self, time_s: float) -> None:
+        """Advance to a time."""
+        for person, rng in enumerate(self._rngs):
+            if time_s < self._until_s[person]:
+                continue
+            if self.factors[person] > 0.0 and rng.random() < _PAUSES:
+                self.factors[person] = 0.0
+                self._until_s[person] = time_s + rng.uniform(*_PAUSE_S)
+            else:
+                self.factors[person] = rng.uniform(*_PACE)
+                self._until_s[person] = time_s + self._walk_s(rng)
+
+    def _walk_s(self, rng: np.random.Generator) -> float:
+        return float(rng.exponential(self._mean_s)) if np.isfinite(self._mean_s) else np.inf

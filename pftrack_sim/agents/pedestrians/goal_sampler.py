@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.obstacle_map import ROUTE_CLEARANCE_M, VisibilityGraph
 from pftrack_sim.agents.pedestrians.oncoming import positions_away_from
-from pftrack_sim.agents.pedestrians.visibility_graph import ROUTE_CLEARANCE_M, VisibilityGraph
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import WalkableArea
 

@@ -1,22 +1,44 @@
-"""The robot as an entity: script, command delay, drive, odometry and road excitation."""
+"""The robot: script, command delay, drive, odometry and road excitation; and the state of the scene it reacts to."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import mujoco
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.entity import SceneState
 from pftrack_sim.agents.pedestrians.crowd import Crowd
-from pftrack_sim.agents.robot.command_delay import CommandDelay
 from pftrack_sim.agents.robot.drive import Drive
 from pftrack_sim.agents.robot.road import RoadExcitation
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.robot.sensors import OdometryCalibration
 from pftrack_sim.core.random_streams import stream
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
+
+Speeds: TypeAlias = tuple[float, float, float, float]  # Forward speed [m/s], turn, pan and tilt rate [rad/s]
+_AT_REST: Speeds = (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class SceneState:
+    """What the entities observe at one instant.
+
+    Attributes:
+        robot_pose: x, y [m] and heading [rad].
+        T_world_camera: `(4, 4)` camera on its mast, without vibration of the mount.
+        target_m: `(2,)` x, y of the target.
+    """
+
+    time_s: float
+    robot_pose: tuple[float, float, float]
+    T_world_camera: FloatArray
+    target_m: FloatArray
+    target_s_m: float
 
 
 class Robot:
@@ -32,7 +54,7 @@ class Robot:
         self._delay = CommandDelay(clock, settings.robot.latency_ms)
         self._script = script
         self.set_road(settings, seed)
-        self._segments: Iterator[tuple[int, tuple[float, float, float, float]]] = iter(())
+        self._segments: Iterator[tuple[int, Speeds]] = iter(())
         self._steps_left = 0
 
     def set_road(self, settings: ResolvedScenario, seed: int) -> None:
@@ -81,3 +103,45 @@ class Robot:
         self._steps_left -= 1
         if self._road is not None:
             self._road.write(data)
+
+
+class CommandDelay:
+    """Delays commands by a constant latency, rounded to physics steps."""
+
+    def __init__(self, clock: Clock, latency_ms: float) -> None:
+        self._clock = clock
+        self._latency_steps = round(1e-3 * latency_ms / clock.step_s)
+        self.reset()
+
+    def reset(self) -> None:
+        """Command zero speeds until the first command arrives."""
+        self._last = _AT_REST
+        self._queue: deque[tuple[int, Speeds]] = deque()
+        self._append(self._latency_steps, _AT_REST)
+
+    def segments(self, speeds: Speeds, delay_s: float = 0.0) -> list[tuple[int, Speeds]]:
+        """Take the command of a tick, and return what reaches the motors during the tick.
+
+        The command is given `delay_s` into the tick; until then the previous one stays in force.
+
+        Returns:
+            Numbers of physics steps, which sum to those of a tick, each with the command in force.
+        """
+        delay = min(round(delay_s / self._clock.step_s), self._clock.steps)
+        self._append(delay, self._last)
+        self._append(self._clock.steps - delay, speeds)
+        if delay < self._clock.steps:
+            self._last = speeds
+        segments: list[tuple[int, Speeds]] = []
+        missing = self._clock.steps
+        while missing > 0:
+            steps, first = self._queue.popleft()
+            if steps > missing:
+                self._queue.appendleft((steps - missing, first))
+            segments.append((min(steps, missing), first))
+            missing -= segments[-1][0]
+        return segments
+
+    def _append(self, steps: int, speeds: Speeds) -> None:
+        if steps > 0:
+            self._queue.append((steps, speeds))

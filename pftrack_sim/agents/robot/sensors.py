@@ -75,9 +75,8 @@ class RangeFinder:
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
         self._base = model.body(BASE).id
-        self._beams = np.stack(
-            [np.cos(RANGE_ANGLES_RAD), np.sin(RANGE_ANGLES_RAD), np.zeros_like(RANGE_ANGLES_RAD)], axis=1
-        )
+        forward, left = np.cos(RANGE_ANGLES_RAD), np.sin(RANGE_ANGLES_RAD)
+        self._beams = np.stack([forward, left, np.zeros_like(left)], axis=1)
         self._groups = np.zeros(6, dtype=np.uint8)
         self._groups[HIDDEN_GROUP] = 1
         self._geoms = np.empty(len(self._beams), dtype=np.int32)
@@ -90,21 +89,8 @@ class RangeFinder:
         rotation = data.xmat[self._base].reshape(3, 3)
         origin = data.xpos[self._base] + BEAM_HEIGHT_M * rotation[:, 2]
         directions = (self._beams @ rotation.T).ravel()
-        count = len(self._beams)
-        ranges = np.empty(count)
-        mujoco.mj_multiRay(
-            self._model,
-            data,
-            origin,
-            directions,
-            self._groups,
-            True,
-            self._base,
-            self._geoms,
-            ranges,
-            None,
-            count,
-            RANGE_M,
-        )
+        ranges = np.empty(len(self._beams))
+        ends = self._geoms, ranges, None, len(ranges), RANGE_M
+        mujoco.mj_multiRay(self._model, data, origin, directions, self._groups, True, self._base, *ends)
         # MuJoCo reports -1 without a hit.
         return np.where(ranges < 0.0, RANGE_M, np.minimum(ranges, RANGE_M))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -113,16 +112,3 @@ def _boxes(size: CartSize) -> dict[str, tuple[Colour, Corner, Corner]]:
         x, y = sx * (thick - 0.08), sy * (wide - 0.06)
         boxes[f"wheel-{number}"] = (_BLACK, (x - 0.05, y - 0.02, 0.0), (x + 0.05, y + 0.02, 0.10))
     return boxes
-
-
-class CartWriter:
-    """Writes the poses of carts to their mocap bodies, in the order of their names."""
-
-    def __init__(self, model: mujoco.MjModel, names: Sequence[str]) -> None:
-        self._mocap_ids = [int(model.body_mocapid[model.body(name).id]) for name in names]
-
-    def write(self, data: mujoco.MjData, poses: Iterable[tuple[tuple[float, float], float]]) -> None:
-        """Set the mocap poses of all carts, each ((x, y) [m], yaw [rad])."""
-        for mocap, ((x, y), yaw) in zip(self._mocap_ids, poses, strict=True):
-            data.mocap_pos[mocap] = (x, y, 0.0)
-            data.mocap_quat[mocap] = (math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw))

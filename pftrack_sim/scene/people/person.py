@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
+import numpy as np
 
 from pftrack_sim.core.random_streams import stream
+from pftrack_sim.core.types import IntArray
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people import body_meshes
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
@@ -164,6 +166,11 @@ def add_person(spec: mujoco.MjSpec, person: Person) -> None:
                 mass=0.0,
                 castshadow=False,
             )
+
+
+def part_mocap_ids(model: mujoco.MjModel, names: Sequence[str]) -> IntArray:
+    """`(P, 13)` ids of the mocap bodies of people with these names, in the order of `PARTS`."""
+    return np.array([[model.body(f"{name}/{part}").mocapid[0] for part in PARTS] for name in names], dtype=np.intp)
 
 
 def _collision_capsules(anatomy: Anatomy) -> dict[str, tuple[float, list[float]]]:

@@ -1,23 +1,24 @@
 """Placement of a pillar, a wall or a stack of boxes that covers the target at a requested time.
 
 There are two lines of sight, at the begin and at the end of the occlusion: the occluder is the upright box that touches
-both from inside. In between, the line of sight sweeps over the box.
+both from inside. In between, the line of sight sweeps over the box. All in plan view: the target's centre line is
+vertical, and an upright thing covers it where the straight line from the camera to it crosses the thing's footprint.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.occluders.static import Placement
 from pftrack_sim.simulation.dry_run import DryRun
-from pftrack_sim.simulation.occlusion.line_of_sight import covered_by_box, line_in_box, spans
 
 TARGET_GAP_M = 0.45  # Least distance from the box to the path of the target
 ROBOT_GAP_M = 0.5  # and to that of the robot
@@ -195,3 +196,41 @@ def _objection(placement: Placement, occluder: model.Occluder, run: DryRun, obst
     if obstacles.clearance_m(samples).min() < OBSTACLE_GAP_M:
         return "something already stands there"
     return None
+
+
+def line_in_box(
+    start: FloatArray, end: FloatArray, centre_m: Sequence[float] | FloatArray, half_m: Sequence[float], yaw_rad: float
+) -> tuple[FloatArray, FloatArray]:
+    """Shares of the ways from start to end `(T, 2)` at which the infinite lines enter and leave a box, `(T,)` each.
+
+    A line misses the box where it leaves before it enters.
+    """
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    axes = np.array([(cos, -sin), (sin, cos)])
+    local = (start - np.asarray(centre_m)) @ axes
+    step = (end - start) @ axes
+    step = np.where(np.abs(step) < 1e-12, 1e-12, step)
+    middle, reach = -local / step, np.abs(np.asarray(half_m) / step)
+    return (middle - reach).max(axis=1), (middle + reach).min(axis=1)
+
+
+def covered_by_box(
+    camera_m: FloatArray,
+    target_m: FloatArray,
+    centre_m: Sequence[float] | FloatArray,
+    half_m: Sequence[float],
+    yaw_rad: float,
+) -> BoolArray:
+    """`(T,)` whether a static box is between camera and target, both at `(T, 2)` points on the ground.
+
+    The box has its centre at `(2,)` and half sizes `(2,)` along its axes, the first of which is at an angle to the
+    world's x.
+    """
+    enter, leave = line_in_box(camera_m, target_m, centre_m, half_m, yaw_rad)
+    return np.maximum(enter, 0.0) <= np.minimum(leave, 1.0)
+
+
+def spans(covered: BoolArray, times_s: FloatArray) -> list[tuple[float, float]]:
+    """First and last covered time of each uninterrupted occlusion."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], covered, [False]]).astype(np.int8)))
+    return [(float(times_s[a]), float(times_s[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -40,23 +40,17 @@ class MeanShiftParameters(Parameters):
 
 
 class MeanShift(BaseTracker):
-    """Mean shift or CamShift.
+    """Mean shift, or CamShift where it adapts its size.
 
-    Confidence is the mean of the back-projection in the box; it is 1 if every pixel has the target's most frequent
-    hue. The last box is repeated where the first box has no colour (a grey video), and, with confidence 0, where the
+    Confidence is the mean of the back-projection in the box; it is 1 if every pixel has the target's most frequent hue.
+    The last box is repeated where the first box has no colour (a grey video), and, with confidence 0, where the
     back-projection is 0 in the last box.
-
-    Args:
-        params: Parameters.
-        adapts_size: Whether the box follows the target's size (CamShift).
     """
 
     def __init__(self, params: MeanShiftParameters, *, adapts_size: bool) -> None:
         super().__init__()
         self.params = params
         self._adapts_size = adapts_size
-        self._histogram = np.zeros(HUE_COUNT)
-        self._box = np.zeros(4)
 
     def _start(self, image: Image, box: Box) -> None:
         height, width = image.shape[:2]

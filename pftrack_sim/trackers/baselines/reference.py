@@ -16,10 +16,6 @@ from pftrack_sim.trackers.parameters import Parameters
 class Stay(BaseTracker):
     """Returns the first box in every frame: the least score of a useful tracker."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._box = boxes.NO_BOX
-
     def _start(self, image: Image, box: Box) -> None:
         self._box = box
 

@@ -23,11 +23,7 @@ from pftrack_sim.trackers.parameters import Parameters
 
 
 class NccParameters(Parameters):
-    """Parameters of `ncc`.
-
-    Attributes:
-        search: Search distance in each direction, as a multiple of the square root of the box's area.
-    """
+    """Parameters of `ncc`: search distance in each direction, as a multiple of the square root of the box's area."""
 
     search: Annotated[float, Field(ge=0.0, le=100.0)] = 0.5
 
@@ -38,10 +34,6 @@ class Ncc(BaseTracker):
     def __init__(self, params: NccParameters) -> None:
         super().__init__()
         self.params = params
-        self._patch = np.zeros((1, 1), np.uint8)
-        self._corner = (0, 0)
-        self._offset = np.zeros(2)
-        self._size = np.zeros(2)
 
     def _start(self, image: Image, box: Box) -> None:
         height, width = image.shape[:2]

@@ -121,15 +121,9 @@ def _kernel_layout(weights: NDArray[np.int64], channel_count: int, bin_count: in
 
 
 def histogram(codes: Codes, box: Box, layout: BinLayout) -> FloatArray:
-    """Normalised histogram of one box.
+    """`(layout.size,)` normalised histogram of one `(4,)` box [px], counted from the points inside the image.
 
-    Args:
-        codes: `(H, W, channel_count)` pixel codes.
-        box: `(4,)` box [px].
-        layout: Weights and cells.
-
-    Returns:
-        `(layout.size,)` summing to 1, counted from the points inside the image; all 0 if there are none.
+    It sums to 1, or is all 0 if there are none.
     """
     counts = _counts(codes, box[None], layout)[0]
     return counts / max(int(counts.sum()), 1)
@@ -141,18 +135,9 @@ def histograms(codes: Codes, boxes: FloatArray, layout: BinLayout) -> FloatArray
 
 
 def similarities(codes: Codes, boxes: FloatArray, layout: BinLayout, model: FloatArray) -> FloatArray:
-    """Bhattacharyya similarity sum(sqrt(p q)) of every box with a model.
+    """Bhattacharyya similarity sum(sqrt(p q)), in [0, 1], of `(N, 4)` boxes [px] with a normalised histogram: `(N,)`.
 
     Points outside the image match nothing: a box with half its weight outside reaches sqrt(1/2) at most.
-
-    Args:
-        codes: `(H, W, channel_count)` pixel codes.
-        boxes: `(N, 4)` boxes [px].
-        layout: Weights and cells.
-        model: `(layout.size,)` normalised histogram.
-
-    Returns:
-        `(N,)` similarities in [0, 1].
     """
     out = np.empty(len(boxes))
     _compare(codes, boxes, layout.tables, np.sqrt(model / layout.total), out)

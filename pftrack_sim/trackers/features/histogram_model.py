@@ -33,13 +33,7 @@ class Feature:
 
 
 class HistogramModel:
-    """One histogram per feature, taken from the first frame and constant.
-
-    Args:
-        features: The features.
-        image: `(H, W, 3)` uint8 RGB.
-        box: `(4,)` the target's box [px].
-    """
+    """One histogram per feature, taken from the first frame and constant."""
 
     def __init__(self, features: Sequence[Feature], image: Image, box: Box) -> None:
         self.features = tuple(features)
@@ -64,13 +58,10 @@ class EncodedRegion:
     codes: tuple[NDArray[np.uint8], ...]
 
     def similarities(self, boxes: FloatArray) -> FloatArray:
-        """Bhattacharyya similarity of every box with the model in each feature.
+        """`(F, N)` Bhattacharyya similarities in [0, 1] of `(N, 4)` boxes [px] with the model in each feature.
 
-        Args:
-            boxes: `(N, 4)` boxes [px] in the image, inside the hull of the boxes that were encoded.
-
-        Returns:
-            `(F, N)` similarities in [0, 1]; the distance d of Ko et al. 2012, eq. 7, is `sqrt(1 - similarity)`.
+        The boxes lie inside the hull of those that were encoded. The distance d of Ko et al. 2012, eq. 7, is `sqrt(1 -
+        similarity)`.
         """
         local = self.region.to_region(boxes)
         out = np.empty((len(self.codes), len(boxes)))
@@ -80,16 +71,15 @@ class EncodedRegion:
 
 
 def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodForm, lambdas: FloatArray) -> FloatArray:
-    """Logarithm of a linear mixture of one likelihood per feature (Ko et al. 2012, eq. 9).
+    """`(N,)` logarithms of a linear mixture of one likelihood per feature (Ko et al. 2012, eq. 9).
+
+    -inf where all similarities are 0.
 
     Args:
         similarities: `(F, N)` Bhattacharyya similarities.
         shares: `(F,)` weight of each feature, summing to 1.
         form: Likelihood of each feature.
         lambdas: `(F,)` lambda of each feature; not used by `"linear"`.
-
-    Returns:
-        `(N,)` logarithms; -inf where all similarities are 0.
     """
     likelihoods = similarities if form == "linear" else np.exp(-lambdas[:, None] * (1.0 - similarities))
     with np.errstate(divide="ignore"):

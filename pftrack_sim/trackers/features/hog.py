@@ -26,20 +26,14 @@ _TANGENT = math.tan(math.pi / DIRECTION_COUNT)
 
 
 def hog(grey: NDArray[np.uint8], boxes: FloatArray) -> FloatArray:
-    """HOG descriptors of many boxes (Lee et al. 2012, eq. 2 to 5).
+    """`(N, SIZE)` HOG descriptors of `(N, 4)` boxes [px] in an `(H, W)` uint8 image (Lee et al. 2012, eq. 2 to 5).
 
     Every box is resized to `COLUMNS` x `ROWS` by bilinear interpolation at the centres of the new pixels, blurred by
     the 5x5 Gaussian whose rows are (1, 4, 6, 4, 1)/16, and differentiated by (-1, 0, 1). Each pixel adds the magnitude
     of its gradient to the nearest of the eight directions 0, 45, ... 315 degrees (y down) in its cell of 4x4 pixels.
     Border pixels of the resized box and of the image are replicated.
 
-    Args:
-        grey: `(H, W)` uint8.
-        boxes: `(N, 4)` boxes [px].
-
-    Returns:
-        `(N, SIZE)` descriptors, ordered by row of cells, column of cells, direction; each sums to 1, or is all 0 for a
-        uniform box.
+    Descriptors are ordered by row of cells, column of cells, direction; each sums to 1, or is all 0 for a uniform box.
     """
     out = np.empty((len(boxes), SIZE))
     _describe(grey.astype(np.float32), boxes, out)

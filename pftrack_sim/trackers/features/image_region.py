@@ -50,15 +50,9 @@ def crop(image: Image, boxes: FloatArray) -> ImageRegion:
 
 
 def downsample(image: Image, boxes: FloatArray, size: tuple[float, float], points: tuple[int, int]) -> ImageRegion:
-    """The region that boxes touch, with at least as many pixels to a box of `size` as there are points.
+    """The region that `(N, 4)` boxes [px] touch, with as many pixels to a box of `size` [px] as points, or more.
 
-    The region has a margin of one block for interpolation.
-
-    Args:
-        image: `(H, W, 3)` uint8 RGB.
-        boxes: `(N, 4)` boxes [px].
-        size: Width and height of a typical box [px].
-        points: Columns and rows that are sampled in a box.
+    `points` are the columns and rows that are sampled in a box. The region has a margin of one block for interpolation.
     """
     starts, stops, steps = [0, 0], [0, 0], [1, 1]
     for axis, room in enumerate((image.shape[1], image.shape[0])):
@@ -76,15 +70,11 @@ def downsample(image: Image, boxes: FloatArray, size: tuple[float, float], point
 
 
 def block_size(first: FloatArray, now: FloatArray, points: tuple[int, int]) -> tuple[float, float]:
-    """Width and height of blocks [px], at least 1, such that a box has about as many blocks as points.
+    """Width and height of blocks [px], at least 1, of which a box has about as many as columns and rows of points.
 
-    The size is proportional to the first box, so that appearance is constant for a constant size and independent of
-    the image's resolution. It is multiplied by the power of two that best fits the present box.
-
-    Args:
-        first: `(2,)` width and height of the target's first box [px].
-        now: `(2,)` the same of its present box [px].
-        points: Columns and rows that are sampled in a box.
+    The size is proportional to the `(2,)` width and height of the first box [px], so that appearance is constant for a
+    constant size and independent of the image's resolution. It is multiplied by the power of two that best fits the
+    present box.
     """
     turns = (round(math.log2(now[axis] / first[axis])) for axis in (0, 1))
     width, height = (max(first[axis] / points[axis] * 2.0**turn, 1.0) for axis, turn in enumerate(turns))
@@ -92,14 +82,10 @@ def block_size(first: FloatArray, now: FloatArray, points: tuple[int, int]) -> t
 
 
 def block_means(image: Image, boxes: FloatArray, block: tuple[float, float]) -> ImageRegion:
-    """The region that boxes touch, as means over blocks whose size need not be whole.
+    """The region that `(N, 4)` boxes [px] touch, as means over blocks whose size, at least 1 px, need not be whole.
 
     The region has a margin of one block for interpolation. Pixels of the image beyond the last whole block are ignored.
-
-    Args:
-        image: `(H, W, 3)` uint8 RGB.
-        boxes: `(N, 4)` boxes [px].
-        block: Width and height of a block, at least 1 [px]; reduced where the image is smaller.
+    Blocks are reduced where the image is smaller.
     """
     width, height = (min(block[axis], float(image.shape[1 - axis])) for axis in (0, 1))
     left, right = _blocks_touched(boxes, 0, width, int(image.shape[1] / width))
@@ -117,14 +103,7 @@ def block_means(image: Image, boxes: FloatArray, block: tuple[float, float]) -> 
 
 
 def _blocks_touched(boxes: FloatArray, axis: int, step: float, count: int) -> tuple[int, int]:
-    """First block and one after the last that boxes touch along an axis, with a margin of one; at least one of `count`.
-
-    Args:
-        boxes: `(N, 4)` boxes [px].
-        axis: 0 for x, 1 for y.
-        step: Size of a block [px].
-        count: Blocks of the whole image.
-    """
+    """First block and one after the last that boxes touch along an axis, with a margin of one; at least one."""
     near, far = boxes[:, axis].min(), (boxes[:, axis] + boxes[:, axis + 2]).max()
     first = min(max(math.floor(near / step) - 1, 0), count - 1)
     return first, max(min(math.ceil(far / step) + 1, count), first + 1)

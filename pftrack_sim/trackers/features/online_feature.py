@@ -44,12 +44,7 @@ class FeatureSettings:
 
 
 class OnlineFeatureModel:
-    """Appearance in one feature: that of the first frame until the window is full, a subspace afterwards.
-
-    Args:
-        first: `(d,)` feature in the first frame.
-        settings: Settings.
-    """
+    """Appearance in one `(d,)` feature: that of the first frame until the window is full, a subspace afterwards."""
 
     def __init__(self, first: FloatArray, settings: FeatureSettings) -> None:
         self.share = settings.share

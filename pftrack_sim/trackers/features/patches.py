@@ -31,13 +31,9 @@ def grid_shape(width: float, height: float, point_count: int) -> tuple[int, int]
 class PatchSampler:
     """Samples patches from one frame; the region they touch is converted to grey and downsampled on demand.
 
-    The image is downsampled to one or two pixels per point of a template of a given size, so that a large target costs
-    no more than a small one and is not aliased. A patch does not depend on those sampled before.
-
-    Args:
-        image: `(H, W, 3)` uint8 RGB.
-        size: Width and height of the template in the image [px].
-        shape: Rows and columns of the template.
+    The image is downsampled to one or two pixels per point of a template of `size` width and height [px] and `shape`
+    rows and columns, so that a large target costs no more than a small one and is not aliased. A patch does not depend
+    on those sampled before.
     """
 
     def __init__(self, image: Image, size: tuple[float, float], shape: tuple[int, int]) -> None:
@@ -76,15 +72,10 @@ _MARGIN = 0.3  # Margin of the region, in sizes of the template
 
 
 def sample_patches(grey: NDArray[np.uint8], placements: FloatArray, shape: tuple[int, int]) -> Patches:
-    """Sample patches bilinearly; border pixels of the image are replicated.
+    """`(N, rows * columns)` patches at `(N, 6)` placements, each of mean 0 and variance 1, or all 0 if uniform.
 
-    Args:
-        grey: `(H, W)` uint8.
-        placements: `(N, 6)`.
-        shape: Rows and columns of the template.
-
-    Returns:
-        `(N, rows * columns)`, each of mean 0 and variance 1, or all 0 for a uniform patch.
+    Sampled bilinearly in an `(H, W)` uint8 image; border pixels are replicated. `shape` is rows and columns of the
+    template.
     """
     out = np.empty((len(placements), shape[0] * shape[1]), np.float32)
     _sample(grey, placements, shape[0], shape[1], out)

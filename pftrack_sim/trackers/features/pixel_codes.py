@@ -13,26 +13,19 @@ PATTERN_COUNT = 16
 
 
 def rgb_codes(image: Image, bin_count: int) -> NDArray[np.uint8]:
-    """`(H, W, 3)` bins of red, green and blue.
-
-    Args:
-        image: `(H, W, 3)` uint8 RGB.
-        bin_count: Bins per channel: a power of two, at most 256.
-    """
+    """`(H, W, 3)` bins of red, green and blue; their number per channel is a power of two, at most 256."""
     return image >> _shift(bin_count)
 
 
 def hsv_codes(image: Image, bin_count: int) -> NDArray[np.uint8]:
-    """`(H, W, 3)` bins of hue, saturation and value (Ko et al. 2012, section 2.1); arguments as of `rgb_codes`."""
+    """`(H, W, 3)` bins of hue, saturation and value (Ko et al. 2012, section 2.1), as those of `rgb_codes`."""
     return _hsv(image) >> _shift(bin_count)
 
 
 def hsv_joint_codes(image: Image, bin_counts: tuple[int, int, int]) -> NDArray[np.uint8]:
     """`(H, W, 1)` bins of a joint histogram of hue, saturation and value (Lee et al. 2012, section III.1).
 
-    Args:
-        image: `(H, W, 3)` uint8 RGB.
-        bin_counts: Bins of hue, saturation and value: powers of two whose product is at most 256.
+    The numbers of bins are powers of two whose product is at most 256.
     """
     shifts = np.array([_shift(count) for count in bin_counts], dtype=np.uint8)
     strides = np.array([bin_counts[1] * bin_counts[2], bin_counts[2], 1.0])
@@ -51,17 +44,11 @@ def _shift(bin_count: int) -> np.uint8:
 
 
 def cs_lbp_codes(image: Image) -> NDArray[np.uint8]:
-    """Centre-symmetric local binary patterns of 8 neighbours at radius 1 (Ko et al. 2012, eq. 2 and 3).
+    """`(H, W, 1)` centre-symmetric local binary patterns 0..15, 8 neighbours at radius 1 (Ko et al. 2012, eq. 2, 3).
 
-    Bit i is set when n_i - n_{i+4} >= 1, where n_0 is the right neighbour and i counts anticlockwise. The printed
-    sum ends one pair too early; the text and the figure have the four pairs that make 16 patterns. Border pixels are
-    replicated.
-
-    Args:
-        image: `(H, W, 3)` uint8 RGB, converted to grey by ITU-R BT.601.
-
-    Returns:
-        `(H, W, 1)` codes 0..15.
+    Bit i is set when n_i - n_{i+4} >= 1, where n_0 is the right neighbour and i counts anticlockwise, in grey by ITU-R
+    BT.601. The printed sum ends one pair too early; the text and the figure have the four pairs that make 16 patterns.
+    Border pixels are replicated.
     """
     grey = cv2.copyMakeBorder(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
     out = np.empty((image.shape[0], image.shape[1], 1), np.uint8)

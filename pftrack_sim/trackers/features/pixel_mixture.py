@@ -41,14 +41,10 @@ class MixtureParameters(Parameters):
 
 
 class PixelMixture:
-    """For each pixel of a patch, a mixture of three Gaussians that is learnt on line.
+    """For each pixel of a patch, a mixture of three Gaussians that is learnt on line from the first `(d,)` patch on.
 
     The components are W (wandering: the pixel in the last frame), S (stable: its mean over time) and F (fixed: the
     pixel in the first frame, in place of the lost component of Jepson et al.: Zhou, Chellappa & Moghaddam 2004).
-
-    Args:
-        first: `(d,)` patch.
-        params: Parameters.
 
     Attributes:
         shares: `(3, d)` mixing weights m of W, S, F; they sum to 1.
@@ -74,11 +70,7 @@ class PixelMixture:
         return np.einsum("ij,ij->j", self.shares, self.means)
 
     def learn(self, patch: NDArray[np.float32]) -> None:
-        """One step of on-line EM with exponential forgetting (Jepson et al. 2003, section 4; Zhou et al. 2004).
-
-        Args:
-            patch: `(d,)`.
-        """
+        """One step of on-line EM on a `(d,)` patch, with forgetting (Jepson et al. 2003, sec. 4; Zhou et al. 2004)."""
         observed = patch.astype(np.float64)
         # E step: ownership of each pixel. Relative to the best component, so that no pixel underflows in all.
         logs = np.log(self.shares / self.sigmas) - 0.5 * np.square((observed - self.means) / self.sigmas)
@@ -101,14 +93,9 @@ class PixelMixture:
         self.shares = raised
 
     def log_likelihood(self, patches: Patches, *, robust: bool) -> FloatArray:
-        """Logarithm of the product over the pixels of sum_i m_i N(z; mu_i, sigma_i).
+        """`(N,)` logarithms of sum_i m_i N(z; mu_i, sigma_i), multiplied over the pixels z of `(N, d)` patches.
 
-        Args:
-            patches: `(N, d)`.
-            robust: Whether exp(-x^2 / 2) is replaced by exp(-rho(x)) of (12).
-
-        Returns:
-            `(N,)` logarithms, up to a constant.
+        They are known up to a constant. A robust one has exp(-rho(x)) of (12) in place of exp(-x^2 / 2).
         """
         out = np.empty(len(patches))
         c = self.params.outlier_c if robust else math.inf
@@ -123,12 +110,10 @@ class PixelMixture:
         return 2.0 * float(np.einsum("ij,ij->", self.shares, loss)) / patch.size
 
     def outlier_share(self, patch: NDArray[np.float32], rule: OutlierRule) -> float:
-        """Share of the pixels that are outliers, d_out / d: more than c standard deviations off.
+        """Share of the pixels of a `(d,)` patch that are outliers, d_out / d: more than c standard deviations off.
 
-        Args:
-            patch: `(d,)`.
-            rule: `"most"`: counted for each of W, S and F, and the greatest number taken (Zhou et al. 2004);
-                `"stable"`: for S alone; `"all"`: only pixels that are off in all three.
+        By the rule `"most"` they are counted for each of W, S and F, and the greatest number is taken (Zhou et al.
+        2004); by `"stable"` for S alone; by `"all"` only pixels count that are off in all three.
         """
         out = np.abs(patch - self.means) > self.params.outlier_c * self.sigmas
         if rule == "stable":

@@ -69,14 +69,9 @@ _TOLERANCE = 1e-13  # Components smaller than this share of the largest are roun
 
 
 def residuals(vectors: FloatArray, basis: FloatArray) -> FloatArray:
-    """Distance to a subspace, ||z - U U^T z|| (Lee et al. 2012, eq. 12 and 13, where a norm is meant).
+    """`(N,)` distances of `(N, d)` vectors to the subspace of an orthonormal `(d, k)` basis: ||z - U U^T z||.
 
-    Args:
-        vectors: `(N, d)` one z per row.
-        basis: `(d, k)` U, orthonormal.
-
-    Returns:
-        `(N,)` distances, from 0 to the vector's length.
+    Lee et al. 2012, eq. 12 and 13, where a norm is meant.
     """
     rest = vectors - (vectors @ basis) @ basis.T
     return np.sqrt(np.einsum("ij,ij->i", rest, rest))

@@ -54,18 +54,15 @@ class AdaptiveNoise:
 
 
 def fit_slopes(state_shifts: FloatArray, observation_shifts: Observations) -> Observations:
-    """Linear least-squares fit of the observation on the state, over the particles of one frame.
+    """`(D, d)` change of the observation per unit of each state component: linear least squares over the particles.
 
     Zhou et al. 2004 fit the state on the observation, which has more unknowns than there are particles; in this
-    direction there are only D unknowns per component of the observation.
+    direction there are only D unknowns per component of the observation. 0 for components in which the particles or
+    their observations do not differ.
 
     Args:
-        state_shifts: `(N, D)` particles minus their mean.
+        state_shifts: `(N, D)` particles of one frame minus their mean.
         observation_shifts: `(N, d)` their observations minus that of the mean.
-
-    Returns:
-        `(D, d)` change of the observation per unit of each state component; 0 for components in which the particles or
-        their observations do not differ.
     """
     # Scaled by the spread: components have different units, and a small one could be taken for rounding errors.
     spread = np.sqrt(np.mean(np.square(state_shifts), axis=0))
@@ -81,14 +78,10 @@ def fit_slopes(state_shifts: FloatArray, observation_shifts: Observations) -> Ob
 
 
 def adaptive_velocity(slopes: Observations, innovation: Observations) -> FloatArray:
-    """The state's shift that explains a change of the observation by least squares (8).
+    """`(D,)` shift of the state that explains a change of the observation by least squares (8).
 
-    Args:
-        slopes: `(D, d)` from `fit_slopes`.
-        innovation: `(d,)` observation at the previous state minus the model's.
-
-    Returns:
-        `(D,)` velocity; 0 in components that the observation does not depend on.
+    0 in components that the observation does not depend on. `slopes` are those of `fit_slopes`, the `(d,)` innovation
+    is the observation at the previous state minus the model's.
     """
     normal, right = (slopes @ slopes.T).astype(np.float64), (slopes @ innovation).astype(np.float64)
     diagonal = np.sqrt(np.diagonal(normal))

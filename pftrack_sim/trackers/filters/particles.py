@@ -71,18 +71,10 @@ class ParticleFilter:
 
 
 def systematic_resampling(weights: FloatArray, rng: np.random.Generator, count: int | None = None) -> NDArray[np.intp]:
-    """Systematic resampling: equal steps along the cumulative weights from one uniform random number.
+    """`(count,)` ascending indices, by equal steps along the cumulative `(N,)` weights from one uniform random number.
 
-    Particle i is drawn `count * weights[i]` times on average, rounded up or down.
-    Source: Carpenter, Clifford & Fearnhead 1999; Arulampalam et al. 2002, algorithm 2.
-
-    Args:
-        weights: `(N,)` >= 0, summing to 1.
-        rng: One number is drawn.
-        count: Number of draws; N if None.
-
-    Returns:
-        `(count,)` indices, ascending.
+    Particle i is drawn `count * weights[i]` times on average, rounded up or down; `count` is N if None. Source:
+    Carpenter, Clifford & Fearnhead 1999; Arulampalam et al. 2002, algorithm 2.
     """
     draws = weights.size if count is None else count
     edges = np.cumsum(weights)

@@ -76,10 +76,6 @@ class OpencvTracker(BaseTracker):
         self._name = name
         self._create = _creator(name)
         self._seed = seed
-        self._rng = random_streams.stream(seed, "tracker")
-        self._tracker: Any = None
-        self._box = np.zeros(4)
-        self._offset = np.zeros(4)
 
     def _start(self, image: Image, box: Box) -> None:
         inner = _whole_pixels_inside(self._name, image, box)
@@ -104,12 +100,7 @@ class OpencvTracker(BaseTracker):
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> OpencvTracker:
-    """Make one of `CLASSES`. They have no parameters.
-
-    Raises:
-        ParameterError: An unknown preset, or any parameter.
-        TrackerError: The tracker needs the contrib wheel, and another one is installed.
-    """
+    """Make one of `CLASSES`, which have no parameters; raises ParameterError, or TrackerError if it needs contrib."""
     Parameters.from_preset(name, preset, params)
     return OpencvTracker(name, seed)
 

@@ -77,8 +77,6 @@ class NetworkTracker(BaseTracker):
         super().__init__()
         self._name, self._files = name, files
         self._create()  # report invalid files now, not at the first frame
-        self._tracker: Any = None
-        self._box = np.zeros(4)
 
     def _start(self, image: Image, box: Box) -> None:
         height, width = image.shape[:2]

@@ -128,23 +128,13 @@ METHODS = {
 
 
 class Ko2012(BaseTracker):
-    """One of the five methods.
-
-    Args:
-        method: Its histograms.
-        params: Parameters.
-        seed: Root seed; the tracker draws from its stream `"tracker"`.
-    """
+    """One of the five methods; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, method: Method, params: Ko2012Parameters, seed: int) -> None:
         super().__init__()
         self.params = params
         self.features, self._shares, self._lambdas = _mixture(method, params)
         self._seed = seed
-        self._model: HistogramModel
-        self._filter: ParticleFilter
-        self._state = np.zeros(4)
-        self._usual, self._held = 0.0, False
 
     def _start(self, image: Image, box: Box) -> None:
         self._model = HistogramModel(self.features, image, box)

@@ -169,12 +169,9 @@ class TemplateMotion:
 
 
 class Kwon2005(BaseTracker):
-    """The appearance-adaptive particle filter.
+    """The appearance-adaptive particle filter; it draws from the stream `"tracker"` of the root seed.
 
-    Args:
-        params: Parameters.
-        seed: Root seed; the tracker draws from its stream `"tracker"`.
-        detects_occlusions: Whether occlusions are detected; otherwise the model learns from every estimate.
+    Where no occlusions are detected, the model learns from every estimate.
     """
 
     def __init__(self, params: Kwon2005Parameters, seed: int, *, detects_occlusions: bool) -> None:
@@ -184,14 +181,6 @@ class Kwon2005(BaseTracker):
         self._detects_occlusions = detects_occlusions
         p = params
         self._noise = AdaptiveNoise(p.noise, p.noise_min, p.noise_max, p.particle_count, p.particle_count_max)
-        self._motion: TemplateMotion
-        self._grid = (2, 2)
-        self._state: FloatArray
-        self._filter: ParticleFilter
-        self._model: PixelMixture
-        self._slopes: NDArray[np.floating[Any]] | None = None
-        self._patch: NDArray[np.float32]
-        self._occluded = False
 
     def _start(self, image: Image, box: Box) -> None:
         p = self.params
@@ -201,7 +190,7 @@ class Kwon2005(BaseTracker):
         self._patch = self._patches(self._sampler(image), self._state[None])[0]
         self._model = PixelMixture(self._patch, p)
         self._filter = ParticleFilter(self._state[None], random_streams.stream(self._seed, "tracker"))
-        self._slopes = None
+        self._slopes: NDArray[np.floating[Any]] | None = None
         self._occluded = False
 
     def _follow(self, image: Image) -> Estimate:

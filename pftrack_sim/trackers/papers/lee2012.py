@@ -148,24 +148,13 @@ METHODS = {
 
 
 class Lee2012(BaseTracker):
-    """One of `METHODS`.
-
-    Args:
-        method: Its features and learning.
-        params: Parameters.
-        seed: Root seed; the tracker draws from its stream `"tracker"`.
-    """
+    """One of `METHODS`; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, method: Method, params: Lee2012Parameters, seed: int) -> None:
         super().__init__()
         self.params = params
         self._method = method
         self._seed = seed
-        self._filter: ParticleFilter
-        self._models: tuple[OnlineFeatureModel, ...]
-        self._state = np.zeros(6)
-        self._first_size = np.zeros(2)
-        self._learnt_confidences: deque[float] = deque(maxlen=params.window)
 
     def _start(self, image: Image, box: Box) -> None:
         p = self.params
@@ -174,7 +163,7 @@ class Lee2012(BaseTracker):
         states = np.tile(self._state, (p.particle_count, 1))
         states[:, :2] += rng.uniform(-1.0, 1.0, (p.particle_count, 2)) * p.start_spread * box[2:]
         self._filter = ParticleFilter(states, rng)
-        self._learnt_confidences.clear()
+        self._learnt_confidences: deque[float] = deque(maxlen=p.window)
         self._first_size = np.array(box[2:])
         first = self._region(image, box[None]).features(box[None])
         window = p.window if self._method.learns else 0
@@ -233,13 +222,9 @@ class Lee2012(BaseTracker):
 
 
 class _FeatureRegion:
-    """The region of an image around the particles, encoded for both features.
+    """The region of an image around `(N, 4)` boxes [px], averaged to blocks [px] and encoded for one or both features.
 
-    Args:
-        image: `(H, W, 3)` uint8 RGB.
-        near: `(N, 4)` boxes [px]; later boxes must lie in their hull.
-        block: Width and height of the blocks to which the image is averaged [px].
-        uses_hog: Whether HOG is computed.
+    Later boxes must lie in the hull of those.
     """
 
     def __init__(self, image: Image, near: FloatArray, block: tuple[float, float], uses_hog: bool) -> None:

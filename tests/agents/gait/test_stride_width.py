@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.gait.stride_width import median_width_phase
+from pftrack_sim.agents.traffic import median_width_phase
 from pftrack_sim.scene.people.person import Person, part_meshes, sample_people
 
 (PERSON,) = sample_people(3, 1.75, 0, 0.0, [])

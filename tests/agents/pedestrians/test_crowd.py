@@ -7,9 +7,9 @@ import pytest
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.pedestrians.goal_manager import PaceChanges
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.oncoming import plan_oncoming_pass, positions_away_from
-from pftrack_sim.agents.pedestrians.pace_changes import PaceChanges
 from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 

@@ -5,8 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.visibility_graph import VisibilityGraph
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.robot.command_delay import CommandDelay
+from pftrack_sim.agents.robot.robot import CommandDelay
 
 CLOCK = Clock.for_rate(30.0)
 

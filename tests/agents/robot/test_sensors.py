@@ -10,7 +10,7 @@ from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.model import Robot, StillRoute
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
-from pftrack_sim.scene.occluders.carts import CartSize, CartWriter, add_carts
+from pftrack_sim.scene.occluders.carts import CartSize, add_carts
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.robot import TRACK_M, WHEEL_RADIUS_M
 
@@ -103,6 +103,6 @@ def test_static_occluders_are_measured(lab: Callable, kind):
 @pytest.mark.parametrize("height_m", [0.5, 1.9])
 def test_carts_are_measured(lab: Callable, height_m: float):
     world = lab(furnish=lambda spec: add_carts(spec, {"cart-1": CartSize(0.5, height_m)}))
-    CartWriter(world.model, ["cart-1"]).write(world.data, [((2.5, 0.0), 0.0)])
+    world.data.mocap_pos[world.model.body("cart-1").mocapid[0]] = (2.5, 0.0, 0.0)
     mujoco.mj_kinematics(world.model, world.data)
     assert abs(ranges(world)[18] - 2.26) < 0.01

@@ -8,7 +8,6 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.gait.mocap_writer import MocapWriter
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scene.build import add_agents
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
@@ -22,6 +21,7 @@ from pftrack_sim.scene.people.person import (
     Person,
     add_person,
     part_meshes,
+    part_mocap_ids,
     sample_people,
 )
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
@@ -158,18 +158,19 @@ def test_model_of_six_people():
     start = np.array([[1.5 * index, 0.3] for index in range(6)])
     gait.reset(start, np.zeros(6), np.full(6, 1.2))
     positions, quaternions = gait.poses()
-    MocapWriter(model, [sampled.name for sampled in people]).write(data, positions, quaternions)
+    parts = part_mocap_ids(model, [sampled.name for sampled in people])
+    data.mocap_pos[parts], data.mocap_quat[parts] = positions, quaternions
     mujoco.mj_forward(model, data)
     for index, sampled in enumerate(people):
         for part, name in enumerate(PARTS):
             assert np.abs(data.body(f"{sampled.name}/{name}").xpos - positions[index, part]).max() < 1e-12
 
 
-def test_mocap_writer_rejects_a_name_that_is_not_in_the_model():
+def test_parts_of_a_name_that_is_not_in_the_model_are_an_error():
     spec = mujoco.MjSpec()
     add_person(spec, person(0))
     with pytest.raises(KeyError, match="targett"):
-        MocapWriter(spec.compile(), ["targett"])
+        part_mocap_ids(spec.compile(), ["targett"])
 
 
 def test_adding_people_changes_no_other_person():
