@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from pftrack_sim.benchmark.store import RunStore
 from pftrack_sim.benchmark.summary import summary_problem
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.text import one_line
+
+_MOST_MISSING = 1000
 
 
 @dataclass(frozen=True)
@@ -58,21 +61,24 @@ def check(path: Path) -> CheckReport:
     expected: set[Path] = set()
     schema: list[Any] = []
     with duckdb.connect() as database:
-        for episode in plan.episodes():
+        for _, episode in store.episodes():
             file = store.episode_file(episode)
             name = file.relative_to(path).as_posix()
             expected.add(file)
-            if not os.path.lexists(file):
-                problems[f"missing: {episode.name}"] = None
-                changes.pop(name, None)
-            elif name not in changes and (problem := _problem(database, episode, file, schema)):
+            if name not in changes and (problem := _problem(database, episode, file, schema)):
                 problems[f"{name}: {problem}"] = None
             else:
                 intact += name not in changes
-        if intact and intact == len([file for file in expected if os.path.lexists(file)]):
+        missing = (one for one in plan.episodes() if store.episode_file(one) not in expected)
+        for episode in islice(missing, min(plan.episode_count - len(expected), _MOST_MISSING)):
+            problems[f"missing: {episode.name}"] = None
+            changes.pop(store.episode_file(episode).relative_to(path).as_posix(), None)
+        more = plan.episode_count - len(expected) - _MOST_MISSING
+        problems |= {f"missing: {more} episodes more": None} if more > 0 else {}
+        if intact and intact == len(expected):
             summary = path / "summary.parquet"
             if os.path.lexists(summary) or store.finished:
-                problem = summary_problem(database, path, plan)
+                problem = summary_problem(database, path, plan, store.episodes())
                 problems |= {problem: None} if problem and problem.partition(":")[0] not in changes else {}
     for file in store.episode_files():
         name = file.relative_to(path).as_posix()

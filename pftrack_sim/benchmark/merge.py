@@ -53,13 +53,11 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
             lines = "\n".join(f"  {line}" for line in differences(plan, store.plan))
             raise RunError(f"{store.path} holds another plan than {folders[0]}\n{lines}")
     sources = [store for store in stores if store.path.resolve() != out.resolve()]
-    added = shared = done = 0
+    added = shared = 0
     with RunStore.begin(out, plan) as merged, duckdb.connect() as database:
-        for episode in plan.episodes():
-            for source in sources:
+        for source in sources:
+            for _, episode in source.episodes():
                 file = source.episode_file(episode)
-                if not os.path.lexists(file):
-                    continue
                 if merged.has(episode):
                     _check_equal(database, episode, merged.episode_file(episode), file)
                     shared += 1
@@ -68,7 +66,7 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
                 video = source.video_file(episode)
                 merged.add(episode, _content(file), _content(video) if os.path.lexists(video) else None)
                 added += 1
-            done += merged.has(episode)
+        done = sum(1 for _ in merged.episodes())
         for source in sources:
             merged.add_sessions(source.record["sessions"])
         merged.write_summary()

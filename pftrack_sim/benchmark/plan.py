@@ -5,18 +5,22 @@ A plan is frozen, survives a round trip through JSON, and has a digest; it is st
 
 from __future__ import annotations
 
+import bisect
 import hashlib
+import itertools
 import json
 import random
+import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Annotated, Any, Literal, TypeAlias, cast
+from functools import cached_property, lru_cache
+from typing import Any, Literal, TypeAlias, cast
 
 from pydantic import Field, ValidationError, model_validator
 
 from pftrack_sim.benchmark.files import distinct_slugs
+from pftrack_sim.benchmark.seeds import Seeds
 from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.scenario import Scenario
@@ -24,7 +28,7 @@ from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.ranges import is_range
 from pftrack_sim.scenario.section import NotNegative, Section
 
-MAX_EPISODES = 10_000_000
+MAX_EPISODES = 10**12
 
 EpisodeKind: TypeAlias = Literal["open", "follow"]
 """`"open"`: the robot follows its script, and all trackers share the frames. `"follow"`: a tracker drives the robot in
@@ -35,8 +39,6 @@ LATENCY = "latency"
 
 ScoredBox: TypeAlias = Literal["box", "amodal_box", "visible_box"]
 """True box that estimates are compared with, by its name in `Truth`."""
-
-Seed: TypeAlias = Annotated[int, Field(ge=0)]
 
 
 class TrackerSpec(Section):
@@ -126,7 +128,7 @@ class Sweep(Section):
 
     scenarios: tuple[ScenarioSpec, ...]
     conditions: tuple[Condition, ...] = (Condition(),)
-    seeds: tuple[Seed, ...]
+    seeds: Seeds
 
     @property
     def episode_count(self) -> int:
@@ -201,7 +203,7 @@ class Plan(Section):
         truth: True box that estimates are compared with.
     """
 
-    format: Literal[2] = 2
+    format: Literal[3] = 3
     sweeps: tuple[Sweep, ...]
     trackers: tuple[TrackerSpec, ...]
     suites: tuple[Suite, ...] = ()
@@ -210,13 +212,13 @@ class Plan(Section):
     @model_validator(mode="after")
     def _check_unique(self) -> Plan:
         named: dict[str, list[tuple[str, tuple[object, ...]]]] = {
-            "seed": [(str(seed), (index, seed)) for index, sweep in enumerate(self.sweeps) for seed in sweep.seeds],
+            "seed": [(str(sweep.seeds), (index,)) for index, sweep in enumerate(self.sweeps) if len(sweep.seeds)],
             "scenario": [
-                (scenario.name, (scenario.name, condition.name, seed))
+                (scenario.name, (scenario.name, condition.name, sweep.seeds[0]))
                 for sweep in self.sweeps
                 for scenario in sweep.scenarios
                 for condition in sweep.conditions
-                for seed in sweep.seeds[:1]
+                if len(sweep.seeds)
             ],
             "tracker": [(tracker.label, (tracker.label,)) for tracker in self.trackers],
         }
@@ -271,42 +273,100 @@ class Plan(Section):
     def frame_count(self) -> int:
         """Number of frames; an estimate from the first seed where many seeds have different lengths."""
         total = 0
-        for sweep, scenario, _ in self._settings():
+        for setting, (sweep, _, _) in enumerate(self._settings):
+            scenario = self._scenario(setting)
             camera = scenario.tree.get("camera", {})
             varies = is_range(scenario.tree.get("duration_s")) or is_range(camera.get("rate_hz"))
             varies = varies or scenario.resolve(sweep.seeds[0]).axes.stream.on
-            counted = sweep.seeds if varies and len(sweep.seeds) <= 100 else sweep.seeds[:1]
+            counted = list(sweep.seeds) if varies and len(sweep.seeds) <= 100 else [sweep.seeds[0]]
             frames = sum(scenario.frame_count(seed) for seed in counted)
             total += frames * len(sweep.seeds) // len(counted)
         return total * len(self._tracker_groups())
 
-    def episodes(self, *, shuffle: int | None = None) -> Iterator[Episode]:
+    def episodes(self, *, part: tuple[int, int] = (1, 1), shuffle: int | None = None) -> Iterator[Episode]:
         """Every episode in the plan's order, made one at a time.
 
         Args:
-            shuffle: A seed to shuffle the order with.
+            part: Part k of n: only every n-th episode, from the k-th (1 is the first).
+            shuffle: A seed to shuffle the order with; takes memory for all their numbers.
         """
+        numbers: Sequence[int] = range(self.episode_count)
         if shuffle is not None:
-            mixed = list(self.episodes())
-            random.Random(shuffle).shuffle(mixed)
-            yield from mixed
-            return
-        scenario_slugs = distinct_slugs(scenario.name for sweep in self.sweeps for scenario in sweep.scenarios)
-        condition_slugs = distinct_slugs(condition.name for sweep in self.sweeps for condition in sweep.conditions)
-        tracker_slugs = distinct_slugs(self.labels)
-        for sweep, scenario, condition in self._settings():
-            folder = f"{scenario_slugs[scenario.name]}/{condition_slugs[condition.name]}"
-            for seed in sweep.seeds:
-                for trackers in self._tracker_groups():
-                    driver = f"__{tracker_slugs[trackers[0].label]}" if self.kind == "follow" else ""
-                    path = f"{folder}/seed-{seed:04d}{driver}"
-                    yield Episode(scenario, condition, seed, path, trackers, seed == sweep.seeds[0], self.truth)
+            numbers = random.Random(shuffle).sample(numbers, len(numbers))
+        return (self.episode(number) for number in numbers[part[0] - 1 :: part[1]])
 
-    def _settings(self) -> Iterator[tuple[Sweep, Scenario, Condition]]:
-        for sweep in self.sweeps:
-            for scenario in sweep.scenarios:
-                for condition in sweep.conditions:
-                    yield sweep, load_scenario(Scenario(scenario.name, scenario.tree), condition.overrides), condition
+    def episode(self, number: int) -> Episode:
+        """The episode at a place in the plan's order."""
+        groups = self._tracker_groups()
+        setting = bisect.bisect_right(self._starts, number) - 1
+        place, group = divmod(number - self._starts[setting], len(groups))
+        sweep, _, condition = self._settings[setting]
+        seed = sweep.seeds[place]
+        path = f"{self._folder(setting)}/{self._file_stem(seed, group)}"
+        return Episode(self._scenario(setting), condition, seed, path, groups[group], place == 0, self.truth)
+
+    def present(self, files_in: Callable[[str], Collection[str]]) -> Iterator[tuple[int, Episode]]:
+        """Numbers and episodes that have a file, in the plan's order, at no cost for those that have none.
+
+        Args:
+            files_in: Names of the files in the folder of a scenario and condition, without their suffixes.
+        """
+        groups = range(len(self._tracker_groups()))
+        for setting, (sweep, _, _) in enumerate(self._settings):
+            names = files_in(self._folder(setting))
+            seeds = {int(match[1]) for name in names if (match := re.match(r"seed-(\d{4,18})(?:__|$)", name))}
+            places = sorted(place for seed in seeds if (place := sweep.seeds.place_of(seed)) is not None)
+            for place in places:
+                for group in groups:
+                    if self._file_stem(sweep.seeds[place], group) in names:
+                        number = self._starts[setting] + place * len(groups) + group
+                        yield number, self.episode(number)
+
+    @cached_property
+    def _settings(self) -> tuple[tuple[Sweep, ScenarioSpec, Condition], ...]:
+        """Sweep, scenario and condition of every folder of episodes."""
+        return tuple(
+            (sweep, scenario, condition)
+            for sweep in self.sweeps
+            for scenario in sweep.scenarios
+            for condition in sweep.conditions
+        )
+
+    @cached_property
+    def _scenario(self) -> Callable[[int], Scenario]:
+        """Scenario of a setting; the last ones are kept, because all seeds share them."""
+
+        @lru_cache(maxsize=64)
+        def load(setting: int) -> Scenario:
+            _, spec, condition = self._settings[setting]
+            return load_scenario(Scenario(spec.name, spec.tree), condition.overrides)
+
+        return load
+
+    @cached_property
+    def _starts(self) -> tuple[int, ...]:
+        """Number of the first episode of each setting."""
+        counts = (len(sweep.seeds) * len(self._tracker_groups()) for sweep, _, _ in self._settings)
+        return tuple(itertools.accumulate(counts, initial=0))[:-1]
+
+    def _folder(self, setting: int) -> str:
+        """Folder of the episodes of a scenario and condition within `episodes/`."""
+        scenarios, conditions, _ = self._slugs
+        _, scenario, condition = self._settings[setting]
+        return f"{scenarios[scenario.name]}/{conditions[condition.name]}"
+
+    def _file_stem(self, seed: int, group: int) -> str:
+        driver = f"__{self._slugs[2][self.labels[group]]}" if self.kind == "follow" else ""
+        return f"seed-{seed:04d}{driver}"
+
+    @cached_property
+    def _slugs(self) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+        """Parts of file names for scenarios, conditions and trackers."""
+        return (
+            distinct_slugs(scenario.name for sweep in self.sweeps for scenario in sweep.scenarios),
+            distinct_slugs(condition.name for sweep in self.sweeps for condition in sweep.conditions),
+            distinct_slugs(self.labels),
+        )
 
 
 def make_checked_plan(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast, get_args
@@ -20,12 +19,12 @@ from pftrack_sim.benchmark.plan import (
     TrackerSpec,
     make_checked_plan,
 )
+from pftrack_sim.benchmark.seeds import Seeds, parse_seeds
 from pftrack_sim.benchmark.suite import Suite, is_suite, load_suite, suite_names
 from pftrack_sim.controllers import code_digest as controller_code
 from pftrack_sim.controllers import make as make_controller
 from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
-from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.trackers import code_digest as tracker_code
@@ -36,16 +35,13 @@ CONTROLLERS = ("servo-avoid",)
 SEEDS = (0, 1, 2)
 """Defaults of scenarios without a suite."""
 
-MAX_SEEDS = 1_000_000
 MAX_CONDITIONS = 10_000
-_MAX_DIGITS = 18
-"""Bounds of a plan."""
 
 
 def make_plan(
     names: Sequence[ScenarioLike],
     trackers: Sequence[str | TrackerSpec],
-    seeds: Sequence[int],
+    seeds: Iterable[int],
     *,
     axes: Mapping[str, Sequence[float]] | None = None,
     overrides: Mapping[str, Any] | None = None,
@@ -82,13 +78,20 @@ def make_plan(
     conditions = tuple(_conditions(axes or {}, variant))
     specs = tuple(one if isinstance(one, TrackerSpec) else TrackerSpec(name=one, preset=preset) for one in trackers)
     scenario_specs = tuple(ScenarioSpec(name=one.name, tree=one.tree) for one in loaded)
-    sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=tuple(seeds))
+    sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=_as_seeds(seeds))
     plan = make_checked_plan((sweep,), _with_controllers(specs, controllers, latency_ms or {}))
     for scenario in loaded:
         for condition in conditions:
             changed = scenarios.load(scenario, condition.overrides)  # wrong levels are reported now
             _check_effect(changed, condition, plan.sweeps[0].seeds[0])
     return plan
+
+
+def _as_seeds(seeds: Iterable[int]) -> Seeds:
+    try:
+        return seeds if isinstance(seeds, Seeds) else Seeds(seeds)
+    except ValueError as error:
+        raise ParameterError(str(error)) from None
 
 
 def _check_effect(scenario: scenarios.Scenario, condition: Condition, seed: int) -> None:
@@ -184,7 +187,7 @@ def plan_all(
     names: Sequence[str],
     *,
     trackers: Sequence[str | TrackerSpec] | None = None,
-    seeds: Sequence[int] | None = None,
+    seeds: Iterable[int] | None = None,
     axes: Mapping[str, Sequence[float]] | None = None,
     overrides: Mapping[str, Any] | None = None,
     preset: str | None = None,
@@ -271,26 +274,3 @@ def _conditions(axes: Mapping[str, Sequence[float]], variant: str) -> Iterator[C
         raise ParameterError(f"the levels of the axes make {count} conditions: at most {MAX_CONDITIONS} are run")
     for levels in itertools.product(*axes.values()):
         yield Condition(levels=tuple(zip(axes, (float(level) for level in levels), strict=True)), variant=variant)
-
-
-def parse_seeds(text: str) -> list[int]:
-    """Parse seeds of the command line: `3`, `0:20` (20 excluded), `1,5,9`, and mixtures.
-
-    Raises:
-        ParameterError: Another form.
-
-    >>> parse_seeds("0:3,7")
-    [0, 1, 2, 7]
-    """
-    seeds: list[int] = []
-    for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)\s*(?::\s*(\d+)\s*)?", part)
-        if match and max(len(number) for number in match.groups() if number) > _MAX_DIGITS:
-            raise ParameterError(f"a seed has at most {_MAX_DIGITS} digits")
-        if not match or (match[2] is not None and int(match[2]) <= int(match[1])):
-            raise ParameterError(f"seeds are written 3, 0:20 (20 excluded) or 1,5,9; got {one_line(text, 60)!r}")
-        first, end = int(match[1]), int(match[2] or int(match[1]) + 1)
-        if len(seeds) + end - first > MAX_SEEDS:
-            raise ParameterError(f"a run has at most {MAX_SEEDS} seeds; got {one_line(text, 60)!r}")
-        seeds += range(first, end)
-    return seeds

@@ -66,8 +66,7 @@ class ProgressCounter:
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
-        own = islice(plan.episodes(), part[0] - 1, None, part[1])
-        present = (episode for episode in own if store.has(episode))
+        present = (episode for number, episode in store.episodes() if number % part[1] == part[0] - 1)
         with duckdb.connect() as database:
             while chunk := {store.episode_file(episode): episode for episode in islice(present, _CHUNK)}:
                 for _, metadata in read_metadata(database, chunk):

@@ -7,7 +7,6 @@ import signal
 import threading
 from collections.abc import Callable, Generator
 from datetime import UTC, datetime
-from itertools import islice
 from pathlib import Path
 
 from pftrack_sim.benchmark.episode import EpisodeJob
@@ -87,7 +86,7 @@ def run(
     isolated, limits = checked_isolation(isolation), limits or Limits()
     # Wrong names and presets are reported before anything is written.
     check_trackers(plan.trackers, isolated, limits)
-    Simulation(next(plan.episodes()).scenario, backend=backend)
+    Simulation(plan.episode(0).scenario, backend=backend)
 
     def job(episode: Episode) -> EpisodeJob:
         video = videos == "all" or (videos == "first" and episode.is_first_seed)
@@ -100,7 +99,7 @@ def run(
     ):
         counter = ProgressCounter(store, part)
         on_progress(counter.progress(0))
-        episodes = islice(plan.episodes(shuffle=shuffle), part[0] - 1, None, part[1])
+        episodes = plan.episodes(part=part, shuffle=shuffle)
         problems: list[str] = []
         try:
             with _deferred_interrupt(not isinstance(executor, SerialExecutor)) as interrupted:

@@ -149,6 +149,16 @@ class RunStore:
                 if name.endswith(".parquet") and not name.startswith("."):
                     yield Path(folder) / name
 
+    def episodes(self) -> Iterator[tuple[int, Episode]]:
+        """Numbers and episodes of the plan that have a file, in the plan's order."""
+
+        def files_in(folder: str) -> set[str]:
+            path = self.path / "episodes" / folder
+            names = os.listdir(path) if path.is_dir() else []
+            return {name.removesuffix(".parquet") for name in names if name.endswith(".parquet")}
+
+        return self.plan.present(files_in)
+
     def has(self, episode: Episode) -> bool:
         """Whether an episode is finished."""
         return is_file(self.episode_file(episode))
@@ -175,7 +185,7 @@ class RunStore:
 
     def write_summary(self) -> None:
         """Write the summary and the tables of the episodes that are there; mark the run finished if all are."""
-        if write_summary(self.path, self.plan) == self.plan.episode_count:
+        if write_summary(self.path, self.plan, self.episodes()) == self.plan.episode_count:
             self.record["finished"] = self.record["finished"] or now()
             write_record(self.path, self.record)
         write_sums(self.path)
@@ -202,7 +212,7 @@ class RunStore:
         Raises:
             RunError: There is no finished episode, or a file cannot be read.
         """
-        files = [file for episode in self.plan.episodes() if is_file(file := self.episode_file(episode))]
+        files = [file for _, episode in self.episodes() if is_file(file := self.episode_file(episode))]
         if not files:
             raise RunError(f"{self.path} has no finished episode yet")
         self._verify([file.relative_to(self.path).as_posix() for file in files])
@@ -212,7 +222,7 @@ class RunStore:
             if self.finished and self.sums is not None and not any(changed(self.path, [summary.name], self.sums)):
                 database.execute(f"CREATE VIEW summary AS FROM read_parquet({sql_text(summary)})")
             else:
-                load_summary(database, self.path, self.plan)
+                load_summary(database, self.path, self.plan, self.episodes())
             database.execute(
                 f"CREATE VIEW frames AS FROM read_parquet([{', '.join(map(sql_text, files))}], "
                 "hive_partitioning = false)"
@@ -315,8 +325,8 @@ def _check_same(path: Path, plan: Plan, refresh: bool) -> None:
         )
     (path / SUMS).unlink(missing_ok=True)
     # The record comes last: interrupted before it, the folder still asks to be refreshed.
-    for old, new in zip(store.plan.episodes(), plan.episodes(), strict=True):
-        if old.trackers != new.trackers:
+    for number, old in store.episodes():
+        if old.trackers != plan.episode(number).trackers:
             store.episode_file(old).unlink(missing_ok=True)
             store.video_file(old).unlink(missing_ok=True)
     write_record(path, {**store.record, "finished": None, **plan_record(plan)})

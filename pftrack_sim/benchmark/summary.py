@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import islice
 from pathlib import Path
@@ -15,7 +14,7 @@ import duckdb
 from pftrack_sim.benchmark.episode_file import MAX_BYTES, column, read_metadata
 from pftrack_sim.benchmark.files import atomic_write, csv_text, query_deadline, sql_text, write_bytes
 from pftrack_sim.benchmark.integrity import sha256_of
-from pftrack_sim.benchmark.plan import Condition, Plan, TrackerSpec
+from pftrack_sim.benchmark.plan import Condition, Episode, Plan, TrackerSpec
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, read_bytes
 from pftrack_sim.score import Measures
@@ -129,13 +128,19 @@ def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Resu
         yield Result(tracker, values["scenario"], condition, int(values["seed"]), values)
 
 
-def load_summary(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, *, hashes: bool = False) -> int:
+def load_summary(
+    database: duckdb.DuckDBPyConnection,
+    path: Path,
+    plan: Plan,
+    episodes: Iterable[tuple[int, Episode]],
+    *,
+    hashes: bool = False,
+) -> int:
     """Fill a table `summary` of finished episodes, with the files' hashes if asked; returns their number.
 
-    The episodes are read a few hundred at a time, in the plan's order.
+    The episodes are read a few hundred at a time.
     """
-    files = ((number, one, path / "episodes" / f"{one.path}.parquet") for number, one in enumerate(plan.episodes()))
-    present = ((number, one, file) for number, one, file in files if os.path.lexists(file))
+    present = ((number, one, path / "episodes" / f"{one.path}.parquet") for number, one in episodes)
     count = 0
     while chunk := list(islice(present, _CHUNK)):
         numbers = {file: number for number, _, file in chunk}
@@ -172,15 +177,15 @@ def _rows(
         }
 
 
-def write_summary(path: Path, plan: Plan) -> int:
-    """Write the summary and the tables of a run folder's episodes; returns their number, and writes nothing with 0.
+def write_summary(path: Path, plan: Plan, episodes: Iterable[tuple[int, Episode]]) -> int:
+    """Write the summary and the tables of these episodes of a run folder; returns their number; 0: nothing.
 
     Raises:
         RunError: They cannot be written.
     """
     with duckdb.connect() as database:
         try:
-            count = load_summary(database, path, plan, hashes=True)
+            count = load_summary(database, path, plan, episodes, hashes=True)
             if not count:
                 return 0
             with atomic_write(path / "summary.parquet") as part:
@@ -202,12 +207,14 @@ def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]
             yield f"{name}.tex", latex(heads, rows).encode()
 
 
-def summary_problem(database: duckdb.DuckDBPyConnection, path: Path, plan: Plan) -> str | None:
+def summary_problem(
+    database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, episodes: Iterable[tuple[int, Episode]]
+) -> str | None:
     """The first file among the summary and the tables that the episodes do not lead to, or None."""
     if not is_file(path / "summary.parquet"):
         return "summary.parquet: is not a regular file"
     stored = f"read_parquet({sql_text(path / 'summary.parquet')}, hive_partitioning = false)"
-    load_summary(database, path, plan, hashes=True)
+    load_summary(database, path, plan, episodes, hashes=True)
     try:
         with query_deadline(database):
             same = all(

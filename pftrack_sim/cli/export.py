@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pftrack_sim.cli import tables
-from pftrack_sim.cli.options import AxisLevels, Backend, BenchSeeds, Settings, Workers
+from pftrack_sim.cli.options import MAX_SEEDS, AxisLevels, Backend, BenchSeeds, Settings, Workers
 from pftrack_sim.cli.progress import cores, progress_bar
 from pftrack_sim.cli.values import parse_axes, parse_settings
 
@@ -36,7 +36,7 @@ def export(
     plan = plan_all(
         scenarios,
         trackers=["stay"],
-        seeds=parse_seeds(seeds) if seeds is not None else None,
+        seeds=parse_seeds(seeds, most=MAX_SEEDS) if seeds is not None else None,
         axes=parse_axes(axis or []),
         overrides=parse_settings(settings or []),
     )

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+MAX_SEEDS = 1_000_000  # Of commands that hold something for every seed; bench and follow take any number
+
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scenario; may be repeated."),

@@ -9,6 +9,7 @@ import typer
 
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import (
+    MAX_SEEDS,
     AxisLevels,
     Backend,
     BenchPreset,
@@ -222,7 +223,7 @@ def evaluate(
     from pftrack_sim.formats import read_sequence
 
     contestants = parse_trackers(tracker, preset, params or [])
-    chosen = parse_seeds(seeds)
+    chosen = list(parse_seeds(seeds, most=MAX_SEEDS))
     read = [read_sequence(path, layout) for path in sequences]
     with progress_bar("tracking", sum(len(sequence) for sequence in read)) as tick:
         results = evaluate_recorded(

@@ -1,10 +1,15 @@
 """A plan has every combination once, and safe file names."""
 
+import itertools
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
 from pftrack_sim.benchmark.files import distinct_slugs, slug
 from pftrack_sim.benchmark.plan import differences, read_plan
+from pftrack_sim.benchmark.seeds import Seeds
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
 
 
@@ -62,6 +67,29 @@ def test_plans_are_joined_and_shuffled_without_losing_an_episode():
     assert sorted(mixed) == sorted(paths)
     with pytest.raises(ParameterError, match="scenario given twice: plaza-walk"):
         join_plans([parts[0], parts[0]])
+
+
+def test_many_seeds_take_no_memory():
+    plan = make_plan(["corridor"], ["stay"], parse_seeds("5:1000000000,2"), axes={"jitter": [0, 1]})
+    assert plan.episode_count == 2 * 999_999_996
+    assert len(plan.model_dump_json()) < 10_000
+    assert Plan.model_validate_json(plan.model_dump_json()) == plan
+    assert [one.seed for one in itertools.islice(plan.episodes(part=(2, 3)), 2)] == [6, 9]
+    last = plan.episode(plan.episode_count - 1)
+    assert (last.seed, last.condition.name, last.is_first_seed) == (2, "jitter=1", False)
+    there = {"corridor/jitter-1": {"seed-0002", "seed-0777", "seed-0000"}}
+    found = list(plan.present(lambda folder: there.get(folder, set())))
+    assert [(one.seed, one.condition.name) for _, one in found] == [(777, "jitter=1"), (2, "jitter=1")]
+    assert [plan.episode(number).path for number, _ in found] == [one.path for _, one in found]
+
+
+@given(st.lists(st.integers(0, 60), unique=True), st.lists(st.integers(0, 60), unique=True))
+def test_seeds_are_a_sequence_without_repetition(first: list[int], second: list[int]):
+    seeds = Seeds(first)
+    assert list(seeds) == first == [seeds[place] for place in range(len(seeds))]
+    assert [seeds.place_of(seed) for seed in first] == list(range(len(first)))
+    assert not first or parse_seeds(str(seeds)) == seeds
+    assert list(seeds.joined(Seeds(second))) == first + [seed for seed in second if seed not in first]
 
 
 def test_wrong_names_and_levels():
