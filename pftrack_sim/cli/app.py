@@ -14,6 +14,7 @@ from pftrack_sim.cli.export import export
 from pftrack_sim.cli.options import Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.profile import profile
 from pftrack_sim.cli.progress import progress_bar
+from pftrack_sim.cli.studio import studio
 from pftrack_sim.cli.trax import trax
 from pftrack_sim.cli.values import parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError
@@ -131,6 +132,7 @@ def doctor(
 for name, command in {
     "list": list_names,
     "render": render,
+    "studio": studio,
     "profile": profile,
     "bench": running.bench,
     "follow": running.follow,

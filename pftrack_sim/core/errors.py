@@ -91,6 +91,10 @@ class ControllerError(PftrackError):
     """A controller that cannot be created or used as requested."""
 
 
+class StudioError(PftrackError):
+    """A studio that cannot be opened; the message names the remedy."""
+
+
 def did_you_mean(given: str, allowed: Iterable[str]) -> str:
     """Suggestion to append to a message; empty when no name is similar.
 

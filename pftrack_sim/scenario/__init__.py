@@ -4,6 +4,7 @@ from pftrack_sim.scenario.late_events import axis_without_effect, late_events
 from pftrack_sim.scenario.load import Scenario, ScenarioLike, load, names
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.scenario.schema import editor_schema
+from pftrack_sim.scenario.toml_text import toml_text
 
 __all__ = [
     "ResolvedScenario",
@@ -14,4 +15,5 @@ __all__ = [
     "late_events",
     "load",
     "names",
+    "toml_text",
 ]

@@ -67,7 +67,8 @@ def roof_with_windows(
         while x < right:
             window = patch_m * rng.uniform(0.6, 1.4)
             closed = window * (1.0 / open_share - 1.0) * rng.uniform(0.7, 1.3)
-            sheets.append(_sheet(x, bottom, min(x + closed, right), top, height_m))
+            if closed > 0.0:
+                sheets.append(_sheet(x, bottom, min(x + closed, right), top, height_m))
             x += closed
             for bar in np.arange(x, min(x + window, right), _PANE_M):
                 sheets.append(_sheet(bar, bottom, bar + _BAR_M, top, height_m))

@@ -1,0 +1,149 @@
+"""The thread that runs a session: it plays at a speed, and does in between what the page asks for."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from pftrack_sim.core.errors import PftrackError
+from pftrack_sim.core.text import describe_error
+from pftrack_sim.studio.session import Moment, Session
+
+_IDLE_S = 0.05
+_RATE_OVER = 20
+"""Frames over which the frame rate is averaged."""
+
+
+class Player:
+    """Runs a session in a thread of its own, which makes it, calls it and closes it.
+
+    Nothing that a page does waits for a frame: requests are queued, and results are read from `moment` and `status`.
+
+    Args:
+        make: Makes the session.
+
+    Raises:
+        PftrackError: As `make`.
+    """
+
+    def __init__(self, make: Callable[[], Session]) -> None:
+        self.playing = False
+        self.speed = 1.0
+        """Simulated seconds per second; frames are shown later than that where they take longer."""
+        self.status = ""
+        """What happened last."""
+        self.frames_per_s = 0.0
+        """Of the last frames played; 0 while paused."""
+        self._requests: queue.SimpleQueue[Callable[[Session], Any]] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._ready = threading.Event()
+        self._failure: BaseException | None = None
+        self._times: list[float] = []
+        self._thread = threading.Thread(target=self._run, args=(make,), name="pftrack-sim studio", daemon=True)
+        self._thread.start()
+        self._ready.wait()
+        if self._failure is not None:
+            raise self._failure
+
+    @property
+    def moment(self) -> Moment:
+        """The frame shown last."""
+        return self.session.moment
+
+    def request(self, action: Callable[[Session], Any]) -> None:
+        """Let the session do something before the next frame; a sentence that it returns becomes the status."""
+        self._requests.put(action)
+
+    def ask(self, action: Callable[[Session], Any], timeout_s: float = 60.0) -> Any:
+        """As `request`, but wait for the result.
+
+        Raises:
+            PftrackError: The action's own error.
+            TimeoutError: Nothing came back in time.
+        """
+        answer: queue.SimpleQueue[tuple[Any, PftrackError | None]] = queue.SimpleQueue()
+
+        def answered(session: Session) -> Any:
+            try:
+                result = action(session)
+            except PftrackError as error:
+                answer.put((None, error))
+                raise
+            answer.put((result, None))
+            return result
+
+        self.request(answered)
+        try:
+            result, error = answer.get(timeout=timeout_s)
+        except queue.Empty:
+            raise TimeoutError(f"the session did not answer within {timeout_s:g} s") from None
+        if error is not None:
+            raise error
+        return result
+
+    def close(self) -> None:
+        """Stop the thread and close the session. Closing twice is fine."""
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self, make: Callable[[], Session]) -> None:
+        try:
+            self.session = make()
+        except BaseException as error:  # noqa: BLE001 - raised again in the thread that made the player
+            self._failure = error
+            return
+        finally:
+            self._ready.set()
+        try:
+            while not self._stop.is_set():
+                self._handle(_IDLE_S if not self.playing else 0.0)
+                if self.playing:
+                    self._play()
+        finally:
+            self.session.close()
+
+    def _handle(self, wait_s: float) -> None:
+        """Do everything that was asked for; wait so long for the first request."""
+        try:
+            action = self._requests.get(timeout=wait_s) if wait_s else self._requests.get_nowait()
+            while True:
+                self._do(action)
+                action = self._requests.get_nowait()
+        except queue.Empty:
+            return
+
+    def _do(self, action: Callable[[Session], Any]) -> None:
+        try:
+            said = action(self.session)
+        except PftrackError as error:
+            said = str(error)
+        except Exception as error:  # noqa: BLE001 - a third-party tracker may raise anything; the page says so
+            said = describe_error(error)
+        if isinstance(said, str):
+            self.status = said
+
+    def _play(self) -> None:
+        session = self.session
+        if session.over:
+            self.playing, self.frames_per_s, self.status = False, 0.0, "The episode is over."
+            return
+        start_s, before_s = time.perf_counter(), session.moment.frame.time_s
+        try:
+            session.advance()
+        except PftrackError as error:
+            self.playing, self.status = False, str(error)
+            return
+        except Exception as error:  # noqa: BLE001 - as above
+            self.playing, self.status = False, describe_error(error)
+            return
+        self._times = [*self._times[1 - _RATE_OVER :], time.perf_counter()]
+        if len(self._times) > 1:
+            self.frames_per_s = (len(self._times) - 1) / (self._times[-1] - self._times[0])
+        due_s = start_s + (session.moment.frame.time_s - before_s) / max(self.speed, 1e-3)
+        while (left_s := due_s - time.perf_counter()) > 0.0 and not self._stop.is_set():
+            self._handle(left_s)
+            if not self.playing:
+                break

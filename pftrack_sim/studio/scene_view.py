@@ -1,0 +1,250 @@
+"""The scene as simple geometry in a viser server: what stands still as one mesh, what moves as boxes and ellipsoids."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.render.backend import geoms_drawn
+from pftrack_sim.scene.layout import owner_name
+from pftrack_sim.studio.session import Moment
+
+TRACKED, OTHERS, MACHINES = (255, 255, 255), (150, 150, 150), (60, 90, 140)
+"""Colours: the truth's of the pictures for people, one for the robot and carts."""
+
+_OVERHEAD_M = 2.2
+"""What begins above is left out, so that one can look into a room from above."""
+
+_PICTURE_AT_M = 0.8
+"""Distance of the picture in front of the robot's camera."""
+
+_PATH_M = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Geoms of one owner that are drawn with one shape."""
+
+    owner: str
+    geoms: IntArray
+    centres_m: FloatArray
+    handle: Any
+
+
+class SceneView:
+    """The 3D view of one server.
+
+    Args:
+        server: The viser server.
+        on_person: Called with the name of a person who is clicked.
+        on_picture: Called with the shares of width and height at which the picture is clicked.
+    """
+
+    def __init__(self, server: Any, on_person: Callable[[str], None], on_picture: Callable[[float, float], None]):
+        self._scene = server.scene
+        self._on_person, self._on_picture = on_person, on_picture
+        self._batches: list[_Batch] = []
+        self._people: tuple[str, ...] = ()
+        self._tracked = ""
+        self._pose = np.eye(4)
+        self._scene.configure_default_lights(enabled=True, cast_shadow=False)
+
+    def build(self, model: mujoco.MjModel, moment: Moment, people: tuple[str, ...], path_m: FloatArray) -> None:
+        """Show another compiled world.
+
+        Args:
+            model: The model.
+            moment: A moment in it.
+            people: Names, the target's first.
+            path_m: `(N, 2)` the target's path.
+        """
+        drawn = geoms_drawn(model)
+        owners = np.array([owner_name(model.body(int(body)).name) for body in model.geom_bodyid])
+        moving = (model.body_weldid[model.geom_bodyid] != 0) | (model.body_mocapid[model.geom_bodyid] >= 0)
+        still = np.flatnonzero(drawn & ~moving)
+        self._people, self._tracked = people, ""
+        self._scene.add_mesh_trimesh("/place", _static_mesh(model, moment, still), receive_shadow=False)
+        for old in self._batches:
+            old.handle.remove()
+        self._batches = []
+        boxes = np.asarray(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
+        is_box = (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX) | (
+            (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & ~np.isin(owners, people)
+        )
+        for owner in dict.fromkeys(owners[drawn & moving].tolist()):
+            for shape, chosen in (("boxes", is_box), ("ellipsoids", ~is_box)):
+                geoms = np.flatnonzero(drawn & moving & (owners == owner) & chosen)
+                if geoms.size:
+                    self._batches.append(self._batch(owner, shape, geoms, boxes[geoms], owner in people))
+        K, (height, width) = moment.truth.K, moment.frame.image.shape[:2]
+        half = np.array([width / K[0, 0], height / K[1, 1]]) * 0.5
+        self._half_m = half * _PICTURE_AT_M
+        self._camera = self._scene.add_frame("/camera", show_axes=False)
+        self._scene.add_line_segments("/camera/frustum", _frustum(self._half_m), (255, 200, 0), line_width=2.0)
+        self._picture = self._scene.add_image(
+            "/camera/picture", moment.frame.image, *(2.0 * self._half_m), position=(0.0, 0.0, _PICTURE_AT_M)
+        )
+        self._picture.on_click(self._clicked)
+        points = np.column_stack([path_m, np.full(len(path_m), _PATH_M)])
+        self._scene.add_line_segments(
+            "/path", np.stack([points[:-1], points[1:]], axis=1).astype(np.float32), (90, 200, 120), line_width=3.0
+        )
+        self.show(moment)
+
+    def show(self, moment: Moment, picture: Any = None) -> None:
+        """Show the poses of a moment of this world, and a `(H, W, 3)` picture before the camera."""
+        for batch in self._batches:
+            rotation = moment.geom_rotation[batch.geoms]
+            batch.handle.batched_positions = moment.geom_m[batch.geoms] + np.einsum(
+                "nij,nj->ni", rotation, batch.centres_m
+            ).astype(np.float32)
+            batch.handle.batched_wxyzs = _wxyz(rotation)
+        if moment.truth.name != self._tracked:
+            self._tracked = moment.truth.name
+            for batch in self._batches:
+                batch.handle.batched_colors = np.array(self._colour(batch.owner), dtype=np.uint8)
+        self._pose = moment.truth.T_world_camera
+        self._camera.position = self._pose[:3, 3]
+        self._camera.wxyz = _wxyz(self._pose[None, :3, :3])[0]
+        if picture is not None:
+            self._picture.image = picture
+
+    def show_trail(self, points_m: FloatArray) -> None:
+        """Show the `(N, 2)` way of the camera so far."""
+        if len(points_m) > 1:
+            points = np.column_stack([points_m, np.full(len(points_m), _PATH_M)]).astype(np.float32)
+            self._scene.add_line_segments(
+                "/trail", np.stack([points[:-1], points[1:]], axis=1), (255, 200, 0), line_width=3.0
+            )
+
+    def overview(self) -> tuple[FloatArray, FloatArray]:
+        """A place to look from and a point to look at: behind the robot, above it."""
+        forward = np.array([self._pose[0, 2], self._pose[1, 2], 0.0])
+        forward /= max(float(np.linalg.norm(forward)), 1e-6)
+        camera = self._pose[:3, 3]
+        return camera - 4.0 * forward + (0.0, 0.0, 3.0), camera + 3.0 * forward - (0.0, 0.0, 0.4)
+
+    def _batch(self, owner: str, shape: str, geoms: IntArray, boxes: FloatArray, clickable: bool) -> _Batch:
+        trimesh = _trimesh()
+        unit = trimesh.creation.box((2.0, 2.0, 2.0)) if shape == "boxes" else trimesh.creation.icosphere(2, 1.0)
+        handle = self._scene.add_batched_meshes_simple(
+            f"/moving/{owner}/{shape}",
+            np.asarray(unit.vertices),
+            np.asarray(unit.faces),
+            np.tile((1.0, 0.0, 0.0, 0.0), (len(geoms), 1)),
+            np.zeros((len(geoms), 3)),
+            batched_scales=np.maximum(boxes[:, 1], 1e-3),
+            batched_colors=self._colour(owner),
+            lod="off",
+        )
+        if clickable:
+
+            def clicked(_: Any) -> None:
+                self._on_person(owner)
+
+            handle.on_click(clicked)
+        return _Batch(owner, geoms, boxes[:, 0], handle)
+
+    def _colour(self, owner: str) -> tuple[int, int, int]:
+        return MACHINES if owner not in self._people else TRACKED if owner == self._tracked else OTHERS
+
+    def _clicked(self, event: Any) -> None:
+        to_camera = np.linalg.inv(self._pose)
+        origin = to_camera[:3, :3] @ event.ray_origin + to_camera[:3, 3]
+        direction = to_camera[:3, :3] @ event.ray_direction
+        if abs(direction[2]) > 1e-9:
+            hit = origin + direction * ((_PICTURE_AT_M - origin[2]) / direction[2])
+            x, y = 0.5 + 0.5 * hit[:2] / self._half_m
+            self._on_picture(float(x), float(y))
+
+
+def _trimesh() -> Any:
+    """The module trimesh, which viser brings."""
+    return importlib.import_module("trimesh")
+
+
+def _wxyz(rotation: Any) -> Any:
+    return Rotation.from_matrix(rotation).as_quat(scalar_first=True).astype(np.float32)
+
+
+def _frustum(half_m: FloatArray) -> Any:
+    """`(8, 2, 3)` edges of a viewing frustum in camera axes."""
+    corners = [(x * half_m[0], y * half_m[1], _PICTURE_AT_M) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    rim = [(one, other) for one, other in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    return np.array([*(((0.0, 0.0, 0.0), corner) for corner in corners), *rim], dtype=np.float32)
+
+
+def _static_mesh(model: mujoco.MjModel, moment: Moment, geoms: IntArray) -> Any:
+    """One mesh of geoms that do not move, with the mean colour of each face."""
+    trimesh = _trimesh()
+    parts: list[Any] = []
+    for geom in geoms.tolist():
+        mesh = _geom_mesh(model, geom)
+        if mesh is None:
+            continue
+        vertices = mesh.vertices @ moment.geom_rotation[geom].T + moment.geom_m[geom]
+        if vertices[:, 2].min() > _OVERHEAD_M:
+            continue
+        corners = vertices[mesh.faces].reshape(-1, 3)
+        colours = np.repeat(_face_colours(model, geom, len(mesh.faces)), 3, axis=0)
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        parts.append(trimesh.Trimesh(corners, faces, vertex_colors=colours, process=False))
+    return trimesh.util.concatenate(parts)
+
+
+def _geom_mesh(model: mujoco.MjModel, geom: int) -> Any:
+    trimesh, size = _trimesh(), model.geom_size[geom]
+    match int(model.geom_type[geom]):
+        case mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = int(model.geom_dataid[geom])
+            first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+            face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+            return trimesh.Trimesh(
+                model.mesh_vert[first : first + count], model.mesh_face[face : face + faces], process=False
+            )
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            return trimesh.creation.box(2.0 * size)
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return trimesh.creation.cylinder(size[0], 2.0 * size[1], sections=16)
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return trimesh.creation.capsule(2.0 * size[1], size[0], count=(8, 8))
+        case mujoco.mjtGeom.mjGEOM_SPHERE | mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            radii = size if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID else np.full(3, size[0])
+            return trimesh.creation.icosphere(1, 1.0).apply_scale(radii)
+        case _:
+            return None
+
+
+def _face_colours(model: mujoco.MjModel, geom: int, count: int) -> Any:
+    """`(count, 4)` uint8: the texture at the middle of each face, or the geom's own colour."""
+    material = int(model.geom_matid[geom])
+    rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
+    plain = np.tile(np.array(255.0 * np.clip(rgba, 0.0, 1.0), dtype=np.uint8), (count, 1))
+    plain[:, 3] = 255
+    texture = -1 if material < 0 else int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
+    mesh = int(model.geom_dataid[geom])
+    if texture < 0:
+        return plain
+    width, height, channels = model.tex_width[texture], model.tex_height[texture], model.tex_nchannel[texture]
+    start = int(model.tex_adr[texture])
+    pixels = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)[..., :3]
+    if mesh < 0 or model.mesh_texcoordadr[mesh] < 0:
+        plain[:, :3] = pixels.reshape(-1, 3).mean(axis=0)
+        return plain
+    face, first = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
+    uv = model.mesh_texcoord[first + model.mesh_facetexcoord[face : face + count]]
+    spread = np.ptp(uv, axis=1).max(axis=1)
+    middle = np.mod(uv.mean(axis=1) * model.mat_texrepeat[material], 1.0)
+    columns = np.minimum((middle[:, 0] * width).astype(np.intp), width - 1)
+    rows = np.minimum((middle[:, 1] * height).astype(np.intp), height - 1)
+    plain[:, :3] = pixels[rows, columns]
+    # A face that repeats the texture has its mean colour.
+    plain[spread >= 1.0, :3] = pixels.reshape(-1, 3).mean(axis=0).astype(np.uint8)
+    return plain

@@ -1,0 +1,150 @@
+"""A viser server that refuses strangers: too many clients, pages of other sites, and, off this machine, no token."""
+
+from __future__ import annotations
+
+import contextlib
+import hmac
+import http
+import importlib
+import io
+import secrets
+import socket
+from collections.abc import Callable, Mapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from unittest import mock
+from urllib.parse import parse_qs, urlsplit
+
+from pftrack_sim.core.errors import StudioError
+
+LOCAL = ("127.0.0.1", "localhost", "::1")
+_COOKIE = "pftrack-sim-studio"
+
+
+def import_viser() -> Any:
+    """The module viser.
+
+    Raises:
+        StudioError: It is not installed.
+    """
+    try:
+        return importlib.import_module("viser")
+    except ImportError as error:
+        raise StudioError(f"the studio needs viser: pip install 'pftrack-sim[studio]' ({error})") from None
+
+
+class Gate:
+    """Decides which requests reach the server.
+
+    A browser that opens the address with its token gets a cookie; the page's connection needs that cookie. Requests
+    that a page of another site makes are refused: browsers let any page connect to this machine.
+
+    Args:
+        token: What the address must hold; None where the server is bound to this machine.
+        most: Number of pages that may be open at once.
+    """
+
+    def __init__(self, token: str | None, most: int) -> None:
+        self.token, self.most, self.open = token, most, 0
+
+    def refusal(self, path: str, headers: Mapping[str, str]) -> tuple[http.HTTPStatus, str] | None:
+        """Status and text for a request that is refused, or None."""
+        connects = headers.get("Upgrade", "").lower() == "websocket"
+        origin = headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != headers.get("Host"):
+            return http.HTTPStatus.FORBIDDEN, "this studio answers its own page only"
+        if self.token is None and urlsplit(f"//{headers.get('Host', '')}").hostname not in LOCAL:
+            return http.HTTPStatus.FORBIDDEN, "open the address that the studio printed"
+        if not self._knows_token(path, headers):
+            return http.HTTPStatus.FORBIDDEN, "open the address that the studio printed, with its token"
+        if connects and self.open >= self.most:
+            return http.HTTPStatus.SERVICE_UNAVAILABLE, f"{self.most} pages are open, as many as the studio serves"
+        return None
+
+    def cookie(self, path: str) -> str | None:
+        """Cookie to set for a request that holds the token in its address."""
+        if self.token is None or not self._right(_query_token(path)):
+            return None
+        return f"{_COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+
+    def _knows_token(self, path: str, headers: Mapping[str, str]) -> bool:
+        if self.token is None or self._right(_query_token(path)):
+            return True
+        try:
+            cookie = SimpleCookie(headers.get("Cookie", "")).get(_COOKIE)
+        except CookieError:
+            return False
+        return cookie is not None and self._right(cookie.value)
+
+    def _right(self, given: str) -> bool:
+        return self.token is not None and hmac.compare_digest(given.encode(), self.token.encode())
+
+
+def open_server(host: str, port: int, most: int) -> tuple[Any, Gate, str]:
+    """Start a viser server behind a gate.
+
+    Args:
+        host: Address to bind; anything but this machine's own gets a token.
+        port: Port, or the next free one above; 0: any.
+        most: Number of pages that may be open at once.
+
+    Returns:
+        The server, its gate, and the address to open.
+
+    Raises:
+        StudioError: viser is missing, or the address cannot be bound.
+    """
+    viser = import_viser()
+    _check_host(host)
+    gate = Gate(None if host in LOCAL else secrets.token_urlsafe(16), most)
+    websockets_server: Any = importlib.import_module("websockets.asyncio.server")
+    serve = websockets_server.serve
+
+    def guarded(handler: Any, *arguments: Any, process_request: Any, **options: Any) -> Any:
+        return serve(_counted(handler, gate), *arguments, process_request=_checked(process_request, gate), **options)
+
+    # viser has no way to refuse a request, and prints a table of its own.
+    with mock.patch.object(websockets_server, "serve", guarded), contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host, port, label="pftrack_sim", verbose=False)
+    name = socket.gethostname() if host in ("0.0.0.0", "::") else host
+    address = f"http://{f'[{name}]' if ':' in name else name}:{server.get_port()}/"
+    return server, gate, address if gate.token is None else f"{address}?token={gate.token}"
+
+
+def _check_host(host: str) -> None:
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.bind(address)
+    except (OSError, UnicodeError) as error:
+        text = error.strerror if isinstance(error, OSError) else str(error)
+        raise StudioError(f"cannot bind the address {host!r}: {text}") from None
+
+
+def _counted(handler: Any, gate: Gate) -> Callable[[Any], Any]:
+    async def handle(connection: Any) -> None:
+        gate.open += 1
+        try:
+            await handler(connection)
+        finally:
+            gate.open -= 1
+
+    return handle
+
+
+def _checked(process_request: Any, gate: Gate) -> Callable[[Any, Any], Any]:
+    async def process(connection: Any, request: Any) -> Any:
+        refusal = gate.refusal(request.path, request.headers)
+        if refusal is not None:
+            return connection.respond(refusal[0], f"{refusal[1]}\n")
+        response = process_request(connection, request)
+        cookie = gate.cookie(request.path)
+        if response is not None and cookie is not None:
+            response.headers["Set-Cookie"] = cookie
+        return response
+
+    return process
+
+
+def _query_token(path: str) -> str:
+    return parse_qs(urlsplit(path).query).get("token", [""])[0]

@@ -1,0 +1,343 @@
+"""One episode to look at: it advances frame by frame, keeps the last frames, and takes new settings on the way.
+
+A session has no thread and no page; `player.Player` runs it, and `page.Page` shows it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pftrack_sim import controllers, policies
+from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.sinks import video_writer
+from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
+from pftrack_sim.controllers import Controller
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.palette import colours_of
+from pftrack_sim.core.proprioception import PROPRIO_HIGH
+from pftrack_sim.core.records import Estimate, Frame, Image, Truth
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.render.overlay import draw_boxes
+from pftrack_sim.simulation.simulation import LIVE_AXES, Simulation
+from pftrack_sim.studio.settings import HAND, SCRIPT, Settings
+from pftrack_sim.trackers.isolation import Limits
+
+MEMORY_MB = 400
+"""Memory for the frames that are kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One frame as it was shown.
+
+    Attributes:
+        frame: The frame.
+        truth: Truth of the person who is tracked.
+        estimates: Of each tracker that has one, by label.
+        ms: Time that each tracker took.
+        periods: Camera periods since the start of the episode.
+        world: Number of the compiled world it belongs to; geoms are the same within one.
+        geom_m: `(ngeom, 3)` float32 positions of all geoms [m].
+        geom_rotation: `(ngeom, 3, 3)` float32 orientations.
+    """
+
+    frame: Frame
+    truth: Truth
+    estimates: Mapping[str, Estimate]
+    ms: Mapping[str, float]
+    periods: int
+    world: int
+    geom_m: Any
+    geom_rotation: Any
+
+    @property
+    def overlaps(self) -> dict[str, float]:
+        """Overlap of each estimate; NaN while nothing of the person is visible."""
+        scored = self.truth.scored
+        return {
+            name: boxes.iou(self.truth.box, one.box) if scored else float("nan") for name, one in self.estimates.items()
+        }
+
+    def picture(self) -> Image:
+        """`(H, W, 3)` uint8: the frame with truth and estimates drawn as in reports."""
+        colours = colours_of(self.ms)
+        return draw_boxes(self.frame.image, self.truth, self.estimates, people=self.frame.people, colours=colours)
+
+
+class Session:
+    """An episode with trackers in it, from the first frame on.
+
+    Every method leaves the session as it was when it raises. The simulation belongs to the thread that made the
+    session, as its graphics context does.
+
+    Args:
+        settings: What to show.
+        backend: Renderer, by name.
+        isolation: Which trackers run in a process of their own.
+        memory_mb: Memory for the frames that are kept.
+
+    Raises:
+        ScenarioError: The scenario is wrong or impossible.
+        UnknownNameError: An unknown scenario, tracker or driver.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        *,
+        backend: str | None = None,
+        isolation: Isolation = "auto",
+        memory_mb: float = MEMORY_MB,
+    ) -> None:
+        self._backend, self._memory = backend, int(memory_mb * 1e6)
+        self._isolation: Isolation = isolation
+        self.settings = settings
+        self.history: deque[Moment] = deque()
+        """The last frames, oldest first; the last one is the present."""
+        self.exact = True
+        """Whether the frames from here on are those of `settings.toml()` to the bit."""
+        self.hand = np.zeros(4)
+        """`(4,)` command of a person who drives: forward, turn, pan, tilt in [-1, 1]."""
+        self._world = 0
+        self._person = ""
+        self._runners: list[TrackerRunner] = []
+        self._commands: list[FloatArray | None] = []
+        self.simulation = Simulation(settings.scenario(), backend=backend)
+        self._set_runners(settings.trackers)
+        self._controller: Controller | None = None
+        self._show(self._resumed(settings, ()))
+
+    @property
+    def moment(self) -> Moment:
+        """The present."""
+        return self.history[-1]
+
+    @property
+    def over(self) -> bool:
+        """Whether the last frame of the episode has been shown."""
+        return self.moment.frame.index + 1 >= self.simulation.frame_count
+
+    @property
+    def person(self) -> str:
+        """Name of the person who is tracked."""
+        return self._person or self.people[0]
+
+    @property
+    def people(self) -> tuple[str, ...]:
+        """Everyone in the episode, the scenario's target first."""
+        return self.simulation.world.people
+
+    def advance(self) -> Moment:
+        """Move on to the next frame, and show it to the trackers.
+
+        Raises:
+            ParameterError: The episode is over.
+        """
+        if self.over:
+            raise ParameterError("the episode is over: restart it")
+        command = self._command()
+        before = self.simulation.periods
+        frame = self.simulation.advance(command)
+        self._commands += [command] * (self.simulation.periods - before)
+        self._show(frame)
+        return self.moment
+
+    def change(self, settings: Settings) -> str:
+        """Take other settings.
+
+        Axes of the camera and of the link act from the next frame on. Whatever else differs starts the episode
+        again with the new settings and, unless the scenario itself or the seed is another, lets the world move on to
+        the present time under the same commands.
+
+        Returns:
+            What was done, in a sentence.
+
+        Raises:
+            ScenarioError: They are impossible.
+            UnknownNameError: An unknown scenario, tracker or driver.
+        """
+        old = self.settings
+        if (old.name, old.seed) != (settings.name, settings.seed):
+            self._restart(settings, ())
+            return f"Started {settings.name} at seed {settings.seed}."
+        if settings.trackers != old.trackers:
+            check_trackers(settings.trackers, self._isolation, Limits())
+        said = f"Applied from {self.moment.frame.time_s:.2f} s on."
+        if settings.overrides != old.overrides:
+            said = self._change_scenario(settings)
+        if settings.trackers != old.trackers:
+            self._set_runners(settings.trackers)
+            self._show_again()
+        if settings.driver != old.driver:
+            self._start_driver(settings)
+        self.settings = settings
+        return said
+
+    def restart(self, moment: Moment | None = None) -> None:
+        """Start again at a moment that was shown, or at the first frame; trackers start anew there.
+
+        From there on the frames are those of the present settings to the bit.
+        """
+        self._restart(self.settings, () if moment is None else self._commands[: moment.periods])
+
+    def select(self, person: str) -> None:
+        """Track this person from now on.
+
+        Raises:
+            UnknownNameError: Nobody has this name.
+        """
+        if person not in self.people:
+            raise UnknownNameError("person", person, self.people)
+        self._person = person
+        self._set_runners(self.settings.trackers)
+        self._show_again()
+
+    def person_at(self, moment: Moment, x_px: float, y_px: float) -> str | None:
+        """Name of the nearest person whose box contains a point of the image, or None."""
+        for one in sorted(moment.frame.people, key=lambda one: one.distance_m):
+            x, y, width, height = one.box
+            if x <= x_px < x + width and y <= y_px < y + height:
+                return one.name
+        return None
+
+    def save_clip(self, path: Path, last_s: float = 10.0) -> None:
+        """Write the last seconds with what is drawn on them as an MP4.
+
+        Raises:
+            RunError: It cannot be written.
+        """
+        end_s = self.moment.frame.time_s
+        with video_writer(path, self.simulation.settings.camera.rate_hz) as add:
+            for moment in self.history:
+                if moment.world == self.moment.world and moment.frame.time_s >= end_s - last_s:
+                    add(moment.picture(), moment.frame.time_s)
+
+    def close(self) -> None:
+        """Free the renderer and end the trackers' processes."""
+        for runner in self._runners:
+            runner.close()
+        self.simulation.close()
+
+    def _change_scenario(self, settings: Settings) -> str:
+        loaded, seed = settings.scenario(), settings.seed
+        new, present = loaded.resolve(seed), self.simulation.settings
+        kept = {name: getattr(present.axes, name) for name in LIVE_AXES}
+        if new.model_copy(update={"axes": new.axes.model_copy(update=kept)}) == present:
+            if new != present:
+                self.simulation.retune(loaded, seed)
+                self.exact = False
+            return f"Applied from {self.moment.frame.time_s:.2f} s on."
+        frame = self._resumed(settings, self._commands)
+        self._show(frame)
+        return f"Restarted with these settings at {frame.time_s:.2f} s."
+
+    def _restart(self, settings: Settings, commands: Sequence[FloatArray | None]) -> None:
+        frame = self._resumed(settings, commands)
+        while self.history and (not commands or self.history[-1].periods >= len(commands)):
+            self.history.pop()
+        if settings.name != self.settings.name or self.person not in self.people:
+            self._person = ""
+        self.settings = settings
+        self._set_runners(settings.trackers)
+        self._show(frame)
+
+    def _resumed(self, settings: Settings, commands: Sequence[FloatArray | None]) -> Frame:
+        """The first frame of a world with these settings, after these commands; the old world stays if it raises."""
+        simulation = Simulation(settings.scenario(), backend=self._backend)
+        try:
+            frame = simulation.resume(settings.seed, commands)
+        except BaseException:
+            simulation.close()
+            raise
+        self.simulation.close()
+        self.simulation = simulation
+        held = [commands[-1]] * (simulation.periods - len(commands)) if commands else []
+        self._commands = [*commands, *held]
+        self._world += 1
+        self.exact = all(command is None for command in self._commands)
+        self._start_driver(settings)
+        return frame
+
+    def _start_driver(self, settings: Settings) -> None:
+        self._controller = None
+        self.hand = np.zeros(4)
+        if settings.driver not in (SCRIPT, HAND):
+            self._controller = controllers.make(settings.driver)
+            self._controller.reset(policies.robot_parameters(self.simulation.settings))
+
+    def _set_runners(self, trackers: Sequence[TrackerSpec]) -> None:
+        made = make_runners(trackers, seed=self.settings.seed, isolation=self._isolation)
+        for runner in self._runners:
+            runner.close()
+        self._runners = made
+
+    def _command(self) -> FloatArray | None:
+        if self.settings.driver == SCRIPT:
+            return None
+        self.exact = False
+        if self._controller is None:
+            return self.hand.copy()
+        if not self.moment.estimates:
+            return np.zeros(4)
+        proprio = np.clip(self.simulation.world.proprio(), -PROPRIO_HIGH, PROPRIO_HIGH)
+        act = self._controller.act(next(iter(self.moment.estimates.values())), proprio)
+        return np.clip(act, -1.0, 1.0)
+
+    def _show(self, frame: Frame) -> None:
+        data = self.simulation.world.data
+        truth = self._truth(frame)
+        for runner in self._runners:
+            runner.step(frame.image, truth.box, truth.scored)
+        latest = {runner.spec.label: runner.estimates[-1] for runner in self._runners}
+        self.history.append(
+            Moment(
+                frame,
+                truth,
+                {name: one for name, one in latest.items() if one is not None},
+                {runner.spec.label: runner.ms[-1] for runner in self._runners},
+                self.simulation.periods,
+                self._world,
+                data.geom_xpos.astype(np.float32),
+                data.geom_xmat.reshape(-1, 3, 3).astype(np.float32),
+            )
+        )
+        each = sum(one.nbytes for one in (frame.image, self.moment.geom_m, self.moment.geom_rotation))
+        while len(self.history) > max(2, self._memory // each):
+            self.history.popleft()
+
+    def _show_again(self) -> None:
+        """Show the present frame to new trackers."""
+        frame = self.history.pop().frame
+        self._show(frame)
+
+    def _truth(self, frame: Frame) -> Truth:
+        for one in frame.people:
+            if one.name == self.person:
+                return one
+        gone = np.full(4, np.nan)
+        return replace(
+            frame.truth,
+            name=self.person,
+            box=np.zeros(4),
+            amodal_box=gone,
+            visible_box=gone,
+            swept_box=gone,
+            visible_fraction=0.0,
+            state="out_of_view",
+            occluders=(),
+            distance_m=float("nan"),
+            image_motion_px=float("nan"),
+            luminance=float("nan"),
+        )
+
+    @property
+    def errors(self) -> list[str]:
+        """Trackers that failed, and why."""
+        return [f"{one.spec.label}: {one.error}" for one in self._runners if one.error is not None]

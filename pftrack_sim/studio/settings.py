@@ -1,0 +1,107 @@
+"""Settings of a studio: what is simulated, who tracks, and who drives."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from pftrack_sim import controllers
+from pftrack_sim import scenario as scenarios
+from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.core.errors import UnknownNameError
+from pftrack_sim.core.text import one_line
+from pftrack_sim.scenario import Scenario, toml_text
+from pftrack_sim.scenario.axes import Axis, axes_by_name
+from pftrack_sim.scenario.toml_text import toml_value
+
+SCRIPT, HAND = "script", "hand"
+"""Drivers of the robot besides the controllers: the scenario's script, and the commands of a person."""
+
+STRONGEST = 4.0
+"""Severity at the right end of a slider."""
+
+
+def drivers() -> list[str]:
+    """Who can drive the robot."""
+    return [SCRIPT, HAND, *controllers.names()]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a studio shows.
+
+    Attributes:
+        name: Scenario: a name in `envs/` or the path of a TOML file.
+        seed: Root seed of the episode.
+        overrides: Dotted keys and values.
+        trackers: The trackers that see the frames.
+        driver: `"script"`, `"hand"`, or the name of a controller, which takes the boxes of the first tracker.
+
+    Raises:
+        UnknownNameError: No such driver.
+    """
+
+    name: str = "plaza-walk"
+    seed: int = 0
+    overrides: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    trackers: tuple[TrackerSpec, ...] = ()
+    driver: str = SCRIPT
+
+    def __post_init__(self) -> None:
+        if self.driver not in drivers():
+            raise UnknownNameError("driver", self.driver, drivers())
+
+    def scenario(self) -> Scenario:
+        """The scenario with its overrides.
+
+        Raises:
+            ScenarioError: It is not valid; every problem is listed.
+        """
+        return scenarios.load(self.name, self.overrides)
+
+    def with_axis(self, axis: str, physical: float) -> Settings:
+        """The same with a stress axis at a value of its headline, in the axis's own unit.
+
+        Raises:
+            UnknownNameError: No such axis.
+        """
+        if axis not in axes_by_name():
+            raise UnknownNameError("stress axis", axis, axes_by_name())
+        table = self._axis(axis)
+        severity = physical / _at_severity_1(table)
+        return replace(self, overrides={**self.overrides, f"axes.{axis}.severity": severity})
+
+    def physical(self, axis: str) -> float:
+        """Headline of a stress axis at the present severity, in the axis's own unit."""
+        return self._axis(axis).physical
+
+    def strongest(self, axis: str) -> float:
+        """Headline of a stress axis at severity 4."""
+        return STRONGEST * _at_severity_1(self._axis(axis))
+
+    def _axis(self, axis: str) -> Axis:
+        return getattr(self.scenario().resolve(self.seed).axes, axis)
+
+    def command_line(self) -> str:
+        """The shell command that writes a video of the same episode, or runs it in closed loop."""
+        labels = ",".join(one.base_label for one in self.trackers)
+        words = ["pftrack-sim", "render", self.name, "--seed", str(self.seed), "--truth", "--video", "studio.mp4"]
+        if self.driver not in (SCRIPT, HAND):
+            words = ["pftrack-sim", "follow", self.name, "--seeds", str(self.seed), "--controllers", self.driver]
+            labels = self.trackers[0].base_label if self.trackers else "oracle"
+        words += ["--trackers", labels] if labels else []
+        for key, value in self.overrides.items():
+            words += ["--set", f"{key}={toml_value(value)}"]
+        return shlex.join(words)
+
+    def toml(self) -> str:
+        """The scenario as TOML, with the seed and the command in comments."""
+        by_hand = "# The robot was driven by hand, which no file repeats.\n" if self.driver == HAND else ""
+        note = f"# From {self.name!r} at seed {self.seed}. The same frames:\n# {one_line(self.command_line(), 4000)}\n"
+        return note + by_hand + toml_text(self.scenario().tree)
+
+
+def _at_severity_1(axis: Axis) -> float:
+    return float(getattr(axis, type(axis).headline)) or 1.0
