@@ -178,6 +178,6 @@ def _write(
         "version": pftrack_sim.__version__,
         "trackers": rows,
     }
-    truth = {**truth_columns(truths), "nearest_person": np.array(log.nearest_person), **course}
+    truth = {**truth_columns(truths), "nearest_look_alike": np.array(log.nearest_look_alike), **course}
     write_episode(path, key, truth, tables, metadata)
     return rows

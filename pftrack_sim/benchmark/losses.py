@@ -25,8 +25,8 @@ TAGS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "occluded": ("less than half of the target is visible", "min(visible_fraction) OVER near < 0.5"),
         "look_alike_near": (
-            "another person's centre is within one size of the target, sqrt(w h), of its centre",
-            "min(nearest_person) OVER near < 1.0",
+            "the centre of another person, half to twice as high, is within 0.6 sizes, sqrt(w h), of the target's",
+            "min(nearest_look_alike) OVER near < 0.6",
         ),
         "light_change": (
             "the target's luminance changes by a factor above 1.3",
@@ -76,7 +76,7 @@ def create_loss_views(database: duckdb.DuckDBPyConnection) -> None:
     """Create `moments` and `losses` from `frames`."""
     known = {row[0] for row in database.execute("DESCRIBE frames").fetchall()}
     # Runs of earlier versions do not hold it.
-    numbers = ["visible_fraction", "truncation", "image_motion_px", "nearest_person"]
+    numbers = ["visible_fraction", "truncation", "image_motion_px", "nearest_look_alike"]
     # DuckDB orders NaN above all numbers.
     sources = {name: f"CASE WHEN NOT isnan({name}) THEN {name} END" if name in known else "NULL::DOUBLE"
                for name in numbers}  # fmt: skip

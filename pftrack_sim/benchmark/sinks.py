@@ -46,16 +46,17 @@ def picture(sample: Sample, runners: Sequence[TrackerRunner], labels: Sequence[s
     return draw_recorded(sample.image, sample.true_box, estimates, caption=sample.caption, colours=colours)
 
 
-def nearest_person(frame: Frame) -> float:
-    """Distance of the target to the nearest other visible person in the image.
+def nearest_look_alike(frame: Frame) -> float:
+    """Distance in the image to the nearest other visible person whose box is half to twice as high as the target's.
 
     Returns:
-        Between the centres of their amodal boxes, in sizes of the target, sqrt(w h); infinite where there is nobody,
-        NaN where the target has no box.
+        Between the centres of the amodal boxes, in sizes of the target, sqrt(w h); infinite where there is nobody, NaN
+        where the target has no box.
     """
     x, y, width, height = frame.truth.amodal_box.tolist()
     others = [one.amodal_box for one in frame.people if one.name != frame.truth.name and one.scored]
-    gaps = [math.hypot(left + w / 2 - x - width / 2, top + h / 2 - y - height / 2) for left, top, w, h in others]
+    gaps = [math.hypot(left + w / 2 - x - width / 2, top + h / 2 - y - height / 2)
+            for left, top, w, h in others if 0.5 * height <= h <= 2.0 * height]  # fmt: skip
     return math.nan if math.isnan(x) else min(gaps, default=math.inf) / math.sqrt(width * height)
 
 
@@ -64,14 +65,14 @@ class TruthLog:
 
     def __init__(self) -> None:
         self.truths: list[Truth] = []
-        self.nearest_person: list[float] = []
+        self.nearest_look_alike: list[float] = []
         self._images = hashlib.blake2b(digest_size=16)
 
     def __call__(self, step: Step) -> None:
         """Add a frame."""
         assert step.sample.frame is not None
         self.truths.append(step.sample.frame.truth)
-        self.nearest_person.append(nearest_person(step.sample.frame))
+        self.nearest_look_alike.append(nearest_look_alike(step.sample.frame))
         self._images.update(np.ascontiguousarray(step.sample.image).data)
 
     @property

@@ -83,12 +83,15 @@ def report(
     ] = None,
 ) -> None:
     """Write report.html, a page with all results of a run."""
+    from pftrack_sim.benchmark import RunStore
+    from pftrack_sim.benchmark.losses import loss_shares
     from pftrack_sim.report import write_figure
 
     if figure is not None:
         tables.print_folder(write_figure(run, figure))
         return
     write_page(run)
+    tables.print_losses(loss_shares(RunStore(run)))
 
 
 def update_tables(

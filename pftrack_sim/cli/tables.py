@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ from pftrack_sim.core.errors import ParameterError, UnknownNameError
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan, Result, RunStore
     from pftrack_sim.benchmark.comparison import RunComparison
+    from pftrack_sim.benchmark.losses import LossShares
     from pftrack_sim.benchmark.recorded import RecordedResult
     from pftrack_sim.benchmark.store import QueryResult
     from pftrack_sim.score import Summary
@@ -229,6 +230,22 @@ def print_axes(store: RunStore) -> None:
             for row in rows:
                 table.add_row(row.at.label, f"{row.at.x:g}", *(_number(mean) for mean in row.means.values()))
             console.print(table)
+
+
+def print_losses(shares: Mapping[str, LossShares]) -> None:
+    """Print how often each tracker lost the target and what happened then; nothing without a loss."""
+    from pftrack_sim.benchmark.losses import LOSS, TAGS
+
+    lost = {label: one for label, one in shares.items() if one.losses}
+    if not lost:
+        return
+    heads = [tag.replace("_", "\n", 1) for tag in TAGS]
+    table = new_table("Share of the losses that begin with", ("tracker",), ("losses", *heads))
+    for label, one in lost.items():
+        table.add_row(label, str(one.losses), *(f"{one.shares[tag]:.0%}" for tag in TAGS))
+        table.add_row("  of all frames", "", *(f"{one.frames[tag]:.0%}" for tag in TAGS))
+    console.print(table)
+    print_lines([f"loss: {LOSS}", *(f"{tag.replace('_', ' ')}: {words}" for tag, (words, _) in TAGS.items())])
 
 
 def print_follow(results: Sequence[Result]) -> None:

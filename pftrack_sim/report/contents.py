@@ -4,49 +4,67 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
-from pftrack_sim.benchmark.degradation import degradation
-from pftrack_sim.core import random_streams
+from pftrack_sim.benchmark.degradation import degradation, levels_of
+from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link
+from pftrack_sim.report.losses import losses_of
 
-MEASURES = {
-    "mean_overlap": "mean overlap",
-    "stay": "stay",
-    "success": "tracked at 0.5",
-    "success_30": "at 0.3",
-    "centre_inside": "centre inside",
-    "ceiling": "ceiling",
-    "follow_success": "followed to the end",
-    "follow_collision": "collided",
-    "follow_tracking_rate": "tracked (following)",
-    "follow_distance_rms_m": "RMS distance [m]",
-    "follow_bearing_rms_deg": "RMS bearing [°]",
-    "follow_losses": "losses",
-    "follow_time_to_loss_s": "time to loss [s]",
-    "follow_time_to_find_s": "time to find [s]",
-    "follow_jerk_rms_m_s3": "jerk [m/s\u00b3]",
-    "auc": "AUC",
-    "precision": "precision at 20 px",
-    "normalised_precision": "normalised precision",
-    "sr_75": "SR 0.75",
-    "failures": "tracking failures",
-    "recovered_2s": "recovered within 2 s",
-    "recovered": "recovered",
-    "recovery_s": "recovery [s]",
-    "drift_per_s": "drift [sizes/s]",
-    "lost_for_good": "lost for good",
-    "ms_median": "ms per frame",
-    "ms_p95": "ms, 95th percentile",
-}
-"""Columns of the leader board: names in the summary, and heads."""
+GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "overview": {
+            "mean_overlap": "mean overlap",
+            "stay": "stay",
+            "success": "tracked at 0.5",
+            "success_30": "at 0.3",
+            "centre_inside": "centre inside",
+            "ceiling": "ceiling",
+            "ms_median": "ms per frame",
+        },
+        "following": {
+            "follow_success": "followed to the end",
+            "follow_collision": "collided",
+            "follow_tracking_rate": "tracked (following)",
+            "follow_distance_rms_m": "RMS distance [m]",
+            "follow_bearing_rms_deg": "RMS bearing [°]",
+            "follow_losses": "times out of sight",
+            "follow_time_to_loss_s": "time to loss [s]",
+            "follow_time_to_find_s": "time to find [s]",
+            "follow_jerk_rms_m_s3": "jerk [m/s\u00b3]",
+        },
+        "success and precision": {
+            "mean_overlap": "mean overlap",
+            "auc": "AUC",
+            "precision": "precision at 20 px",
+            "normalised_precision": "normalised precision",
+            "sr_75": "SR 0.75",
+        },
+        "losses and recovery": {
+            "mean_overlap": "mean overlap",
+            "failures": "failures",
+            "lost_for_good": "lost for good",
+            "recovered_2s": "recovered within 2 s",
+            "recovered": "recovered",
+            "recovery_s": "recovery [s]",
+            "drift_per_s": "drift [sizes/s]",
+        },
+        "speed": {"ms_median": "ms per frame", "ms_p95": "ms, 95th percentile"},
+    }
+)
+"""Columns of the leader board, in the groups that are shown together: names in the summary, and heads."""
+
+MEASURES: Mapping[str, str] = MappingProxyType(
+    {name: head for group in GROUPS.values() for name, head in group.items()}
+)
 
 COVERED_BELOW = 0.5
 """Visible fraction below which the target counts as occluded."""
@@ -107,7 +125,8 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
     rows: list[list[Any]] = []
     curves: dict[tuple[int, int, int], _Counts] = {}
     episodes: list[dict[str, Any]] = []
-    for number, its_results in enumerate(by_episode(results).values()):
+    grouped = by_episode(results)
+    for number, its_results in enumerate(grouped.values()):
         frames = read_frames(store, its_results)
         first = its_results[0]
         episode = _episode(store, first, frames[first.label])
@@ -120,22 +139,43 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
             episode["overlap"][tracker] = _packed(frames[result.label].overlap)
         episodes.append(episode)
         on_episode()
+    numbers = {key: number for number, key in enumerate(grouped)}
+    swept = degradation(store)
+    places = palette.places_of(store.plan.labels)
     return {
         "trackers": trackers,
+        "colours": [palette.hexadecimal(palette.colours_of(store.plan.labels)[label]) for label in trackers],
+        "dashes": [(places[label] or 0) // len(palette.TRACKERS) for label in trackers],
+        "neutral": palette.hexadecimal(palette.ORACLE),
         "scenarios": scenarios,
         "conditions": [condition.name for condition in conditions],
+        "levels": [{at.label: at.x for at in levels_of(condition)} for condition in conditions],
         "axes": [
             [one.at.label, one.at.x, one.tracker, scenarios.index(one.scenario), one.seed, _json(one.overlap)]
-            for one in degradation(store).curves
+            for one in swept.curves
+        ],
+        "maps": [
+            [
+                *(value for at in (one.first, one.second) for value in (at.label, at.x)),
+                one.tracker,
+                scenarios.index(one.scenario),
+                one.seed,
+                _json(one.overlap),
+            ]
+            for one in swept.maps
         ],
         "measures": [[name, MEASURES[name]] for name in measures],
+        "groups": [
+            [title, known] for title, group in GROUPS.items() if (known := [one for one in group if one in measures])
+        ],
         "rows": rows,
         "curves": [[*at, *counts.as_lists()] for at, counts in curves.items()],
         "success_thresholds": score.SUCCESS_THRESHOLDS.tolist(),
         "precision_thresholds": score.PRECISION_THRESHOLDS_PX.tolist(),
         "episodes": episodes,
-        "drives": following_episodes(store),
+        "drives": following_episodes(store, numbers),
         "matrix": _matrix(results, trackers),
+        **losses_of(store, trackers, numbers),
     }
 
 

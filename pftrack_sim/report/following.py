@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,15 +23,20 @@ _COLUMNS = ("frame", "time_s", "robot_x_m", "robot_y_m", "gaze_rad", "target_x_m
 _AFTER = ("after_s", "after_distance_m", "after_bearing_rad", "after_seen")
 
 
-def following_episodes(store: RunStore) -> list[dict[str, Any]]:
-    """Data of the closed-loop episodes; empty in open loop."""
+def following_episodes(store: RunStore, numbers: Mapping[tuple[str, str, int], int]) -> list[dict[str, Any]]:
+    """Data of the closed-loop episodes, numbered by scenario, condition and seed; empty in open loop."""
     if store.plan.kind != "follow":
         return []
     results = sorted(store.results, key=lambda result: store.video_of(result) is None)[:MAX_EPISODES]
     chosen = {id(result) for result in results}
     trackers = list(dict.fromkeys(result.label for result in store.results))
     fields_of_view: dict[tuple[str, int], float] = {}
-    return [_episode(store, result, trackers, fields_of_view) for result in store.results if id(result) in chosen]
+    return [
+        {"episode": numbers[result.scenario, result.condition.name, result.seed]}
+        | _episode(store, result, trackers, fields_of_view)
+        for result in store.results
+        if id(result) in chosen
+    ]
 
 
 def video_link(store: RunStore, result: Result) -> str | None:

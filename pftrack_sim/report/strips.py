@@ -1,4 +1,4 @@
-"""Film strips: a few frames of the best, the median and the worst episode, as the papers show them."""
+"""Film strips: a few frames of the best, the median and the worst of all episodes, as the papers show them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ _QUALITY = 82
 
 @dataclass(frozen=True)
 class Strip:
-    """Frames of one episode, chosen by a tracker's mean overlap: their indices, and JPEG pictures as data URIs."""
+    """Frames of one episode, chosen by a tracker's mean overlap: their indices, and JPEG pictures as data URIs.
+
+    Both are empty where the episode has no video.
+    """
 
     title: str
     tracker: str
@@ -32,7 +35,7 @@ class Strip:
 
 
 def strips(store: RunStore) -> list[Strip]:
-    """Strips of the tracker with the highest mean overlap, among the episodes that have a video.
+    """Strips of the tracker with the highest mean overlap: of its best, median and worst episode of all.
 
     Raises:
         RunError: A video is broken.
@@ -43,26 +46,18 @@ def strips(store: RunStore) -> list[Strip]:
         if result.tracker.name != "oracle" and not result.never_seen:
             overlaps.setdefault(result.label, []).append(result.number("mean_overlap"))
     leader = max(overlaps, key=lambda label: np.mean(overlaps[label]), default=None)
-    filmed = [
-        (result, video)
-        for result in store.results
-        if result.label == leader and not result.never_seen and (video := store.video_of(result)) is not None
-    ]
-    filmed.sort(key=lambda pair: pair[0].number("mean_overlap"))
-    if not filmed:
+    ranked = [one for one in store.results if one.label == leader and not one.never_seen]
+    ranked.sort(key=lambda one: one.number("mean_overlap"))
+    if not any(store.video_of(result) for result in ranked):
         return []
-    chosen = {"worst": filmed[0], "median": filmed[len(filmed) // 2], "best": filmed[-1]}
-    found: list[Strip] = []
-    seen: set[Path] = set()
-    for title in ("best", "median", "worst"):
-        result, video = chosen[title]
-        if video not in seen:
-            seen.add(video)
-            found.append(_strip(title, result, video))
-    return found
+    places = {len(ranked) - 1: "best", len(ranked) // 2: "median", 0: "worst"}
+    return [_strip(title, ranked[place], store.video_of(ranked[place])) for place, title in places.items()]
 
 
-def _strip(title: str, result: Result, video: Path) -> Strip:
+def _strip(title: str, result: Result, video: Path | None) -> Strip:
+    title = f"{title}: {result.scenario}, {result.condition.name}, seed {result.seed}"
+    if video is None:
+        return Strip(title, result.label, result.number("mean_overlap"), (), ())
     try:
         with av.open(str(video)) as container:
             frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
@@ -70,7 +65,7 @@ def _strip(title: str, result: Result, video: Path) -> Strip:
         raise RunError(f"{video} cannot be read: {error}") from None
     indices = tuple(int(index) for index in np.linspace(0, len(frames) - 1, FRAMES))
     return Strip(
-        f"{title}: {result.scenario}, {result.condition.name}, seed {result.seed}",
+        title,
         result.label,
         result.number("mean_overlap"),
         indices,

@@ -8,7 +8,7 @@ import pytest
 
 from pftrack_sim.benchmark import make_plan, run
 from pftrack_sim.benchmark.losses import TAGS, create_loss_views, loss_shares
-from pftrack_sim.benchmark.sinks import nearest_person
+from pftrack_sim.benchmark.sinks import nearest_look_alike
 from pftrack_sim.core.errors import RunError
 
 
@@ -24,7 +24,7 @@ def losses(overlap: list[float], **truth: Any) -> list[dict[str, Any]]:
         "visible_fraction": 1.0,
         "truncation": 0.0,
         "image_motion_px": 1.0,
-        "nearest_person": np.inf,
+        "nearest_look_alike": np.inf,
         "luminance": 0.4,
     }
     columns |= {name: np.asarray(truth.get(name, [value] * count), dtype=float) for name, value in calm.items()}
@@ -70,7 +70,7 @@ def test_frames_without_the_target_are_no_loss():
     ("tag", "name", "before", "at"),
     [
         ("occluded", "visible_fraction", 1.0, 0.4),
-        ("look_alike_near", "nearest_person", np.inf, 0.8),
+        ("look_alike_near", "nearest_look_alike", np.inf, 0.5),
         ("light_change", "luminance", 0.4, 0.2),
         ("fast_motion", "image_motion_px", 1.0, 40.0),
         ("truncated", "truncation", 0.0, 0.3),
@@ -87,7 +87,7 @@ def test_each_tag_is_what_happens_around_the_loss(tag: str, name: str, before: f
 
 def test_unknown_numbers_are_no_tags():
     unknown = np.full(10, np.nan)
-    truth = dict.fromkeys(("image_motion_px", "nearest_person", "luminance", "truncation"), unknown)
+    truth = dict.fromkeys(("image_motion_px", "nearest_look_alike", "luminance", "truncation"), unknown)
     (loss,) = losses([1.0] * 5 + [0.0] * 5, **truth)
     assert during(loss) == set()
 
@@ -103,14 +103,14 @@ def test_a_run_answers_for_its_losses(tmp_path):
     assert counted == [(shares["stay"].losses, shares["stay"].shares["occluded"])]
     assert shares["stay"].losses > 0
     assert shares["stay"].frames == shares["oracle"].frames
-    nearest = [row[0] for row in store.query("SELECT nearest_person FROM frames WHERE label = 'stay'").rows]
+    nearest = [row[0] for row in store.query("SELECT nearest_look_alike FROM frames WHERE label = 'stay'").rows]
     assert len(nearest) == 30
     assert all(value > 0.0 for value in nearest)
     with pytest.raises(RunError):
         store.query("SELECT nothing FROM losses")
 
 
-def test_the_nearest_person_is_measured_in_sizes_of_the_target():
+def test_the_nearest_look_alike_is_measured_in_sizes_of_the_target():
     from types import SimpleNamespace
 
     def person(name: str, box: tuple[float, ...], scored: bool = True) -> Any:
@@ -119,8 +119,9 @@ def test_the_nearest_person_is_measured_in_sizes_of_the_target():
     target, other = person("target", (100.0, 50.0, 25.0, 100.0)), person("distractor-1", (150.0, 50.0, 25.0, 100.0))
     hidden = person("distractor-2", (100.0, 50.0, 25.0, 100.0), scored=False)
     frame: Any = SimpleNamespace(truth=target, people=(target, other, hidden))
-    assert nearest_person(frame) == pytest.approx(1.0)
-    alone: Any = SimpleNamespace(truth=target, people=(target, hidden))
-    assert nearest_person(alone) == np.inf
+    assert nearest_look_alike(frame) == pytest.approx(1.0)
+    far = person("distractor-3", (100.0, 60.0, 12.0, 45.0))
+    alone: Any = SimpleNamespace(truth=target, people=(target, hidden, far))
+    assert nearest_look_alike(alone) == np.inf
     gone: Any = SimpleNamespace(truth=person("target", (np.nan,) * 4), people=(other,))
-    assert np.isnan(nearest_person(gone))
+    assert np.isnan(nearest_look_alike(gone))

@@ -21,6 +21,15 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="session")
+def lost(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first box in every frame: the target walks out of it."""
+    path = tmp_path_factory.mktemp("lost") / "run"
+    overrides = {**SMALL, "duration_s": 3.0, "camera.rate_hz": 10.0}
+    run(make_plan(["plaza-walk"], ["oracle", "stay"], [0], overrides=overrides), path, videos="all", workers=0)
+    return path
+
+
 @pytest.fixture
 def hostile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A run by a tracker whose name is a script."""

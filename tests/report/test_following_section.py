@@ -8,6 +8,7 @@ import pytest
 
 from pftrack_sim import report
 from pftrack_sim.benchmark import RunStore, make_plan, run
+from pftrack_sim.report.contents import contents
 from pftrack_sim.report.following import following_episodes
 from pftrack_sim.report.strips import strips
 
@@ -32,7 +33,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_data_of_the_page_agree_with_the_episode(driven: Path):
-    first, second = following_episodes(RunStore(driven))
+    first, second = contents(RunStore(driven))["drives"]
     sql = "SELECT after_distance_m FROM frames WHERE controller = 'still' ORDER BY frame"
     assert second["distance"] == pytest.approx([row[0] for row in RunStore(driven).query(sql).rows], abs=0.006)
     assert np.ptp(second["robot"], axis=1).max() < 0.05  # it stands still
@@ -44,7 +45,7 @@ def test_the_data_of_the_page_agree_with_the_episode(driven: Path):
 
 
 def test_an_open_loop_run_has_no_closed_loop_episodes(finished: Path):
-    assert following_episodes(RunStore(finished)) == []
+    assert following_episodes(RunStore(finished), {}) == []
 
 
 def test_the_slider_moves_cone_cursor_and_video(driven: Path, browser: Any):
@@ -53,12 +54,18 @@ def test_the_slider_moves_cone_cursor_and_video(driven: Path, browser: Any):
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.goto(report.write_report(driven).as_uri())
     page.wait_for_selector("body[data-ready=yes]")
+    cells = {row.locator("th").inner_text().splitlines()[0]: row.locator("td[data-label^='time to loss']").inner_text()
+             for row in page.locator("#board tbody tr").all()}  # fmt: skip
+    assert cells["oracle+servo-avoid"] == "never"
+    assert float(cells["oracle+still"]) == pytest.approx(
+        contents(RunStore(driven))["drives"][1]["lost"][0]["since"], abs=0.11
+    )
     page.select_option("#drive", index=1)
     assert "never found again" in page.locator("#drive-told").inner_text()
     page.wait_for_function("document.getElementById('drive-video').readyState >= 1")
     page.locator("#drive-time").fill("1.5")
     page.wait_for_function("Math.abs(document.getElementById('drive-video').currentTime - 1.55) < 0.05")
-    told = following_episodes(RunStore(driven))[1]
+    told = contents(RunStore(driven))["drives"][1]
     here = page.evaluate("['x', 'y'].map((axis) => document.getElementById('drive-map').data[4][axis][0])")
     assert here == [told["target"][0][15], told["target"][1][15]]
     cone = page.evaluate("['x', 'y'].map((axis) => document.getElementById('drive-map').data[0][axis])")

@@ -31,13 +31,14 @@ def opened(browser: Any, finished: Path) -> Iterator[Any]:
 
 def board(page: Any) -> dict[str, list[str]]:
     rows = page.locator("#board tbody tr").all()
-    return {row.locator("th").inner_text(): row.locator("td").all_inner_texts() for row in rows}
+    return {row.locator("th").inner_text().splitlines()[0]: row.locator("td").all_inner_texts() for row in rows}
 
 
 def test_it_opens_from_disk_and_ranks(opened: Any):
     assert list(board(opened)) == ["oracle", "stay"]
     assert board(opened)["oracle"][1].startswith("1.000")
     assert opened.locator("#board tbody th").first.bounding_box()["width"] > 150, "a name is read across, not down"
+    assert opened.locator("#speed .xtick").first.text_content() == "0", "a linear scale"
     heads = opened.locator("#board thead th").all_inner_texts()
     assert heads[2:6] == ["mean overlap", "stay", "skill", "tracked at 0.5"]
     assert [board(opened)[name][3] for name in ("oracle", "stay")] == ["1.000", "0.000"]

@@ -29,9 +29,9 @@ function drawDrive() {
   Plotly.react("drive-map", [
     { x: [0], y: [0], name: "view", mode: "lines", fill: "toself", fillcolor: ink + "22", line: { color: ink, width: 1 }, hoverinfo: "skip" },
     line(one.robot, "robot", { color: ink, width: 2 }),
-    line(one.target, "target", { color: "#7F7F7F", width: 2, dash: "dash" }),
+    line(one.target, "target", { color: DATA.neutral, width: 2, dash: "dash" }),
     dot("robot now", { color: ink, size: 11, symbol: "square" }),
-    dot("target now", { color: "#7F7F7F", size: 10 }),
+    dot("target now", { color: DATA.neutral, size: 10 }),
     { x: one.lost.map((loss) => loss.x), y: one.lost.map((loss) => loss.y), text: one.lost.map((loss) => escaped(loss.why)),
       name: "lost here", mode: "markers", marker: { symbol: "x", size: 12, color: "#D1242F" }, hoverinfo: "text", showlegend: one.lost.length > 0 },
   ], layout("x [m]", "y [m]", { yaxis: { scaleanchor: "x" } }), CONFIG);
@@ -41,15 +41,13 @@ function drawDrive() {
       y0: 0, y1: 1, fillcolor: "rgba(209,36,47,0.18)", line: { width: 0 }, layer: "below" }));
     Plotly.react(id, [{ x: one.after, y: values, mode: "lines", line: { color: ink, width: 2 }, showlegend: false }],
       layout("time [s]", label, { shapes: [...shapes, cursor(0)] }), CONFIG);
-    const plot = byId(id);
-    plot.removeAllListeners("plotly_click");
-    plot.on("plotly_click", (event) => goTo(event.points[0].x));
+    onClick(byId(id), ({ x }) => goTo(x));
   }
   const told = byId("drive-told");
   told.replaceChildren(element("li", one.ending), ...one.lost.map((loss) => element("li", loss.why)));
   const video = byId("drive-video"), slider = byId("drive-time");
   video.hidden = !one.video;
-  if (one.video) { video.src = one.video.split("/").map(encodeURIComponent).join("/"); } else { video.removeAttribute("src"); }
+  if (one.video) { video.src = linked(one.video); } else { video.removeAttribute("src"); }
   slider.max = one.time[one.time.length - 1];
   showAt(0);
 }
@@ -72,6 +70,17 @@ function goTo(seconds) {
   showAt(seconds);
 }
 
+function showDrive(index, seconds) {
+  drive.index = index;
+  byId("drive").value = index;
+  drawDrive();
+  const video = byId("drive-video");
+  if (DRIVES[index].video && video.readyState < 1) video.addEventListener("loadedmetadata", () => goTo(seconds), { once: true });
+  goTo(seconds);
+  byId("h-drives").scrollIntoView();
+}
+
+start();
 if (DRIVES.length) {
   fill(byId("drive"), DRIVES.map((one) => one.name));
   byId("drive").addEventListener("change", (event) => { drive.index = Number(event.target.value); drawDrive(); });

@@ -1,15 +1,14 @@
 "use strict";
 // Names come from strangers: they reach the page as text, and Plotly, which reads a little HTML in labels, only escaped.
 const DATA = JSON.parse(document.getElementById("data").textContent);
-const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31", "#7F7F7F"];
 const DASHES = ["solid", "dash", "dot", "dashdot"];
 const byId = (id) => document.getElementById(id);
 const escaped = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
-const colour = (tracker) => COLOURS[tracker % COLOURS.length];
-const dash = (tracker) => DASHES[Math.floor(tracker / COLOURS.length) % DASHES.length];
+const colour = (tracker) => tracker < 0 ? DATA.neutral : DATA.colours[tracker]; // -1: the first box in every frame
+const dash = (tracker) => tracker < 0 ? "dot" : DASHES[DATA.dashes[tracker] % DASHES.length];
 const finite = (values) => values.filter((value) => value !== null && Number.isFinite(value));
 const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
-const state = { trackers: new Set(DATA.trackers.keys()), scenario: -1, condition: -1, episode: 0 };
+const state = { trackers: new Set(DATA.trackers.keys()), scenario: -1, condition: -1, episode: 0, group: 0, tag: -1 };
 const FIRST = 2; // columns of a row: tracker, episode, then the measures, then the error
 const measureAt = (name) => FIRST + DATA.measures.findIndex(([key]) => key === name);
 const OVERLAP = measureAt("mean_overlap");
@@ -68,44 +67,82 @@ function layout(x, y, more = {}) {
   const line = getComputedStyle(document.body).getPropertyValue("--line").trim();
   const axis = { gridcolor: line, zerolinecolor: line, linecolor: line };
   return {
-    margin: { l: 56, r: 12, t: 12, b: 46 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-    font: { color: ink, size: 12 }, hovermode: "closest", legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" },
-    xaxis: { ...axis, title: { text: escaped(x) }, ...(more.xaxis || {}) },
+    // The tool bar has the top margin to itself; the legend lies below the plot.
+    margin: { l: 56, r: 12, t: 34, b: 46, ...(more.margin || {}) }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+    font: { color: ink, size: 12 }, hovermode: "closest", legend: { orientation: "h", x: 0, y: -0.2, yanchor: "top" },
+    xaxis: { ...axis, title: { text: escaped(x), standoff: 8 }, ...(more.xaxis || {}) },
     yaxis: { ...axis, title: { text: escaped(y) }, ...(more.yaxis || {}) },
     shapes: more.shapes || [],
   };
 }
 const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 
-function drawBoard() {
-  const head = byId("board").tHead, body = byId("board").tBodies[0];
-  head.replaceChildren(); body.replaceChildren();
+function rowOf(names, cells) {
+  const line = element("tr");
+  cells.forEach((cell, k) => { const made = cell instanceof Node ? cell : element("td", cell); made.dataset.label = names[k]; line.append(made); });
+  return line;
+}
+
+function fillTable(table, names, lines) {
   const top = element("tr");
-  top.append(element("th", "tracker", { scope: "col" }), element("th", "seeds", { scope: "col" }));
-  for (const [name, label] of DATA.measures) {
-    top.append(element("th", label, { scope: "col" }));
-    if (name === "stay") top.append(element("th", "skill", { scope: "col" }));
+  top.append(...names.map((name) => element("th", name, { scope: "col" })));
+  table.tHead.replaceChildren(top);
+  table.tBodies[0].replaceChildren(...lines.map((cells) => rowOf(names, cells)));
+}
+
+function trackerHead(tracker) {
+  const head = element("th", null, { scope: "row" }), swatch = element("span", null, { class: "swatch" });
+  swatch.style.background = colour(tracker);
+  head.append(swatch, document.createTextNode(DATA.trackers[tracker]));
+  return head;
+}
+
+function linkTo(text, title, act, href = "#h-episode") {
+  const link = element("a", text, { href, title });
+  link.addEventListener("click", (event) => {
+    if (event.ctrlKey || event.metaKey || event.shiftKey) return; // the browser's own ways to open a link
+    event.preventDefault();
+    act();
+  });
+  return link;
+}
+
+// Mean over seeds, as text. A time to the first loss is known only of drives that lost the target.
+function measured(name, rows) {
+  const column = measureAt(name);
+  const held = name === "follow_time_to_loss_s" ? rows.filter((row) => row[measureAt("follow_losses")] === 0) : [];
+  const values = perSeed(rows.filter((row) => !held.includes(row)), column);
+  const text = values.length ? number(mean(values), name.startsWith("ms") ? 2 : 3) : held.length ? "never" : "\u2013";
+  return { values, text: held.length && values.length ? `${text} (never in ${held.length} of ${rows.length})` : text };
+}
+
+function drawBoard() {
+  const [, shown] = DATA.groups[state.group], names = ["tracker", "seeds"];
+  for (const name of shown) {
+    names.push(DATA.measures.find(([key]) => key === name)[1]);
+    if (name === "stay") names.push("skill");
   }
-  head.append(top);
   const groups = [...state.trackers].map((tracker) => {
     const rows = DATA.rows.filter((row) => row[0] === tracker && chosen(row));
     const seeds = perSeed(rows, OVERLAP);
     return { tracker, rows, seeds, mean: seeds.length ? mean(seeds) : -1 };
   }).filter((group) => group.rows.length);
   groups.sort((a, b) => b.mean - a.mean);
-  for (const group of groups) {
-    const line = element("tr");
-    line.append(element("th", DATA.trackers[group.tracker], { scope: "row" }), element("td", group.seeds.length));
-    DATA.measures.forEach(([name], index) => {
-      const values = perSeed(group.rows, FIRST + index);
-      const cell = element("td", values.length ? number(mean(values), name.startsWith("ms") ? 2 : 3) : "\u2013");
+  fillTable(byId("board"), names, groups.map((group) => {
+    const head = trackerHead(group.tracker);
+    head.append(document.createElement("br"), linkTo("worst episode", "Show its episode with the lowest overlap", () => showWorst(group.rows)));
+    const cells = [head, element("td", group.seeds.length)];
+    for (const name of shown) {
+      const { values, text } = measured(name, group.rows);
+      const cell = element("td"), value = element("span", text);
+      cell.append(value);
       const range = name === "mean_overlap" ? interval(values) : null;
-      if (range) { cell.append(document.createElement("br"), element("small", `[${number(range[0])}, ${number(range[1])}]`)); }
-      line.append(cell);
-      if (name === "stay") line.append(element("td", number(values.length ? (group.mean - mean(values)) / (1 - mean(values)) : null)));
-    });
-    body.append(line);
-  }
+      if (range) value.append(document.createElement("br"), element("small", `[${number(range[0])}, ${number(range[1])}]`));
+      cells.push(cell);
+      if (name === "stay") cells.push(element("td", number(values.length ? (group.mean - mean(values)) / (1 - mean(values)) : null)));
+    }
+    return cells;
+  }));
 }
 
 function drawCurves() {
@@ -122,122 +159,84 @@ function drawCurves() {
         frames += curve[3];
         curve[column].forEach((count, k) => { sums[k] += count; });
       }
-      return { x: thresholds, y: sums.map((sum) => sum / frames), name: escaped(DATA.trackers[tracker]), mode: "lines",
+      return { x: thresholds, y: sums.map((sum) => sum / frames), name: escaped(DATA.trackers[tracker]), mode: "lines", tracker,
         line: { color: colour(tracker), dash: dash(tracker), width: 2 }, frames };
     }).filter((trace) => trace.frames > 0);
     Plotly.react(id, traces, layout(x, y, { yaxis: { range: [0, 1.02] } }), CONFIG);
+    onClick(byId(id), ({ data }) => showWorst(DATA.rows.filter((row) => row[0] === data.tracker && chosen(row))));
   }
+}
+
+function onClick(plot, act) {
+  plot.removeAllListeners("plotly_click");
+  plot.on("plotly_click", (event) => act(event.points[0]));
+}
+
+// Conditions with given levels; an axis that a condition does not name is at 0.
+function conditionsAt(levels) {
+  return new Set(DATA.levels.keys().filter((k) => levels.every(([label, x]) => (DATA.levels[k][label.split(", mean over")[0]] ?? 0) === x)));
+}
+
+function rowsAt(tracker, levels) {
+  const conditions = conditionsAt(levels);
+  return DATA.rows.filter((row) => row[0] === tracker && conditions.has(DATA.episodes[row[1]].condition)
+    && (state.scenario < 0 || DATA.episodes[row[1]].scenario === state.scenario));
+}
+
+// Values of [key, seed, value]: for each key the values of its seeds, each averaged over the scenarios.
+function bySeed(entries) {
+  const keys = new Map();
+  for (const [key, seed, value] of entries) {
+    if (!keys.has(key)) keys.set(key, new Map());
+    const seeds = keys.get(key);
+    seeds.set(seed, [...(seeds.get(seed) || []), value]);
+  }
+  return [...keys].map(([key, seeds]) => [key, [...seeds.values()].map(mean)]);
 }
 
 // Overlaps on the frames that all levels of an axis share; grey and dotted: the first box in every frame.
 function drawAxes() {
-  const labels = [...new Set(DATA.axes.map(([label]) => label))];
-  byId("axes-section").hidden = labels.length === 0;
-  const room = byId("axes");
-  room.replaceChildren();
-  for (const label of labels) {
-    const plot = element("div", null, { class: "plot" });
-    room.append(plot);
-    const traces = [], names = new Set(DATA.axes.filter(([own]) => own === label).map((row) => row[2]));
-    for (const name of names) {
-      const tracker = DATA.trackers.indexOf(name);
-      if (tracker >= 0 && !state.trackers.has(tracker)) continue;
-      const levels = new Map();
-      for (const [own, x, whose, scenario, seed, overlap] of DATA.axes) {
-        if (own !== label || whose !== name || overlap === null || (state.scenario >= 0 && scenario !== state.scenario)) continue;
-        if (!levels.has(x)) levels.set(x, new Map());
-        const seeds = levels.get(x);
-        seeds.set(seed, [...(seeds.get(seed) || []), overlap]);
-      }
-      const points = [...levels].sort((a, b) => a[0] - b[0]).map(([x, seeds]) => {
-        const values = [...seeds.values()].map(mean);
-        return [x, mean(values), interval(values) || [mean(values), mean(values)]];
-      });
-      if (!points.length) continue;
-      const x = points.map((point) => point[0]), group = `t${name}`, ink = tracker < 0 ? "#777777" : colour(tracker);
+  const room = byId("axes"), maps = byId("maps");
+  const own = (scenario, overlap, name) => overlap !== null && (state.scenario < 0 || scenario === state.scenario)
+    && (!DATA.trackers.includes(name) || state.trackers.has(DATA.trackers.indexOf(name)));
+  room.replaceChildren(); maps.replaceChildren();
+  for (const label of new Set(DATA.axes.map((row) => row[0]))) {
+    const traces = [], rows = DATA.axes.filter(([whose, , name, scenario, , overlap]) => whose === label && own(scenario, overlap, name));
+    for (const name of new Set(rows.map((row) => row[2]))) {
+      const points = bySeed(rows.filter((row) => row[2] === name).map(([, x, , , seed, overlap]) => [x, seed, overlap]))
+        .sort((a, b) => a[0] - b[0]).map(([x, values]) => [x, mean(values), interval(values) || [mean(values), mean(values)]]);
+      if (points.length < 2) continue; // no curve
+      const tracker = DATA.trackers.indexOf(name), x = points.map((point) => point[0]), group = `t${name}`;
       traces.push({ x: [...x, ...[...x].reverse()], legendgroup: group, showlegend: false, hoverinfo: "skip",
         y: [...points.map((point) => point[2][1]), ...points.map((point) => point[2][0]).reverse()],
-        fill: "toself", fillcolor: ink + "22", line: { width: 0 }, mode: "lines" });
-      traces.push({ x, y: points.map((point) => point[1]), legendgroup: group, name: escaped(name),
-        mode: "lines+markers", line: { color: ink, dash: tracker < 0 ? "dot" : dash(tracker), width: 2 } });
+        fill: "toself", fillcolor: colour(tracker) + "22", line: { width: 0 }, mode: "lines" });
+      traces.push({ x, y: points.map((point) => point[1]), legendgroup: group, name: escaped(name), tracker,
+        mode: "lines+markers", line: { color: colour(tracker), dash: dash(tracker), width: 2 } });
     }
+    if (!traces.length) continue;
+    const plot = element("div", null, { class: "plot" });
+    room.append(plot);
     Plotly.newPlot(plot, traces, layout(label, "mean overlap", { yaxis: { range: [0, 1.02] } }), CONFIG);
+    onClick(plot, ({ data, x }) => showWorst(rowsAt(data.tracker, [[label, x]])));
   }
-}
-
-function unpacked(text) {
-  return Float32Array.from(atob(text), (letter) => letter.charCodeAt(0) / 250);
-}
-
-function drawEpisode() {
-  const episode = DATA.episodes[state.episode];
-  const traces = [...state.trackers].filter((tracker) => episode.overlap[tracker]).map((tracker) => {
-    const y = [...unpacked(episode.overlap[tracker])];
-    return { x: y.map((_, k) => k), y, name: escaped(DATA.trackers[tracker]), mode: "lines+markers", marker: { size: 3 },
-      line: { color: colour(tracker), dash: dash(tracker), width: 1.5 } };
-  });
-  const shapes = (episode.occluded || []).map(([first, end]) => ({ type: "rect", xref: "x", yref: "paper", x0: first - 0.5,
-    x1: end - 0.5, y0: 0, y1: 1, fillcolor: "rgba(128,128,128,0.28)", line: { width: 0 }, layer: "below" }));
-  shapes.push({ type: "line", xref: "x", yref: "paper", x0: 0, x1: 0, y0: 0, y1: 1, line: { width: 1.5, color: "#888", dash: "dot" } });
-  Plotly.react("overlap", traces, layout("frame", "overlap", { yaxis: { range: [-0.02, 1.02] }, shapes }), CONFIG);
-  const plot = byId("overlap"), video = byId("video");
-  plot.removeAllListeners("plotly_click");
-  plot.on("plotly_click", (event) => { video.pause(); seek(Math.round(event.points[0].x)); });
-  video.hidden = !episode.video;
-  byId("film-note").textContent = episode.video ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
-    : "No video of this episode: run bench with --videos all.";
-  if (episode.video) { video.src = episode.video.split("/").map(encodeURIComponent).join("/"); } else { video.removeAttribute("src"); }
-}
-
-// Frames per second of the video shown: as recorded, or from its length and the number of frames.
-function rate() {
-  const episode = DATA.episodes[state.episode];
-  if (episode.rate_hz) return episode.rate_hz;
-  const first = Object.values(episode.overlap)[0];
-  const duration = byId("video").duration;
-  return first && Number.isFinite(duration) && duration > 0 ? atob(first).length / duration : 25;
-}
-
-// Start of a frame in the video [s]. Episodes with lost frames list the times of their frames.
-function startOf(frame) {
-  const times = DATA.episodes[state.episode].time;
-  if (!times) return frame / rate();
-  return frame < times.length ? times[frame] : times[times.length - 1] + (frame - times.length + 1) / rate();
-}
-
-function frameAt(seconds) {
-  const times = DATA.episodes[state.episode].time;
-  if (!times) return Math.floor(seconds * rate() + 1e-6);
-  let frame = 0;
-  while (frame + 1 < times.length && times[frame + 1] <= seconds + 1e-6) frame += 1;
-  return frame;
-}
-
-function seek(frame) {
-  const video = byId("video");
-  const count = atob(Object.values(DATA.episodes[state.episode].overlap)[0] || "").length;
-  const wanted = Math.min(Math.max(frame, 0), Math.max(count - 1, 0));
-  video.currentTime = 0.5 * (startOf(wanted) + startOf(wanted + 1)); // the middle of the frame: rounding cannot show its neighbour
-  mark(wanted);
-}
-
-function mark(frame) {
-  const plot = byId("overlap");
-  if (!plot.layout) return;
-  const last = plot.layout.shapes.length - 1;
-  Plotly.relayout(plot, { [`shapes[${last}].x0`]: frame, [`shapes[${last}].x1`]: frame });
-}
-
-function keys(event) {
-  const video = byId("video");
-  const frame = frameAt(video.currentTime);
-  if (event.key === "ArrowRight" || event.key === "ArrowLeft") {
-    video.pause();
-    seek(frame + (event.key === "ArrowRight" ? 1 : -1));
-  } else if (event.key === " " && event.target.tagName !== "VIDEO") {
-    if (video.paused) video.play(); else video.pause();
-  } else return;
-  event.preventDefault();
+  for (const pair of new Set(DATA.maps.map(([one, , other]) => JSON.stringify([one, other])))) {
+    const [one, other] = JSON.parse(pair);
+    const rows = DATA.maps.filter((row) => row[0] === one && row[2] === other && own(row[5], row[7], row[4]));
+    for (const name of new Set(rows.map((row) => row[4]))) {
+      const cells = new Map(bySeed(rows.filter((row) => row[4] === name).map((row) => [`${row[1]} ${row[3]}`, row[6], row[7]])));
+      const [xs, ys] = [1, 3].map((column) => [...new Set(rows.map((row) => row[column]))].sort((a, b) => a - b));
+      const z = ys.map((y) => xs.map((x) => cells.has(`${x} ${y}`) ? mean(cells.get(`${x} ${y}`)) : null));
+      const plot = element("div", null, { class: "map" }), texts = (values) => values.map((value) => String(Number(value.toPrecision(3))));
+      maps.append(plot);
+      Plotly.newPlot(plot, [{ type: "heatmap", x: texts(xs), y: texts(ys), z, zmin: 0, zmax: 1, colorscale: "Viridis", showscale: false,
+        texttemplate: "%{z:.2f}", hovertemplate: "%{x}, %{y}: %{z:.3f}<extra></extra>" }],
+      { ...layout(one, other, { xaxis: { type: "category" }, yaxis: { type: "category" }, margin: { t: 40 } }),
+        title: { text: escaped(name), font: { size: 13 }, x: 0.5 } }, { ...CONFIG, displayModeBar: false });
+      onClick(plot, ({ pointIndex }) => showWorst(rowsAt(DATA.trackers.indexOf(name), [[one, xs[pointIndex[1]]], [other, ys[pointIndex[0]]]])));
+    }
+  }
+  byId("maps-note").hidden = !maps.childElementCount;
+  byId("axes-section").hidden = !room.childElementCount && !maps.childElementCount;
 }
 
 function drawMatrix() {
@@ -276,10 +275,10 @@ function drawSpeed() {
   const names = bars.map(([tracker]) => escaped(DATA.trackers[tracker]));
   Plotly.react("speed", [{ type: "bar", orientation: "h", y: names, x: bars.map((bar) => bar[1]),
     marker: { color: bars.map(([tracker]) => colour(tracker)) }, text: bars.map((bar) => number(bar[1], 2)), textposition: "auto" }],
-  layout("ms per frame", "", { xaxis: { type: "log" }, yaxis: { automargin: true } }), CONFIG);
+  layout("ms per frame", "", { xaxis: { rangemode: "tozero" }, yaxis: { automargin: true } }), CONFIG);
 }
 
-function drawAll() { drawBoard(); drawCurves(); drawAxes(); drawEpisode(); drawSpeed(); }
+function drawAll() { drawBoard(); drawCurves(); drawAxes(); drawLosses(); drawEpisode(); drawSpeed(); }
 
 function fill(select, names, all) {
   if (all) select.append(element("option", all, { value: -1 }));
@@ -297,19 +296,27 @@ function start() {
       state.trackers = new Set([...state.trackers].sort((a, b) => a - b));
       drawAll();
     });
-    label.append(box, document.createTextNode(" " + name));
+    const swatch = element("span", null, { class: "swatch" });
+    swatch.style.background = colour(index);
+    label.append(box, swatch, document.createTextNode(name));
     byId("filter-trackers").append(label);
   });
   fill(byId("filter-scenario"), DATA.scenarios, "all");
   fill(byId("filter-condition"), DATA.conditions, "all");
   byId("filter-scenario").addEventListener("change", (event) => { state.scenario = Number(event.target.value); drawAll(); });
   byId("filter-condition").addEventListener("change", (event) => { state.condition = Number(event.target.value); drawAll(); });
+  fill(byId("group"), DATA.groups.map(([title]) => title));
+  state.group = DATA.drives.length ? Math.max(DATA.groups.findIndex(([title]) => title === "following"), 0) : 0;
+  byId("group").value = state.group;
+  byId("group").addEventListener("change", (event) => { state.group = Number(event.target.value); drawBoard(); });
+  fill(byId("tag"), DATA.tags.map(([name]) => name), "anything");
+  byId("tag").addEventListener("change", (event) => { state.tag = Number(event.target.value); drawLosses(); });
   fill(byId("episode"), DATA.episodes.map((episode) =>
     `${DATA.scenarios[episode.scenario]}, ${DATA.conditions[episode.condition]}, seed ${episode.seed}`));
   const filmed = DATA.episodes.findIndex((episode) => episode.video);
   state.episode = Math.max(filmed, 0);
   byId("episode").value = state.episode;
-  byId("episode").addEventListener("change", (event) => { state.episode = Number(event.target.value); drawEpisode(); });
+  byId("episode").addEventListener("change", (event) => showEpisode(Number(event.target.value)));
   byId("video").addEventListener("timeupdate", () => mark(frameAt(byId("video").currentTime)));
   byId("viewer").addEventListener("keydown", keys);
   byId("filters").addEventListener("submit", (event) => event.preventDefault());
@@ -317,4 +324,3 @@ function start() {
   drawAll();
   drawMatrix();
 }
-start();

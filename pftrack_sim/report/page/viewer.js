@@ -1,0 +1,142 @@
+"use strict";
+// The losses of the target, and the episode shown frame by frame. Shares report.js's helpers.
+const BEFORE_S = 1; // the video starts so long before a loss
+const MOST_LOSSES = 60;
+
+function unpacked(text) {
+  return Float32Array.from(atob(text), (letter) => letter.charCodeAt(0) / 250);
+}
+
+function drawEpisode() {
+  const episode = DATA.episodes[state.episode];
+  const traces = [...state.trackers].filter((tracker) => episode.overlap[tracker]).map((tracker) => {
+    const y = [...unpacked(episode.overlap[tracker])];
+    return { x: y.map((_, k) => k), y, name: escaped(DATA.trackers[tracker]), mode: "lines+markers", marker: { size: 3 },
+      line: { color: colour(tracker), dash: dash(tracker), width: 1.5 } };
+  });
+  const shapes = (episode.occluded || []).map(([first, end]) => ({ type: "rect", xref: "x", yref: "paper", x0: first - 0.5,
+    x1: end - 0.5, y0: 0, y1: 1, fillcolor: "rgba(128,128,128,0.28)", line: { width: 0 }, layer: "below" }));
+  shapes.push({ type: "line", xref: "x", yref: "paper", x0: 0, x1: 0, y0: 0, y1: 1, line: { width: 1.5, color: "#888", dash: "dot" } });
+  Plotly.react("overlap", traces, layout("frame", "overlap", { yaxis: { range: [-0.02, 1.02] }, shapes }), CONFIG);
+  const video = byId("video");
+  onClick(byId("overlap"), ({ x }) => { video.pause(); seek(Math.round(x)); });
+  video.hidden = !episode.video;
+  byId("film-note").textContent = episode.video ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
+    : "No video of this episode: run bench with --videos all.";
+  if (episode.video) { video.src = linked(episode.video); } else { video.removeAttribute("src"); }
+}
+
+// Frames per second of the video shown: as recorded, or from its length and the number of frames.
+function rate() {
+  const episode = DATA.episodes[state.episode];
+  if (episode.rate_hz) return episode.rate_hz;
+  const first = Object.values(episode.overlap)[0];
+  const duration = byId("video").duration;
+  return first && Number.isFinite(duration) && duration > 0 ? atob(first).length / duration : 25;
+}
+
+// Start of a frame in the video [s]. Episodes with lost frames list the times of their frames.
+function startOf(frame) {
+  const times = DATA.episodes[state.episode].time;
+  if (!times) return frame / rate();
+  return frame < times.length ? times[frame] : times[times.length - 1] + (frame - times.length + 1) / rate();
+}
+
+function frameAt(seconds) {
+  const times = DATA.episodes[state.episode].time;
+  if (!times) return Math.floor(seconds * rate() + 1e-6);
+  let frame = 0;
+  while (frame + 1 < times.length && times[frame + 1] <= seconds + 1e-6) frame += 1;
+  return frame;
+}
+
+function seek(frame) {
+  const video = byId("video");
+  const count = atob(Object.values(DATA.episodes[state.episode].overlap)[0] || "").length;
+  const wanted = Math.min(Math.max(frame, 0), Math.max(count - 1, 0));
+  video.currentTime = 0.5 * (startOf(wanted) + startOf(wanted + 1)); // the middle of the frame: rounding cannot show its neighbour
+  mark(wanted);
+}
+
+function mark(frame) {
+  const plot = byId("overlap");
+  if (!plot.layout) return;
+  const last = plot.layout.shapes.length - 1;
+  Plotly.relayout(plot, { [`shapes[${last}].x0`]: frame, [`shapes[${last}].x1`]: frame });
+}
+
+function keys(event) {
+  const video = byId("video");
+  const frame = frameAt(video.currentTime);
+  if (event.key === "ArrowRight" || event.key === "ArrowLeft") {
+    video.pause();
+    seek(frame + (event.key === "ArrowRight" ? 1 : -1));
+  } else if (event.key === " " && event.target.tagName !== "VIDEO") {
+    if (video.paused) video.play(); else video.pause();
+  } else return;
+  event.preventDefault();
+}
+
+
+function showEpisode(index) {
+  state.episode = index;
+  byId("episode").value = index;
+  drawEpisode();
+}
+
+// Show a tracker's episode from a time on [s]: in the viewer, or the tracker's own drive.
+function showAtTime(tracker, episode, seconds) {
+  const own = DATA.drives.findIndex((one) => one.tracker === tracker && one.episode === episode);
+  if (own >= 0) { showDrive(own, seconds); return; }
+  showEpisode(episode);
+  const { time } = DATA.episodes[episode], video = byId("video");
+  const frame = time ? Math.max(time.findLastIndex((one) => one <= seconds), 0) : Math.round(seconds * rate());
+  if (video.readyState >= 1) seek(frame); else { video.addEventListener("loadedmetadata", () => seek(frame), { once: true }); mark(frame); }
+  byId("h-episode").scrollIntoView();
+  byId("viewer").focus({ preventScroll: true });
+}
+
+// The episode with the lowest overlap, at the tracker's first loss in it.
+function showWorst(rows) {
+  const known = rows.filter((row) => row[OVERLAP] !== null).sort((a, b) => a[OVERLAP] - b[OVERLAP]);
+  if (!known.length) return;
+  const [tracker, episode] = known[0], loss = DATA.losses.find((one) => one[0] === tracker && one[1] === episode);
+  showAtTime(tracker, episode, loss ? Math.max(loss[2] - BEFORE_S, 0) : 0);
+}
+
+function percent(share) { return Number.isFinite(share) ? `${Math.round(100 * share)} %` : "\u2013"; }
+
+function drawLosses() {
+  const losses = DATA.losses.filter(chosen), moments = DATA.moments.filter(chosen);
+  const trackers = [...state.trackers].filter((tracker) => losses.some((loss) => loss[0] === tracker));
+  const has = (loss, tag) => Boolean(loss[5] & (1 << tag)), shareOf = (found, tag) => found.filter((loss) => has(loss, tag)).length / found.length;
+  const frames = moments.reduce((sum, row) => sum + row[2], 0);
+  byId("losses-body").hidden = !losses.length;
+  byId("losses-none").hidden = losses.length > 0;
+  const order = [...DATA.tags.keys()].sort((a, b) => shareOf(losses, b) - shareOf(losses, a));
+  fillTable(byId("shares"), ["of the losses begin with", ...trackers.map((tracker) => `${DATA.trackers[tracker]} (${losses.filter((loss) => loss[0] === tracker).length})`), "all frames"],
+    order.map((tag) => [element("th", DATA.tags[tag][0], { scope: "row", title: DATA.tags[tag][1] }),
+      ...trackers.map((tracker) => percent(shareOf(losses.filter((loss) => loss[0] === tracker), tag))),
+      percent(moments.reduce((sum, row) => sum + row[3 + tag], 0) / frames)]));
+  byId("told").replaceChildren(...trackers.map((tracker) => {
+    const own = losses.filter((loss) => loss[0] === tracker), usual = (tag) => moments.reduce((sum, row) => sum + row[3 + tag], 0) / frames;
+    const tag = [...order].sort((a, b) => (shareOf(own, b) - usual(b)) - (shareOf(own, a) - usual(a)))[0];
+    return element("li", `${DATA.trackers[tracker]}: ${percent(shareOf(own, tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all frames)`);
+  }));
+  const wanted = losses.filter((loss) => state.tag < 0 || has(loss, state.tag));
+  const lasting = (loss) => (loss[4] === null ? 1e6 : loss[4]) - loss[2];
+  wanted.sort((a, b) => lasting(b) - lasting(a));
+  byId("losses-count").textContent = `${wanted.length} of ${losses.length} losses` + (wanted.length > MOST_LOSSES ? `; the ${MOST_LOSSES} longest are shown` : "");
+  fillTable(byId("losses"), ["tracker", "episode", "lost at", "tracked again", "what happened then"], wanted.slice(0, MOST_LOSSES).map((loss) => {
+    const [tracker, number, at, , found] = loss, episode = DATA.episodes[number], from = Math.max(at - BEFORE_S, 0);
+    const own = DATA.drives.find((one) => one.tracker === tracker && one.episode === number), video = own ? own.video : episode.video;
+    const when = element("td");
+    when.append(linkTo(`${at.toFixed(2)} s${video ? " \u25b6" : ""}`, "Show this moment", () => showAtTime(tracker, number, from),
+      video ? `${linked(video)}#t=${from.toFixed(2)}` : undefined));
+    const what = DATA.tags.filter((_, tag) => has(loss, tag)).map(([name]) => name).join(", ");
+    return [trackerHead(tracker), `${DATA.scenarios[episode.scenario]}, ${DATA.conditions[episode.condition]}, seed ${episode.seed}`, when,
+      found === null ? "never" : `after ${(found - at).toFixed(2)} s`, what || "none of these"];
+  }));
+}
+
+function linked(video) { return video.split("/").map(encodeURIComponent).join("/"); }

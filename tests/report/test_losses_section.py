@@ -1,0 +1,64 @@
+"""Losses on the page lead to the video at their moment."""
+
+from pathlib import Path
+from typing import Any
+
+from pftrack_sim import report
+from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark.losses import TAGS
+from pftrack_sim.report.contents import contents
+
+
+def test_the_data_are_those_of_the_view(lost: Path):
+    told, store = contents(RunStore(lost)), RunStore(lost)
+    assert [name.replace("-", " ").replace(" ", "_") for name, _ in told["tags"]] == list(TAGS)
+    rows = store.query(
+        f"SELECT round(time_s, 3), round(zero_s, 3), round(found_s, 3), {', '.join(TAGS)} FROM losses"
+    ).rows
+    assert len(rows) > 0
+    assert [
+        (row[2], row[3], row[4], *(bool(row[5] & 1 << k) for k in range(len(TAGS)))) for row in told["losses"]
+    ] == rows
+    assert {row[0] for row in told["losses"]} == {1}, "the oracle loses nothing"
+    seen = store.query("SELECT count(*), sum(occluded::INTEGER) FROM frames JOIN moments USING (label, frame) "
+                       "WHERE label = 'stay' AND moments.scored").rows  # fmt: skip
+    assert [(row[2], row[3]) for row in told["moments"] if row[0] == 1] == seen
+
+
+def test_one_click_shows_the_video_at_the_loss(browser: Any, lost: Path):
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(report.write_report(lost).as_uri())
+    page.wait_for_selector("body[data-ready=yes]")
+    loss = contents(RunStore(lost))["losses"][0]
+    line = page.locator("#losses tbody tr").first
+    assert line.locator("th").inner_text() == "stay"
+    assert line.locator("a").get_attribute("href").endswith(f".mp4#t={max(loss[2] - 1.0, 0.0):.2f}")
+    assert "of its" in page.locator("#told").inner_text()
+    assert page.locator("#shares tbody tr").count() == len(TAGS)
+    shown = f"Math.abs(document.getElementById('video').currentTime - {max(loss[2] - 1.0, 0.0)}) < 0.11"
+    page.evaluate("document.getElementById('video').currentTime = 2.9")
+    line.locator("a").click()
+    page.wait_for_function(shown)
+    page.evaluate("document.getElementById('video').currentTime = 2.9")
+    page.locator("#board tbody tr", has_text="stay").locator("a").click()
+    page.wait_for_function(shown)
+    assert complaints == []
+    page.close()
+
+
+def test_no_table_is_cut_at_400_pixels(browser: Any, lost: Path):
+    for width in (1400, 400):
+        page = browser.new_page(viewport={"width": width, "height": 900})
+        page.goto(report.write_report(lost).as_uri())
+        page.wait_for_selector("body[data-ready=yes]")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        fits = "(table) => table.parentElement.scrollWidth <= table.parentElement.clientWidth"
+        for table in ("#board", "#shares", "#losses"):
+            assert page.locator(table).evaluate(fits), f"{table} at {width} px"
+        assert page.evaluate("""[...document.querySelectorAll('.plot .legend')].every((legend) => {
+            const bar = legend.closest('.plot').querySelector('.modebar').getBoundingClientRect();
+            return legend.getBoundingClientRect().top > bar.bottom;
+        })"""), "the tool bar lies over no legend"
+        page.close()
