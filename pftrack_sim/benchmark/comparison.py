@@ -93,6 +93,7 @@ class RunComparison:
 
     Attributes:
         names: Labels of both.
+        titles: The same, with the folder of the run where one label stands for both.
         measure: Column of the summary that is compared.
         rows: One for each scenario and condition, and one for all where there are several.
         episodes: Every pair, the greatest loss of the second first.
@@ -101,11 +102,26 @@ class RunComparison:
     """
 
     names: tuple[str, str]
+    titles: tuple[str, str]
     measure: str
     rows: tuple[Difference, ...]
     episodes: tuple[EpisodeDifference, ...]
     different_frames: int
     unpaired: int
+
+    @property
+    def statement(self) -> str:
+        """The result over all conditions in a sentence: `"v2 is better than v1 by 0.030 (0.010 to 0.050), 9 seeds"`."""
+        row, (first, second) = self.rows[-1], self.titles
+        seeds = f"{row.seeds} seed{'s' if row.seeds != 1 else ''}"
+        if row.verdict in ("better", "worse"):
+            low, high = (row.low, row.high) if row.verdict == "better" else (-row.high, -row.low)
+            size = f"{abs(row.difference):.3f} ({low:.3f} to {high:.3f})"
+            return f"{second} is {row.verdict} than {first} by {size}, {seeds}"
+        interval = f"{row.difference:+.3f} ({row.low:+.3f} to {row.high:+.3f})"
+        if row.verdict == "too few seeds":
+            return f"{seeds} cannot show a difference between {second} and {first}: {interval}"
+        return f"{second} and {first} cannot be told apart: {interval}, {seeds}"
 
 
 def compare_runs(
@@ -137,6 +153,7 @@ def compare_runs(
     ]
     return RunComparison(
         names,
+        names if names[0] != names[1] else (f"{names[0]} in {first.path.name}", f"{names[1]} in {second.path.name}"),
         measure,
         tuple(_rows(pairs, measure)),
         tuple(sorted(pairs, key=lambda pair: math.inf if math.isnan(pair.difference) else pair.difference)),

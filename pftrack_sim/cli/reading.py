@@ -52,16 +52,23 @@ def compare(
         ),
     ] = None,
     measure: Annotated[str, typer.Option(help="Column of the summary to compare.")] = "mean_overlap",
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Page to write; default: comparison.html in the second folder.")
+    ] = None,
 ) -> None:
-    """Compare two trackers, or one tracker in two runs.
+    """Compare two trackers, or one tracker in two runs, and write a page with the episodes that got worse.
 
     Differences are paired by episode; a row says whether its seeds can show a difference at all.
     """
     from pftrack_sim.benchmark import RunStore
     from pftrack_sim.benchmark.comparison import compare_runs
+    from pftrack_sim.report import write_comparison
 
     names = parse_labels(trackers) if trackers is not None else []
-    tables.print_comparison(compare_runs(RunStore(first), RunStore(second or first), names, measure=measure))
+    one, other = RunStore(first), RunStore(second or first)
+    found = compare_runs(one, other, names, measure=measure)
+    tables.print_comparison(found)
+    tables.print_folder(write_comparison(one, other, found, html or other.path / "comparison.html"))
 
 
 def write_page(run: Path) -> None:

@@ -165,10 +165,9 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
 
 def print_comparison(found: RunComparison) -> None:
     """Print paired differences, what the seeds can show, and the episodes that lost most."""
-    first, second = found.names
-    second += " (second run)" if first == second else ""
+    first, second = found.titles
     table = new_table(
-        f"{found.measure} of {second} minus {first} (95% interval over seeds, p of the sign-flip test)",
+        f"{found.measure} of {second} minus that of {first} (95% interval over seeds, p of the sign-flip test)",
         ("scenario", "condition"),
         ("seeds", "first", "second", "difference", "p", "verdict"),
     )
@@ -178,6 +177,7 @@ def print_comparison(found: RunComparison) -> None:
         cells = [str(row.seeds), _number(row.first), _number(row.second), difference, _number(row.p), row.verdict]
         table.add_row(row.scenario, row.condition, *cells)
     console.print(table)
+    console.print(f"{found.statement}.", soft_wrap=True)
     last = found.rows[-1]
     if last.verdict == "too few seeds":
         console.print(

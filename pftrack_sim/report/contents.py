@@ -209,7 +209,7 @@ def _episode(store: RunStore, result: Result, frames: _Frames) -> dict[str, Any]
         "rate_hz": _json(rate_hz),
         "time": None if regular else [round(float(time), 3) for time in time_s],
         "overlap": {},
-        "occluded": _spans(frames.visible_fraction < COVERED_BELOW),
+        "occluded": spans(frames.visible_fraction < COVERED_BELOW),
         "video": video_link(store, result) if store.plan.kind == "open" else None,
     }
 
@@ -247,7 +247,8 @@ def _packed(overlap: FloatArray) -> str:
     return base64.b64encode(np.rint(250.0 * np.nan_to_num(overlap)).astype(np.uint8).tobytes()).decode()
 
 
-def _spans(covered: BoolArray) -> list[list[int]]:
+def spans(covered: BoolArray) -> list[list[int]]:
+    """First index and end of every run of true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], covered, [False]]).astype(np.int8)))
     return [[int(first), int(end)] for first, end in edges.reshape(-1, 2)]
 

@@ -1,0 +1,146 @@
+"""Page of a comparison: paired differences, what the seeds can show, and the episodes that got worse as videos."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.comparison import Difference, EpisodeDifference, RunComparison
+from pftrack_sim.benchmark.files import write_bytes
+from pftrack_sim.benchmark.integrity import update_sum
+from pftrack_sim.core import palette
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.report.contents import COVERED_BELOW, read_frames, spans
+from pftrack_sim.report.markdown import number_text
+
+_PAGE = Path(__file__).parent / "page"
+_MOST_EPISODES = 12
+_SIZES = (0.01, 0.02, 0.05, 0.1)  # Differences whose seeds are named
+_BEFORE_S = 1.0  # A video starts so long before the overlaps part
+_WINDOW_S = 0.5
+
+
+def write_comparison(first: RunStore, second: RunStore, found: RunComparison, target: Path) -> Path:
+    """Write the page of a comparison; it needs nothing but itself and the videos of the runs where they are.
+
+    Args:
+        first: The run that the differences are taken from.
+        second: The other one.
+        found: Their comparison.
+        target: HTML file to write.
+
+    Raises:
+        ParameterError: The name does not end in `.html`.
+        RunError: A file of the runs cannot be read, or the page cannot be written.
+    """
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise ParameterError(f"a page's name must end in .html, got {str(target)!r}")
+    worse = [pair for pair in found.episodes if pair.difference < 0.0]
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(_PAGE), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    scale = max([0.01, *(abs(end) for row in found.rows for end in (row.difference, row.low, row.high)
+                         if not math.isnan(end))])  # fmt: skip
+    colours = [palette.hexadecimal(colour) for colour in palette.TRACKERS[:2]]
+    page = environment.get_template("comparison.html.j2").render(
+        found=found,
+        colours=colours,
+        style=Markup((_PAGE / "report.css").read_text(encoding="utf-8")),
+        script=Markup((_PAGE / "comparison.js").read_text(encoding="utf-8")),
+        rows=[_row(row, scale) for row in found.rows],
+        scale=number_text(scale, 3),
+        last=found.rows[-1],
+        seeds=[(size, found.rows[-1].seeds_for(size)) for size in _SIZES],
+        worse=len(worse),
+        better=sum(pair.difference > 0.0 for pair in found.episodes),
+        episodes=[_episode(first, second, found, pair, target.parent) for pair in worse[:_MOST_EPISODES]],
+    )
+    write_bytes(target, page.encode())
+    if target.parent.resolve() in (first.path.resolve(), second.path.resolve()):
+        update_sum(target.parent, target.name)
+    return target
+
+
+def _row(row: Difference, scale: float) -> dict[str, Any]:
+    """Cells of a row of the table, and places of mark and interval on a bar from -scale to scale [percent]."""
+
+    def place(value: float) -> float:
+        return round(50.0 + 50.0 * value / scale, 2)
+
+    known = not math.isnan(row.low)
+    return {
+        "name": "all, each with the same weight" if row.scenario == "all" else row.scenario,
+        "condition": row.condition,
+        "seeds": row.seeds,
+        "means": [number_text(row.first, 3), number_text(row.second, 3)],
+        "difference": "-" if math.isnan(row.difference) else f"{row.difference:+.3f}",
+        "interval": f"{row.low:+.3f} to {row.high:+.3f}" if known else "",
+        "p": number_text(row.p, 3),
+        "verdict": row.verdict,
+        "mark": None if math.isnan(row.difference) else place(row.difference),
+        "bar": (place(row.low), round(place(row.high) - place(row.low), 2)) if known else None,
+    }
+
+
+def _episode(
+    first: RunStore, second: RunStore, found: RunComparison, pair: EpisodeDifference, folder: Path
+) -> dict[str, Any]:
+    """One episode: the overlaps of both over time, and their videos at the moment at which they part."""
+    frames = [
+        read_frames(store, [result])[name]
+        for store, result, name in zip((first, second), (pair.first, pair.second), found.names, strict=True)
+    ]
+    end_s = max(float(one.time_s[-1]) for one in frames) or 1.0
+    parting_s = _parting_s(frames[0].time_s, frames[0].overlap,
+                           np.interp(frames[0].time_s, frames[1].time_s, frames[1].overlap))  # fmt: skip
+    start_s = max(parting_s - _BEFORE_S, 0.0)
+    videos = [_video(store, result, folder) for store, result in ((first, pair.first), (second, pair.second))]
+    same = videos[0] == videos[1]
+    titles = [" and ".join(found.titles)] if same else list(found.titles)
+    shown = zip(titles, videos, strict=False)
+    return {
+        "title": f"{pair.first.scenario}, {pair.first.condition.name}, seed {pair.first.seed}",
+        "scores": [number_text(one.number(found.measure), 3) for one in (pair.first, pair.second)],
+        "difference": f"{pair.difference:+.3f}",
+        "end_s": round(end_s, 3),
+        "parting_s": round(parting_s, 2),
+        "start_s": round(start_s, 2),
+        "lines": [_points(one.time_s / end_s, one.overlap) for one in frames],
+        "covered": _covered(frames[0].time_s / end_s, frames[0].visible_fraction < COVERED_BELOW),
+        "videos": [{"title": title, "link": link and f"{link}#t={start_s:.2f}"} for title, link in shown],
+    }
+
+
+def _parting_s(time_s: FloatArray, first: FloatArray, second: FloatArray) -> float:
+    """When the second falls behind: the start of the first `_WINDOW_S` in which it does by half of the most it does."""
+    count = max(1, int(np.searchsorted(time_s, time_s[0] + _WINDOW_S)))
+    behind = np.convolve(np.nan_to_num(first - second), np.full(count, 1.0 / count), mode="valid")
+    return float(time_s[int(np.argmax(behind >= 0.5 * behind.max()))]) if behind.max() > 0.0 else 0.0
+
+
+def _points(x: FloatArray, y: FloatArray) -> str:
+    """Points of an SVG line in a box of 100 x 30, with 0 at the bottom."""
+    return " ".join(f"{100.0 * a:.2f},{30.0 - 30.0 * b:.2f}" for a, b in zip(x, np.nan_to_num(y), strict=True))
+
+
+def _covered(x: FloatArray, covered: BoolArray) -> Sequence[tuple[float, float]]:
+    """Starts and widths of the times in which the target is occluded, of 100."""
+    edges = np.append(x, 1.0) * 100.0
+    return [(round(float(edges[a]), 2), round(float(edges[b] - edges[a]), 2)) for a, b in spans(covered)]
+
+
+def _video(store: RunStore, result: Result, folder: Path) -> str | None:
+    video = store.video_of(result)
+    if video is None:
+        return None
+    return quote(os.path.relpath(video.resolve(), folder.resolve()).replace(os.sep, "/"))

@@ -1,0 +1,63 @@
+"""The page of a comparison: the numbers of `compare_runs`, and the episodes that got worse as videos side by side."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import report
+from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark.comparison import compare_runs
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.report.comparison import _parting_s
+
+
+def test_it_shows_differences_and_videos_at_the_moment_of_parting(browser: Any, lost: Path, tmp_path: Path):
+    store = RunStore(lost)
+    found = compare_runs(store, store, ["oracle", "stay"])
+    target = report.write_comparison(store, store, found, tmp_path / "comparison.html")
+    assert target.stat().st_size < 100_000
+    for width in (1400, 400):
+        page = browser.new_page(viewport={"width": width, "height": 900})
+        complaints: list[str] = []
+        page.on("pageerror", lambda error, seen=complaints: seen.append(str(error)))
+        page.goto(target.as_uri())
+        page.wait_for_selector("body[data-ready=yes]")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert "1 seed cannot show a difference between stay and oracle: -" in page.locator(".statement").inner_text()
+        assert page.locator("#differences tbody tr").count() == 1
+        assert page.locator("article polyline").count() == 2
+        assert page.locator("article video").count() == 1, "both saw the same episode: one video has both boxes"
+        start = float(page.locator("article").get_attribute("data-start"))
+        page.wait_for_function(f"Math.abs(document.querySelector('video').currentTime - {start}) < 0.11")
+        page.locator("svg.overlaps").click()
+        page.wait_for_function("Math.abs(document.querySelector('video').currentTime - 1.45) < 0.11")
+        assert complaints == []
+        page.close()
+    with pytest.raises(ParameterError, match=r"end in \.html"):
+        report.write_comparison(store, store, found, tmp_path / "comparison.txt")
+
+
+def test_names_that_are_markup_stay_text_and_runs_without_video_say_so(hostile: Path, tmp_path: Path):
+    store = RunStore(hostile)
+    page = report.write_comparison(store, store, compare_runs(store, store), tmp_path / "a.html").read_text()
+    assert "<script>document" not in page
+    assert "&lt;script&gt;document" in page
+
+
+def test_the_statement_has_a_verdict_only_where_the_seeds_show_it(lost: Path):
+    store = RunStore(lost)
+    found = compare_runs(store, store, ["oracle", "stay"])
+    shown = replace(found.rows[0], seeds=20, difference=-0.03, low=-0.05, high=-0.01, p=0.001, least_p=1e-5)
+    worse, even = (replace(found, rows=(row,)) for row in (shown, replace(shown, p=0.2)))
+    assert worse.statement == "stay is worse than oracle by 0.030 (0.010 to 0.050), 20 seeds"
+    assert even.statement == "stay and oracle cannot be told apart: -0.030 (-0.050 to -0.010), 20 seeds"
+
+
+def test_overlaps_part_where_the_second_falls_behind():
+    time_s = np.arange(40) / 10.0
+    first, second = np.full(40, 0.8), np.where(time_s < 2.0, 0.8, 0.1)
+    assert _parting_s(time_s, first, second) == pytest.approx(2.0, abs=0.3)
+    assert _parting_s(time_s, second, first) == 0.0
