@@ -111,10 +111,8 @@ def export(
 
     for _ in _run_all(jobs(), workers):
         on_sequence()
-    index = LAYOUTS[layout].index
-    if index is not None:
-        lines = "".join(f"{name}\n" for name in names)
-        write_bytes(out / index, (LAYOUTS[layout].index_head + lines).encode())
+    for name, text in LAYOUTS[layout].index(names).items():
+        write_bytes(out / name, text.encode())
     return out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from pftrack_sim.core.boxes import pairwise_iou
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats import find_sequences, read_sequence
+from pftrack_sim.formats.files import read_text
 from pftrack_sim.formats.mot import read_people
 from pftrack_sim.formats.results import (
     ResultFile,
@@ -30,6 +32,7 @@ from pftrack_sim.formats.results import (
 )
 from pftrack_sim.score.multi_object import Tracks, multi_object
 from pftrack_sim.score.protocols import PROTOCOLS, TrackedSequence
+from pftrack_sim.score.statistics import Comparison
 
 _COLUMNS = ("label", "frame", "status", "estimate", "ms", "confidence")
 
@@ -73,7 +76,22 @@ def export_results(run: RunStore, out: Path, form: str, *, on_episode: Callable[
                 write_bytes(out / name, text.encode())
                 written.append(out / name)
         on_episode()
+    if chosen == "vot":
+        written.append(
+            _describe_trackers(out / "trackers.ini", {trackers[one.label]: one for one in run.plan.trackers})
+        )
     return written
+
+
+def _describe_trackers(path: Path, trackers: Mapping[str, TrackerSpec]) -> Path:
+    """Add trackers to the list that the VOT toolkit reads; those that are in it already stay as they are."""
+    text = read_text(path) if path.exists() else ""
+    for name, spec in trackers.items():
+        if f"[{name}]" not in text.split():
+            command = f"pftrack-sim trax {shlex.quote(spec.label)}"
+            text += f"[{name}]\nlabel = {spec.label}\nprotocol = trax\ncommand = {command}\n\n"
+    write_bytes(path, text.encode())
+    return path
 
 
 def _tracker_result(table: Mapping[str, Any], label: str) -> TrackerResult:
@@ -105,7 +123,7 @@ class Scored:
 
     results: list[RecordedResult]
     benchmark: dict[str, dict[str, float]]
-    comparisons: list[score.Comparison]
+    comparisons: list[Comparison]
 
 
 def score_results(
@@ -194,7 +212,7 @@ def _tracks(rows: FloatArray, file: ResultFile) -> Tracks:
         raise SequenceError(f"{file.path}: {error}") from None
 
 
-def _compare(results: Sequence[RecordedResult], sequences: Sequence[str]) -> list[score.Comparison]:
+def _compare(results: Sequence[RecordedResult], sequences: Sequence[str]) -> list[Comparison]:
     """Compare trackers in pairs: a sequence is the unit, the mean of its repetitions the score."""
     overlaps: dict[str, dict[str, list[float]]] = {}
     for one in results:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,11 @@ def read(folder: Path) -> RecordedSequence:
         found = re.search(r"^anno_fps:\s*([0-9.]+)\s*Hz", read_text(folder / _META), re.MULTILINE)
         rate_hz = float(found[1]) if found and float(found[1]) > 0.0 else None
     return RecordedSequence.checked(folder, _TRUTH, numbered_images(folder), truth, rate_hz)
+
+
+def index(names: Sequence[str]) -> dict[str, str]:
+    """The list of sequences."""
+    return {"val/list.txt": "".join(f"{name}\n" for name in names)}
 
 
 def write(folder: Path, annotations: Annotations) -> None:

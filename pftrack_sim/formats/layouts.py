@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,8 +27,7 @@ class Layout:
         write: Writes the annotations of a sequence into the folder that holds its images.
         image: Path of an image within the folder without its suffix, formatted with its number from 1.
         sequences: Folder of the sequences within the data set.
-        index: Path of the list of sequences within the data set; None where the layout has none.
-        index_head: First line of that list.
+        index: Files of the data set besides its sequences, by their path, from the sequences' names.
     """
 
     title: str
@@ -38,20 +37,19 @@ class Layout:
     write: Callable[[Path, Annotations], None]
     image: str
     sequences: str = "."
-    index: str | None = None
-    index_head: str = ""
+    index: Callable[[Sequence[str]], Mapping[str, str]] = lambda names: {}
 
 
 LAYOUTS: dict[str, Layout] = {
     "otb": Layout("OTB", otb.EXPECTS, otb.matches, otb.read, otb.write, otb.IMAGE),
     "mot": Layout(
         "MOTChallenge", mot.EXPECTS, mot.matches, mot.read, mot.write, mot.IMAGE,
-        "pftrack-train", "seqmaps/pftrack-train.txt", "name\n",
+        "pftrack-train", mot.index,
     ),
     "got10k": Layout(
-        "GOT-10k", got10k.EXPECTS, got10k.matches, got10k.read, got10k.write, got10k.IMAGE, "val", "val/list.txt"
+        "GOT-10k", got10k.EXPECTS, got10k.matches, got10k.read, got10k.write, got10k.IMAGE, "val", got10k.index
     ),
-    "vot": Layout("VOT", vot.EXPECTS, vot.matches, vot.read, vot.write, vot.IMAGE, "sequences", "sequences/list.txt"),
+    "vot": Layout("VOT", vot.EXPECTS, vot.matches, vot.read, vot.write, vot.IMAGE, "sequences", vot.index),
     "lasot": Layout("LaSOT", lasot.EXPECTS, lasot.matches, lasot.read, lasot.write, lasot.IMAGE),
 }  # fmt: skip
 """In the order in which they are looked for: `groundtruth.txt` alone does not tell GOT-10k, VOT and LaSOT apart."""

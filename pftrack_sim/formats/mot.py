@@ -8,6 +8,7 @@ that is read for tracking one person.
 from __future__ import annotations
 
 import configparser
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,11 @@ def read_people(folder: Path) -> FloatArray:
     rows = number_rows(folder / _TRUTH, _COLUMNS, 9)
     rows = rows[(rows[:, 6] != 0.0) & (rows[:, 7] == _PEDESTRIAN)]
     return rows[:, :6] - np.array([1.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+
+
+def index(names: Sequence[str]) -> dict[str, str]:
+    """The list of sequences that TrackEval reads."""
+    return {"seqmaps/pftrack-train.txt": "".join(f"{name}\n" for name in ("name", *names))}
 
 
 def write(folder: Path, annotations: Annotations) -> None:

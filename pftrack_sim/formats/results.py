@@ -2,7 +2,7 @@
 
     otb     TRACKER/SEQUENCE.txt                              x,y,w,h in the convention of the data set
     got10k  GOT-10k/TRACKER/SEQUENCE/SEQUENCE_001.txt         the same, 0-based
-    vot     results/TRACKER/EXPERIMENT/SEQUENCE/SEQUENCE_001.txt   1 in the frame of the initialisation, then regions
+    vot     results/TRACKER/EXPERIMENT/SEQUENCE/SEQUENCE_001.txt    1 where the tracker is given the box, then regions
     mot     pftrack-train/TRACKER/data/SEQUENCE.txt           frame,identity,left,top,w,h,confidence,-1,-1,-1; 1-based
 
 A frame without an estimate has `0,0,0,0`, or no line in MOT. Times are seconds, in files beside them.
@@ -26,8 +26,6 @@ from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
 ResultFormat: TypeAlias = Literal["otb", "got10k", "vot", "mot"]
 
 RESULT_FORMATS: tuple[ResultFormat, ...] = get_args(ResultFormat)
-EXPERIMENT = "unsupervised"
-"""Name of the experiment in VOT's stack: the tracker starts once and is not reset."""
 _TARGET = 1
 _ONE_BASED = ("otb", "lasot", "mot")
 """Layouts of data sets whose boxes are 1-based."""
@@ -97,7 +95,7 @@ def result_files(form: ResultFormat, tracker: str, sequence: str, result: Tracke
         yield f"{below}_001.txt", box_lines(result.boxes)
         yield f"{below}_time.txt", _lines(seconds)
     elif form == "vot":
-        below = f"results/{tracker}/{EXPERIMENT}/{sequence}/{sequence}_001"
+        below = f"results/{tracker}/{vot.EXPERIMENT}/{sequence}/{sequence}_001"
         lines = box_lines(result.boxes).splitlines(keepends=True)
         # Not initialised yet is unknown, which the toolkit leaves out.
         lines[: result.first + 1] = ["0\n"] * result.first + ["1\n"]
@@ -150,7 +148,7 @@ def _result_file(root: Path, path: Path, sequences: Collection[str], form: Resul
         if chosen == "got10k" and len(folders) >= 2:
             return ResultFile(path, chosen, folders[-2], numbered[1], int(numbered[2]))
         if chosen == "vot" and len(folders) >= 3:
-            experiment = "" if folders[-2] == EXPERIMENT else f" {folders[-2]}"
+            experiment = "" if folders[-2] == vot.EXPERIMENT else f" {folders[-2]}"
             return ResultFile(path, chosen, folders[-3] + experiment, numbered[1], int(numbered[2]))
     elif path.stem in sequences:
         chosen = form or ("mot" if _first_line(path).count(",") >= 5 else "otb")

@@ -8,6 +8,7 @@ that are no rectangles (polygons of 6 or more numbers, masks) become the boxes a
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,9 @@ EXPECTS = "a folder color/ of numbered images and the files groundtruth.txt and 
 IMAGE = "color/{:08d}"
 _TRUTH, _SEQUENCE = "groundtruth.txt", "sequence"
 _OCCLUDED_BELOW = 0.5
+_STACK = "pftrack-sim.yaml"
+EXPERIMENT = "unsupervised"
+"""Name of the experiment: the tracker starts once and is not reset."""
 _MAX_MASK_PIXELS = 1 << 28
 
 
@@ -98,6 +102,22 @@ def _box(path: Path, number: int, line: str) -> list[float]:
     raise SequenceError(
         f"{path}, line {number}: expected a rectangle x,y,w,h, a polygon x,y,x,y,... or a mask m..., got {shown!r}"
     )
+
+
+def index(names: Sequence[str]) -> dict[str, str]:
+    """The list of sequences, and the workspace around it: experiments and where trackers are described.
+
+    The experiment runs a tracker once from the first frame on; without `vot initialize` nothing is downloaded.
+    """
+    return {
+        "sequences/list.txt": "".join(f"{name}\n" for name in names),
+        "config.yaml": f"stack: {_STACK}\nregistry:\n- ./trackers.ini\nsequences: sequences\n",
+        _STACK: (
+            f"title: pftrack-sim\nexperiments:\n  {EXPERIMENT}:\n    type: unsupervised\n    repetitions: 1\n"
+            "    analyses:\n    - type: average_accuracy\n      name: accuracy\n      burnin: 1\n"
+            "    - type: vot.analysis.longterm.AccuracyRobustness\n      name: ar\n"
+        ),
+    }
 
 
 def write(folder: Path, annotations: Annotations) -> None:

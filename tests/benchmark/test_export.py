@@ -46,9 +46,8 @@ def test_a_sequence_has_the_frames_and_boxes_of_the_episode(tmp_path: Path, layo
     assert {row[2] for row in rows} == {"target"}
     np.testing.assert_allclose([row[3] for row in rows], read.truth[:, 0], atol=6e-6)
     assert json.loads((out / "dataset.json").read_text())["format"] == layout
-    index_file = LAYOUTS[layout].index
-    if index_file is not None:
-        assert (out / index_file).read_text().splitlines()[-1] == folder.name
+    for name, text in LAYOUTS[layout].index([folder.name]).items():
+        assert (out / name).read_text() == text
 
 
 @pytest.mark.slow
