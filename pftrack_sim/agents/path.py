@@ -112,7 +112,7 @@ class Path:
 
     def _locate(self, s_m: ArrayLike) -> tuple[FloatArray, IntArray]:
         s = np.asarray(s_m, dtype=np.float64)
-        return s, np.clip(np.searchsorted(self._starts, s, side="right") - 1, 0, len(self._starts) - 1)
+        return s, np.maximum(np.searchsorted(self._starts, s, side="right") - 1, 0)
 
     def _nearest(self, x: float, y: float) -> FloatArray:
         """Arc length of the nearest point of each piece, extended to a line or a full circle."""

@@ -84,20 +84,6 @@ class Controller(Protocol):
         ...
 
 
-class DistanceController(Controller, Protocol):
-    """A controller that estimates the distance to the target."""
-
-    @property
-    def distance_m(self) -> float | None:
-        """Distance by the last box; None while the target is lost."""
-        ...
-
-    @property
-    def wanted_m_s(self) -> float:
-        """Forward speed for a target straight ahead; the command is less while the target is to the side."""
-        ...
-
-
 def is_lost(estimate: Estimate, min_confidence: float) -> bool:
     """Whether the tracker is unsure, reports an occlusion, or returns an empty box."""
     _, _, width, height = estimate.box.tolist()

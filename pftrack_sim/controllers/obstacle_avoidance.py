@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import DistanceController, RobotParameters
+from pftrack_sim.controllers.base import RobotParameters
+from pftrack_sim.controllers.target_search import TargetSearch
 from pftrack_sim.controllers.visual_servo import TURN_S
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.records import Estimate
@@ -51,7 +52,7 @@ class ObstacleAvoidance:
     the odometry frame.
     """
 
-    def __init__(self, inner: DistanceController) -> None:
+    def __init__(self, inner: TargetSearch) -> None:
         self._inner = inner
         self.reset(RobotParameters())
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 import mujoco
 import numpy as np
@@ -93,79 +94,68 @@ class Segmentation:
     inverse_depth: NDArray[np.float32]
 
 
-class Renderer(Protocol):
+class Renderer(ABC):
     """Draws color images and segmentations of a model from any camera pose.
 
     In all methods, `data` is an `MjData` of the model with up-to-date poses (`mj_forward`, or `mj_kinematics` and
     `mj_camlight`), `T_world_camera` the `(4, 4)` camera pose (x right, y down, z forward), and `K` the `(3, 3)` camera
     matrix of the whole image [px] or the vertical field of view [rad]. They raise `ParameterError` for an invalid pose,
     matrix or rectangle, and `RenderError` if the renderer is closed or unbound.
-    """
 
-    width_px: int
-    height_px: int
-    near_m: float
-    """Depth of the near plane."""
-    visible_geoms: BoolArray
-    """`(ngeom,)` geoms that are drawn at all."""
-    description: str
-    """Library, graphics card and version, in one line."""
-
-    def color(self, data: Any, T_world_camera: FloatArray, K: FloatArray, *, rows: slice | None = None) -> Image:
-        """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop)."""
-        ...
-
-    def ids(
-        self,
-        data: Any,
-        T_world_camera: FloatArray,
-        K: FloatArray,
-        *,
-        geoms: BoolArray | None = None,
-        rect: PixelRect | None = None,
-    ) -> Segmentation:
-        """Find the geom at each pixel, without anti-aliasing.
-
-        Args:
-            data: Poses.
-            T_world_camera: Camera pose.
-            K: Camera matrix.
-            geoms: `(ngeom,)` the geoms to draw; None draws all visible ones.
-            rect: The rectangle wanted, None for the whole image; its pixels equal those of the whole image to the bit.
-        """
-        ...
-
-    def rebind(self, model: Any) -> None:
-        """Draw another model from now on.
-
-        Visible geoms, near and far plane are read now; poses, lights and colours when drawing.
-        """
-        ...
-
-    def unbind(self) -> None:
-        """Release the model and everything derived from it, until the next `rebind`."""
-        ...
-
-    def close(self) -> None:
-        """Free everything; a second call does nothing."""
-        ...
-
-
-class RendererBase:
-    """Size, visible geoms and clipping planes of a renderer, and checks of its arguments.
+    Attributes:
+        near_m: Depth of the near plane.
+        visible_geoms: `(ngeom,)` geoms that are drawn at all.
+        description: Library, graphics card and version, in one line.
 
     Raises:
         ParameterError: An empty image.
     """
+
+    near_m: float
+    visible_geoms: BoolArray
+    description: str
 
     def __init__(self, width_px: int, height_px: int) -> None:
         if width_px < 1 or height_px < 1:
             raise ParameterError(f"an image needs a width and height >= 1, got {width_px} x {height_px}")
         self.width_px, self.height_px = int(width_px), int(height_px)
 
+    @abstractmethod
+    def color(
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
+    ) -> Image:
+        """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop)."""
+
+    @abstractmethod
+    def ids(
+        self,
+        data: mujoco.MjData,
+        T_world_camera: ArrayLike,
+        K: ArrayLike | float,
+        *,
+        geoms: BoolArray | None = None,
+        rect: PixelRect | None = None,
+    ) -> Segmentation:
+        """Find the geom at each pixel, without anti-aliasing.
+
+        Of the visible geoms those in the `(ngeom,)` mask are drawn; None draws all. The rectangle wanted is the whole
+        image if None; its pixels equal those of the whole image to the bit.
+        """
+
+    @abstractmethod
+    def rebind(self, model: mujoco.MjModel) -> None:
+        """Draw another model from now on.
+
+        Visible geoms, near and far plane are read now; poses, lights and colours when drawing.
+        """
+
+    @abstractmethod
+    def unbind(self) -> None:
+        """Release the model and everything derived from it, until the next `rebind`."""
+
+    @abstractmethod
     def close(self) -> None:
         """Free everything; a second call does nothing."""
-        raise NotImplementedError
 
     def __enter__(self) -> Self:
         return self

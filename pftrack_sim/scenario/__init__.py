@@ -3,8 +3,8 @@
 from pftrack_sim.scenario.late_events import axis_without_effect, late_events
 from pftrack_sim.scenario.load import Scenario, ScenarioLike, load, names
 from pftrack_sim.scenario.model import ResolvedScenario
-from pftrack_sim.scenario.schema import editor_schema
 from pftrack_sim.scenario.toml_text import toml_text
+from pftrack_sim.scenario.validation import editor_schema
 
 __all__ = [
     "ResolvedScenario",

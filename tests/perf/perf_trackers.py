@@ -27,8 +27,7 @@ from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.trackers.features import histogram, pixel_codes
 from pftrack_sim.trackers.features.image_region import crop
-from pftrack_sim.trackers.filters.dynamics import RandomWalk
-from pftrack_sim.trackers.filters.particles import ParticleFilter
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.papers import ko2012
 
 WIDTH, HEIGHT, FRAMES, COUNT = 640, 480, 300, 100

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.trackers.filters.adaptive import AdaptiveNoise, adaptive_velocity, fit_slopes
+from pftrack_sim.trackers.filters import AdaptiveNoise, adaptive_velocity, fit_slopes
 
 SPREAD = AdaptiveNoise(noise=1.0, noise_min=0.5, noise_max=2.5, count=200, count_max=450)
 

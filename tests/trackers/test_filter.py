@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from pftrack_sim.trackers.filters.dynamics import RandomWalk
-from pftrack_sim.trackers.filters.particles import ParticleFilter, systematic_resampling
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk, systematic_resampling
 
 WEIGHTS = np.array([0.02, 0.2, 0.0, 0.31, 0.07, 0.15, 0.25])
 

@@ -16,7 +16,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.trackers.features.histogram import distance_layout, histogram, histograms
 from pftrack_sim.trackers.features.online_feature import FeatureSettings, Normalisation, OnlineFeatureModel
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
-from pftrack_sim.trackers.filters.dynamics import ConstantVelocity
+from pftrack_sim.trackers.filters import ConstantVelocity
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
 
 Scene = tuple[list[np.ndarray], np.ndarray]

@@ -10,7 +10,7 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError, TrackerError
-from pftrack_sim.trackers.opencv.networks import NETWORKS
+from pftrack_sim.trackers.opencv import NETWORKS
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 NAMES = sorted(NETWORKS)

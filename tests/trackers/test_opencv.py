@@ -10,7 +10,7 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import TrackerError
-from pftrack_sim.trackers.opencv.classic import CLASSES
+from pftrack_sim.trackers.opencv import CLASSES
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 

@@ -10,7 +10,7 @@ from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.core.records import Estimate, Tracker
-from pftrack_sim.trackers.opencv.classic import CLASSES
+from pftrack_sim.trackers.opencv import CLASSES
 
 KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-rgb"]
 # The others of OpenCV are in its contrib wheel, and are held to the same where that is the one installed.

@@ -88,7 +88,7 @@ def leg_inverse_kinematics(
     reach = np.minimum(np.maximum(distance, 0.35 * length), MAX_EXTENSION * length)
     ahead = knee_directions - (knee_directions * down).sum(axis=-1)[..., None] * down
     ahead /= np.sqrt((ahead * ahead).sum(axis=-1))[..., None]
-    left = np.cross(ahead, down)
+    left = _cross(ahead, down)
     # Law of cosines: angle at the hip between the thigh and the line to the ankle.
     cos = (thighs_m**2 + reach**2 - shanks_m**2) / (2.0 * thighs_m * reach)
     along = (thighs_m * cos)[..., None]
@@ -96,5 +96,12 @@ def leg_inverse_kinematics(
     thigh = along * down + across * ahead
     shank = reach[..., None] * down - thigh
     up = np.stack([-thigh / thighs_m[..., None], -shank / shanks_m[..., None]])
-    thigh_rotations, shank_rotations = np.stack([np.cross(left, up), np.broadcast_to(left, up.shape), up], axis=-1)
+    thigh_rotations, shank_rotations = np.stack([_cross(left, up), np.broadcast_to(left, up.shape), up], axis=-1)
     return hips + thigh, thigh_rotations, shank_rotations
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """`(..., 3)` cross products, in half the time of `np.cross`."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)

@@ -17,7 +17,7 @@ from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import BoolArray
-from pftrack_sim.render.backend import PixelRect, RendererBase, Segmentation, checked_poses
+from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.scene import ModelScene
 
@@ -25,7 +25,7 @@ _GL_RGBA = 0x1908
 _CODE_BITS = np.uint32(0xFFFFFF)
 
 
-class Rasteriser(RendererBase):
+class Rasteriser(Renderer):
     """Draws one model off-screen with OpenGL; see `pftrack_sim.render.backend.Renderer`.
 
     Any thread may use it, one at a time. Several can exist in one process.
@@ -69,7 +69,7 @@ class Rasteriser(RendererBase):
         self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self._far_m))
 
     def unbind(self) -> None:
-        """Release the model, its textures and its meshes, until the next `rebind`."""
+        """See `Renderer.unbind`."""
         self._scene = None
         if self._resources:
             with self._context.current():
@@ -123,7 +123,7 @@ class Rasteriser(RendererBase):
         return Segmentation(rect, geom_of_code.take(codes)[::-1], inverse_depth[::-1])
 
     def close(self) -> None:
-        """Free everything; a second call does nothing."""
+        """See `Renderer.close`."""
         self._scene = None
         self._finalizer()
 

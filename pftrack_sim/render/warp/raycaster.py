@@ -18,12 +18,12 @@ from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import BoolArray
-from pftrack_sim.render.backend import PixelRect, RendererBase, Segmentation, checked_poses
+from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
 from pftrack_sim.render.warp import kernels, rays
 from pftrack_sim.render.warp.scene import SceneArrays
 
 
-class Raycaster(RendererBase):
+class Raycaster(Renderer):
     """Draws one model with MuJoCo Warp; see `pftrack_sim.render.backend.Renderer`.
 
     It draws the same geoms as OpenGL on the same pixel grid, shaded per pixel. The model's multisampling becomes n x n

@@ -10,9 +10,9 @@ from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.indoor import framed_poster, lockers, numbered_door, potted_plant
 from pftrack_sim.scene.places.materials import texture, tiling
 from pftrack_sim.scene.places.meshes import Prop, box, quad, translated
+from pftrack_sim.scene.places.props import framed_poster, lockers, numbered_door, potted_plant
 
 _WEST, _EAST, _HALF_WIDTH, _CEILING = -6.0, 38.0, 1.75, 2.8
 _LOBBY_WEST, _LOBBY_EAST, _LOBBY_HALF_WIDTH = 14.0, 21.0, 4.25

@@ -12,7 +12,7 @@ from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import add_skybox, tiling
 from pftrack_sim.scene.places.meshes import quad
-from pftrack_sim.scene.places.outdoor import (
+from pftrack_sim.scene.places.props import (
     advertising_column,
     bicycle_stand,
     fountain,

@@ -12,7 +12,7 @@ from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import add_skybox, texture, tiling
 from pftrack_sim.scene.places.meshes import quad
-from pftrack_sim.scene.places.outdoor import advertising_column, bicycle_stand, lamp_post, signboard, tree
+from pftrack_sim.scene.places.props import advertising_column, bicycle_stand, lamp_post, signboard, tree
 
 _WEST, _EAST, _KERB, _FRONT = -10.0, 44.0, 3.0, 7.8
 BOUNDS = (-8.0, -7.2, 42.0, 7.2)

@@ -8,9 +8,9 @@ from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.indoor import carton_stack, drums, framed_poster, pallet_pile, rack, trolley
 from pftrack_sim.scene.places.materials import AtlasRegion, texture, tiling
 from pftrack_sim.scene.places.meshes import ALL_FACES, Prop, TexturedMesh, box, quad
+from pftrack_sim.scene.places.props import carton_stack, drums, framed_poster, pallet_pile, rack, trolley
 
 BOUNDS = (-5.0, -12.0, 33.0, 12.0)
 GOALS = ((-3.6, 2.2), (-3.6, -2.2), (-3.8, 7.2), (-3.8, -7.2), (5.6, 7.2), (13.6, 7.7), (21.6, -7.2), (13.6, -7.2),

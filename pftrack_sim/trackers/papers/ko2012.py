@@ -32,8 +32,7 @@ from pftrack_sim.trackers.features.histogram_model import (
     log_mixture,
 )
 from pftrack_sim.trackers.features.pixel_codes import PATTERN_COUNT, cs_lbp_codes, hsv_codes, rgb_codes
-from pftrack_sim.trackers.filters.dynamics import RandomWalk
-from pftrack_sim.trackers.filters.particles import ParticleFilter
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.papers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 

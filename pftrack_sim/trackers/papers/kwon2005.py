@@ -27,9 +27,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.patches import PatchSampler, grid_shape
 from pftrack_sim.trackers.features.pixel_mixture import MixtureParameters, OutlierRule, PixelMixture
-from pftrack_sim.trackers.filters.adaptive import AdaptiveNoise, adaptive_velocity, fit_slopes
-from pftrack_sim.trackers.filters.dynamics import RandomWalk
-from pftrack_sim.trackers.filters.particles import ParticleFilter
+from pftrack_sim.trackers.filters import AdaptiveNoise, ParticleFilter, RandomWalk, adaptive_velocity, fit_slopes
 from pftrack_sim.trackers.parameters import Count, Positive, Share
 
 MotionModel: TypeAlias = Literal["similarity", "affine"]

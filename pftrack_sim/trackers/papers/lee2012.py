@@ -31,8 +31,7 @@ from pftrack_sim.trackers.features.image_region import block_means, block_size
 from pftrack_sim.trackers.features.online_feature import FeatureSettings, Normalisation, OnlineFeatureModel
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.features.subspace import Memory
-from pftrack_sim.trackers.filters.dynamics import ConstantVelocity
-from pftrack_sim.trackers.filters.particles import ParticleFilter
+from pftrack_sim.trackers.filters import ConstantVelocity, ParticleFilter
 from pftrack_sim.trackers.papers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 

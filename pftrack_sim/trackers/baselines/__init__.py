@@ -1,1 +1,0 @@
-"""Baselines: references, template matching, mean shift."""

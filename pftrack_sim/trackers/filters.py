@@ -1,0 +1,224 @@
+"""Particle filters without any knowledge of images: dynamics, weights, resampling, and adaptive noise.
+
+The adaptive functions (Zhou, Chellappa & Moghaddam 2004; Kwon et al. 2005, eq. 6 to 11) are independent of what is
+observed: an error is a number that is about 1 where the model predicts as well as expected, and an observation is a
+vector that changes smoothly with the state.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.types import FloatArray
+
+Observations: TypeAlias = NDArray[np.floating[Any]]  # Observations may have half the precision of states
+
+
+class Dynamics(Protocol):
+    """Draws the next state of every particle."""
+
+    def draw(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """`(N, D)` next states, given `(N, D)` states."""
+        ...
+
+
+@dataclass(frozen=True)
+class RandomWalk:
+    """First-order autoregression with coefficient 1: previous state plus Gaussian noise (Ko et al. 2012, eq. 11).
+
+    Attributes:
+        sigma: `(D,)` standard deviation of each component's noise, in the component's unit.
+        last_two_correlation: Correlation of the noises of the last two components, in [0, 1]: 0 as printed.
+    """
+
+    sigma: tuple[float, ...]
+    last_two_correlation: float = 0.0
+
+    def draw(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """`(N, D)` next states, given `(N, D)` states."""
+        noise = rng.standard_normal(states.shape)
+        if self.last_two_correlation:
+            independent = math.sqrt(1.0 - self.last_two_correlation**2)
+            noise[:, -1] = self.last_two_correlation * noise[:, -2] + independent * noise[:, -1]
+        return states + noise * np.asarray(self.sigma)
+
+
+@dataclass(frozen=True)
+class ConstantVelocity:
+    """Position moves by the velocity; size and velocity have uniform noise (Lee et al. 2012, eq. 9).
+
+    States are `(N, 6)`: x, y, w, h, vx, vy. As printed, a velocity's noise moves the position one frame later.
+
+    Attributes:
+        reach: Half the range of the noise of w, h, vx, vy, in the component's unit.
+        keep_shape: Whether width and height share one draw; they have one each as printed.
+    """
+
+    reach: tuple[float, float, float, float]
+    keep_shape: bool = False
+
+    def draw(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """`(N, 6)` next states, given `(N, 6)` states."""
+        moved = states.copy()
+        moved[:, :2] += states[:, 4:]
+        noise = rng.uniform(-1.0, 1.0, (len(states), 4))
+        if self.keep_shape:
+            noise[:, 1] = noise[:, 0]
+        moved[:, 2:] += noise * np.asarray(self.reach)
+        return moved
+
+
+class ParticleFilter:
+    """A bootstrap filter: the dynamics are the proposal (Arulampalam et al. 2002, algorithm 4).
+
+    Weights are stored as logarithms and normalised on demand, so that small likelihoods do not underflow.
+
+    Args:
+        states: `(N, D)` initial particles, of equal weight.
+        rng: Source of all random numbers.
+    """
+
+    def __init__(self, states: FloatArray, rng: np.random.Generator) -> None:
+        self.states = np.array(states, dtype=np.float64)
+        self.log_weights = np.zeros(len(self.states))
+        self._rng = rng
+
+    @property
+    def weights(self) -> FloatArray:
+        """`(N,)` weights, summing to 1; all equal when every likelihood is 0."""
+        peak = self.log_weights.max()
+        if not np.isfinite(peak):
+            return np.full(self.log_weights.size, 1.0 / self.log_weights.size)
+        raw = np.exp(self.log_weights - peak)
+        return raw / raw.sum()
+
+    def predict(self, dynamics: Dynamics) -> None:
+        """Move every particle by the dynamics."""
+        self.states = dynamics.draw(self.states, self._rng)
+
+    def weigh(self, log_likelihood: FloatArray) -> None:
+        """Multiply the weights by a likelihood, given its `(N,)` logarithms; -inf for impossible states."""
+        self.log_weights = self.log_weights + log_likelihood
+
+    def mean(self, top: int | None = None) -> FloatArray:
+        """`(D,)` weighted mean of the `top` particles of greatest weight, or of all (Ko et al. 2012, eq. 12)."""
+        weights = self.weights
+        if top is not None and top < weights.size:
+            # Stable, so that ties are broken alike on every machine.
+            heaviest = np.argsort(-weights, kind="stable")[:top]
+        else:
+            heaviest = np.arange(weights.size)
+        share = weights[heaviest] / weights[heaviest].sum()
+        # Relative to one particle, so that identical particles have exactly that mean.
+        origin = self.states[heaviest[0]]
+        return origin + share @ (self.states[heaviest] - origin)
+
+    def resample(self) -> None:
+        """Systematic resampling; all weights are equal afterwards."""
+        chosen = systematic_resampling(self.weights, self._rng)
+        self.states = self.states[chosen]
+        self.log_weights = np.zeros(chosen.size)
+
+    def restart(self, state: FloatArray, count: int | None = None) -> None:
+        """Put `count` particles (as many as now if None) at one `(D,)` state, with equal weights."""
+        self.states = np.repeat(state[None], len(self.states) if count is None else count, axis=0)
+        self.log_weights = np.zeros(len(self.states))
+
+    def truncate(self, count: int) -> None:
+        """Drop all particles but the first `count` >= 1."""
+        self.states, self.log_weights = self.states[:count], self.log_weights[:count]
+
+
+def systematic_resampling(weights: FloatArray, rng: np.random.Generator, count: int | None = None) -> NDArray[np.intp]:
+    """`(count,)` ascending indices, by equal steps along the cumulative `(N,)` weights from one uniform random number.
+
+    Particle i is drawn `count * weights[i]` times on average, rounded up or down; `count` is N if None. Source:
+    Carpenter, Clifford & Fearnhead 1999; Arulampalam et al. 2002, algorithm 2.
+    """
+    draws = weights.size if count is None else count
+    edges = np.cumsum(weights)
+    total = float(edges[-1])
+    points = (rng.random() + np.arange(draws)) * (total / draws)
+    # Rounding may put the last point on the upper end, beyond the last particle.
+    return np.searchsorted(edges, np.minimum(points, np.nextafter(total, 0.0)), side="right")
+
+
+@dataclass(frozen=True)
+class AdaptiveNoise:
+    """Noise and number of particles as functions of the prediction error.
+
+    Attributes:
+        noise: R_0, the factor on the dynamics' noise when the error is 1.
+        noise_min: R_min.
+        noise_max: R_max.
+        count: J_0, the number of particles when the factor is R_0.
+        count_max: J_max.
+    """
+
+    noise: float
+    noise_min: float
+    noise_max: float
+    count: int
+    count_max: int
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.noise_min <= self.noise <= self.noise_max:
+            given = f"{self.noise_min:g}, {self.noise:g}, {self.noise_max:g}"
+            raise ParameterError(f"expected 0 < noise_min <= noise <= noise_max, got {given}")
+        if not 1 <= self.count <= self.count_max:
+            given = f"{self.count}, {self.count_max}"
+            raise ParameterError(f"expected 1 <= particle_count <= particle_count_max, got {given}")
+
+    def factor(self, error: float) -> float:
+        """R_t = max(min(R_0 sqrt(error), R_max), R_min) (9) of a prediction error >= 0."""
+        return max(min(self.noise * float(np.sqrt(error)), self.noise_max), self.noise_min)
+
+    def particles(self, factor: float) -> int:
+        """J_t = J_0 R_t / R_0 (11) of a factor R_t, rounded, in [1, J_max]."""
+        return max(min(round(self.count * factor / self.noise), self.count_max), 1)
+
+
+def fit_slopes(state_shifts: FloatArray, observation_shifts: Observations) -> Observations:
+    """`(D, d)` change of the observation per unit of each state component: linear least squares over the particles.
+
+    Zhou et al. 2004 fit the state on the observation, which has more unknowns than there are particles; in this
+    direction there are only D unknowns per component of the observation. 0 for components in which the particles or
+    their observations do not differ.
+
+    Args:
+        state_shifts: `(N, D)` particles of one frame minus their mean.
+        observation_shifts: `(N, d)` their observations minus that of the mean.
+    """
+    # Scaled by the spread: components have different units, and a small one could be taken for rounding errors.
+    spread = np.sqrt(np.mean(np.square(state_shifts), axis=0))
+    unit = np.where(spread > 0.0, spread, 1.0)
+    shifts = state_shifts / unit
+    dtype = observation_shifts.dtype
+    inverse = np.linalg.pinv(shifts.T @ shifts, rcond=_TOLERANCE, hermitian=True).astype(dtype)
+    effect = inverse @ (shifts.T.astype(dtype) @ observation_shifts)
+    # Rounding errors become exactly 0: `adaptive_velocity` would divide by them.
+    size = np.linalg.norm(effect, axis=1)
+    effect[(size <= _TOLERANCE * size.max()) | (spread == 0.0)] = 0.0
+    return effect / unit[:, None].astype(dtype)
+
+
+def adaptive_velocity(slopes: Observations, innovation: Observations) -> FloatArray:
+    """`(D,)` shift of the state that explains a change of the observation by least squares (8).
+
+    0 in components that the observation does not depend on. `slopes` are those of `fit_slopes`, the `(d,)` innovation
+    is the observation at the previous state minus the model's.
+    """
+    normal, right = (slopes @ slopes.T).astype(np.float64), (slopes @ innovation).astype(np.float64)
+    diagonal = np.sqrt(np.diagonal(normal))
+    unit = np.where(diagonal > 0.0, diagonal, 1.0)
+    return -(np.linalg.pinv(normal / np.outer(unit, unit), rcond=_TOLERANCE, hermitian=True) @ (right / unit)) / unit
+
+
+_TOLERANCE = 1e-6
+"""Directions weaker than this share of the strongest are rounding errors (observations may be float32)."""

@@ -1,1 +1,0 @@
-"""Particle filters without any knowledge of images: dynamics, weights, resampling, estimate."""
