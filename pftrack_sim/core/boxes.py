@@ -6,6 +6,7 @@ modify their arguments.
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -69,16 +70,17 @@ def pairwise_iou(first: ArrayLike, second: ArrayLike) -> FloatArray:
 
 def clip(box: ArrayLike, width_px: int, height_px: int) -> Box:
     """Part of a `(4,)` box inside the image; size 0 on the nearest border when it lies outside."""
-    x, y, w, h = (float(v) for v in np.asarray(box, dtype=np.float64))
-    left, right = (min(max(v, 0.0), float(width_px)) for v in (x, x + w))
-    top, bottom = (min(max(v, 0.0), float(height_px)) for v in (y, y + h))
+    x, y, w, h = np.asarray(box, dtype=np.float64).tolist()
+    width, height = float(width_px), float(height_px)
+    left, right = min(max(x, 0.0), width), min(max(x + w, 0.0), width)
+    top, bottom = min(max(y, 0.0), height), min(max(y + h, 0.0), height)
     return np.array([left, top, right - left, bottom - top])
 
 
 def area(box: ArrayLike) -> float:
     """Width times height [px^2]; 0 for a box that is empty or not finite."""
-    w, h = (float(v) for v in np.asarray(box, dtype=np.float64)[2:])
-    return w * h if w > 0 and h > 0 and np.isfinite(w * h) else 0.0
+    w, h = np.asarray(box, dtype=np.float64)[2:].tolist()
+    return w * h if w > 0 and h > 0 and math.isfinite(w * h) else 0.0
 
 
 def centre(box: ArrayLike) -> FloatArray:
