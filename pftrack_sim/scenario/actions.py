@@ -77,32 +77,17 @@ class Face(Section):
     )
 
 
-class _Lowering(Section):
-    """What the target may do with its hands near the ground."""
+class Lowering(Section):
+    """Stops, and squats or bends forward, as to reach for something on the ground; then rises."""
 
+    kind: Literal["crouch", "bend"]
+    at_s: _At
+    duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(
+        default=3.8, description="Slowing down and rising included."
+    )
     picks_up: Literal["bag", "box"] | None = Field(default=None, description="Item in `carries` that it picks up.")
     puts_down: Literal["bag"] | None = Field(
         default=None, description="Item in `carries` that it puts down; a box would lie in its way."
-    )
-
-
-class Crouch(_Lowering):
-    """Stops, squats and rises."""
-
-    kind: Literal["crouch"]
-    at_s: _At
-    duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(
-        default=3.8, description="Slowing down and rising included."
-    )
-
-
-class Bend(_Lowering):
-    """Stops and bends forward, as to reach for something on the ground."""
-
-    kind: Literal["bend"]
-    at_s: _At
-    duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(
-        default=3.8, description="Slowing down and rising included."
     )
 
 
@@ -142,7 +127,7 @@ class WalkOff(Section):
 
 
 Action: TypeAlias = Annotated[
-    Stop | Turn | Approach | Face | Crouch | Bend | Gesture | Run | Pace | WalkOff, Field(discriminator="kind")
+    Stop | Turn | Approach | Face | Lowering | Gesture | Run | Pace | WalkOff, Field(discriminator="kind")
 ]
 """An action of the target; one at a time."""
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from pftrack_sim.scenario.actions import Action, Bend, Crouch, end_s
+from pftrack_sim.scenario.actions import Action, Lowering, end_s
 from pftrack_sim.scenario.section import Section
 
 Item: TypeAlias = Literal["bag", "box", "backpack", "umbrella"]
@@ -49,7 +49,7 @@ def grips_s(carried: Carried, actions: Sequence[Action]) -> list[tuple[float, bo
     """Times at which the hands close on a thing (True) or open (False)."""
     times: list[tuple[float, bool]] = []
     for action in actions:
-        if isinstance(action, Bend | Crouch) and carried.item in (action.picks_up, action.puts_down):
+        if isinstance(action, Lowering) and carried.item in (action.picks_up, action.puts_down):
             # Half way between having gone down and rising.
             times.append((0.5 * (action.at_s + 1.7 + end_s(action) - 1.1), action.picks_up == carried.item))
     return sorted(times)
@@ -66,7 +66,7 @@ def carrying_problem(carries: Sequence[Carried], actions: Sequence[Action]) -> s
         return f"carries need more than two hands: {', '.join(items)} ({needs})"
     held = {one.item: one.from_start for one in carries}
     for action in sorted(actions, key=lambda one: one.at_s):
-        if isinstance(action, Bend | Crouch):
+        if isinstance(action, Lowering):
             for item, taken in ((action.puts_down, False), (action.picks_up, True)):
                 if item is None:
                     continue

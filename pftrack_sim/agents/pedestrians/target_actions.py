@@ -73,10 +73,9 @@ def command(action: Action, since_s: float, facing_rad: float) -> Command:
             # Turned before it walks back, and standing again before it turns.
             walks = since_s >= _STANDING_S + _TURN_S and action.duration_s - 2.0 > since_s
             return Command(-speed if walks else 0.0, math.pi * _turned(since_s, left_s))
-        case actions.Crouch():
-            return Command(0.0, posture=Posture(crouch=_lowered(since_s, left_s)))
-        case actions.Bend():
-            return Command(0.0, posture=Posture(bend=_lowered(since_s, left_s)))
+        case actions.Lowering():
+            share = _lowered(since_s, left_s)
+            return Command(0.0, posture=Posture(crouch=share) if action.kind == "crouch" else Posture(bend=share))
         case actions.Gesture():
             share = _lowered(since_s, left_s)
             if action.kind == "look_around":

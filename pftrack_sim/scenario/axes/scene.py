@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from pftrack_sim.scenario.actions import Action, Crouch, Run, Stop, Turn
+from pftrack_sim.scenario.actions import Action, Lowering, Run, Stop, Turn
 from pftrack_sim.scenario.axes.base import Axis
 from pftrack_sim.scenario.section import NotNegative, Positive, Share
 
@@ -181,7 +181,7 @@ class TargetAxis(Axis):
             case "turn":
                 return Turn(kind="turn", at_s=at_s)
             case "crouch":
-                return Crouch(kind="crouch", at_s=at_s)
+                return Lowering(kind="crouch", at_s=at_s)
             case "run":
                 return Run(kind="run", at_s=at_s, speed_m_s=self.run_m_s)
 
