@@ -33,5 +33,5 @@ class Template:
 
 
 def make(*, seed: int, preset: str) -> Template:
-    """Called for every episode."""
+    """Called once for each worker: it does not read its seed (see docs/reliability.md)."""
     return Template()

@@ -34,7 +34,7 @@ from pftrack_sim.core.errors import RunError
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.trackers.isolation import Limits
+from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
 # OpenGL contexts belong to threads: a process renders one episode at a time, however many threads a cluster gives it.
 _render_lock = threading.Lock()
@@ -75,6 +75,7 @@ def run_episode(
     job: EpisodeJob,
     on_frame: Callable[[], None] = lambda: None,
     on_tracker: Callable[[int | None], None] = lambda place: None,
+    processes: TrackerProcesses | None = None,
 ) -> EpisodeFiles:
     """Run an episode.
 
@@ -82,6 +83,7 @@ def run_episode(
         job: What to run.
         on_frame: Called after every frame.
         on_tracker: Called with the place of a tracker before it runs, and with None afterwards.
+        processes: Where isolated trackers' processes are kept; None: they end with the episode.
 
     Raises:
         RenderError: No renderer works.
@@ -98,7 +100,12 @@ def run_episode(
         except OSError as error:
             raise RunError(f"cannot make a temporary folder: {error.strerror}") from None
         runners = make_runners(
-            episode.trackers, seed=episode.seed, isolation=job.isolation, limits=job.limits, dropped=job.dropped
+            episode.trackers,
+            seed=episode.seed,
+            isolation=job.isolation,
+            limits=job.limits,
+            dropped=job.dropped,
+            processes=processes,
         )
         for place, runner in enumerate(runners):
             stack.callback(runner.close)

@@ -15,7 +15,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -24,6 +24,7 @@ from typing import Any, Protocol
 
 from pftrack_sim.benchmark.episode import EpisodeFiles, EpisodeJob, run_episode
 from pftrack_sim.core.errors import RunError, ScenarioError
+from pftrack_sim.trackers.isolation import TrackerProcesses
 
 MAX_DEATHS = 3
 """An episode whose worker dies this often is given up."""
@@ -77,18 +78,24 @@ class Executor(Protocol):
 
 
 class SerialExecutor:
-    """Runs one episode after the other in this process."""
+    """Runs one episode after the other in this process.
 
-    def __init__(self) -> None:
+    Args:
+        processes: Of isolated trackers; closed with this executor.
+    """
+
+    def __init__(self, processes: TrackerProcesses) -> None:
         self.frames_done = 0
+        self._processes = processes
 
     def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
         """See `Executor`."""
         for job in jobs:
-            yield _finish(job, partial(run_episode, job, self._count))
+            yield _finish(job, partial(run_episode, job, self._count, processes=self._processes))
 
     def close(self) -> None:
         """See `Executor`."""
+        self._processes.close()
 
     def _count(self) -> None:
         self.frames_done += 1
@@ -258,7 +265,7 @@ class DaskExecutor:
     def _submit(self, jobs: Iterator[EpisodeJob], running: dict[str, EpisodeJob], finished: Any) -> None:
         threads = sum(one["nthreads"] for one in self._client.scheduler_info(n_workers=-1)["workers"].values())
         while len(running) < _JOBS_PER_THREAD * max(threads, 1) and (job := next(jobs, None)) is not None:
-            future = self._client.submit(run_episode, job, pure=False)
+            future = self._client.submit(_run, job, pure=False)
             running[future.key] = job
             finished.add(future)
 
@@ -271,8 +278,14 @@ _count_frame: Callable[[], None] = lambda: None  # noqa: E731 - set once in each
 _note_tracker: Callable[[int | None], None] = lambda place: None  # noqa: E731 - set once in each worker
 
 
+@cache
+def _processes() -> TrackerProcesses:
+    """Processes of the trackers of this worker; they end with it."""
+    return TrackerProcesses()
+
+
 def _run(job: EpisodeJob) -> EpisodeFiles:
-    return run_episode(job, lambda: _count_frame(), lambda place: _note_tracker(place))
+    return run_episode(job, lambda: _count_frame(), lambda place: _note_tracker(place), _processes())
 
 
 def prepare_worker() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, check
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.score import Summary
-from pftrack_sim.trackers.isolation import Limits
+from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
 _RATE_HZ = 25.0
 
@@ -71,18 +72,20 @@ def evaluate(
     # Wrong names and presets are reported before anything is written.
     limits = limits or Limits()
     specs = [one if isinstance(one, TrackerSpec) else TrackerSpec(name=one) for one in trackers]
-    check_trackers(specs, isolation, limits)
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
     results: list[RecordedResult] = []
-    for sequence, path in zip(sequences, videos, strict=True):
-        by_seed = {seed: make_runners(specs, seed=seed, isolation=isolation, limits=limits) for seed in seeds}
-        _run(sequence, list(by_seed.values()), path, on_frame)
-        scored = np.isfinite(sequence.truth[:, 0])
-        for seed, runners in by_seed.items():
-            for runner in runners:
-                frames = score.frame_scores(runner.boxes, sequence.truth)
-                summary = score.summarise(frames, scored, np.array(runner.ms))
-                results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.error))
+    with TrackerProcesses() as processes:
+        check_trackers(specs, isolation, limits, processes)
+        made = partial(make_runners, specs, isolation=isolation, limits=limits, processes=processes)
+        for sequence, path in zip(sequences, videos, strict=True):
+            by_seed = {seed: made(seed=seed) for seed in seeds}
+            _run(sequence, list(by_seed.values()), path, on_frame)
+            scored = np.isfinite(sequence.truth[:, 0])
+            for seed, runners in by_seed.items():
+                for runner in runners:
+                    frames = score.frame_scores(runner.boxes, sequence.truth)
+                    summary = score.summarise(frames, scored, np.array(runner.ms))
+                    results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.error))
     return results
 
 

@@ -18,7 +18,7 @@ from pftrack_sim.benchmark.store import SCRATCH, RunStore
 from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.trackers.isolation import Limits
+from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
 VIDEOS = ("first", "all", "none")
 
@@ -60,7 +60,8 @@ def run(
         scheduler: Address of a Dask scheduler to use instead.
         videos: `"first"`: of the first seed of each scenario and condition; `"all"`; or `"none"`.
         backend: Renderer, by name.
-        isolation: Which trackers run in a process of their own: `"auto"` (third-party), `"always"` or `"never"`.
+        isolation: Which trackers run in a process of their own: `"auto"` (third-party), `"always"`, `"never"`,
+            or `"container"` (third-party, in a sandbox).
         limits: Limits of those.
         part: Part k of n: only every n-th episode, from the k-th (1 is the first); other machines run the others.
         shuffle: A seed to shuffle the order of the episodes with.
@@ -85,8 +86,13 @@ def run(
         raise ParameterError(f"part must be K/N with 1 <= K <= N, got {part[0]}/{part[1]}")
     isolated, limits = checked_isolation(isolation), limits or Limits()
     # Wrong names and presets are reported before anything is written.
-    check_trackers(plan.trackers, isolated, limits)
-    Simulation(plan.episode(0).scenario, backend=backend)
+    processes = TrackerProcesses()
+    with contextlib.ExitStack() as ended:
+        ended.callback(processes.close)
+        check_trackers(plan.trackers, isolated, limits, processes)
+        Simulation(plan.episode(0).scenario, backend=backend)
+        if not workers and scheduler is None:
+            ended.pop_all()  # this process runs the episodes too, with what is loaded here
 
     def job(episode: Episode) -> EpisodeJob:
         video = videos == "all" or (videos == "first" and episode.is_first_seed)
@@ -94,7 +100,7 @@ def run(
         return EpisodeJob(episode, video, backend, isolated, limits, scratch=scratch, labels=plan.labels)
 
     with (
-        contextlib.closing(make_executor(plan, workers, scheduler)) as executor,
+        contextlib.closing(make_executor(plan, workers, scheduler, processes)) as executor,
         RunStore.begin(path, plan, refresh=refresh) as store,
     ):
         counter = ProgressCounter(store, part)
@@ -142,8 +148,8 @@ def _deferred_interrupt(wanted: bool) -> Generator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, previous)
 
 
-def make_executor(plan: Plan, workers: int, scheduler: str | None) -> Executor:
-    """The executor that the options ask for."""
+def make_executor(plan: Plan, workers: int, scheduler: str | None, processes: TrackerProcesses) -> Executor:
+    """The executor that the options ask for; `processes` are those of trackers, for episodes in this process."""
     if scheduler is not None:
         return DaskExecutor(scheduler)
-    return LocalExecutor(min(workers, plan.episode_count)) if workers else SerialExecutor()
+    return LocalExecutor(min(workers, plan.episode_count)) if workers else SerialExecutor(processes)

@@ -277,8 +277,9 @@ class RunStore:
         Raises:
             RunError: The file is missing, broken, or outside the run folder.
         """
-        file = (self.path / result.file).resolve()
-        if not file.is_relative_to(self.path.resolve()) or not is_file(file):
+        # Path.resolve raises RuntimeError where a link leads to itself (before Python 3.13).
+        file = Path(os.path.realpath(self.path / result.file))
+        if not file.is_relative_to(os.path.realpath(self.path)) or not is_file(file):
             raise RunError(f"{self.path}: the summary names a file that is not in the run folder: {result.file!r}")
         table = f"read_parquet({sql_text(file)}, hive_partitioning = false)"
         self._verify([result.file])

@@ -19,10 +19,11 @@ from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.text import describe_error
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, try_make
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, TrackerProcesses, try_make
+from pftrack_sim.trackers.isolation.sandbox import check_sandbox
 
-Isolation: TypeAlias = Literal["auto", "always", "never"]
-"""Which trackers run in a process of their own; `"auto"`: third-party trackers."""
+Isolation: TypeAlias = Literal["auto", "always", "never", "container"]
+"""Which trackers run in a process of their own; `"auto"`: third-party trackers; `"container"`: these, in a sandbox."""
 
 TrackerStatus: TypeAlias = Literal["waiting", "init", "ok", "busy", "error"]
 """Of a tracker in a frame: waiting for the target to appear, initialised, updated, still busy with an earlier frame,
@@ -165,6 +166,7 @@ def make_runners(
     isolation: Isolation = "never",
     limits: Limits | None = None,
     dropped: Collection[str] = (),
+    processes: TrackerProcesses | None = None,
 ) -> list[TrackerRunner]:
     """Make fresh trackers.
 
@@ -174,6 +176,7 @@ def make_runners(
         isolation: Which trackers run in a process of their own.
         limits: Limits of those.
         dropped: Labels of trackers that fail in their first frame and are not made, because they end their worker.
+        processes: Where isolated trackers' processes are kept; None: they end with the episode.
 
     Raises:
         UnknownNameError: No such tracker.
@@ -187,7 +190,13 @@ def make_runners(
             made = _DroppedTracker()
         elif is_isolated(spec.name, isolation):
             made = IsolatedTracker(
-                spec.name, seed=seed, preset=spec.preset, params=spec.params, limits=limits or Limits()
+                spec.name,
+                seed=seed,
+                preset=spec.preset,
+                params=spec.params,
+                limits=limits or Limits(),
+                sandboxed=isolation == "container",
+                processes=processes,
             )
         else:
             made = trackers.make(spec.name, seed=seed, preset=spec.preset, **spec.params)
@@ -195,8 +204,12 @@ def make_runners(
     return runners
 
 
-def check_trackers(specs: Sequence[TrackerSpec], isolation: Isolation, limits: Limits) -> None:
+def check_trackers(
+    specs: Sequence[TrackerSpec], isolation: Isolation, limits: Limits, processes: TrackerProcesses | None = None
+) -> None:
     """Make every tracker once, so that wrong names, presets and parameters are reported before anything is written.
+
+    Processes of isolated trackers stay in `processes`, loaded.
 
     Raises:
         PftrackError: As `make_runners`; TrackerError also for trackers in a process of their own.
@@ -205,20 +218,27 @@ def check_trackers(specs: Sequence[TrackerSpec], isolation: Isolation, limits: L
         if spec.name not in trackers.names() and ":" not in spec.name:
             trackers.describe(spec.name)
         if is_isolated(spec.name, isolation):
-            try_make(spec.name, preset=spec.preset, params=spec.params, limits=limits)
+            try_make(
+                spec.name,
+                preset=spec.preset,
+                params=spec.params,
+                limits=limits,
+                sandboxed=isolation == "container",
+                processes=processes,
+            )
         else:
             trackers.make(spec.name, preset=spec.preset, **spec.params)
 
 
 def checked_isolation(name: str) -> Isolation:
-    """Return `name`; raises ParameterError unless it is one of `Isolation`."""
+    """Return `name`; raises ParameterError unless it is one of `Isolation`, or without a sandbox for `"container"`."""
     if name not in get_args(Isolation):
         raise ParameterError(f"isolation must be one of {', '.join(get_args(Isolation))}, got {name!r}")
+    if name == "container":
+        check_sandbox()
     return cast("Isolation", name)
 
 
 def is_isolated(name: str, isolation: Isolation) -> bool:
     """Whether a tracker runs in a process of its own."""
-    if isolation != "auto":
-        return isolation == "always"
-    return not trackers.is_builtin(name)
+    return isolation == "always" or (isolation != "never" and not trackers.is_builtin(name))

@@ -73,7 +73,10 @@ Workers = Annotated[int | None, typer.Option(min=0, help="Worker processes; defa
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]
 Part = Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")]
 Isolation = Annotated[
-    str, typer.Option(help="Trackers in separate processes: auto (third-party trackers), always or never.")
+    str,
+    typer.Option(
+        help="Trackers in separate processes: auto (third-party), always, never; container: third-party, sandboxed."
+    ),
 ]
 FrameLimit = Annotated[float, typer.Option(help="Time limit per frame of isolated trackers.")]
 MemoryLimit = Annotated[float, typer.Option(help="Memory limit of each isolated tracker; 0 is no limit.")]

@@ -73,7 +73,7 @@ class Registry(Generic[T]):
             ParameterError: The factory has no such parameter, or refuses its value.
             PftrackError: Of `error_type`: a third-party factory cannot be loaded, fails, or makes something else.
         """
-        factory = self.builtin[name].factory if name in self.builtin else self._load(name)
+        factory = self.factory(name)
         self._check_arguments(name, factory, params, always)
         try:
             product = factory(**always, **params)
@@ -85,6 +85,15 @@ class Registry(Generic[T]):
             methods, made = " and ".join(self.methods), type(product).__name__
             raise self.error_type(f"{self.kind} {name!r}: its factory made a {made} without {methods}")
         return product
+
+    def factory(self, name: str) -> Callable[..., T]:
+        """The factory itself, imported.
+
+        Raises:
+            UnknownNameError: No such name.
+            PftrackError: Of `error_type`: it cannot be loaded.
+        """
+        return self.builtin[name].factory if name in self.builtin else self._load(name)
 
     def code_digest(self, name: str) -> str:
         """Digest of a third-party factory's code, see `core.code_digest`; empty for built-in ones."""

@@ -15,6 +15,6 @@ from __future__ import annotations
 
 from pftrack_sim.trackers.base import NeedsTruth
 from pftrack_sim.trackers.parameters import PRESETS
-from pftrack_sim.trackers.registry import code_digest, describe, is_builtin, make, names
+from pftrack_sim.trackers.registry import code_digest, describe, factory, is_builtin, make, names
 
-__all__ = ["PRESETS", "NeedsTruth", "code_digest", "describe", "is_builtin", "make", "names"]
+__all__ = ["PRESETS", "NeedsTruth", "code_digest", "describe", "factory", "is_builtin", "make", "names"]

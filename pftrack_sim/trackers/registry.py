@@ -2,6 +2,7 @@
 
 A factory is called as `factory(seed=..., preset=..., **params)` and returns a `records.Tracker`. Installed packages
 announce theirs in the entry-point group `pftrack_sim.trackers`. `trax:` is followed by the command of another program.
+`isolation.child` says how often a factory is called.
 """
 
 from __future__ import annotations
@@ -65,6 +66,7 @@ _REGISTRY = Registry[Tracker](
 )
 names = _REGISTRY.names
 describe = _REGISTRY.describe
+factory = _REGISTRY.factory
 
 
 def code_digest(name: str) -> str:

@@ -79,7 +79,7 @@ def ignores_signals(image: np.ndarray) -> Any:
 
 @attack
 def takes_memory(image: np.ndarray) -> Any:
-    arrays = [np.ones(10_000_000) for _ in range(100)]
+    arrays = [np.empty(10_000_000) for _ in range(100)]
     return Estimate([float(len(arrays)), 0, 5, 5])
 
 

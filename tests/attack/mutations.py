@@ -60,7 +60,8 @@ def mutated(tree: Any, data: Any) -> Any:
         elif how == "wrap":
             node[path[-1]] = {data.draw(st.sampled_from(["uniform", "integer", "choice", "x"])): [node[path[-1]]] * 2}
         else:
-            node[path[-1]] = data.draw(VALUES, label="value")
+            # Copied: a later change within it would change the list of values.
+            node[path[-1]] = copy.deepcopy(data.draw(VALUES, label="value"))
     return changed
 
 

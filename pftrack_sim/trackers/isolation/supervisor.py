@@ -1,11 +1,12 @@
 """Supervisor of a tracker's process: it ends with everything it started, and its memory is watched.
 
-    parent --- supervisor --- init --- tracker --- whatever the tracker starts
+    parent --- supervisor --- init --- tracker, loaded --- tracker, in an episode --- whatever it starts
 
 On Linux the init is the first process of a PID namespace (with a user namespace, which needs no privileges): processes
 inside cannot signal anything outside, and the kernel ends all of them with the init. Where namespaces are not allowed
-the init and the supervisor are subreapers: what the tracker leaves behind becomes their child and is killed. Elsewhere
-the tracker runs in this process, without an init.
+the init and the supervisor are subreapers: what the tracker leaves behind becomes their child and is killed. With
+`--isolation container` the init is the first process of a sandbox. On other systems the tracker runs in this process,
+without an init.
 """
 
 from __future__ import annotations
@@ -20,24 +21,36 @@ import signal
 import socket
 import struct
 import sys
-import time
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NoReturn
 
 from pftrack_sim.trackers.isolation.channel import send
 from pftrack_sim.trackers.isolation.child import serve
+from pftrack_sim.trackers.isolation.process_tree import (
+    END_S,
+    MAX_PROCESSES,
+    descendants,
+    end_descendants,
+    memory_kb,
+    proportional_kb,
+    sum_kb,
+)
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 _CLONE_NEWUSER, _CLONE_NEWPID = 0x10000000, 0x20000000
 _WATCH_PERIOD_S = 0.1
-_KILL_S = 5.0
-_MAX_PROCESSES = 4096
 _STATUS = struct.Struct("!i")
 
 
 def supervise(
-    requests: socket.socket, life: socket.socket, output: Connection, memory_limit_mb: float, namespaces: bool
+    requests: socket.socket,
+    life: socket.socket,
+    output: Connection,
+    memory_limit_mb: float,
+    namespaces: bool,
+    sandbox: Sequence[str],
 ) -> None:
     """Run a tracker until it ends or the parent closes `life`. Target function of the process.
 
@@ -47,30 +60,46 @@ def supervise(
         output: Connection for everything printed.
         memory_limit_mb: Memory limit of the tracker and its children together; 0 is no limit.
         namespaces: Whether to use namespaces where the system allows it.
+        sandbox: Command line that runs Python in a sandbox; empty without one.
     """
     _detach(output)
     if sys.platform != "linux":
-        serve(requests, memory_limit_mb)
-        return
+        serve(requests, memory_limit_mb, contained=False)
     import resource
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     _keep_descriptors(0, 1, 2, requests.fileno(), life.fileno())
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    contained = namespaces and _enter_namespaces()
+    contained = not sandbox and namespaces and _enter_namespaces()
     status, status_of_init = os.pipe()
     init = os.fork()
     if init == 0:
         life.close()
         os.close(status)
+        if sandbox:
+            _enter_sandbox(sandbox, requests, status_of_init, memory_limit_mb)
         _run_init(requests, status_of_init, memory_limit_mb, contained)
     os.close(status_of_init)
     requests.close()
     how = _watch(life, status, init, memory_limit_mb)
-    _end(init)
+    end_descendants((init,))
     with contextlib.suppress(OSError):
-        send(life, json.dumps(how).encode(), limit_s=_KILL_S)
+        send(life, json.dumps(how).encode(), limit_s=END_S)
     os._exit(0)
+
+
+def _enter_sandbox(command: Sequence[str], requests: socket.socket, status: int, memory_limit_mb: float) -> NoReturn:
+    """Become the sandbox, whose first process is the init."""
+    for descriptor in (requests.fileno(), status):
+        os.set_inheritable(descriptor, True)
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    os.execvp(command[0], [*command, str(requests.fileno()), str(status), str(memory_limit_mb)])
+
+
+def run_in_sandbox(requests: str, status: str, memory_limit_mb: str) -> NoReturn:
+    """Init of a sandbox, given descriptors and the memory limit as words of its command line."""
+    _print_whole_lines()
+    _run_init(socket.socket(fileno=int(requests)), int(status), float(memory_limit_mb), contained=True)
 
 
 def _run_init(requests: socket.socket, status: int, memory_limit_mb: float, contained: bool) -> NoReturn:
@@ -81,9 +110,10 @@ def _run_init(requests: socket.socket, status: int, memory_limit_mb: float, cont
     if tracker == 0:
         os.close(status)
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        # What an episode leaves behind becomes a child of the process that is kept, which kills it.
+        _prctl(_PR_SET_CHILD_SUBREAPER, 1)
         _limit(memory_limit_mb, contained)
-        serve(requests, memory_limit_mb)
-        os._exit(0)
+        serve(requests, memory_limit_mb, contained)
     requests.close()
     while True:
         ended, how = os.waitpid(-1, 0)
@@ -94,7 +124,7 @@ def _run_init(requests: socket.socket, status: int, memory_limit_mb: float, cont
 
 def _watch(life: socket.socket, status: int, init: int, memory_limit_mb: float) -> dict[str, float]:
     """Wait until the tracker ends, needs too much memory, or is no longer wanted; returns how it ended."""
-    own_kb = _memory_kb(os.getpid())
+    own_kb = memory_kb(os.getpid())
     while True:
         ready, _, _ = select.select([life, status], [], [], _WATCH_PERIOD_S if memory_limit_mb > 0 else None)
         if status in ready:
@@ -106,63 +136,13 @@ def _watch(life: socket.socket, status: int, init: int, memory_limit_mb: float) 
             return {"memory_mb": memory_limit_mb}
 
 
-def _end(init: int) -> None:
-    """Kill the init and every descendant; in a namespace the kernel does."""
-    end_s = time.monotonic() + _KILL_S
-    while time.monotonic() < end_s:
-        children = _children(os.getpid())
-        for pid in {init, *children, *(below for child in children for below in _descendants(child))}:
-            with contextlib.suppress(OSError):
-                os.kill(pid, signal.SIGKILL)
-        try:
-            while os.waitpid(-1, os.WNOHANG)[0]:
-                pass
-        except ChildProcessError:
-            return
-        time.sleep(0.002)
-
-
 def _uses_more(init: int, limit_kb: float, own_kb: float) -> bool:
     """Whether the descendants use more memory than allowed, besides what each was forked with."""
-    processes = _descendants(init)
-    if sum(max(_memory_kb(pid) - own_kb, 0.0) for pid in processes) <= limit_kb:
+    processes = descendants(init)
+    if sum(max(memory_kb(pid) - own_kb, 0.0) for pid in processes) <= limit_kb:
         return False
     # Pages that forks share were counted once for each: the exact figure is slower.
-    return sum(max(_proportional_kb(pid), 0.0) for pid in processes) > limit_kb
-
-
-def _memory_kb(pid: int) -> float:
-    """Anonymous and shared memory in use, without mapped files."""
-    return _sum_kb(f"/proc/{pid}/status", ("RssAnon:", "RssShmem:", "VmSwap:"))
-
-
-def _proportional_kb(pid: int) -> float:
-    path = f"/proc/{pid}/smaps_rollup"
-    return _sum_kb(path, ("Pss_Anon:", "Pss_Shmem:", "SwapPss:")) or _memory_kb(pid)
-
-
-def _sum_kb(path: str, names: tuple[str, ...]) -> float:
-    try:
-        lines = Path(path).read_text(encoding="ascii", errors="replace").splitlines()
-    except OSError:
-        return 0.0
-    return sum(float(line.split()[1]) for line in lines if line.startswith(names))
-
-
-def _children(pid: int) -> list[int]:
-    found: list[int] = []
-    with contextlib.suppress(OSError):
-        for task in Path(f"/proc/{pid}/task").iterdir():
-            found += [int(word) for word in (task / "children").read_text(encoding="ascii").split()]
-    return found
-
-
-def _descendants(pid: int) -> list[int]:
-    found, rest = list[int](), [pid]
-    while rest and len(found) < _MAX_PROCESSES:
-        found += (children := _children(rest.pop()))
-        rest += children
-    return found
+    return sum(max(proportional_kb(pid), 0.0) for pid in processes) > limit_kb
 
 
 def _enter_namespaces() -> bool:
@@ -182,7 +162,7 @@ def _limit(memory_mb: float, contained: bool) -> None:
     import resource
 
     if contained:  # elsewhere the user's other processes would count
-        _set_limit(resource.RLIMIT_NPROC, _MAX_PROCESSES)
+        _set_limit(resource.RLIMIT_NPROC, MAX_PROCESSES)
     if memory_mb <= 0:
         return
     limit = int(memory_mb * 1024 * 1024)
@@ -190,7 +170,7 @@ def _limit(memory_mb: float, contained: bool) -> None:
     # A write beyond the limit is an error of the tracker (EFBIG), not a signal.
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     # Data segment, not address space: accelerator libraries reserve far more address space than they use.
-    _set_limit(resource.RLIMIT_DATA, int(_sum_kb("/proc/self/status", ("VmData:",)) * 1024) + limit)
+    _set_limit(resource.RLIMIT_DATA, int(sum_kb("/proc/self/status", ("VmData:",)) * 1024) + limit)
 
 
 def _set_limit(which: int, value: int) -> None:
@@ -208,11 +188,20 @@ def _detach(output: Connection) -> None:
     for stream in (1, 2):
         os.dup2(output.fileno(), stream)
     output.close()
-    faulthandler.enable()
+    _print_whole_lines()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setsid"):
         with contextlib.suppress(OSError):
             os.setsid()
+
+
+def _print_whole_lines() -> None:
+    """Write printed lines at once: a process that is killed loses what is in its buffers."""
+    sys.stdout, sys.stderr = (
+        open(one, "w", buffering=1, encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
+        for one in (1, 2)
+    )
+    faulthandler.enable()
 
 
 def _keep_descriptors(*kept: int) -> None:

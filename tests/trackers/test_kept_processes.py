@@ -1,0 +1,112 @@
+"""A tracker's process is kept between episodes: it loads once, and an episode knows nothing of earlier ones."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, TrackerProcesses
+from pftrack_sim.trackers.isolation.signature import ignores_argument
+from tests.trackers import kept_trackers
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems start a process for each episode")
+IMAGE = np.zeros((9, 12, 3), np.uint8)
+SEEDS = (5, 9, 5)
+
+
+def played(
+    processes: TrackerProcesses | None, factory: str, seed: int, log: Path | None = None, **more: Any
+) -> list[float]:
+    tracker = IsolatedTracker(
+        f"tests.trackers.kept_trackers:{factory}",
+        seed=seed,
+        preset="default",
+        params={} if log is None else {"log": str(log)},
+        limits=Limits(**more.pop("limits", {})),
+        processes=processes,
+        **more,
+    )
+    try:
+        tracker.init(IMAGE, [1, 2, 3, 4])
+        return [value for _ in range(2) for value in tracker.update(IMAGE).box]
+    finally:
+        tracker.close()
+
+
+@linux
+@pytest.mark.parametrize(
+    ("factory", "log"),
+    [
+        ("ignores_seed", {"made": 1}),
+        ("reads_seed", {"loaded": 1, "made": 1 + len(SEEDS)}),
+        ("with_reset", {"made": 1}),
+        ("with_thread", {"made": len(SEEDS)}),
+    ],
+)
+def test_the_same_seed_gives_the_same_bits_after_any_episodes(tmp_path: Path, factory: str, log: dict[str, int]):
+    """As in a process of its own for each episode; what is slow happens once."""
+    alone = {seed: played(None, factory, seed) for seed in (5, 9)}
+    with TrackerProcesses() as processes:
+        kept = [played(processes, factory, seed, tmp_path / "log") for seed in SEEDS]
+    assert kept == [alone[seed] for seed in SEEDS]
+    assert alone[5] != alone[9]
+    words = [line.split()[0] for line in (tmp_path / "log").read_text().splitlines()]
+    assert {word: words.count(word) for word in words} == log
+
+
+@linux
+def test_what_an_episode_started_ends_with_it_while_its_process_is_kept():
+    for namespaces in (True, False):
+        with TrackerProcesses() as processes:
+            limits = {"namespaces": namespaces}
+            for _ in range(2):
+                child = int(played(processes, "leaves_a_child", 0, limits=limits)[0])
+                assert child > 0
+                assert not Path(f"/proc/{child}").exists()
+
+
+@linux
+def test_what_is_printed_is_kept_per_episode():
+    said: list[str | None] = []
+    with TrackerProcesses() as processes:
+        for seed in (1, 2, 3):
+            tracker = IsolatedTracker(
+                "tests.trackers.kept_trackers:prints", seed=seed, preset="default", params={}, limits=Limits(),
+                processes=processes,
+            )  # fmt: skip
+            tracker.init(IMAGE, [1, 2, 3, 4])
+            tracker.close()
+            said.append(tracker.printed)
+    assert said == [f"my seed is {seed}" for seed in (1, 2, 3)]
+
+
+@linux
+def test_only_a_tracker_that_failed_is_loaded_again(tmp_path: Path):
+    log = tmp_path / "log"
+    with TrackerProcesses() as processes:
+        for _ in range(2):
+            with pytest.raises(TrackerFault, match=r"lost my way \(kept_trackers.py, line \d+, in look\)") as caught:
+                played(processes, "raises", 0, log)
+            assert "in update" in caught.value.traceback
+            assert 'raise ValueError("lost my way")' in caught.value.traceback
+            assert "child.py" not in caught.value.traceback
+    assert len(log.read_text().splitlines()) == 2
+
+
+def test_a_factory_that_may_read_its_seed_is_known():
+    class OwnNew:
+        def __new__(cls, seed: int) -> "OwnNew":
+            return super().__new__(cls)
+
+    def nested(*, seed: int) -> object:
+        return lambda: seed
+
+    def by_name(*, seed: int) -> object:
+        return locals()
+
+    ignoring = [kept_trackers.ignores_seed, lambda seed=0, **more: more.keys(), lambda **_: 1]
+    reading = [kept_trackers.reads_seed, kept_trackers.Leaky, OwnNew, nested, by_name, kept_trackers.model, dict]
+    assert [ignores_argument(one, "seed") for one in ignoring] == [True] * 3
+    assert [ignores_argument(one, "seed") for one in reading] == [False] * 7
