@@ -27,7 +27,7 @@ _SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64")
 _SETTINGS = ("alternatives", "fonts", "group", "ld.so.cache", "ld.so.conf", "ld.so.conf.d", "localtime", "passwd")
 """In `/etc`."""
 
-_VARIABLES = ("LANG", "LC_ALL", "LC_CTYPE", "LP_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
+VARIABLES = ("LANG", "LC_ALL", "LC_CTYPE", "LP_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
               "OPENBLAS_NUM_THREADS", "PATH", "PYTHONHASHSEED", "TZ")  # fmt: skip
 _MAX_TMP_MB = 1024.0
 _INIT = (
@@ -73,19 +73,19 @@ def sandbox_command(params: Mapping[str, Any], memory_mb: float) -> list[str]:
         ParameterError: There is no sandbox here.
     """
     check_sandbox()
-    path = [os.path.abspath(one) for one in sys.path if os.path.isdir(one or ".")]
+    path = [os.path.realpath(one) for one in sys.path if os.path.exists(one or ".")]
     package = Path(__file__).resolve().parents[3]
     named = [one for one in params.values() if isinstance(one, str) and os.path.exists(one) and os.path.isabs(one)]
     readable = [*path, sys.prefix, sys.base_prefix, str(package), *named]
     here = os.getcwd()
-    variables = {name: os.environ[name] for name in _VARIABLES if name in os.environ} | {
+    variables = {name: os.environ[name] for name in VARIABLES if name in os.environ} | {
         "HOME": "/tmp",
         "NUMBA_CACHE_DIR": "/tmp/numba",
         "PYTHONDONTWRITEBYTECODE": "1",
         "PYTHONPATH": os.pathsep.join([*path, str(package)]),
     }
     settings = [word for name, value in variables.items() for word in ("--setenv", name, value)]
-    inside = here if any(Path(here).is_relative_to(one) for one in path) else "/tmp"
+    inside = here if _is_within(here, path) else "/tmp"
     python = os.path.realpath(sys.executable)
     # No site: PYTHONPATH holds everything that the parent has found.
     command = ["--chdir", inside, "--", python, "-s", "-S", "-P", "-c", _INIT]
@@ -112,7 +112,18 @@ def _binds(readable: Iterable[str]) -> Sequence[str]:
             words += ["--symlink", os.readlink(one), one]
         elif os.path.isdir(one):
             words += ["--ro-bind", one, one]
-    settings = [f"/etc/{name}" for name in _SETTINGS]
-    for one in [*settings, *sorted({*readable} - {"/"})]:
-        words += ["--ro-bind-try", one, one]
+    for name in _SETTINGS:
+        words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
+    folders: list[str] = []
+    for one in sorted({os.path.realpath(one) for one in readable} - {"/"}):
+        if not _is_within(one, folders):
+            folders.append(one)
+            words += ["--ro-bind", one, one]
+    for one in sorted({*readable}):
+        if not _is_within(one, [*_SYSTEM, *folders]):  # a name through a link
+            words += ["--ro-bind", os.path.realpath(one), one]
     return words
+
+
+def _is_within(path: str, folders: Iterable[str]) -> bool:
+    return any(Path(path).is_relative_to(one) for one in folders)

@@ -78,6 +78,10 @@ class TrackerProcesses:
         with self._lock:
             self._serve_once.add(code)
 
+    def __len__(self) -> int:
+        with self._lock:
+            return sum(map(len, self._idle.values()))
+
     def close(self) -> None:
         """End the processes that are kept. May be called twice."""
         with self._lock:
@@ -131,7 +135,7 @@ class IsolatedTracker:
         self._truth: list[float] | None = None
         self._code = TrackerCode(name, preset, json.dumps(params, sort_keys=True), limits, sandboxed)
         self._processes = processes
-        self._process = (processes or TrackerProcesses()).take(self._code)
+        self._process = (TrackerProcesses() if processes is None else processes).take(self._code)
         self._needs_truth: bool | None = None
         self._failed = False
         self._printed: str | None = None
