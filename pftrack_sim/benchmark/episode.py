@@ -26,12 +26,14 @@ from pftrack_sim.benchmark.episode_file import (
     truth_columns,
     write_episode,
 )
+from pftrack_sim.benchmark.episode_log import episode_log
 from pftrack_sim.benchmark.plan import Episode
 from pftrack_sim.benchmark.rollout import Driver, Sink, drive, rollout, simulated
 from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.env import TrackAndFollowEnv
+from pftrack_sim.logs import FORMATS
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
@@ -46,6 +48,7 @@ class EpisodeJob:
 
     Attributes:
         labels: All trackers of the run: they give each its colour in the video.
+        logs: Formats of logs to write.
         scratch: Folder for temporary files, if the worker has it.
         dropped: Labels of trackers that are not run: they ended the process of a worker.
     """
@@ -56,6 +59,7 @@ class EpisodeJob:
     isolation: Isolation = "auto"
     limits: Limits = field(default_factory=Limits)
     version: str = pftrack_sim.__version__
+    logs: tuple[str, ...] = ()
     scratch: Path | None = None
     dropped: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
@@ -63,10 +67,14 @@ class EpisodeJob:
 
 @dataclass(frozen=True)
 class EpisodeFiles:
-    """The Parquet and MP4 files of an episode, its number of frames, and each tracker's row of `summary.parquet`."""
+    """The files of an episode, its number of frames, and each tracker's row of `summary.parquet`.
+
+    `table` is Parquet, `video` MP4; `logs` are by the name of their format.
+    """
 
     table: bytes
     video: bytes | None
+    logs: dict[str, bytes]
     frames: int
     rows: tuple[dict[str, Any], ...]
 
@@ -114,10 +122,14 @@ def run_episode(
         log, course = TruthLog(), FollowLog()
         sinks: list[Sink] = [log]
         table, video = folder / "episode.parquet", folder / "episode.mp4"
-        with ExitStack() as open_video:
+        with ExitStack() as open_files:
             if job.video:
-                add = open_video.enter_context(video_writer(video, settings.camera.rate_hz))
+                add = open_files.enter_context(video_writer(video, settings.camera.rate_hz))
                 sinks.append(lambda step: add(picture(step.sample, runners, job.labels), step.sample.time_s))
+            logs = {name: folder / f"episode{FORMATS[name].suffix}" for name in job.logs}
+            sinks += [
+                open_files.enter_context(episode_log(one, episode.name, settings, runners)) for one in logs.values()
+            ]
             sinks.append(lambda step: on_frame())
             if episode.kind == "follow":
                 env = stack.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=job.backend)))
@@ -125,10 +137,12 @@ def run_episode(
                 drive(env, episode.seed, _driver(runners[0], settings, episode.latency_ms), [*sinks, course])
             else:
                 simulation = stack.enter_context(Simulation(episode.scenario, backend=job.backend))
-                rollout(simulated(simulation, episode.seed), runners, sinks)
+                rollout(simulated(simulation, episode.seed, sensors=bool(logs)), runners, sinks)
         following = course.scores(settings, simulation.frame_count) if episode.kind == "follow" else {}
         rows = _write(table, episode, settings, log, runners, course.columns(), following, simulation.graphics)
-        return EpisodeFiles(table.read_bytes(), video.read_bytes() if job.video else None, len(log.truths), tuple(rows))
+        written = {name: path.read_bytes() for name, path in logs.items()}
+        film = video.read_bytes() if job.video else None
+        return EpisodeFiles(table.read_bytes(), film, written, len(log.truths), tuple(rows))
 
 
 def _announce(on_tracker: Callable[[int | None], None], place: int, running: bool) -> None:

@@ -14,6 +14,7 @@ from pftrack_sim.benchmark.plan import Episode, differences
 from pftrack_sim.benchmark.store import RunStore
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.logs import FORMATS
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,9 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
                     continue
                 list(read_metadata(database, {file: episode}))  # raises unless it is this episode's file
                 video = source.video_file(episode)
-                merged.add(episode, _content(file), _content(video) if os.path.lexists(video) else None)
+                found = {name: one for name in FORMATS if os.path.lexists(one := source.log_file(episode, name))}
+                logs = {name: _content(one) for name, one in found.items()}
+                merged.add(episode, _content(file), _content(video) if os.path.lexists(video) else None, logs)
                 added += 1
         done = sum(1 for _ in merged.episodes())
         for source in sources:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
 
+from pftrack_sim.benchmark.episode_log import episode_log
 from pftrack_sim.benchmark.rollout import Sample, Sink, Step, rollout, simulated
 from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
@@ -20,31 +22,35 @@ from pftrack_sim.simulation.simulation import Simulation
 def save_video(
     scenario: Scenario,
     seed: int,
-    path: Path,
+    path: Path | None,
     *,
+    log: Path | None = None,
     truth: bool = False,
     runners: Sequence[TrackerRunner] = (),
     backend: str | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
-    """Write an episode as H.264.
+    """Write an episode as H.264, as a log, or as both.
 
     Args:
         scenario: The scenario.
         seed: Root seed.
-        path: File ending in `.mp4`.
+        path: File ending in `.mp4`, or None.
+        log: File ending in `.rrd` or `.mcap`, or None.
         truth: Draw the true boxes.
         runners: Fresh trackers; their estimates are drawn, with the true boxes.
         backend: Renderer, by name.
         on_frame: Called after every frame.
     """
-    rate_hz = scenario.resolve(seed).camera.rate_hz
-    with Simulation(scenario, backend=backend) as simulation, video_writer(path, rate_hz) as add:
-        sinks: list[Sink] = [
-            lambda step: add(_drawn(step.sample, truth, runners), step.sample.time_s),
-            lambda step: on_frame(),
-        ]
-        rollout(simulated(simulation, seed), runners, sinks)
+    settings = scenario.resolve(seed)
+    with Simulation(scenario, backend=backend) as simulation, ExitStack() as opened:
+        sinks: list[Sink] = [lambda step: on_frame()]
+        if path is not None:
+            add = opened.enter_context(video_writer(path, settings.camera.rate_hz))
+            sinks.append(lambda step: add(_drawn(step.sample, truth, runners), step.sample.time_s))
+        if log is not None:
+            sinks.append(opened.enter_context(episode_log(log, f"{scenario.name} seed {seed}", settings, runners)))
+        rollout(simulated(simulation, seed, sensors=log is not None), runners, sinks)
 
 
 def save_image(

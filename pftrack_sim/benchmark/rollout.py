@@ -43,8 +43,8 @@ class Sample:
         visible: Whether the target can be seen.
         frame: The simulated frame with its truth; None for recordings.
         caption: Caption of pictures of it.
-        observation: Observation of the environment in closed loop.
-        info: Information that came with it, with `robot_pose` (x, y [m], heading [rad]).
+        observation: Observation of the environment in closed loop; in open loop its `proprio` alone, on request.
+        info: Information that came with it, with `robot_pose` (x, y [m], heading [rad]); the latter on request.
     """
 
     time_s: float
@@ -108,20 +108,30 @@ def drive(env: TrackAndFollowEnv, seed: int, driver: Driver, sinks: Sequence[Sin
             sink(Step(sample, action, info))
 
 
-def simulated(simulation: Simulation, seed: int, *, until_s: float = math.inf) -> Iterator[Sample]:
+def simulated(
+    simulation: Simulation, seed: int, *, until_s: float = math.inf, sensors: bool = False
+) -> Iterator[Sample]:
     """Frames of a scenario in which the robot follows its script.
 
     Args:
         simulation: The simulation.
         seed: Root seed of the episode.
         until_s: The frame at this time is the last one.
+        sensors: Add proprioception and the robot's pose to the samples.
     """
+
+    def sample(frame: Frame) -> Sample:
+        if not sensors:
+            return _sample(frame)
+        world = simulation.world
+        return _sample(frame, observation={"proprio": world.proprio()}, info={"robot_pose": world.robot_pose()})
+
     frame = simulation.reset(seed)
-    yield _sample(frame)
+    yield sample(frame)
     last_s = until_s - 0.5 / simulation.settings.camera.rate_hz
     while frame.index + 1 < simulation.frame_count and frame.time_s < last_s:
         frame = simulation.advance()
-        yield _sample(frame)
+        yield sample(frame)
 
 
 def _sample(frame: Frame, **more: Any) -> Sample:

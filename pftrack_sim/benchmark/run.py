@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from pftrack_sim.benchmark.progress import ProgressCounter, RunProgress
 from pftrack_sim.benchmark.store import SCRATCH, RunStore
 from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation
 from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.logs import check_formats
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
@@ -43,6 +44,7 @@ def run(
     workers: int = 0,
     scheduler: str | None = None,
     videos: str = "first",
+    logs: Sequence[str] = (),
     backend: str | None = None,
     isolation: str = "auto",
     limits: Limits | None = None,
@@ -59,6 +61,7 @@ def run(
         workers: Local processes; 0 runs everything in this one.
         scheduler: Address of a Dask scheduler to use instead.
         videos: `"first"`: of the first seed of each scenario and condition; `"all"`; or `"none"`.
+        logs: Formats of logs to write of the first seed of each scenario and condition, with `videos="all"` of all.
         backend: Renderer, by name.
         isolation: Which trackers run in a process of their own: `"auto"` (third-party), `"always"`, `"never"`,
             or `"container"` (third-party, in a sandbox).
@@ -84,6 +87,7 @@ def run(
         raise ParameterError(f"workers must be >= 0, got {workers}")
     if not 1 <= part[0] <= part[1]:
         raise ParameterError(f"part must be K/N with 1 <= K <= N, got {part[0]}/{part[1]}")
+    check_formats(logs)
     isolated, limits = checked_isolation(isolation), limits or Limits()
     # Wrong names and presets are reported before anything is written.
     processes = TrackerProcesses()
@@ -97,7 +101,8 @@ def run(
     def job(episode: Episode) -> EpisodeJob:
         video = videos == "all" or (videos == "first" and episode.is_first_seed)
         scratch = path.resolve() / SCRATCH
-        return EpisodeJob(episode, video, backend, isolated, limits, scratch=scratch, labels=plan.labels)
+        logged = tuple(logs) if episode.is_first_seed or videos == "all" else ()
+        return EpisodeJob(episode, video, backend, isolated, limits, logs=logged, scratch=scratch, labels=plan.labels)
 
     with (
         contextlib.closing(make_executor(plan, workers, scheduler, processes)) as executor,
@@ -111,7 +116,7 @@ def run(
             with _deferred_interrupt(not isinstance(executor, SerialExecutor)) as interrupted:
                 for done in executor.run_all(job(episode) for episode in episodes if not store.has(episode)):
                     if done is not None and done.files is not None:
-                        store.add(done.job.episode, done.files.table, done.files.video)
+                        store.add(done.job.episode, done.files.table, done.files.video, done.files.logs)
                         counter.add(done.job.episode, done.files)
                     elif done is not None:
                         problems.append(f"  {done.problem}")

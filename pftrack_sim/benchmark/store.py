@@ -3,6 +3,7 @@
 run.json                                    the plan, its digest, versions, and every session that worked on it
 episodes/<scenario>/<condition>/seed-N.parquet
 videos/<scenario>/<condition>/seed-N.mp4
+logs/<scenario>/<condition>/seed-N.rrd and .mcap
 summary.parquet  tables/*.csv  tables/*.tex     made from the episodes at the end of a session
 SHA256SUMS                                      of all of these, written last
 .scratch                                        what workers are writing; swept when a session begins
@@ -31,6 +32,7 @@ from pftrack_sim.benchmark.summary import TABLE_FILES, Result, load_summary, res
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file
 from pftrack_sim.core.text import one_line
+from pftrack_sim.logs import FORMATS
 
 _LOCK = ".lock"
 SCRATCH = ".scratch"
@@ -141,6 +143,10 @@ class RunStore:
         """Path of an episode's video."""
         return self.path / "videos" / f"{episode.path}.mp4"
 
+    def log_file(self, episode: Episode, name: str) -> Path:
+        """Path of an episode's log in the format of this name."""
+        return self.path / "logs" / f"{episode.path}{FORMATS[name].suffix}"
+
     def episode_files(self) -> Iterator[Path]:
         """Paths of all tables, sorted within each folder."""
         for folder, below, names in os.walk(self.path / "episodes"):
@@ -163,7 +169,7 @@ class RunStore:
         """Whether an episode is finished."""
         return is_file(self.episode_file(episode))
 
-    def add(self, episode: Episode, table: bytes, video: bytes | None) -> None:
+    def add(self, episode: Episode, table: bytes, video: bytes | None, logs: Mapping[str, bytes] | None = None) -> None:
         """Write the files of an episode; the table comes last, so that an episode with a table is complete.
 
         Raises:
@@ -175,6 +181,8 @@ class RunStore:
             self._derived_removed = True
         if video is not None:
             write_bytes(self.video_file(episode), video)
+        for name, content in (logs or {}).items():
+            write_bytes(self.log_file(episode, name), content)
         write_bytes(self.episode_file(episode), table)
 
     def add_sessions(self, sessions: Sequence[dict[str, Any]]) -> None:
@@ -329,7 +337,8 @@ def _check_same(path: Path, plan: Plan, refresh: bool) -> None:
     for number, old in store.episodes():
         if old.trackers != plan.episode(number).trackers:
             store.episode_file(old).unlink(missing_ok=True)
-            store.video_file(old).unlink(missing_ok=True)
+            for name in (store.video_file(old), *(store.log_file(old, name) for name in FORMATS)):
+                name.unlink(missing_ok=True)
     write_record(path, {**store.record, "finished": None, **plan_record(plan)})
 
 

@@ -57,6 +57,7 @@ def render(
     seed: Annotated[int, typer.Option(min=0, help="Root seed of the episode.")] = 0,
     video: Annotated[Path | None, typer.Option(help="MP4 to write.")] = None,
     image: Annotated[Path | None, typer.Option(help="PNG to write: one frame.")] = None,
+    log: Annotated[Path | None, typer.Option(help="Log to write: .rrd (Rerun) or .mcap (ROS 2).")] = None,
     at_s: Annotated[float, typer.Option(min=0.0, help="Time of the frame for --image.")] = 0.0,
     truth: Annotated[bool, typer.Option("--truth", help="Draw the true boxes.")] = False,
     tracker: Annotated[
@@ -75,8 +76,8 @@ def render(
     from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation, make_runners
     from pftrack_sim.trackers.isolation import Limits
 
-    if (video is None) == (image is None):
-        raise ParameterError("render needs either --video FILE.mp4 or --image FILE.png")
+    if (video is None and log is None) == (image is None):
+        raise ParameterError("render needs --video FILE.mp4 or --log FILE.mcap (or both), or else --image FILE.png")
     loaded = scenarios.load(scenario, parse_settings(settings or []))
     late = scenarios.late_events(loaded.resolve(seed))
     tables.print_warnings([f"after the end of the episode: {', '.join(late)}"] if late else [])
@@ -88,12 +89,14 @@ def render(
     with ExitStack() as opened:
         for runner in runners:
             opened.callback(runner.close)
-        if video is not None:
+        if image is None:
             with progress_bar("drawing", loaded.frame_count(seed)) as tick:
-                save_video(loaded, seed, video, truth=truth, runners=runners, backend=backend, on_frame=tick)
-        if image is not None:
+                save_video(loaded, seed, video, log=log, truth=truth, runners=runners, backend=backend, on_frame=tick)
+        else:
             save_image(loaded, seed, image, at_s=at_s, truth=truth, runners=runners, backend=backend)
-    tables.print_folder(video or image)
+    for written in (video, log, image):
+        if written is not None:
+            tables.print_folder(written)
     errors = [f"{one.spec.label} ended with an error, {one.error}" for one in runners if one.error is not None]
     tables.print_lines(errors)
     raise typer.Exit(1 if errors else 0)

@@ -69,6 +69,12 @@ AxisLevels = Annotated[
     ),
 ]
 Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")]
+Log = Annotated[
+    str,
+    typer.Option(
+        metavar="A,B", help="Logs of the first seeds (--videos all: of all): rerun, mcap; each needs its extra."
+    ),
+]
 Workers = Annotated[int | None, typer.Option(min=0, help="Worker processes; default: one per core.")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]
 Part = Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")]

@@ -17,6 +17,7 @@ from pftrack_sim.cli.options import (
     BenchTrackers,
     FrameLimit,
     Isolation,
+    Log,
     MemoryLimit,
     Out,
     Params,
@@ -52,6 +53,7 @@ def bench(
     truth: ScoredBox = "box",
     out: Out = None,
     videos: Videos = "first",
+    log: Log = "",
     backend: Backend = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -79,7 +81,7 @@ def bench(
         truth=truth,
     )
     limits = Limits(frame_limit_s, memory_limit_mb)
-    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, refresh, progress)
+    _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, progress)
 
 
 def _run(
@@ -88,6 +90,7 @@ def _run(
     workers: int | None,
     scheduler: str | None,
     videos: str,
+    log: str,
     backend: str | None,
     isolation: str,
     limits: Limits,
@@ -108,6 +111,7 @@ def _run(
             workers=workers if workers is not None else cores(),
             scheduler=scheduler,
             videos=videos,
+            logs=parse_names(log) if log else (),
             backend=backend,
             isolation=isolation,
             limits=limits,
@@ -154,6 +158,7 @@ def follow(
     truth: ScoredBox = "box",
     out: Out = None,
     videos: Videos = "first",
+    log: Log = "",
     backend: Backend = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -200,11 +205,13 @@ def follow(
         plan = plan_with(
             resolve_latencies(given, plan.trackers, first, out, isolation=checked_isolation(isolation), limits=limits)
         )
-    _run(plan, out, workers, scheduler, videos, backend, isolation, limits, part, refresh, progress)
+    _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, progress)
 
 
 def evaluate(
-    sequences: Annotated[list[Path], typer.Argument(help="Folders of recorded sequences; see --format.")],
+    sequences: Annotated[
+        list[Path], typer.Argument(help="Folders of recorded sequences, see --format; or MCAP files.")
+    ],
     tracker: Trackers = "ko2012",
     seeds: Seeds = "0:5",
     preset: Preset = "default",
@@ -214,6 +221,9 @@ def evaluate(
         typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
     ] = None,
     layout: SequenceLayout = None,
+    topics: Annotated[
+        str, typer.Option(metavar="IMAGES,BOXES", help="Topics of an MCAP file, where it has several of a kind.")
+    ] = "",
     isolation: Isolation = "auto",
 ) -> None:
     """Run trackers on recorded sequences with true boxes."""
@@ -224,7 +234,7 @@ def evaluate(
 
     contestants = parse_trackers(tracker, preset, params or [])
     chosen = list(parse_seeds(seeds, most=MAX_SEEDS))
-    read = [read_sequence(path, layout) for path in sequences]
+    read = [read_sequence(path, layout, parse_names(topics) if topics else ()) for path in sequences]
     with progress_bar("tracking", sum(len(sequence) for sequence in read)) as tick:
         results = evaluate_recorded(
             read, contestants, chosen, video=video, isolation=checked_isolation(isolation), on_frame=tick

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 RANGE_M = 5.0  # Maximum range of the range finder
+BEAM_HEIGHT_M = 0.2  # Height of its beams above the ground with the robot at rest: shins of people are in it
 
 RANGE_ANGLES_RAD: NDArray[np.float64] = np.deg2rad(np.linspace(-90.0, 90.0, 37))
 """`(37,)` direction of each beam of the range finder: from the right over straight ahead (0) to the left."""

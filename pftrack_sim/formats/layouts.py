@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
-from pftrack_sim.formats import got10k, lasot, mot, otb, vot
+from pftrack_sim.formats import got10k, lasot, mcap, mot, otb, vot
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
 _DEPTH = 3
@@ -95,18 +95,22 @@ def _expected(known: Iterable[Layout]) -> str:
     return "; ".join(f"{one.title}: {one.expects}" for one in known)
 
 
-def read_sequence(path: str | Path, layout: str | None = None) -> RecordedSequence:
+def read_sequence(path: str | Path, layout: str | None = None, topics: Sequence[str] = ()) -> RecordedSequence:
     """Read a recorded sequence, from its first frame with a true box on.
 
     Args:
-        path: Its folder.
+        path: Its folder; or an MCAP file, or the folder of a ROS 2 bag.
         layout: One of `LAYOUTS`; None finds out by the files that are there.
+        topics: Of images and of boxes in an MCAP file, where there are several.
 
     Raises:
         UnknownNameError: No such layout.
+        RunError: The library for MCAP files is missing.
         SequenceError: The folder is missing or has another layout; images or boxes are missing, damaged, or differ in
             number.
     """
+    if layout is None and (file := mcap.find(Path(path))) is not None:
+        return mcap.read(file, topics)
     folder = _checked_folder(path, layout)
     if layout is not None:
         return LAYOUTS[layout].read(folder)

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from pftrack_sim.core.proprioception import RANGE_ANGLES_RAD, RANGE_M
+from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, RANGE_ANGLES_RAD, RANGE_M
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import HIDDEN_GROUP
 from pftrack_sim.scene.robot import BASE, TRACK_M, WHEEL_RADIUS_M
-
-BEAM_HEIGHT_M = 0.2  # Height of the beams above the ground with the robot at rest: shins of people are in it
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,70 @@
+"""What a log records of an episode and of each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.records import Estimate, Frame, Image
+from pftrack_sim.core.types import FloatArray
+
+JPEG_QUALITY = 95
+
+
+@dataclass(frozen=True)
+class LogInfo:
+    """An episode.
+
+    Attributes:
+        name: For people: `"plaza-walk seed 3"`.
+        rate_hz: Frames per second.
+        trackers: Labels of the trackers.
+        speed_limits: `(4,)` what a command of 1 means: forward speed [m/s], turn, pan and tilt rate [rad/s].
+    """
+
+    name: str
+    rate_hz: float
+    trackers: tuple[str, ...]
+    speed_limits: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class LogFrame:
+    """A frame, what the robot measured at it, and what trackers and controller answered.
+
+    Attributes:
+        frame: The simulated frame with its truth.
+        robot_pose: x, y [m], heading [rad] in the world.
+        proprio: `(n,)` proprioception, see `core.proprioception`.
+        estimates: By the tracker's label; None where it gave none.
+        ms: Time that each tracker took; 0 where it was not called.
+        command: `(4,)` shares of the speed limits in [-1, 1], in force from this frame on; None in open loop.
+    """
+
+    frame: Frame
+    robot_pose: tuple[float, float, float]
+    proprio: FloatArray
+    estimates: Mapping[str, Estimate | None] = field(default_factory=dict[str, Estimate | None])
+    ms: Mapping[str, float] = field(default_factory=dict[str, float])
+    command: FloatArray | None = None
+
+    def overlap(self, tracker: str) -> float:
+        """Overlap of a tracker's box with `Truth.box`; NaN in frames that are not scored, 0 without an estimate."""
+        if not self.frame.truth.scored:
+            return float("nan")
+        estimate = self.estimates.get(tracker)
+        return 0.0 if estimate is None else boxes.iou(estimate.box, self.frame.truth.box)
+
+
+def encode_jpeg(image: Image) -> bytes:
+    """`(H, W, 3)` uint8 RGB as JPEG."""
+    options = (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY)
+    done, encoded = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
+    if not done:
+        raise RunError("an image cannot be encoded as JPEG")
+    return np.asarray(encoded, dtype=np.uint8).tobytes()

@@ -1,0 +1,225 @@
+"""Logs are read back with the official readers: types, counts and values."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import run
+from pftrack_sim.benchmark.planning import make_plan
+from pftrack_sim.core.errors import ParameterError, RunError, SequenceError, UnknownNameError
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_M, RANGES
+from pftrack_sim.core.records import Estimate, Frame, Truth
+from pftrack_sim.formats import read_sequence
+from pftrack_sim.logs import LogFrame, LogInfo, check_formats, log_format, log_writer
+from tests.benchmark.small import SMALL
+
+RATE_HZ, COUNT = 10.0, 6
+INFO = LogInfo("walk seed 3", RATE_HZ, ("stay", "ko2012[alpha=0.3]"), (1.5, 2.0, 3.0, 1.0))
+K = np.array([[50.0, 0.0, 24.0], [0.0, 50.0, 16.0], [0.0, 0.0, 1.0]])
+T_CAMERA = np.array([[0.0, 0.0, 1.0, 2.0], [-1.0, 0.0, 0.0, 3.0], [0.0, -1.0, 0.0, 1.2], [0.0, 0.0, 0.0, 1.0]])
+
+
+def truth(name: str, index: int, box: Any, state: Any = "visible") -> Truth:
+    target = np.eye(4)
+    target[:3, 3] = 5.0 + index, 1.0, 0.0
+    return Truth(
+        name, box, box, box, box, 0.75, 0.0, state, (), 4.0, T_CAMERA, target, K, np.arange(5) / 100, index / RATE_HZ,
+        0.0, 0.5,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[LogFrame]:
+    rng = np.random.default_rng(0)
+    made = []
+    for index in range(COUNT):
+        image = np.kron(rng.integers(0, 256, (2, 3, 3), dtype=np.uint8), np.ones((16, 16, 1), np.uint8))
+        hidden = index == 2
+        box = [0.0] * 4 if hidden else [10.25 + index, 4.5, 8.0, 20.0]
+        target = truth("target", index, box, "out_of_view" if hidden else "visible")
+        people = (target, truth("distractor-1", index, [30.0, 5.0, 6.0, 18.0]))
+        proprio = rng.uniform(0.0, 1.0, len(PROPRIO_INDEX) + 36)[: RANGES.stop]
+        proprio[RANGES] = np.linspace(1.0, RANGE_M, 37)
+        estimates = {"stay": Estimate([10.25, 4.5, 8.0, 20.0], 0.5), "ko2012[alpha=0.3]": None}
+        ms = {"stay": 1.5 + index, "ko2012[alpha=0.3]": 0.0}
+        frame = Frame(index, index / RATE_HZ, image, target, people)
+        made.append(LogFrame(frame, (index, 2.0, math.pi / 2), proprio, estimates, ms, np.array([0.5, -0.25, 0, 0])))
+    return made
+
+
+def write(frames: list[LogFrame], path: Path) -> Path:
+    with log_writer(log_format(path), path, INFO) as add:
+        for frame in frames:
+            add(frame)
+    return path
+
+
+@pytest.fixture(scope="module")
+def bag(frames: list[LogFrame], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("mcap_ros2")
+    return write(frames, tmp_path_factory.mktemp("logs") / "walk.mcap")
+
+
+def messages(path: Path) -> dict[str, list[tuple[str, int, Any]]]:
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    found: dict[str, list[tuple[str, int, Any]]] = {}
+    with path.open("rb") as opened:
+        for schema, channel, message, decoded in make_reader(
+            opened, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
+            assert schema is not None
+            found.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
+    return found
+
+
+def test_every_topic_has_its_type_and_a_message_per_frame(bag: Path):
+    found = messages(bag)
+    assert {topic: kinds[0][0] for topic, kinds in found.items()} == {
+        "/camera/image/compressed": "sensor_msgs/msg/CompressedImage",
+        "/camera/camera_info": "sensor_msgs/msg/CameraInfo",
+        "/truth": "vision_msgs/msg/Detection2DArray",
+        "/trackers/stay": "vision_msgs/msg/Detection2DArray",
+        "/trackers/ko2012_alpha_0_3": "vision_msgs/msg/Detection2DArray",
+        "/odom": "nav_msgs/msg/Odometry",
+        "/scan": "sensor_msgs/msg/LaserScan",
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/cmd_vel": "geometry_msgs/msg/Twist",
+    }
+    for kinds in found.values():
+        assert [time_ns for _, time_ns, _ in kinds] == [index * 10**8 for index in range(COUNT)]
+
+
+def test_messages_hold_the_values_in_ros_conventions(bag: Path, frames: list[LogFrame]):
+    found = {topic: [one for _, _, one in kinds] for topic, kinds in messages(bag).items()}
+    info = found["/camera/camera_info"][1]
+    assert (info.width, info.height, list(info.d)) == (48, 32, [0.0, 0.01, 0.02, 0.03, 0.04])
+    assert list(info.k) == [50.0, 0.0, 23.5, 0.0, 50.0, 15.5, 0.0, 0.0, 1.0]
+    target, other = found["/truth"][1].detections
+    assert (target.id, other.id, target.results[0].hypothesis.score) == ("target", "distractor-1", 0.75)
+    centre = target.bbox.center.position
+    assert (centre.x, centre.y, target.bbox.size_x, target.bbox.size_y) == (14.75, 14.0, 8.0, 20.0)
+    assert [one.id for one in found["/truth"][2].detections] == ["distractor-1"]
+    assert found["/trackers/stay"][0].detections[0].results[0].hypothesis.score == 0.5
+    assert not found["/trackers/ko2012_alpha_0_3"][0].detections
+    twist = found["/cmd_vel"][0]
+    assert (twist.linear.x, twist.angular.z) == (0.75, -0.5)
+    scan = found["/scan"][0]
+    assert abs(scan.angle_min + (len(scan.ranges) - 1) * scan.angle_increment - scan.angle_max) < 1e-6
+    assert (scan.ranges[0], scan.ranges[-1]) == (1.0, math.inf)
+    odometry, proprio = found["/odom"][3], frames[3].proprio
+    position = odometry.pose.pose.position
+    assert [position.x, position.y] == proprio[:2].tolist()
+    heading = 2.0 * math.atan2(odometry.pose.pose.orientation.z, odometry.pose.pose.orientation.w)
+    assert abs(heading - proprio[2]) < 1e-12
+    transforms = {one.child_frame_id: one for one in found["/tf"][4].transforms}
+    assert transforms["base_footprint"].transform.translation.x == 4.0
+    assert transforms["odom"].transform.translation.x == 0.0
+    rotation = transforms["camera_optical_frame"].transform.rotation
+    assert abs(np.abs([rotation.x, rotation.y, rotation.z, rotation.w]) - 0.5).max() < 1e-12
+    assert transforms["target"].transform.translation.x == 9.0
+
+
+def test_a_log_is_read_as_a_sequence(bag: Path, frames: list[LogFrame], tmp_path: Path):
+    read = read_sequence(bag)
+    assert (read.name, len(read)) == ("walk", COUNT)
+    assert abs(read.rate_hz - RATE_HZ) < 1e-9
+    for index, log in enumerate(frames):
+        box = log.frame.truth.box
+        assert np.isnan(read.truth[index]).all() if box[2] == 0 else abs(read.truth[index] - box).max() < 1e-9
+        difference = read.image(index).astype(float) - log.frame.image
+        assert abs(difference).mean() < 6.0  # JPEG
+    assert abs(read_sequence(bag, topics=["/trackers/stay"]).truth[5] - [10.25, 4.5, 8.0, 20.0]).max() < 1e-9
+    (tmp_path / "metadata.yaml").write_text("")
+    with pytest.raises(SequenceError, match=r"must hold one .mcap file, has 0"):
+        read_sequence(tmp_path)
+    (tmp_path / "bag_0.mcap").write_bytes(bag.read_bytes())
+    assert len(read_sequence(tmp_path)) == COUNT
+
+
+@pytest.mark.parametrize(
+    ("topics", "words"),
+    [
+        (["/nowhere"], "no topic /nowhere"),
+        (["/truth", "/trackers/stay"], "needs one box topic .*; see --topics"),
+        (["/trackers/ko2012_alpha_0_3"], "no frame has a box"),
+    ],
+)
+def test_a_wrong_topic_is_one_clear_error(bag: Path, topics: list[str], words: str):
+    with pytest.raises(SequenceError, match=words):
+        read_sequence(bag, topics=topics)
+
+
+def test_a_damaged_file_is_one_clear_error(bag: Path, tmp_path: Path):
+    whole = bag.read_bytes()
+    flipped = bytearray(whole)
+    flipped[2000] ^= 255  # within the only chunk
+    for content in (b"", b"text", whole[: len(whole) // 2], whole[:40], bytes(flipped)):
+        (tmp_path / "damaged.mcap").write_bytes(content)
+        with pytest.raises(SequenceError, match="damaged"):
+            [read_sequence(tmp_path / "damaged.mcap").image(index) for index in range(COUNT)]
+
+
+def test_a_rerun_recording_has_every_entity_with_a_row_per_frame(frames: list[LogFrame], tmp_path: Path):
+    pytest.importorskip("rerun")
+    from rerun.chunk import RrdReader
+
+    path = write(frames, tmp_path / "walk.rrd")
+    reader = RrdReader(path)
+    assert [one.recording_id for one in reader.recordings()] == [INFO.name]
+    rows: dict[str, int] = {}
+    values: dict[str, list[float]] = {}
+    boxes: list[list[float]] = []
+    for chunk in reader.stream().to_chunks():
+        if chunk.is_static:
+            rows.setdefault(chunk.entity_path, 0)
+            continue
+        assert list(chunk.timeline_names) == ["time"]
+        rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
+        table = chunk.to_record_batch()
+        for name in table.schema.names:
+            if name == "Scalars:scalars":
+                values.setdefault(chunk.entity_path, []).extend(one[0] for one in table.column(name).to_pylist())
+            if name == "Boxes2D:centers" and chunk.entity_path == "/world/camera/image/truth":
+                boxes += [one[0] for one in table.column(name).to_pylist()]
+    for entity in ("camera", "camera/image", "camera/image/truth", "camera/image/stay", "robot", "people"):
+        assert rows[f"/world/{entity}"] == COUNT, entity
+    assert {"/world/paths/robot", "/world/paths/target"} <= rows.keys()
+    assert values["/plots/ms/stay"] == [log.ms["stay"] for log in frames]
+    overlaps = [log.overlap("stay") for log in frames if log.frame.truth.scored]
+    assert np.abs(np.array(values["/plots/overlap/stay"]) - overlaps).max() < 1e-12
+    assert values["/plots/overlap/ko2012_alpha_0_3"] == [0.0] * (COUNT - 1)
+    assert values["/plots/command/turn"] == [-0.25] * COUNT
+    assert boxes[1] == [15.25, 14.5]
+
+
+@pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
+def test_a_run_logs_its_first_seed(tmp_path: Path, closed: bool):
+    pytest.importorskip("mcap_ros2")
+    pytest.importorskip("rerun")
+    scenario, controllers = ("follow/corridor", ["servo"]) if closed else ("corridor", [])
+    plan = make_plan([scenario], ["oracle"], [0, 1], overrides=SMALL, controllers=controllers)
+    store = run(plan, tmp_path / "run", videos="none", logs=["mcap", "rerun"])
+    first, second = list(plan.episodes())
+    assert store.log_file(first, "rerun").stat().st_size > 10_000
+    assert not store.log_file(second, "mcap").exists()
+    found = messages(store.log_file(first, "mcap"))
+    true_boxes = np.stack([*store.frame_columns(store.results[0], ["box"])["box"]])
+    read = read_sequence(store.log_file(first, "mcap"))
+    assert len(true_boxes) == len(read) == len(found["/tf"])
+    assert abs(read.truth - true_boxes).max() < 1e-9
+    assert ("/cmd_vel" in found) == closed
+
+
+def test_wrong_formats_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    with pytest.raises(UnknownNameError, match="did you mean 'rerun'"):
+        check_formats(["rerum"])
+    with pytest.raises(ParameterError, match=r"must end in .mcap or .rrd, got 'a.bag'"):
+        log_format(Path("a.bag"))
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(RunError, match=r"pip install 'pftrack-sim\[mcap\]'"):
+        check_formats(["mcap"])
