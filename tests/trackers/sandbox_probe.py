@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim.core.records import Estimate
-from pftrack_sim.trackers.isolation.sandbox import VARIABLES
 
 
 def _connects() -> None:
@@ -31,8 +30,8 @@ def _reads_secret() -> None:
     Path("/" + GIVEN["secret"]).read_bytes()
 
 
-def _reads_variable() -> None:
-    if {*os.environ} <= KNOWN:
+def _knows_the_home_folder() -> None:
+    if os.environ["HOME"] == "/tmp":
         raise KeyError
 
 
@@ -63,12 +62,11 @@ def _mounts() -> None:
         raise PermissionError
 
 
-HARMLESS: tuple[Callable[[], None], ...] = (_connects, _abstract_socket, _reads_secret, _reads_variable)
+HARMLESS: tuple[Callable[[], None], ...] = (_connects, _abstract_socket, _reads_secret, _knows_the_home_folder)
 """They succeed outside a sandbox."""
 
 REFUSED = (*HARMLESS, _sends_datagram, _writes_beside_itself, _writes_to_usr, _writes_to_root, _sees_the_run,
            _fills_tmp, _mounts)  # fmt: skip
-KNOWN = {*VARIABLES, "HOME", "NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE", "PYTHONPATH", "PWD"}
 GIVEN: dict[str, str] = {}
 
 

@@ -27,7 +27,7 @@ _SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64")
 _SETTINGS = ("alternatives", "fonts", "group", "ld.so.cache", "ld.so.conf", "ld.so.conf.d", "localtime", "passwd")
 """In `/etc`."""
 
-VARIABLES = ("LANG", "LC_ALL", "LC_CTYPE", "LP_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
+_VARIABLES = ("LANG", "LC_ALL", "LC_CTYPE", "LP_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
               "OPENBLAS_NUM_THREADS", "PATH", "PYTHONHASHSEED", "TZ")  # fmt: skip
 _MAX_TMP_MB = 1024.0
 _INIT = (
@@ -78,7 +78,7 @@ def sandbox_command(params: Mapping[str, Any], memory_mb: float) -> list[str]:
     named = [one for one in params.values() if isinstance(one, str) and os.path.exists(one) and os.path.isabs(one)]
     readable = [*path, sys.prefix, sys.base_prefix, str(package), *named]
     here = os.getcwd()
-    variables = {name: os.environ[name] for name in VARIABLES if name in os.environ} | {
+    variables = {name: os.environ[name] for name in _VARIABLES if name in os.environ} | {
         "HOME": "/tmp",
         "NUMBA_CACHE_DIR": "/tmp/numba",
         "PYTHONDONTWRITEBYTECODE": "1",
