@@ -99,8 +99,8 @@ def read(path: Path, topics: Sequence[str] = ()) -> RecordedSequence:
     span_s = (stamps[-1] - stamps[0]) * 1e-9
     rate_hz = (len(stamps) - 1) / span_s if span_s > 0.0 else None
     whole = RecordedSequence.checked(path, given, [path] * len(stamps), present_boxes(truth), rate_hz)
-    first = len(stamps) - len(whole)
-    return _McapSequence(path.stem, whole.paths, whole.truth, rate_hz, images, tuple(times_ns[first:]))
+    times = tuple(times_ns[whole.start :])
+    return _McapSequence(path.stem, whole.paths, whole.truth, rate_hz, whole.start, topic=images, times_ns=times)
 
 
 @contextlib.contextmanager
