@@ -1,4 +1,4 @@
-"""Wrappers of the environments for learning without pixels."""
+"""Wrappers of the environments for learning: boxes instead of pixels, or pixels alone."""
 
 from __future__ import annotations
 
@@ -102,6 +102,44 @@ class BoxObservation(gym.Wrapper[NDArray[np.float32], Any, dict[str, Any], Any],
         return np.concatenate(
             [normalised_estimate(self.estimate, width_px, height_px), observation["proprio"][self._senses]]
         )
+
+
+class PixelsOnly(gym.ObservationWrapper[NDArray[np.uint8], Any, dict[str, Any]], gym.utils.RecordConstructorArgs):
+    """The image alone as the observation, for learning from pixels.
+
+    Observation: `(H, W, 3)` uint8 RGB, or `(3, H, W)`. It does not say who was selected: with several people in view,
+    `info["truth"]` does.
+
+    Args:
+        env: An environment of this package, wrapped or not.
+        channels_first: `(3, H, W)`, as PyTorch's convolutions take images.
+
+    Raises:
+        ParameterError: An observation without an image.
+
+    >>> import gymnasium as gym, pftrack_sim
+    >>> env = PixelsOnly(gym.make("pftrack_sim/Follow-v0", scenario="corridor"), channels_first=True)
+    >>> env.observation_space.shape
+    (3, 480, 640)
+    >>> env.close()
+    """
+
+    def __init__(self, env: gym.Env[dict[str, Any], Any], channels_first: bool = False) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self, channels_first=channels_first)
+        gym.ObservationWrapper.__init__(self, env)
+        space: Any = env.observation_space
+        image = getattr(space, "spaces", {}).get("image")
+        if image is None:
+            raise ParameterError(f"PixelsOnly wraps environments whose observation has an image, got {space}")
+        self._channels_first = channels_first
+        height, width, channels = image.shape
+        shape = (channels, height, width) if channels_first else (height, width, channels)
+        self.observation_space = gym.spaces.Box(0, 255, shape, np.uint8)
+
+    def observation(self, observation: Any) -> NDArray[np.uint8]:
+        """The image of an observation."""
+        image = observation["image"]
+        return np.ascontiguousarray(np.moveaxis(image, -1, 0)) if self._channels_first else image
 
 
 def normalised_estimate(estimate: Estimate, width_px: int, height_px: int) -> NDArray[np.float32]:

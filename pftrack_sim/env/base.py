@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.core.errors import CommandError, ParameterError
 from pftrack_sim.core.proprioception import PROPRIO_HIGH
-from pftrack_sim.core.records import Estimate, Frame
+from pftrack_sim.core.records import Estimate, Frame, Image
+from pftrack_sim.env.window import Window
 from pftrack_sim.render.overlay import draw_frame
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.simulation.simulation import Simulation
@@ -41,7 +42,10 @@ class CameraEnv(gym.Env[Observation, Any]):
         ScenarioError: The scenario or an override is wrong; every mistake is listed.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}  # noqa: RUF012 - Gymnasium's own way
+    metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own way
+        "render_modes": ["human", "rgb_array", "depth_array"],
+        "render_fps": 30,
+    }
 
     def __init__(
         self,
@@ -52,8 +56,8 @@ class CameraEnv(gym.Env[Observation, Any]):
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ParameterError(
-                f"render_mode must be 'rgb_array' or None, got {render_mode!r} (no window is opened: show what "
-                "render() returns, or write a video with `pftrack-sim render`)"
+                f"render_mode must be 'rgb_array', 'depth_array', 'human' or None, got {render_mode!r} (gym.make adds "
+                "'rgb_array_list')"
             )
         self.render_mode = render_mode
         self.scenario = scenarios.load(scenario, overrides)
@@ -71,6 +75,7 @@ class CameraEnv(gym.Env[Observation, Any]):
             }
         )
         self.simulation = Simulation(self.scenario, backend=backend)
+        self._window = Window(self.scenario.name, camera.rate_hz) if render_mode == "human" else None
         self._frame: Frame | None = None
         self._answered: tuple[Frame, Mapping[str, Estimate]] | None = None
         self._shown: Mapping[str, Estimate] | None = None
@@ -86,18 +91,32 @@ class CameraEnv(gym.Env[Observation, Any]):
         self._frame = self.simulation.reset(self.episode_seed)
         self._answered = self._shown = None
         self._selected_in: int | None = None
+        self._show_window()
         return self._observation(self._frame), self._info(self._frame)
 
-    def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """`(H, W, 3)` uint8: the last frame answered by an action, with truth and action; None without a render mode.
+    def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Picture of the episode; None without a render mode, and for `"human"`, whose window follows by itself.
 
-        Before the first step it is the first frame with its truth.
+        `"rgb_array"`: `(H, W, 3)` uint8, the last frame answered by an action, with truth and action; before the first
+        step, the first frame with its truth. `"depth_array"`: `(H, W)` float32, see `Simulation.depth`, of the frame in
+        the last observation.
         """
         if self.render_mode is None:
-            gym.logger.warn("render() needs render_mode='rgb_array', given to gym.make")
+            gym.logger.warn("render() needs a render_mode, for example 'rgb_array', given to gym.make")
+        if self.render_mode in (None, "human"):
             return None
+        if self.render_mode == "depth_array":
+            self._current  # noqa: B018 - raises before the first reset
+            return self.simulation.depth()
+        return self._picture()
+
+    def _picture(self) -> Image:
         frame, estimates = self._answered or (self._current, dict[str, Estimate]())
         return draw_frame(frame, estimates)
+
+    def _show_window(self) -> None:
+        if self._window is not None:
+            self._window.show(self._picture())
 
     def show(self, estimates: Mapping[str, Estimate]) -> None:
         """Draw these estimates in `render`, by name, instead of the box of the next action; valid for one step.
@@ -108,13 +127,15 @@ class CameraEnv(gym.Env[Observation, Any]):
         self._shown = dict(estimates)
 
     def close(self) -> None:
-        """Free the graphics context."""
+        """Free the graphics context and close the window."""
         self.simulation.close()
+        if self._window is not None:
+            self._window.close()
         self._frame = self._answered = self._shown = None
 
     def __getstate__(self) -> dict[str, Any]:
         """A pickled copy has no episode: it needs `reset`."""
-        return {**self.__dict__, "_frame": None, "_answered": None, "_shown": None}
+        return {**self.__dict__, "_frame": None, "_answered": None, "_shown": None, "_window": None}
 
     @property
     def _current(self) -> Frame:
@@ -147,6 +168,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         self._answered = (shown, bare if self._shown is None else self._shown)
         self._shown = None
         self._frame = self.simulation.advance(command, late_s)
+        self._show_window()
         return self._frame
 
     @property

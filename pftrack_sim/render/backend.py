@@ -163,6 +163,14 @@ class Renderer(ABC):
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def depth_m(self, found: Segmentation) -> NDArray[np.float32]:
+        """`(h, w)` depth along the optical axis of what `ids` found [m]; infinite where there is no geom."""
+        with np.errstate(divide="ignore"):
+            return np.where(found.ids < 0, np.float32(np.inf), 1.0 / self._reciprocal_depth(found)).astype(np.float32)
+
+    def _reciprocal_depth(self, found: Segmentation) -> NDArray[np.float32]:
+        return found.inverse_depth
+
     def _read_model(self, model: mujoco.MjModel) -> None:
         """Read visible geoms, near and far plane."""
         self.near_m, self._far_m = clip_depths_m(model)

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.camera.sensor import Sensor
@@ -19,7 +20,7 @@ from pftrack_sim.camera.shake import camera_shake
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.backend import Renderer
+from pftrack_sim.render.backend import PixelRect, Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame, FrameCapture, make_frame_capture
 from pftrack_sim.render.selection import check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
@@ -272,6 +273,17 @@ class Simulation:
         if self._world is None:
             raise self._no_episode()
         return self._world
+
+    def depth(self) -> NDArray[np.float32]:
+        """`(H, W)` depth along the optical axis at the time stamp of the last frame [m]; infinite for the sky.
+
+        It is that of a pinhole camera: exposure, rolling shutter and lens distortion have no effect on it.
+        """
+        renderer, camera = self._renderer, self.settings.camera
+        assert renderer is not None
+        rect = PixelRect(0, 0, camera.width_px, camera.height_px)
+        found = renderer.ids(self.world.data, self._camera_pose(), self._K, rect=rect)
+        return renderer.depth_m(found)
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous delivered frame, or None."""

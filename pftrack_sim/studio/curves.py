@@ -22,12 +22,13 @@ class _Quantity:
     title: str
     read: Callable[[Moment], dict[str, float]]
     limits: tuple[float, float] | None = None
+    log: bool = False
 
 
 _QUANTITIES = (
     _Quantity("overlap", lambda moment: moment.overlaps, (0.0, 1.0)),
     _Quantity("visible fraction", lambda moment: {_TRUTH: moment.truth.visible_fraction}, (0.0, 1.0)),
-    _Quantity("time per frame [ms]", lambda moment: dict(moment.ms)),
+    _Quantity("time per frame [ms]", lambda moment: {name: ms or math.nan for name, ms in moment.ms.items()}, log=True),
     _Quantity("distance [m]", lambda moment: {_TRUTH: moment.truth.distance_m}),
 )
 
@@ -70,13 +71,18 @@ class Curves:
                     arrays,
                     ({"label": "s"}, *(_line(name, colours.get(name, (90, 90, 90))) for name in found)),
                     title=quantity.title,
-                    scales={"x": {"time": False}, **({"y": {"range": quantity.limits}} if quantity.limits else {})},
+                    scales={"x": {"time": False}, "y": _scale(quantity)},
                     legend={"show": quantity is _QUANTITIES[0]},
                     height=_HEIGHT_PX,
                 )
                 for quantity, found, arrays in zip(_QUANTITIES, names, data, strict=True)
             ]
         self._names = names
+
+
+def _scale(quantity: _Quantity) -> dict[str, Any]:
+    """UPlot's options: 3 is its logarithmic scale."""
+    return {"distr": 3} if quantity.log else {"range": quantity.limits} if quantity.limits else {}
 
 
 def _line(name: str, colour: tuple[int, int, int]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import weakref
 import cv2
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core.errors import RenderError
@@ -121,6 +121,10 @@ class Rasteriser(Renderer):
             mujoco.mjr_readPixels(pixels, inverse_depth, area, self._resources[0])
         codes = pixels.view("<u4")[:, :, 0] & _CODE_BITS
         return Segmentation(rect, geom_of_code.take(codes)[::-1], inverse_depth[::-1])
+
+    def _reciprocal_depth(self, found: Segmentation) -> NDArray[np.float32]:
+        # The buffer runs from 1 at the near plane to 0 at the far one, linear in 1 / depth.
+        return 1.0 / self._far_m + found.inverse_depth * (1.0 / self.near_m - 1.0 / self._far_m)
 
     def close(self) -> None:
         """See `Renderer.close`."""

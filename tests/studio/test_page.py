@@ -1,0 +1,175 @@
+"""The page in headless Chromium."""
+
+import base64
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario as scenarios
+from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.studio import Settings, Studio
+
+pytest.importorskip("viser", reason="the extra studio is not installed")
+
+STILL = {
+    "camera.width_px": 160,
+    "camera.height_px": 120,
+    "lights.shadows": False,
+    "robot.route.kind": "still",
+    "robot.route.start_m": [-3.5, 0.0],
+    "robot.gaze": "forward",
+    "jitter.angular_rms_deg": 0.0,
+    "jitter.translational_rms_mm": 0.0,
+    "distractors.count": 1,
+}
+PLAIN = Settings("easy/corridor", 1, STILL, (TrackerSpec(name="stay"),))
+PICTURE = """async () => {
+    let image = document.querySelector('img[src^="blob:"]');
+    while (!image.complete || image.naturalWidth === 0) {
+        await new Promise(resolve => setTimeout(resolve, 20));
+        image = document.querySelector('img[src^="blob:"]');
+    }
+    const canvas = document.createElement('canvas');
+    canvas.width = image.naturalWidth;
+    canvas.height = image.naturalHeight;
+    canvas.getContext('2d').drawImage(image, 0, 0);
+    return canvas.toDataURL('image/png');
+}"""
+DRAWS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+
+
+def until(true: Callable[[], Any], what: str) -> None:
+    for _ in range(1200):
+        if true():
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"not within two minutes: {what}")
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[Studio]:
+    with Studio(PLAIN, port=0, most_pages=1, playing=False) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def page(studio: Studio) -> Iterator[Any]:
+    found = next(
+        (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
+    )
+    if not found:
+        pytest.skip("no Chromium here: install Debian's package chromium")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox", *DRAWS])
+        page = browser.new_page(viewport={"width": 1100, "height": 500})
+        page.set_default_timeout(120_000)
+        complaints: list[str] = []
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(studio.address)
+        page.wait_for_selector('img[src^="blob:"]')
+        until(lambda: studio.page._server.get_clients(), "the page is connected")
+        yield page
+        browser.close()
+        assert complaints == []
+
+
+def received(page: Any) -> np.ndarray:
+    """The picture in the page, grey."""
+    coded = base64.b64decode(page.evaluate(PICTURE).partition(",")[2])
+    return cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_GRAYSCALE)
+
+
+def shake_px(page: Any, studio: Studio, count: int = 8) -> float:
+    """Median shift of the background from one received picture to the next, by optical flow."""
+    shifts: list[float] = []
+    before = received(page)
+    for _ in range(count):
+        page.get_by_role("button", name="Step", exact=True).click()
+        shown = before
+        for _ in range(100):
+            shown = received(page)
+            if not np.array_equal(shown, before):
+                break
+            time.sleep(0.1)
+        points = cv2.goodFeaturesToTrack(before[:60], 80, 0.02, 4)
+        moved, found, _ = cv2.calcOpticalFlowPyrLK(before, shown, points, None)
+        shifts.append(float(np.median(np.linalg.norm((moved - points)[found == 1], axis=-1))))
+        before = shown
+    return float(np.median(shifts))
+
+
+@pytest.mark.slow
+def test_a_slider_shakes_the_pictures_that_arrive(page: Any, studio: Studio):
+    assert shake_px(page, studio) < 0.05, "robot and camera stand still"
+    label = page.locator("label", has_text="jitter [deg RMS]").get_attribute("for")
+    slider = page.locator(f"[id='{label}'] [role=slider]")
+    slider.focus()
+    for _ in range(20):
+        slider.press("ArrowRight")
+    until(lambda: studio.player.session.settings.physical("jitter") > 1.0, "the session has the slider's value")
+    assert shake_px(page, studio) > 0.5
+
+
+@pytest.mark.slow
+def test_the_saved_file_reproduces_the_frames(page: Any, studio: Studio, tmp_path: Path):
+    page.get_by_role("button", name="Restart from the beginning").click()
+    until(lambda: studio.player.moment.frame.index == 0, "the restart")
+    studio.player.ask(lambda session: session.advance())
+    assert studio.player.session.exact
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Scenario (TOML)").click()
+    download.value.save_as(tmp_path / "saved.toml")
+    loaded = scenarios.load(str(tmp_path / "saved.toml"))
+    assert loaded.resolve(1).axes.jitter.physical > 1.0
+    with Simulation(loaded) as simulation:
+        frames = [simulation.reset(1), simulation.advance()]
+    for moment, frame in zip(studio.player.session.history, frames, strict=True):
+        assert np.array_equal(moment.frame.image, frame.image)
+
+
+@pytest.mark.slow
+def test_a_click_on_somebody_in_the_scene_tracks_that_person(page: Any, studio: Studio):
+    person = studio.player.session.people[1]
+    client = next(iter(studio.page._server.get_clients().values()))
+    model = studio.player.ask(lambda session: session.simulation.world.model)
+    torso = studio.player.moment.geom_m[[model.geom(i).name == f"{person}/torso" for i in range(model.ngeom)]][0]
+    client.camera.position, client.camera.look_at = torso + np.array([1.2, 0.0, 0.1]), torso
+    canvas = max(
+        (box for one in page.locator("canvas").all() if (box := one.bounding_box())), key=lambda box: box["height"]
+    )
+    middle = canvas["x"] + 0.5 * canvas["width"], canvas["y"] + 0.5 * canvas["height"]
+
+    def tracked() -> bool:
+        page.mouse.move(*middle)
+        page.mouse.click(*middle, delay=50)
+        page.wait_for_timeout(1500)
+        return studio.player.session.person == person
+
+    until(tracked, "the click")
+    assert studio.player.moment.truth.name == person
+
+
+@pytest.mark.slow
+def test_a_page_too_many_is_refused_and_those_that_are_open_go_on(page: Any, studio: Studio):
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    assert studio.gate.open == 1
+    with pytest.raises(InvalidStatus, match="503"):
+        connect(studio.address.replace("http", "ws"), open_timeout=60)
+    studio.player.ask(lambda session: session.change(replace(PLAIN, seed=2)))
+    until(lambda: f"at seed {2}" in page.content(), "the status on the page")
+
+
+def test_the_frame_of_a_notebook_shows_the_address(studio: Studio):
+    assert f'src="{studio.address}"' in studio._repr_html_()
