@@ -11,7 +11,7 @@ from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import content_digest, read_metadata
+from pftrack_sim.benchmark.episode_file import content_digest, missing_trackers, read_metadata
 from pftrack_sim.benchmark.files import query_deadline, sql_text
 from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums
 from pftrack_sim.benchmark.plan import Episode
@@ -118,6 +118,9 @@ def _problem(database: duckdb.DuckDBPyConnection, episode: Episode, file: Path, 
     schema[:] = schema or columns
     if columns != schema:
         return "has other columns than the rest"
+    lacking = missing_trackers(metadata, episode)
+    if lacking:
+        return f"lacks {', '.join(tracker.label for tracker in lacking)}"
     frames = metadata["frames"]
     identity = (episode.kind, episode.scenario.name, episode.condition.name, episode.seed)
     wanted = {(label, frames, frames, 0, frames - 1, *identity) for label in episode.labels}

@@ -198,6 +198,7 @@ def _write(
         "graphics": graphics,
         "version": pftrack_sim.__version__,
         "trackers": rows,
+        "tracker_sha256": {tracker.label: tracker.digest for tracker in episode.trackers},
     }
     truth = {**truth_columns(truths), "nearest_look_alike": np.array(log.nearest_look_alike), **course}
     write_episode(path, key, truth, tables, metadata)

@@ -113,16 +113,63 @@ def write_episode(
     with duckdb.connect(config={"threads": 1}) as database:
         for name, table in {"identity": identity, "truth": dict(truth), "estimates": estimates}.items():
             database.register(name, table)
-        try:
-            database.execute(f"CREATE TEMP TABLE rows AS {rows}")
-            whole = {**metadata, "content_sha256": content_digest(database, "rows")}
-            text = json.dumps({**whole, _DIGEST_KEY: _metadata_digest(whole)})
-            database.execute(
-                f"COPY rows TO {sql_text(path)} (FORMAT parquet, COMPRESSION zstd, "
-                f"KV_METADATA {{{METADATA_KEY}: {sql_text(text)}}})"
-            )
-        except duckdb.Error as error:
-            raise RunError(f"cannot write {path}: {error}") from None
+        _write_rows(database, path, rows, metadata)
+
+
+def _write_rows(database: duckdb.DuckDBPyConnection, path: Path, rows: str, metadata: Mapping[str, Any]) -> None:
+    try:
+        database.execute(f"CREATE TEMP TABLE rows AS {rows}")
+        whole = {**metadata, "content_sha256": content_digest(database, "rows")}
+        text = json.dumps({**whole, _DIGEST_KEY: _metadata_digest(whole)})
+        database.execute(
+            f"COPY rows TO {sql_text(path)} (FORMAT parquet, COMPRESSION zstd, "
+            f"KV_METADATA {{{METADATA_KEY}: {sql_text(text)}}})"
+        )
+    except duckdb.Error as error:
+        raise RunError(f"cannot write {path}: {error}") from None
+
+
+def join_episodes(path: Path, files: Sequence[tuple[Path, Sequence[str]]], episode: Episode) -> None:
+    """Write one file of an episode from several, each with other trackers; rows are copied as they are.
+
+    Args:
+        path: File to write; not one of those read.
+        files: Each with the labels of the trackers that are taken from it.
+        episode: With the trackers of the new file, in their order.
+
+    Raises:
+        RunError: The files show other frames, or cannot be read or written.
+    """
+    with duckdb.connect(config={"threads": 1}) as database:
+        found = [metadata for _, metadata in read_metadata(database, {file: episode for file, _ in files})]
+        first = found[0]
+        for other in found[1:]:
+            if other["frames_digest"] != first["frames_digest"]:
+                raise RunError(
+                    f"{episode.name}: the frames drawn now ({other['graphics']}, version {other['version']}) are not "
+                    f"those that are there ({first['graphics']}, version {first['version']}): a tracker cannot be added"
+                )
+        rows = {
+            row["label"]: row
+            for metadata, (_, labels) in zip(found, files, strict=True)
+            for row in metadata["trackers"]
+            if row["label"] in labels
+        }
+        digests = {name: digest for metadata in found for name, digest in metadata["tracker_sha256"].items()}
+        kept = [label for label in episode.labels if label in rows]
+        metadata = {
+            **{key: value for key, value in first.items() if key != "content_sha256"},
+            "trackers": [rows[label] for label in kept],
+            "tracker_sha256": {label: digests[label] for label in kept},
+        }
+        database.register("places", {"label": column(kept), "place": np.arange(len(kept))})
+        parts = " UNION ALL ".join(
+            f"SELECT * FROM read_parquet({sql_text(file)}, hive_partitioning = false) "
+            f"WHERE label IN ({', '.join(map(sql_text, labels))})"
+            for file, labels in files
+        )
+        query = f"SELECT part.* FROM ({parts}) part JOIN places USING (label) ORDER BY place, frame"
+        _write_rows(database, path, query, metadata)
 
 
 def _casts(columns: Columns) -> str:
@@ -172,14 +219,25 @@ def _checked_metadata(path: Path, content: bytes, rows: int, episode: Episode) -
             f"{path}: is of another episode ({found}, of this plan or another), not {episode.name}; "
             "remove it and the same command runs the episode again"
         )
+    known = {tracker.label: tracker.digest for tracker in episode.trackers}
     try:
-        labels = tuple(one["label"] for one in metadata["trackers"])
-        complete = labels == episode.labels and rows == metadata["frames"] * len(labels)
+        labels = [one["label"] for one in metadata["trackers"]]
+        digests = metadata["tracker_sha256"]
+        whole = labels == [label for label in known if label in labels] and rows == metadata["frames"] * len(labels)
+        whole = whole and bool(labels) and digests == {label: known[label] for label in labels}
     except (KeyError, TypeError):
-        complete = False
-    if not complete:
-        raise RunError(f"{path}: does not have every tracker of {episode.name} with every frame")
+        whole = False
+    if not whole:
+        raise RunError(
+            f"{path}: does not have every frame of trackers of {episode.name}, or of others than the plan's; remove it "
+            "and the same command runs the episode again"
+        )
     return metadata
+
+
+def missing_trackers(metadata: Mapping[str, Any], episode: Episode) -> tuple[TrackerSpec, ...]:
+    """Trackers of an episode whose file, by its metadata, does not have them yet."""
+    return tuple(tracker for tracker in episode.trackers if tracker.label not in metadata["tracker_sha256"])
 
 
 def _metadata_digest(metadata: Mapping[str, Any]) -> str:

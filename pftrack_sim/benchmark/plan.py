@@ -62,6 +62,11 @@ class TrackerSpec(Section):
     code: dict[str, str] = Field(default_factory=dict)
 
     @property
+    def digest(self) -> str:
+        """SHA-256 of all of it, with the code that runs."""
+        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+    @property
     def base_label(self) -> str:
         """Name with preset and parameters, for people: `"ko2012"`, `"ko2012[particle_count=300]"`."""
         options = {**({"preset": self.preset} if self.preset != "default" else {}), **self.params}
@@ -176,10 +181,9 @@ class Episode:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of everything that decides the content of its files."""
-        trackers = [tracker.model_dump(mode="json") for tracker in self.trackers]
+        """SHA-256 of everything but the trackers that decides the content of its files."""
         identity = [self.scenario.name, self.scenario.digest, self.condition.model_dump(mode="json")]
-        return hashlib.sha256(json.dumps([*identity, self.seed, self.truth, trackers]).encode()).hexdigest()
+        return hashlib.sha256(json.dumps([*identity, self.seed, self.truth]).encode()).hexdigest()
 
     @property
     def name(self) -> str:
@@ -351,16 +355,16 @@ class Plan(Section):
 
     def _folder(self, setting: int) -> str:
         """Folder of the episodes of a scenario and condition within `episodes/`."""
-        scenarios, conditions, _ = self._slugs
+        scenarios, conditions, _ = self.slugs
         _, scenario, condition = self._settings[setting]
         return f"{scenarios[scenario.name]}/{conditions[condition.name]}"
 
     def _file_stem(self, seed: int, group: int) -> str:
-        driver = f"__{self._slugs[2][self.labels[group]]}" if self.kind == "follow" else ""
+        driver = f"__{self.slugs[2][self.labels[group]]}" if self.kind == "follow" else ""
         return f"seed-{seed:04d}{driver}"
 
     @cached_property
-    def _slugs(self) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+    def slugs(self) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
         """Parts of file names for scenarios, conditions and trackers."""
         return (
             distinct_slugs(scenario.name for sweep in self.sweeps for scenario in sweep.scenarios),

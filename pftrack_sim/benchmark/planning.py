@@ -131,10 +131,10 @@ def _with_controllers(
         for name in controllers or [None]
         for spec in trackers
     )
-    return tuple(spec.model_copy(update={"code": _code_of(spec)}) for spec in combined)
+    return tuple(spec.model_copy(update={"code": code_of(spec)}) for spec in combined)
 
 
-def _code_of(spec: TrackerSpec) -> dict[str, str]:
+def code_of(spec: TrackerSpec) -> dict[str, str]:
     """Digests of third-party code and of files that a tracker takes, by name."""
     code = {spec.name: tracker_code(spec.name)}
     if spec.controller is not None:

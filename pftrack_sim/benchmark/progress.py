@@ -13,8 +13,8 @@ from typing import Any
 import duckdb
 
 from pftrack_sim.benchmark.episode import EpisodeFiles
-from pftrack_sim.benchmark.episode_file import read_metadata
-from pftrack_sim.benchmark.plan import Episode
+from pftrack_sim.benchmark.episode_file import missing_trackers, read_metadata
+from pftrack_sim.benchmark.plan import Episode, TrackerSpec
 from pftrack_sim.benchmark.store import RunStore
 
 _CHUNK = 500
@@ -66,11 +66,17 @@ class ProgressCounter:
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
+        self.incomplete: dict[str, tuple[TrackerSpec, ...]] = {}
+        """Trackers that finished episodes lack, by the episodes' paths."""
         present = (episode for number, episode in store.episodes() if number % part[1] == part[0] - 1)
         with duckdb.connect() as database:
             while chunk := {store.episode_file(episode): episode for episode in islice(present, _CHUNK)}:
-                for _, metadata in read_metadata(database, chunk):
-                    self._count(metadata["trackers"])
+                for file, metadata in read_metadata(database, chunk):
+                    lacking = missing_trackers(metadata, chunk[file])
+                    if lacking:
+                        self.incomplete[chunk[file].path] = lacking
+                    else:
+                        self._count(metadata["trackers"])
         self._before = self.done
 
     def add(self, episode: Episode, files: EpisodeFiles) -> None:

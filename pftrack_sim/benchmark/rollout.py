@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,7 +84,15 @@ def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: 
             sink(Step(sample, None, None))
 
 
-def drive(env: TrackAndFollowEnv, seed: int, driver: Driver, sinks: Sequence[Sink] = ()) -> None:
+class Acting(Protocol):
+    """Gives the action for each frame of an episode."""
+
+    def act(self, sample: Sample) -> Action:
+        """The action that answers a frame."""
+        ...
+
+
+def drive(env: TrackAndFollowEnv, seed: int, driver: Acting, sinks: Sequence[Sink] = ()) -> None:
     """Let a driver's actions move the robot until the environment ends the episode.
 
     Args:

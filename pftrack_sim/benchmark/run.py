@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import signal
 import threading
 from collections.abc import Callable, Generator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from pftrack_sim.benchmark.episode import EpisodeJob
 from pftrack_sim.benchmark.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor
 from pftrack_sim.benchmark.files import slug
-from pftrack_sim.benchmark.plan import Episode, Plan
+from pftrack_sim.benchmark.filming import film, worst
+from pftrack_sim.benchmark.plan import Episode, Plan, TrackerSpec
 from pftrack_sim.benchmark.progress import ProgressCounter, RunProgress
 from pftrack_sim.benchmark.store import SCRATCH, RunStore
 from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation
@@ -57,10 +60,12 @@ def run(
 
     Args:
         plan: What to run.
-        path: Run folder: absent, empty, or begun with the same plan. Finished episodes in it are not run again.
+        path: Run folder: absent, empty, or begun with a plan that this one does not contradict. What this plan adds to
+            it is run: seeds, conditions, scenarios, and trackers, which run alone in the episodes that are there.
         workers: Local processes; 0 runs everything in this one.
         scheduler: Address of a Dask scheduler to use instead.
-        videos: `"first"`: of the first seed of each scenario and condition; `"all"`; or `"none"`.
+        videos: `"first"`: of the first seed of each scenario and condition; `"all"`; `"none"`; or `"worst:5"`: of the
+            five worst episodes of each tracker.
         logs: Formats of logs to write of the first seed of each scenario and condition, with `videos="all"` of all.
         backend: Renderer, by name.
         isolation: Which trackers run in a process of their own: `"auto"` (third-party), `"always"`, `"never"`,
@@ -81,8 +86,7 @@ def run(
         Interrupted: Ctrl-C.
         RenderError: No renderer works.
     """
-    if videos not in VIDEOS:
-        raise ParameterError(f"videos must be one of {', '.join(VIDEOS)}, got {videos!r}")
+    worst_count = _worst_count(videos)
     if workers < 0:
         raise ParameterError(f"workers must be >= 0, got {workers}")
     if not 1 <= part[0] <= part[1]:
@@ -98,23 +102,34 @@ def run(
         if not workers and scheduler is None:
             ended.pop_all()  # this process runs the episodes too, with what is loaded here
 
-    def job(episode: Episode) -> EpisodeJob:
-        video = videos == "all" or (videos == "first" and episode.is_first_seed)
+    def filmed(episode: Episode) -> bool:
+        return videos == "all" or (videos == "first" and episode.is_first_seed)
+
+    def job(episode: Episode, lacking: tuple[TrackerSpec, ...]) -> EpisodeJob:
+        # Trackers that are added to an episode are filmed with the others, afterwards.
+        given, video = (replace(episode, trackers=lacking), False) if lacking else (episode, filmed(episode))
         scratch = path.resolve() / SCRATCH
-        logged = tuple(logs) if episode.is_first_seed or videos == "all" else ()
-        return EpisodeJob(episode, video, backend, isolated, limits, logs=logged, scratch=scratch, labels=plan.labels)
+        logged = tuple(logs) if not lacking and (episode.is_first_seed or videos == "all") else ()
+        labels = store.plan.labels
+        return EpisodeJob(given, video, backend, isolated, limits, logs=logged, scratch=scratch, labels=labels)
 
     with (
         contextlib.closing(make_executor(plan, workers, scheduler, processes)) as executor,
-        RunStore.begin(path, plan, refresh=refresh) as store,
+        RunStore.begin(path, plan, refresh=refresh, grow=True) as store,
     ):
+        plan = store.plan
         counter = ProgressCounter(store, part)
         on_progress(counter.progress(0))
         episodes = plan.episodes(part=part, shuffle=shuffle)
         problems: list[str] = []
         try:
             with _deferred_interrupt(not isinstance(executor, SerialExecutor)) as interrupted:
-                for done in executor.run_all(job(episode) for episode in episodes if not store.has(episode)):
+                missing = (
+                    job(episode, counter.incomplete.get(episode.path, ()))
+                    for episode in episodes
+                    if episode.path in counter.incomplete or not store.has(episode)
+                )
+                for done in executor.run_all(missing):
                     if done is not None and done.files is not None:
                         store.add(done.job.episode, done.files.table, done.files.video, done.files.logs)
                         counter.add(done.job.episode, done.files)
@@ -130,7 +145,23 @@ def run(
         if problems:
             raise RunError("\n".join([f"{len(problems)} of the episodes could not be run; {counter}", *problems]))
         store.write_summary()
+        if videos != "none":
+            results = store.results
+            wanted = worst(results, worst_count) if worst_count else results
+            episodes = {int(one.values["number"]): one for one in wanted}
+            chosen = [one for number, one in episodes.items() if worst_count or filmed(plan.episode(number))]
+            if any(store.video_of(one) is None for one in chosen):
+                film(store, chosen, backend=backend)
+                store.write_summary()
     return RunStore(path)
+
+
+def _worst_count(videos: str) -> int:
+    """N of `worst:N`; 0 for the other choices."""
+    match = re.fullmatch(r"worst:([1-9]\d{0,5})", videos)
+    if match is None and videos not in VIDEOS:
+        raise ParameterError(f"videos must be one of {', '.join(VIDEOS)} or worst:N, got {videos!r}")
+    return int(match[1]) if match else 0
 
 
 @contextlib.contextmanager

@@ -15,21 +15,22 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import content_digest
-from pftrack_sim.benchmark.files import query_deadline, remove_parts, sql_text, write_bytes
+from pftrack_sim.benchmark.episode_file import content_digest, join_episodes
+from pftrack_sim.benchmark.files import atomic_write, query_deadline, remove_parts, sql_text, write_bytes
+from pftrack_sim.benchmark.growth import grown
 from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums, write_sums
 from pftrack_sim.benchmark.losses import create_loss_views
 from pftrack_sim.benchmark.plan import Episode, Plan, differences, read_plan
 from pftrack_sim.benchmark.record import new_record, now, plan_record, read_record, session, write_record
 from pftrack_sim.benchmark.summary import TABLE_FILES, Result, load_summary, results_of, write_summary
-from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.inputs import is_file
 from pftrack_sim.core.text import one_line
 from pftrack_sim.logs import FORMATS
@@ -66,14 +67,16 @@ class RunStore:
         self._derived_removed = False
 
     @classmethod
-    def begin(cls, path: Path, plan: Plan, *, refresh: bool = False) -> RunStore:
+    def begin(cls, path: Path, plan: Plan, *, refresh: bool = False, grow: bool = False) -> RunStore:
         """Open a run folder to write. It is locked until `close`, or until this process ends in any way.
 
         Args:
             path: Absent, empty, or begun with the same plan.
-            plan: What is run.
-            refresh: Where the folder was begun with other code of the same trackers, remove the episodes that they
-                took part in, instead of an error.
+            plan: What is run; `store.plan` then has what is there already, too.
+            refresh: Where the folder was begun with other code of the same trackers, remove their rows, instead of an
+                error.
+            grow: Where the folder was begun with another plan that does not contradict this one, add this one to it,
+                instead of an error.
 
         Raises:
             RunError: It holds something else, another plan, or has another writer, or cannot be written.
@@ -87,7 +90,7 @@ class RunStore:
             _check_usable(path)
             begun = is_run(path)
             if begun:
-                _check_same(path, plan, refresh)
+                _continue(path, plan, refresh, grow)
             else:
                 write_record(path, new_record(plan))
             remove_parts(path)
@@ -179,11 +182,23 @@ class RunStore:
             for name in _DERIVED:  # they would speak of fewer episodes
                 (self.path / name).unlink(missing_ok=True)
             self._derived_removed = True
-        if video is not None:
+        file = self.episode_file(episode)
+        if is_file(file):
+            table = self._joined(episode, file, table)
+            self.video_file(episode).unlink(missing_ok=True)  # it lacks the trackers that were added
+        elif video is not None:
             write_bytes(self.video_file(episode), video)
         for name, content in (logs or {}).items():
             write_bytes(self.log_file(episode, name), content)
-        write_bytes(self.episode_file(episode), table)
+        write_bytes(file, table)
+
+    def _joined(self, episode: Episode, file: Path, table: bytes) -> bytes:
+        """A finished episode's table with the rows of the trackers that were added to it."""
+        added, joined = self.path / SCRATCH / "added.parquet", self.path / SCRATCH / "joined.parquet"
+        write_bytes(added, table)
+        earlier = [label for label in self.plan.labels if label not in episode.labels]
+        join_episodes(joined, [(file, earlier), (added, episode.labels)], replace(episode, trackers=self.plan.trackers))
+        return joined.read_bytes()
 
     def add_sessions(self, sessions: Sequence[dict[str, Any]]) -> None:
         """Record the sessions of another folder whose episodes were added."""
@@ -320,26 +335,39 @@ def _check_usable(path: Path) -> None:
         raise RunError(f"{path} exists and is not an empty folder: choose another with --out")
 
 
-def _check_same(path: Path, plan: Plan, refresh: bool) -> None:
+def _continue(path: Path, plan: Plan, refresh: bool, grow: bool) -> None:
+    """Make what a folder's plan lacks of this one part of it; see `RunStore.begin`."""
     store = RunStore(path)
-    if store.plan.digest == plan.digest:
+    try:
+        wanted = grown(store.plan, plan) if grow else plan
+    except ParameterError as error:
+        raise RunError(f"{path} holds another plan: choose another folder with --out\n{error}") from None
+    if wanted.digest == store.plan.digest:
         return
-    lines = "\n".join(f"  {line}" for line in differences(plan, store.plan))
-    if store.plan.without_code().digest != plan.without_code().digest:
+    lines = "\n".join(f"  {line}" for line in differences(wanted, store.plan))
+    if not grow and store.plan.without_code().digest != plan.without_code().digest:
         raise RunError(f"{path} holds another plan: choose another folder with --out, or ask for the same\n{lines}")
-    if not refresh:
+    digests = {tracker.label: tracker.digest for tracker in wanted.trackers}
+    changed_code = [tracker for tracker in store.plan.trackers if digests[tracker.label] != tracker.digest]
+    if changed_code and not refresh:
         raise RunError(
             f"{path} was begun with other code: its results are not those of the code of today; run what has changed "
             f"again with --refresh, or choose another folder with --out\n{lines}"
         )
     (path / SUMS).unlink(missing_ok=True)
     # The record comes last: interrupted before it, the folder still asks to be refreshed.
-    for number, old in store.episodes():
-        if old.trackers != plan.episode(number).trackers:
-            store.episode_file(old).unlink(missing_ok=True)
+    for _, old in store.episodes() if changed_code else ():
+        kept = [tracker.label for tracker in old.trackers if tracker not in changed_code]
+        file = store.episode_file(old)
+        if len(kept) < len(old.trackers):
             for name in (store.video_file(old), *(store.log_file(old, name) for name in FORMATS)):
                 name.unlink(missing_ok=True)
-    write_record(path, {**store.record, "finished": None, **plan_record(plan)})
+            if kept:
+                with atomic_write(file) as part:
+                    join_episodes(part, [(file, kept)], old)
+            else:
+                file.unlink(missing_ok=True)
+    write_record(path, {**store.record, "finished": None, **plan_record(wanted)})
 
 
 def _lock(path: Path) -> int:

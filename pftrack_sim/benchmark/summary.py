@@ -11,7 +11,7 @@ from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import MAX_BYTES, column, read_metadata
+from pftrack_sim.benchmark.episode_file import MAX_BYTES, column, missing_trackers, read_metadata
 from pftrack_sim.benchmark.files import atomic_write, csv_text, query_deadline, sql_text, write_bytes
 from pftrack_sim.benchmark.integrity import sha256_of
 from pftrack_sim.benchmark.plan import Condition, Episode, Plan, TrackerSpec
@@ -136,16 +136,18 @@ def load_summary(
     *,
     hashes: bool = False,
 ) -> int:
-    """Fill a table `summary` of finished episodes, with the files' hashes if asked; returns their number.
+    """Fill a table `summary` of finished episodes, with the files' hashes if asked.
 
-    The episodes are read a few hundred at a time.
+    Returns the number of those that have every tracker. The episodes are read a few hundred at a time.
     """
     present = ((number, one, path / "episodes" / f"{one.path}.parquet") for number, one in episodes)
-    count = 0
+    count, made = 0, False
     while chunk := list(islice(present, _CHUNK)):
         numbers = {file: number for number, _, file in chunk}
         rows: list[dict[str, Any]] = []
-        for file, metadata in read_metadata(database, {file: one for _, one, file in chunk}):
+        episodes_by_file = {file: one for _, one, file in chunk}
+        for file, metadata in read_metadata(database, episodes_by_file):
+            count += not missing_trackers(metadata, episodes_by_file[file])
             rows += _rows(plan, numbers[file], file, path, metadata, sha256_of(file) if hashes else "")
         columns = {name: column([row[name] for row in rows]) for name in rows[0]}
         database.register("chunk", columns)
@@ -154,9 +156,9 @@ def load_summary(
             "SELECT * EXCLUDE (level_names, level_values), map(level_names, level_values) AS levels "
             f"FROM (SELECT {chosen} FROM chunk)"
         )
-        database.execute(f"INSERT INTO summary BY NAME {select}" if count else f"CREATE TABLE summary AS {select}")
+        database.execute(f"INSERT INTO summary BY NAME {select}" if made else f"CREATE TABLE summary AS {select}")
         database.unregister("chunk")
-        count += len(chunk)
+        made = True
     return count
 
 

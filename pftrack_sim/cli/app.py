@@ -139,6 +139,7 @@ for name, command in {
     "profile": profile,
     "bench": running.bench,
     "follow": running.follow,
+    "film": running.film,
     "evaluate": running.evaluate,
     "export": export,
     "export-results": results.export_results,

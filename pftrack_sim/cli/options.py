@@ -51,7 +51,7 @@ ScoredBox = Annotated[
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(help="Run folder; the same command resumes it. Default: a new one in runs/."),
+    typer.Option(help="Run folder; the same command resumes it, another one adds to it. Default: a new one in runs/."),
 ]
 Refresh = Annotated[
     bool, typer.Option("--refresh", help="Run again what third-party code changed since the run folder was begun.")
@@ -68,7 +68,7 @@ AxisLevels = Annotated[
         help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated.",
     ),
 ]
-Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, or none.")]
+Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, worst:N (of each tracker), or none.")]
 Log = Annotated[
     str,
     typer.Option(

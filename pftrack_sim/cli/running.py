@@ -208,6 +208,29 @@ def follow(
     _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, progress)
 
 
+def film(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    worst: Annotated[int, typer.Option(metavar="N", help="How many episodes of each tracker, the worst first.")] = 5,
+    tracker: Annotated[str | None, typer.Option(help="Only the worst of this tracker: its name or label.")] = None,
+    loss: Annotated[bool, typer.Option("--loss", help="Only episodes that end with the target lost.")] = False,
+    backend: Backend = None,
+) -> None:
+    """Film the worst episodes of a run that has been run.
+
+    The frames are drawn again; the boxes are the stored ones, and no tracker runs.
+    """
+    from pftrack_sim.benchmark import RunStore
+    from pftrack_sim.benchmark.filming import film as film_results
+    from pftrack_sim.benchmark.filming import worst as worst_of
+
+    chosen = worst_of(RunStore(run).results, worst, tracker=tracker, lost=loss)
+    with RunStore.begin(run, RunStore(run).plan) as store, progress_bar("filming", len(chosen)) as tick:
+        videos = film_results(store, chosen, backend=backend, on_episode=tick)
+        store.write_summary()
+    tables.print_lines(f"{one.label} {one.number('mean_overlap'):.3f}: {store.video_of(one)}" for one in chosen)
+    tables.print_lines([] if videos else ["no episode to film: the target is not lost, or never visible"])
+
+
 def evaluate(
     sequences: Annotated[
         list[Path], typer.Argument(help="Folders of recorded sequences, see --format; or MCAP files.")

@@ -80,10 +80,18 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     sql = "SELECT tracker, mean_overlap FROM summary WHERE tracker = 'oracle'"
     for layout, words in (("table", "oracle"), ("csv", "oracle,1.0"), ("json", '{"tracker": "oracle", ')):
         assert words in pftrack_sim("query", str(out), sql, "--format", layout).stdout
-    again = pftrack_sim("bench", "plaza-walk", "--trackers", "oracle", "--out", str(out), *SMALL)
+    filmed = pftrack_sim("film", str(out), "--worst", "1", "--tracker", "stay")
+    assert filmed.returncode == 0, filmed.stderr
+    assert "seed-000" in filmed.stdout
+    assert ".mp4" in filmed.stdout
+    assert pftrack_sim("check", str(out)).returncode == 0
+    assert "did you mean 'stay'" in pftrack_sim("film", str(out), "--tracker", "sty").stderr
+    again = pftrack_sim(
+        "bench", "plaza-walk", "--trackers", "oracle", "--out", str(out), *SMALL, "--set", "duration_s=1"
+    )
     assert again.returncode == 2
     assert "holds another plan" in again.stderr
-    assert "trackers: oracle, stay there, oracle asked for" in again.stderr
+    assert "scenarios.plaza-walk: its content or its --set differ" in again.stderr
 
 
 def test_follow_prints_a_table_and_goes_on_with_the_latency_that_it_measured(tmp_path: Path):

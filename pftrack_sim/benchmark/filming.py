@@ -1,0 +1,154 @@
+"""Videos of episodes that have been run: the frames are drawn again, the estimates are those that were stored."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pftrack_sim.benchmark.plan import Episode
+from pftrack_sim.benchmark.rollout import Action, Sample, Sink, Step, drive, rollout, simulated
+from pftrack_sim.benchmark.sinks import TruthLog, picture, video_writer
+from pftrack_sim.benchmark.store import RunStore
+from pftrack_sim.benchmark.summary import Result
+from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.env import TrackAndFollowEnv
+from pftrack_sim.simulation.simulation import Simulation
+
+_COLUMNS = ("estimate", "confidence", "estimate_occluded", "answered")
+_COMMAND = ("command_forward", "command_turn", "command_pan", "command_tilt", "late_s")
+
+
+def worst(results: Sequence[Result], count: int, *, tracker: str | None = None, lost: bool = False) -> list[Result]:
+    """The results with the lowest mean overlap, the lowest first; those in which nothing is scored are left out.
+
+    Args:
+        results: Of a run.
+        count: How many of each tracker.
+        tracker: Label or name of the only tracker that counts.
+        lost: Only episodes that the tracker ends without having the target.
+
+    Raises:
+        UnknownNameError: No such tracker in the run.
+        ParameterError: `count` is not positive.
+    """
+    if count < 1:
+        raise ParameterError(f"the number of worst episodes must be >= 1, got {count}")
+    known = {name: None for one in results for name in (one.label, one.tracker.name)}
+    if tracker is not None and tracker not in known:
+        raise UnknownNameError("tracker of this run", tracker, known)
+    found: dict[str, list[Result]] = {}
+    for one in results:
+        counts = tracker in (None, one.label, one.tracker.name) and not one.never_seen
+        if counts and (not lost or one.number("lost_for_good") > 0.0):
+            found.setdefault(one.label, []).append(one)
+    ordered = [sorted(group, key=lambda one: one.number("mean_overlap"))[:count] for group in found.values()]
+    return [one for group in ordered for one in group]
+
+
+def film(
+    store: RunStore,
+    results: Iterable[Result],
+    *,
+    backend: str | None = None,
+    on_episode: Callable[[], None] = lambda: None,
+) -> list[Path]:
+    """Film the episodes of these results that have no video yet.
+
+    Args:
+        store: Run folder, open to write.
+        results: Their episodes are filmed, each once, with all its trackers.
+        backend: Renderer, by name.
+        on_episode: Called after each episode.
+
+    Returns:
+        The videos of all these episodes.
+
+    Raises:
+        RunError: The frames that are drawn now are not those that the trackers saw, or a video cannot be written.
+        RenderError: No renderer works.
+    """
+    numbers = dict.fromkeys(int(one.values["number"]) for one in results)
+    videos: list[Path] = []
+    for number in numbers:
+        episode = store.plan.episode(number)
+        video = store.video_file(episode)
+        if not video.is_file():
+            _film(store, number, episode, video, backend)
+        videos.append(video)
+        on_episode()
+    return videos
+
+
+def _film(store: RunStore, number: int, episode: Episode, video: Path, backend: str | None) -> None:
+    shown = [one for one in store.results if one.values["number"] == number]
+    columns = store.frame_columns(shown[0], ("label", *_COLUMNS, *(_COMMAND if episode.kind == "follow" else ())))
+    stored = {one.label: list(_estimates(columns, one.label)) for one in shown}
+    runners = [TrackerRunner(one.tracker, _StoredTracker()) for one in shown]
+    log, labels = TruthLog(), store.plan.labels
+
+    def record(step: Step) -> None:
+        for runner in runners:
+            runner.record(stored[runner.spec.label][len(runner.estimates)], "ok")
+
+    rate_hz = episode.scenario.resolve(episode.seed).camera.rate_hz
+    with contextlib.ExitStack() as opened:
+        opened.enter_context(_other_frames(episode))
+        add = opened.enter_context(video_writer(video, rate_hz))
+        sinks: list[Sink] = [log, record, lambda step: add(picture(step.sample, runners, labels), step.sample.time_s)]
+        if episode.kind == "follow":
+            env = opened.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=backend)))
+            drive(env, episode.seed, _StoredCommands(columns), sinks)
+        else:
+            simulation = opened.enter_context(Simulation(episode.scenario, backend=backend))
+            rollout(simulated(simulation, episode.seed), (), sinks)
+        if log.frames_digest != shown[0].values["frames_digest"]:
+            raise IndexError
+
+
+@contextlib.contextmanager
+def _other_frames(episode: Episode) -> Generator[None]:
+    try:
+        yield
+    except IndexError:  # also where there are more frames than estimates
+        raise RunError(
+            f"{episode.name}: the frames drawn now are not those that the trackers saw, so there is no video of it"
+        ) from None
+
+
+def _estimates(columns: Mapping[str, Any], label: str) -> Iterator[Estimate | None]:
+    """Estimates of one tracker, one for each frame; None where it did not answer."""
+    rows = zip(columns["label"], *(np.ma.getdata(columns[name]) for name in _COLUMNS), strict=True)
+    for other, box, confidence, occluded, answered in rows:
+        if other == label:
+            yield Estimate(box, confidence=float(confidence), occluded=bool(occluded)) if answered else None
+
+
+class _StoredTracker:
+    """Stands for a tracker whose estimates are stored."""
+
+    def init(self, image: Image, box: Box) -> None:
+        raise NotImplementedError
+
+    def update(self, image: Image) -> Estimate:
+        raise NotImplementedError
+
+
+class _StoredCommands:
+    """Drives the robot with the commands that were in force."""
+
+    def __init__(self, columns: Mapping[str, Any]) -> None:
+        self._commands = np.stack([columns[name] for name in _COMMAND[:4]], axis=1)
+        self._late_s = columns["late_s"]
+        self._next = 0
+
+    def act(self, sample: Sample) -> Action:
+        """The stored command of a frame."""
+        place, self._next = self._next, self._next + 1
+        return {"box": np.zeros(4), "command": self._commands[place], "late_s": float(self._late_s[place])}
