@@ -6,7 +6,7 @@ The unit of repetition is the seed, and differences are paired: both trackers of
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, get_args
 
@@ -14,6 +14,7 @@ import numpy as np
 from scipy import stats
 
 from pftrack_sim import score
+from pftrack_sim.benchmark.losses import overlaps_by_tag
 from pftrack_sim.benchmark.store import RunStore
 from pftrack_sim.benchmark.suite import Measure
 from pftrack_sim.benchmark.summary import Result
@@ -96,6 +97,8 @@ class RunComparison:
         titles: The same, with the folder of the run where one label stands for both.
         measure: Column of the summary that is compared.
         rows: One for each scenario and condition, and one for all where there are several.
+        tags: One for each thing that happens to the target (`losses.TAGS`, as the row's condition), of the mean overlap
+            on the frames around it; empty for other measures.
         episodes: Every pair, the greatest loss of the second first.
         different_frames: Pairs whose frames were not the same to the bit: only their distributions are comparable.
         unpaired: Episodes that only one of the two has.
@@ -105,6 +108,7 @@ class RunComparison:
     titles: tuple[str, str]
     measure: str
     rows: tuple[Difference, ...]
+    tags: tuple[Difference, ...]
     episodes: tuple[EpisodeDifference, ...]
     different_frames: int
     unpaired: int
@@ -156,6 +160,7 @@ def compare_runs(
         names if names[0] != names[1] else (f"{names[0]} in {first.path.name}", f"{names[1]} in {second.path.name}"),
         measure,
         tuple(_rows(pairs, measure)),
+        tuple(_tag_rows((first, second), names)) if measure == "mean_overlap" else (),
         tuple(sorted(pairs, key=lambda pair: math.inf if math.isnan(pair.difference) else pair.difference)),
         sum(pair.first.values["frames_digest"] != pair.second.values["frames_digest"] for pair in pairs),
         len(one) + len(other) - 2 * len(common),
@@ -201,6 +206,20 @@ def _rows(pairs: Sequence[EpisodeDifference], measure: str) -> list[Difference]:
             means[seed] = one, other
         rows.append(_difference("all", "", means))
     return rows
+
+
+def _tag_rows(runs: Sequence[RunStore], names: Sequence[str]) -> Iterator[Difference]:
+    one, other = (overlaps_by_tag(run, name) for run, name in zip(runs, names, strict=True))
+    for tag, overlaps in one.items():
+        by_seed: dict[int, list[tuple[float, float]]] = {}
+        for key in overlaps.keys() & other[tag].keys():
+            by_seed.setdefault(key[2], []).append((overlaps[key], other[tag][key]))
+        means: dict[int, tuple[float, float]] = {}
+        for seed, pairs in sorted(by_seed.items()):
+            mean, other_mean = np.mean(pairs, axis=0).tolist()
+            means[seed] = mean, other_mean
+        if means:
+            yield _difference("all", tag, means)
 
 
 def _difference(scenario: str, condition: str, scores: Mapping[int, tuple[float, float]]) -> Difference:

@@ -145,5 +145,26 @@ def loss_shares(store: RunStore) -> dict[str, LossShares]:
     return found
 
 
+def overlaps_by_tag(store: RunStore, label: str) -> dict[str, dict[tuple[str, str, int], float]]:
+    """A tracker's mean overlap on the frames with a tag around them: by tag, and by scenario, condition and seed.
+
+    Raises:
+        RunError: There is no finished episode, or a file cannot be read.
+    """
+    means = ", ".join(f"avg(overlap) FILTER ({name})" for name in TAGS)
+    sql = (
+        f"SELECT scenario, condition, seed, {means} FROM moments WHERE scored AND frame > 0 AND label = ? GROUP BY ALL"
+    )
+    try:
+        with store.database() as database:
+            rows = database.execute(f"{sql} ORDER BY ALL", [label]).fetchall()
+    except duckdb.Error as error:
+        raise RunError(f"{store.path} cannot be read: {error}") from None
+    return {
+        tag: {(row[0], row[1], row[2]): row[3 + place] for row in rows if row[3 + place] is not None}
+        for place, tag in enumerate(TAGS)
+    }
+
+
 def _by_label(database: duckdb.DuckDBPyConnection, sql: str) -> dict[str, tuple[Any, ...]]:
     return {row[0]: row[1:] for row in database.execute(sql).fetchall()}

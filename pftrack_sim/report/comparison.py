@@ -17,6 +17,7 @@ from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.integrity import update_sum
+from pftrack_sim.benchmark.losses import TAGS
 from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
@@ -49,7 +50,7 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_PAGE), autoescape=True, undefined=jinja2.StrictUndefined
     )
-    scale = max([0.01, *(abs(end) for row in found.rows for end in (row.difference, row.low, row.high)
+    scale = max([0.01, *(abs(end) for row in (*found.rows, *found.tags) for end in (row.difference, row.low, row.high)
                          if not math.isnan(end))])  # fmt: skip
     colours = [palette.hexadecimal(colour) for colour in palette.TRACKERS[:2]]
     page = environment.get_template("comparison.html.j2").render(
@@ -58,6 +59,8 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
         style=Markup((_PAGE / "report.css").read_text(encoding="utf-8")),
         script=Markup((_PAGE / "comparison.js").read_text(encoding="utf-8")),
         rows=[_row(row, scale) for row in found.rows],
+        tags=[_row(row, scale) for row in found.tags],
+        meanings={tag.replace("_", " "): words for tag, (words, _) in TAGS.items()},
         scale=number_text(scale, 3),
         last=found.rows[-1],
         seeds=[(size, found.rows[-1].seeds_for(size)) for size in _SIZES],
@@ -79,8 +82,8 @@ def _row(row: Difference, scale: float) -> dict[str, Any]:
 
     known = not math.isnan(row.low)
     return {
-        "name": "all, each with the same weight" if row.scenario == "all" else row.scenario,
-        "condition": row.condition,
+        "name": row.scenario,
+        "condition": row.condition.replace("_", " "),
         "seeds": row.seeds,
         "means": [number_text(row.first, 3), number_text(row.second, 3)],
         "difference": "-" if math.isnan(row.difference) else f"{row.difference:+.3f}",
@@ -123,7 +126,7 @@ def _episode(
 
 def _parting_s(time_s: FloatArray, first: FloatArray, second: FloatArray) -> float:
     """When the second falls behind: the start of the first `_WINDOW_S` in which it does by half of the most it does."""
-    count = max(1, int(np.searchsorted(time_s, time_s[0] + _WINDOW_S)))
+    count = max(1, int(np.count_nonzero(time_s < time_s[0] + _WINDOW_S)))
     behind = np.convolve(np.nan_to_num(first - second), np.full(count, 1.0 / count), mode="valid")
     return float(time_s[int(np.argmax(behind >= 0.5 * behind.max()))]) if behind.max() > 0.0 else 0.0
 

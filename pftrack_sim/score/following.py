@@ -81,7 +81,7 @@ class Following:
         within: Share of the frames driven with both errors within the task's limits and the target seen.
         distance_rms_m: Error of distance.
         bearing_rms_deg: Error of bearing.
-        time_to_loss_s: Until the target was first out of sight for longer than `FOUND_S`; the whole time when never.
+        time_to_loss_s: Until the target was first out of sight for longer than `FOUND_S`; NaN when never.
         time_to_find_s: Mean time from a loss until it was seen again for `FOUND_S`; NaN when never lost or never found.
         losses: Number of such losses.
         jerk_rms_m_s3: Jerk of the robot's path, over half a second.
@@ -131,7 +131,7 @@ def summarise(path: DrivenPath, task: FollowTask) -> Following:
         within=float(good.mean()),
         distance_rms_m=_rms(distance - task.distance_m),
         bearing_rms_deg=math.degrees(_rms(bearing)),
-        time_to_loss_s=float((lost_spans[0][0] if lost_spans else path.time_s[-1]) - path.time_s[0]),
+        time_to_loss_s=float(lost_spans[0][0] - path.time_s[0]) if lost_spans else math.nan,
         time_to_find_s=sum(found) / len(found) if found else math.nan,
         losses=len(lost_spans),
         jerk_rms_m_s3=jerk_rms(path.robot_xy_m, path.time_s),

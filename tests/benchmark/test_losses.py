@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import make_plan, run
-from pftrack_sim.benchmark.losses import TAGS, create_loss_views, loss_shares
+from pftrack_sim.benchmark.losses import TAGS, create_loss_views, loss_shares, overlaps_by_tag
 from pftrack_sim.benchmark.sinks import nearest_look_alike
 from pftrack_sim.core.errors import RunError
 
@@ -103,6 +103,11 @@ def test_a_run_answers_for_its_losses(tmp_path):
     assert counted == [(shares["stay"].losses, shares["stay"].shares["occluded"])]
     assert shares["stay"].losses > 0
     assert shares["stay"].frames == shares["oracle"].frames
+    overlaps = overlaps_by_tag(store, "stay")
+    sql = "SELECT avg(overlap) FROM moments WHERE label = 'stay' AND frame > 0 AND scored AND look_alike_near"
+    assert list(overlaps["look_alike_near"].values()) == [
+        value for (value,) in store.query(sql).rows if value is not None
+    ]
     nearest = [row[0] for row in store.query("SELECT nearest_look_alike FROM frames WHERE label = 'stay'").rows]
     assert len(nearest) == 30
     assert all(value > 0.0 for value in nearest)

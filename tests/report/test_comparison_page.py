@@ -10,6 +10,8 @@ import pytest
 from pftrack_sim import report
 from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.comparison import compare_runs
+from pftrack_sim.benchmark.losses import TAGS
+from pftrack_sim.cli import reading
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.report.comparison import _parting_s
 
@@ -19,6 +21,10 @@ def test_it_shows_differences_and_videos_at_the_moment_of_parting(browser: Any, 
     found = compare_runs(store, store, ["oracle", "stay"])
     target = report.write_comparison(store, store, found, tmp_path / "comparison.html")
     assert target.stat().st_size < 100_000
+    oracle = {row.condition: row.first for row in found.tags}
+    assert oracle
+    assert set(oracle) <= set(TAGS)
+    assert set(oracle.values()) == {1.0}
     for width in (1400, 400):
         page = browser.new_page(viewport={"width": width, "height": 900})
         complaints: list[str] = []
@@ -61,3 +67,14 @@ def test_overlaps_part_where_the_second_falls_behind():
     first, second = np.full(40, 0.8), np.where(time_s < 2.0, 0.8, 0.1)
     assert _parting_s(time_s, first, second) == pytest.approx(2.0, abs=0.3)
     assert _parting_s(time_s, second, first) == 0.0
+
+
+def test_compare_and_report_say_where_it_fails(lost: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    reading.compare(lost, trackers="oracle,stay", html=tmp_path / "page.html")
+    printed = capsys.readouterr().out
+    assert "1 seed cannot show a difference between stay and oracle" in printed
+    assert f"written: {tmp_path / 'page.html'}" in printed
+    reading.report(lost)
+    printed = capsys.readouterr().out
+    assert "Share of the losses that begin with" in printed
+    assert "of all frames" in printed

@@ -174,7 +174,7 @@ function onClick(plot, act) {
 
 // Conditions with given levels; an axis that a condition does not name is at 0.
 function conditionsAt(levels) {
-  return new Set(DATA.levels.keys().filter((k) => levels.every(([label, x]) => (DATA.levels[k][label.split(", mean over")[0]] ?? 0) === x)));
+  return new Set([...DATA.levels.keys()].filter((k) => levels.every(([label, x]) => (DATA.levels[k][label.split(", mean over")[0]] ?? 0) === x)));
 }
 
 function rowsAt(tracker, levels) {
