@@ -9,7 +9,7 @@ WHEEL_VENV := build/wheel-venv
 
 WITHOUT_GL := PYTHONPATH=tests/without_opengl
 
-.PHONY: setup demo bare test test-slow fuzz lint perf wheel pictures clean
+.PHONY: setup demo bare test test-slow fuzz lint perf docs wheel pictures clean
 
 setup: $(STAMP)
 
@@ -64,6 +64,10 @@ lint: setup
 
 perf: setup
 	@for script in tests/perf/perf_*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+# The site, in build/site; a broken link is an error.
+docs: setup
+	$(BIN)/mkdocs build --quiet
 
 # The pictures of the README.
 pictures: setup
