@@ -10,18 +10,23 @@ import typer
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import MAX_SEEDS, AxisLevels, Backend, BenchSeeds, Settings, Workers
 from pftrack_sim.cli.progress import cores, progress_bar
-from pftrack_sim.cli.values import parse_axes, parse_settings
+from pftrack_sim.cli.values import parse_axes, parse_names, parse_settings
 
 
 def export(
     scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
     out: Annotated[Path, typer.Option(help="Folder of the data set; the same command resumes it.")],
-    layout: Annotated[str, typer.Option("--format", help="otb, lasot, got10k, vot or mot.")] = "otb",
+    layout: Annotated[
+        str, typer.Option("--format", help="otb, lasot, got10k, vot, mot, coco, kitti or webdataset.")
+    ] = "otb",
     seeds: BenchSeeds = None,
     axis: AxisLevels = None,
     settings: Settings = None,
     image: Annotated[str, typer.Option(help="png, lossless, or jpg.")] = "png",
     quality: Annotated[int, typer.Option(help="Quality of JPEG, 1 to 100.")] = 95,
+    maps: Annotated[
+        str | None, typer.Option("--with", metavar="A,B", help="Beside each image: depth, masks (who is seen), flow.")
+    ] = None,
     workers: Workers = None,
     backend: Backend = None,
 ) -> None:
@@ -40,7 +45,18 @@ def export(
         axes=parse_axes(axis or []),
         overrides=parse_settings(settings or []),
     )
+    kinds = parse_names(maps) if maps is not None else []
     chosen = workers if workers is not None else cores()
     with progress_bar("writing sequences", sequence_count(plan)) as tick:
-        export_plan(plan, out, layout, image=image, quality=quality, workers=chosen, backend=backend, on_sequence=tick)
+        export_plan(
+            plan,
+            out,
+            layout,
+            image=image,
+            quality=quality,
+            maps=kinds,
+            workers=chosen,
+            backend=backend,
+            on_sequence=tick,
+        )
     tables.print_folder(out)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -45,9 +45,9 @@ def read(folder: Path) -> RecordedSequence:
     return RecordedSequence.checked(folder, _TRUTH, numbered_images(folder), truth, rate_hz)
 
 
-def index(names: Sequence[str]) -> dict[str, str]:
+def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
     """The list of sequences."""
-    return {"val/list.txt": "".join(f"{name}\n" for name in names)}
+    yield "val/list.txt", (f"{name}\n" for name in names)
 
 
 def write(folder: Path, annotations: Annotations) -> None:

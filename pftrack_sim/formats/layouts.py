@@ -3,56 +3,89 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
-from pftrack_sim.formats import got10k, lasot, mcap, mot, otb, vot
+from pftrack_sim.formats import coco, got10k, kitti, lasot, mcap, mot, otb, vot, webdataset
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
 _DEPTH = 3
 """Folders below a data set in which its sequences are looked for."""
 
 
+def _no_index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
+    yield from ()
+
+
 @dataclass(frozen=True)
-class Layout:
-    """How a data set lays out a sequence.
+class WrittenLayout:
+    """How a data set lays out a sequence that is written.
 
     Attributes:
         title: The data set.
-        expects: Files of a sequence, for messages.
-        matches: Whether a folder has this layout.
-        read: Reads the sequence in a folder.
         write: Writes the annotations of a sequence into the folder that holds its images.
-        image: Path of an image within the folder without its suffix, formatted with its number from 1.
+        image: Path of an image within the folder without its suffix, formatted with its number.
         sequences: Folder of the sequences within the data set.
-        index: Files of the data set besides its sequences, by their path, from the sequences' names.
+        index: Files of the data set besides its sequences, in pieces, by their path; from the folder of the data set,
+            whose sequences are there, and their names.
+        first: Number of the first image.
+        needs: `"masks"` and `"solids"`: what of `PersonBox` it writes besides boxes.
+        packed: Whether a sequence is a shard: an archive with a text for each image.
     """
 
     title: str
-    expects: str
-    matches: Callable[[Path], bool]
-    read: Callable[[Path], RecordedSequence]
     write: Callable[[Path, Annotations], None]
     image: str
     sequences: str = "."
-    index: Callable[[Sequence[str]], Mapping[str, str]] = lambda names: {}
+    index: Callable[[Path, Sequence[str]], Iterator[tuple[str, Iterator[str]]]] = _no_index
+    first: int = 1
+    needs: frozenset[str] = frozenset()
+    packed: bool = False
+
+
+@dataclass(frozen=True)
+class Layout(WrittenLayout):
+    """How a data set lays out a sequence that is written and read.
+
+    Attributes:
+        expects: Files of a sequence, for messages.
+        matches: Whether a folder has this layout.
+        read: Reads the sequence in a folder.
+    """
+
+    expects: str = field(kw_only=True)
+    matches: Callable[[Path], bool] = field(kw_only=True)
+    read: Callable[[Path], RecordedSequence] = field(kw_only=True)
 
 
 LAYOUTS: dict[str, Layout] = {
-    "otb": Layout("OTB", otb.EXPECTS, otb.matches, otb.read, otb.write, otb.IMAGE),
+    "otb": Layout("OTB", otb.write, otb.IMAGE, expects=otb.EXPECTS, matches=otb.matches, read=otb.read),
     "mot": Layout(
-        "MOTChallenge", mot.EXPECTS, mot.matches, mot.read, mot.write, mot.IMAGE,
-        "pftrack-train", mot.index,
+        "MOTChallenge", mot.write, mot.IMAGE, "pftrack-train", mot.index,
+        expects=mot.EXPECTS, matches=mot.matches, read=mot.read,
     ),
     "got10k": Layout(
-        "GOT-10k", got10k.EXPECTS, got10k.matches, got10k.read, got10k.write, got10k.IMAGE, "val", got10k.index
+        "GOT-10k", got10k.write, got10k.IMAGE, "val", got10k.index,
+        expects=got10k.EXPECTS, matches=got10k.matches, read=got10k.read,
     ),
-    "vot": Layout("VOT", vot.EXPECTS, vot.matches, vot.read, vot.write, vot.IMAGE, "sequences", vot.index),
-    "lasot": Layout("LaSOT", lasot.EXPECTS, lasot.matches, lasot.read, lasot.write, lasot.IMAGE),
+    "vot": Layout(
+        "VOT", vot.write, vot.IMAGE, "sequences", vot.index,
+        expects=vot.EXPECTS, matches=vot.matches, read=vot.read,
+    ),
+    "lasot": Layout("LaSOT", lasot.write, lasot.IMAGE, expects=lasot.EXPECTS, matches=lasot.matches, read=lasot.read),
 }  # fmt: skip
 """In the order in which they are looked for: `groundtruth.txt` alone does not tell GOT-10k, VOT and LaSOT apart."""
+
+
+WRITTEN: dict[str, WrittenLayout] = {
+    **LAYOUTS,
+    "coco": WrittenLayout("COCO", coco.write, coco.IMAGE, coco.IMAGES, coco.index, needs=frozenset({"masks"})),
+    "kitti": WrittenLayout("KITTI", kitti.write, kitti.IMAGE, kitti.IMAGES, kitti.index, 0, frozenset({"solids"})),
+    "webdataset": WrittenLayout("WebDataset", webdataset.write, webdataset.IMAGE, index=webdataset.index, packed=True),
+}
+"""All layouts that are written, also those for training that hold no sequence to track in."""
 
 
 def find_sequences(root: str | Path, layout: str | None = None) -> list[tuple[Path, str]]:

@@ -8,7 +8,7 @@ that is read for tracking one person.
 from __future__ import annotations
 
 import configparser
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -62,9 +62,9 @@ def read_people(folder: Path) -> FloatArray:
     return rows[:, :6] - np.array([1.0, 0.0, 1.0, 1.0, 0.0, 0.0])
 
 
-def index(names: Sequence[str]) -> dict[str, str]:
+def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
     """The list of sequences that TrackEval reads."""
-    return {"seqmaps/pftrack-train.txt": "".join(f"{name}\n" for name in ("name", *names))}
+    yield "seqmaps/pftrack-train.txt", (f"{name}\n" for name in ("name", *names))
 
 
 def write(folder: Path, annotations: Annotations) -> None:

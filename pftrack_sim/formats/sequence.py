@@ -97,11 +97,21 @@ class PersonBox:
         identity: The same number for the same person throughout the sequence; 1 is the target.
         box: x, y, w, h [px], clipped to the image.
         visible_fraction: Visible share of the person's pixels inside the image.
+        truncation: Share of the whole box outside the image.
+        visible_box: x, y, w, h [px] around the visible pixels; empty where there are none.
+        mask: Run-length code of the visible pixels, column by column: numbers of pixels off and on by turns. Only for
+            formats that need it.
+        solid: Height, width, length of the 3D box [m], the middle of its lower face in the camera's frame [m], and its
+            turn about the camera's y axis [rad]. Only for formats that need it.
     """
 
     identity: int
-    box: tuple[float, float, float, float]
+    box: tuple[float, ...]
     visible_fraction: float
+    truncation: float = 0.0
+    visible_box: tuple[float, ...] = ()
+    mask: tuple[int, ...] = ()
+    solid: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +127,8 @@ class Annotations:
         truncation: `(N,)` share of its whole box that lies outside the image.
         out_of_view: `(N,)` whether it is outside the image altogether.
         people: For each frame everybody in view.
+        number: Place of the sequence in its data set, from 0.
+        focal_and_centre_px: fx, fy, cx, cy of the camera.
         tags: `(N,)` for each attribute whether a frame has it: `"motion_change"`.
     """
 
@@ -128,6 +140,8 @@ class Annotations:
     truncation: FloatArray
     out_of_view: NDArray[np.bool_]
     people: tuple[tuple[PersonBox, ...], ...]
+    number: int = 0
+    focal_and_centre_px: tuple[float, float, float, float] = (1.0, 1.0, 0.0, 0.0)
     tags: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict[str, NDArray[np.bool_]])
 
     def __len__(self) -> int:

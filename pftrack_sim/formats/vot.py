@@ -8,7 +8,7 @@ that are no rectangles (polygons of 6 or more numbers, masks) become the boxes a
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -104,20 +104,19 @@ def _box(path: Path, number: int, line: str) -> list[float]:
     )
 
 
-def index(names: Sequence[str]) -> dict[str, str]:
+def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
     """The list of sequences, and the workspace around it: experiments and where trackers are described.
 
     The experiment runs a tracker once from the first frame on; without `vot initialize` nothing is downloaded.
     """
-    return {
-        "sequences/list.txt": "".join(f"{name}\n" for name in names),
-        "config.yaml": f"stack: {_STACK}\nregistry:\n- ./trackers.ini\nsequences: sequences\n",
-        _STACK: (
-            f"title: pftrack-sim\nexperiments:\n  {EXPERIMENT}:\n    type: unsupervised\n    repetitions: 1\n"
-            "    analyses:\n    - type: average_accuracy\n      name: accuracy\n      burnin: 1\n"
-            "    - type: vot.analysis.longterm.AccuracyRobustness\n      name: ar\n"
-        ),
-    }
+    yield "sequences/list.txt", (f"{name}\n" for name in names)
+    yield "config.yaml", iter([f"stack: {_STACK}\nregistry:\n- ./trackers.ini\nsequences: sequences\n"])
+    analyses = (
+        "    - type: average_accuracy\n      name: accuracy\n      burnin: 1\n"
+        "    - type: vot.analysis.longterm.AccuracyRobustness\n      name: ar\n"
+    )
+    experiment = f"experiments:\n  {EXPERIMENT}:\n    type: unsupervised\n    repetitions: 1\n    analyses:\n"
+    yield _STACK, iter(["title: pftrack-sim\n", experiment, analyses])
 
 
 def write(folder: Path, annotations: Annotations) -> None:

@@ -7,7 +7,7 @@ environments and the benchmark are built on this class; it knows no actions, rew
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,7 +27,9 @@ from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
 from pftrack_sim.scene.people.person import TRUNK
 from pftrack_sim.simulation.world import World
+from pftrack_sim.truth.geometry import SceneGeometry
 from pftrack_sim.truth.observer import TruthObserver
+from pftrack_sim.truth.silhouettes import Silhouette
 
 LIVE_AXES = ("jitter", "blur", "rolling_shutter", "distortion", "noise", "stream")
 """Stress axes of the camera and of the link, which can change within an episode."""
@@ -254,6 +256,55 @@ class Simulation:
         image.setflags(write=False)
         self._frame = Frame(self._index, world.time_s, image, people[0], people)
         return self._frame
+
+    @property
+    def instantaneous(self) -> bool:
+        """Whether each frame of the running episode is an instant through a pinhole."""
+        return self._frame_capture is None
+
+    def scene_geometry(self) -> SceneGeometry:
+        """What every pixel of the last frame shows, and how far it is.
+
+        Raises:
+            ScenarioError: A pixel of the frame has no single depth: exposure, readout or lens are not those of an
+                instant through a pinhole.
+        """
+        self._check_instantaneous("depth and flow")
+        assert self._renderer is not None
+        data, pose = self.world.data, self._camera_pose()
+        drawn = self._renderer.ids(data, pose, self._K)
+        return SceneGeometry(
+            drawn.ids.copy(),
+            self._renderer.depth_m(drawn).astype(np.float64),
+            pose,
+            self._K,
+            np.array(data.geom_xpos),
+            np.array(data.geom_xmat).reshape(-1, 3, 3),
+            self._renderer.near_m,
+        )
+
+    def extents_m(self) -> dict[str, FloatArray]:
+        """`(2, 3)` smallest and largest coordinates [m] of each person's body in its own frame, by name.
+
+        Raises:
+            ScenarioError: As `scene_geometry`.
+        """
+        self._check_instantaneous("3D boxes")
+        assert self._truth is not None
+        world = self.world
+        return dict(zip(world.people, self._truth.extents_m(world.data, world.root_poses()), strict=True))
+
+    def _check_instantaneous(self, what: str) -> None:
+        if not self.instantaneous:
+            words = (
+                f"{what} need frames that are an instant through a pinhole: set blur, rolling_shutter, distortion to 0"
+            )
+            raise ScenarioError(self.scenario.name, [words])
+
+    @property
+    def silhouettes(self) -> Mapping[str, Silhouette]:
+        """Pixels of the people in the last frame, by name, of those who have some; under every effect."""
+        return self._truth.silhouettes if self._truth is not None else {}
 
     @property
     def periods(self) -> int:

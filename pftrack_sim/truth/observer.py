@@ -75,6 +75,8 @@ class TruthObserver:
         bodies = Bodies([[_vertices(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]])
         self._finder = SilhouetteFinder(model, renderer, geoms, bodies, boxed)
         self._centres: FloatArray | None = None
+        self.silhouettes: dict[str, Silhouette] = {}
+        """Silhouettes in the last frame, by person, of those who have a pixel in it."""
 
     def observe(
         self, data: mujoco.MjData, T_world_camera: ArrayLike, image: Image, time_s: float, T_world_people: ArrayLike
@@ -112,6 +114,24 @@ class TruthObserver:
         pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
         return self._truths(projection, image, time_s, pose, roots, captured.body_positions, distortion)
 
+    def extents_m(self, data: mujoco.MjData, T_world_people: ArrayLike) -> FloatArray:
+        """`(P, 2, 3)` smallest and largest coordinates of each person's body in its own frame.
+
+        Args:
+            data: Positions.
+            T_world_people: `(P, 4, 4)` root poses, as for `observe`.
+        """
+        roots = np.asarray(T_world_people, dtype=np.float64)
+        positions, rotations = self._finder.poses(data)
+        bodies, ends = self._finder.bodies, list[tuple[FloatArray, FloatArray]]()
+        for person, root in enumerate(roots):
+            first = int(bodies.starts[person])
+            last = int(bodies.starts[person + 1]) if person + 1 < len(bodies.starts) else len(bodies.vertices)
+            world = [bodies.vertices[part] @ rotations[part].T + positions[part] for part in range(first, last)]
+            local = (np.concatenate(world) - root[:3, 3]) @ root[:3, :3]
+            ends.append((local.min(axis=0), local.max(axis=0)))
+        return np.array(ends)
+
     def _check(self, image: Image, T_world_people: ArrayLike) -> None:
         people, shape = len(self._people), np.shape(T_world_people)
         if shape != (people, 4, 4):
@@ -138,6 +158,7 @@ class TruthObserver:
         )
         motion = self._image_motion(amodal_boxes)
         distance = np.linalg.norm(body_positions[self._pelvis] - pose[:3, 3], axis=1)
+        self.silhouettes = {self._people[person]: found for person, found in projection.silhouettes.items()}
         truths: list[Truth] = []
         for person, (name, amodal) in enumerate(zip(self._people, amodal_boxes, strict=True)):
             silhouette = projection.silhouettes.get(person)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import Plan, make_plan
-from pftrack_sim.benchmark.export import TRUTH, export
+from pftrack_sim.benchmark.export import export
+from pftrack_sim.benchmark.sequence_writer import TRUTH
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
 from pftrack_sim.formats import LAYOUTS, read_sequence
 from pftrack_sim.scenario import load
@@ -46,8 +47,8 @@ def test_a_sequence_has_the_frames_and_boxes_of_the_episode(tmp_path: Path, layo
     assert {row[2] for row in rows} == {"target"}
     np.testing.assert_allclose([row[3] for row in rows], read.truth[:, 0], atol=6e-6)
     assert json.loads((out / "dataset.json").read_text())["format"] == layout
-    for name, text in LAYOUTS[layout].index([folder.name]).items():
-        assert (out / name).read_text() == text
+    for name, pieces in LAYOUTS[layout].index(out, [folder.name]):
+        assert (out / name).read_text() == "".join(pieces)
 
 
 @pytest.mark.slow

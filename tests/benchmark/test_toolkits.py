@@ -90,8 +90,8 @@ def write_random(data: Path, results: Path, form: ResultFormat) -> None:
                     unique = {(line[0], line[1]): line for line in lines}
                     text = "".join(",".join(line[:7]) + "\n" for line in unique.values())
                 write_bytes(results / path, text.encode())
-    for path, text in layout.index(names).items():
-        write_bytes(data / path, text.encode())
+    for path, pieces in layout.index(data, names):
+        write_bytes(data / path, "".join(pieces).encode())
 
 
 def ours(folders: Path, form: str) -> dict[str, dict[str, float]]:

@@ -217,6 +217,13 @@ class FrameCapture:
         return render_pass
 
 
+def is_instantaneous(settings: ResolvedScenario) -> bool:
+    """Whether each frame of a scenario is taken at an instant through a pinhole."""
+    axes = settings.axes
+    instant = axes.blur.physical == 0.0 and axes.rolling_shutter.physical == 0.0
+    return instant and not any(axes.distortion.coefficients)
+
+
 def make_frame_capture(
     settings: ResolvedScenario, model: mujoco.MjModel, K: FloatArray, shake: CameraShake
 ) -> FrameCapture | None:
@@ -228,7 +235,7 @@ def make_frame_capture(
     axes, camera = settings.axes, settings.camera
     shutter = Shutter(1e-3 * axes.blur.physical, 1e-3 * axes.rolling_shutter.physical, camera.height_px)
     coefficients = axes.distortion.coefficients
-    if shutter.instant and not any(coefficients):
+    if is_instantaneous(settings):
         return None
     try:
         lens = Lens(K, coefficients, (camera.width_px, camera.height_px))

@@ -1,0 +1,247 @@
+"""Write one simulated episode as a sequence of a data set."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import tarfile
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import cv2
+import duckdb
+import numpy as np
+
+from pftrack_sim.benchmark.episode_file import truth_columns
+from pftrack_sim.benchmark.files import sql_text
+from pftrack_sim.benchmark.plan import Episode
+from pftrack_sim.benchmark.rollout import Step, rollout, simulated
+from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.records import Frame, Truth
+from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.formats import WRITTEN, Annotations, PersonBox
+from pftrack_sim.formats.maps import MapKind, encode_depth, encode_flow, encode_masks
+from pftrack_sim.formats.webdataset import SHARD, add_member, sample
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.truth.geometry import SceneGeometry
+
+ImageFormat: TypeAlias = Literal["png", "jpg"]
+JPEG_QUALITY = 95
+TRUTH = "truth.parquet"
+"""Truth of everybody in view, a row per person and frame, beside the images of a sequence."""
+
+
+@dataclass(frozen=True)
+class ExportJob:
+    """One sequence to write.
+
+    Attributes:
+        episode: What is simulated; the robot follows its script.
+        folder: Folder of the sequence.
+        layout: One of `WRITTEN`.
+        image: `"png"`, lossless, or `"jpg"`.
+        quality: Of JPEG, 1 to 100.
+        maps: What is written beside each image.
+        backend: Renderer, by name.
+        number: Place of the sequence in the data set, from 0.
+    """
+
+    episode: Episode
+    folder: Path
+    layout: str
+    image: ImageFormat = "png"
+    quality: int = JPEG_QUALITY
+    maps: tuple[MapKind, ...] = ()
+    backend: str | None = None
+    number: int = 0
+
+
+def export_sequence(job: ExportJob) -> None:
+    """Write one sequence; its folder appears under its name when it is complete.
+
+    Raises:
+        RunError: It cannot be written.
+        ScenarioError: The scenario contradicts itself at this seed, or has effects under which a map has no definition.
+    """
+    part = job.folder.with_name(f".{job.folder.name}.part")
+    try:
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        with ExitStack() as opened:
+            put: Callable[[str, bytes], None] = partial(_put_file, part)
+            if WRITTEN[job.layout].packed:
+                shard = opened.enter_context(tarfile.open(part / SHARD, "w", format=tarfile.PAX_FORMAT))
+                put = partial(_put_member, shard, job.folder.name)
+            simulation = opened.enter_context(Simulation(job.episode.scenario, backend=job.backend))
+            writer = _SequenceWriter(job, part, simulation, put)
+            rollout(simulated(simulation, job.episode.seed), (), [writer.add])
+            writer.flush()
+        writer.finish()
+        part.rename(job.folder)
+    except OSError as error:
+        raise RunError(f"cannot write {job.folder}: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _put_file(folder: Path, name: str, content: bytes) -> None:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
+def _put_member(shard: tarfile.TarFile, sequence: str, name: str, content: bytes) -> None:
+    add_member(shard, f"{sequence}/{name}", content)
+
+
+@dataclass
+class _SequenceWriter:
+    """Writes images and maps as they come, and keeps the truth for the end: a few hundred bytes per person and frame.
+
+    The files of the last frame are held back, because its flow is known only with the next one.
+    """
+
+    job: ExportJob
+    folder: Path
+    simulation: Simulation
+    put: Callable[[str, bytes], None]
+    frames: list[Frame] = field(default_factory=list[Frame])
+    people: list[tuple[PersonBox, ...]] = field(default_factory=list[tuple[PersonBox, ...]])
+    identities: dict[str, int] = field(default_factory=dict[str, int])
+    held: list[tuple[str, bytes]] = field(default_factory=list[tuple[str, bytes]])
+    geometry: SceneGeometry | None = None
+
+    def add(self, step: Step) -> None:
+        """Take a frame."""
+        frame = step.sample.frame
+        assert frame is not None
+        # Without its image: only one is ever held.
+        no_image = np.empty((0, 0, 3), dtype=np.uint8)
+        self.frames.append(Frame(frame.index, frame.time_s, no_image, frame.truth, frame.people))
+        self.people.append(self._people(frame))
+        if {"depth", "flow"} & set(self.job.maps):
+            geometry = self.simulation.scene_geometry()
+            if "flow" in self.job.maps and self.geometry is not None:
+                self._hold_map("flow", frame.index - 1, encode_flow(*self.geometry.flow_to(geometry)))
+            self.geometry = geometry
+        self.flush()
+        layout = WRITTEN[self.job.layout]
+        suffix = f".{self.job.image}"
+        options = [cv2.IMWRITE_JPEG_QUALITY, self.job.quality] if self.job.image == "jpg" else []
+        _, encoded = cv2.imencode(suffix, cv2.cvtColor(frame.image, cv2.COLOR_RGB2BGR), options)
+        name = layout.image.format(frame.index + layout.first)
+        self.held.append((name + suffix, encoded.tobytes()))
+        if layout.packed:
+            text = sample(self.job.folder.name, frame.index, frame.time_s, self.people[-1])
+            self.held.append((f"{name}.json", text))
+        if self.geometry is not None and "depth" in self.job.maps:
+            self._hold_map("depth", frame.index, encode_depth(self.geometry.depth_m))
+        if "masks" in self.job.maps:
+            identities = np.zeros(frame.image.shape[:2], dtype=np.uint16)
+            for one in frame.people:
+                identities[self._visible(one, identities.shape)] = self._identity(one.name)
+            self._hold_map("masks", frame.index, encode_masks(identities))
+
+    def _hold_map(self, kind: MapKind, index: int, content: bytes) -> None:
+        layout = WRITTEN[self.job.layout]
+        name = layout.image.format(index + layout.first)
+        self.held.append((f"{name}.{kind}.png" if layout.packed else f"{kind}/{Path(name).name}.png", content))
+
+    def flush(self) -> None:
+        """Write what is held back."""
+        for name, content in self.held:
+            self.put(name, content)
+        self.held.clear()
+
+    def _people(self, frame: Frame) -> tuple[PersonBox, ...]:
+        """Everybody in view, with what the layout needs."""
+        needs, size = WRITTEN[self.job.layout].needs, frame.image.shape[:2]
+        extents = self.simulation.extents_m() if "solids" in needs else {}
+        self.identities.setdefault(frame.truth.name, 1)
+        return tuple(
+            PersonBox(
+                self._identity(one.name),
+                tuple(one.box.tolist()),
+                one.visible_fraction,
+                one.truncation,
+                tuple(one.visible_box.tolist()) if one.scored else (),
+                run_lengths(self._visible(one, size)) if "masks" in needs and one.scored else (),
+                _solid(one, extents[one.name]) if one.name in extents else None,
+            )
+            for one in frame.people
+            if one.state != "out_of_view"
+        )
+
+    def _visible(self, person: Truth, size: tuple[int, ...]) -> BoolArray:
+        """`(H, W)` pixels that show a person."""
+        mask = np.zeros(size, dtype=np.bool_)
+        silhouette = self.simulation.silhouettes.get(person.name)
+        if silhouette is not None and person.scored:
+            mask[silhouette.rect.slices] = silhouette.visible
+        return mask
+
+    def finish(self) -> None:
+        """Write the annotations and the truth."""
+        WRITTEN[self.job.layout].write(self.folder, self._annotations())
+        people = [(frame, person) for frame in self.frames for person in frame.people]
+        columns: dict[str, Any] = truth_columns([person for _, person in people])
+        columns["frame"] = np.array([frame.index for frame, _ in people])
+        columns["identity"] = np.array([self._identity(person.name) for _, person in people])
+        columns["person"] = np.array([person.name for _, person in people], dtype=object)
+        with duckdb.connect(config={"threads": 1}) as database:
+            database.register("people", columns)
+            path = sql_text(self.folder / TRUTH)
+            try:
+                database.execute(
+                    "COPY (SELECT frame, identity, person, * EXCLUDE (frame, identity, person) FROM people "
+                    f"ORDER BY frame, identity) TO {path} (FORMAT parquet, COMPRESSION zstd)"
+                )
+            except duckdb.Error as error:
+                raise RunError(f"cannot write {self.folder / TRUTH}: {error}") from None
+
+    def _annotations(self) -> Annotations:
+        settings = self.job.episode.scenario.resolve(self.job.episode.seed)
+        truths = [frame.truth for frame in self.frames]
+        K = truths[0].K
+        return Annotations(
+            self.job.folder.name,
+            settings.camera.rate_hz,
+            (settings.camera.width_px, settings.camera.height_px),
+            np.array([truth.box if truth.scored else np.full(4, np.nan) for truth in truths]),
+            np.array([truth.visible_fraction for truth in truths]),
+            np.array([truth.truncation for truth in truths]),
+            np.array([truth.state == "out_of_view" for truth in truths]),
+            tuple(self.people),
+            self.job.number,
+            (float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])),
+        )
+
+    def _identity(self, name: str) -> int:
+        """1 for the target, then a number for each person in the order of appearance."""
+        return self.identities.setdefault(name, len(self.identities) + 1)
+
+
+def run_lengths(mask: BoolArray) -> tuple[int, ...]:
+    """Numbers of pixels that are off and on by turns, column by column, beginning with those that are off.
+
+    >>> run_lengths(np.array([[0, 1], [0, 1], [1, 0]], dtype=bool))
+    (2, 3, 1)
+    """
+    flat = np.concatenate([[False], mask.T.ravel()])
+    ends = np.flatnonzero(flat[1:] != flat[:-1])
+    return tuple(np.diff(np.concatenate([[0], ends, [mask.size]])).tolist())
+
+
+def _solid(person: Truth, extents: FloatArray) -> tuple[float, ...]:
+    """Height, width, length, middle of the lower face in the camera's frame, turn; see `PersonBox.solid`."""
+    low, high = extents
+    length, width, height = (high - low).tolist()
+    T_camera_person = np.linalg.inv(person.T_world_camera) @ person.T_world_target
+    below = np.array([*(0.5 * (low + high))[:2], low[2], 1.0])
+    forward = T_camera_person[:3, 0]
+    turn = math.atan2(-forward[2], forward[0])
+    return (height, width, length, *(T_camera_person @ below)[:3].tolist(), turn)
