@@ -201,12 +201,6 @@ def test_crossings_do_not_change_the_draws_of_distractors() -> None:
     assert np.array_equal(alone.positions_m, joined.positions_m[:5])
 
 
-@pytest.mark.parametrize("wrong", [{"at_s": -1.0}, {"duration_s": 0.0}, {"depth": 1.0}])
-def test_an_invalid_crossing_is_an_error(wrong: dict[str, float]) -> None:
-    with pytest.raises(ParameterError):
-        Crossing(**{"at_s": 1.0, "duration_s": 1.0, "depth": 0.6, **wrong}, side=1, waiting_m=(0.0, 3.0), lead_s=1.0)
-
-
 @pytest.mark.parametrize("kind", ["pillar", "wall", "boxes"])
 @pytest.mark.parametrize(("half", "height", "yaw"), [((0.2, 0.15), 2.6, 0.3), ((1.4, 0.1), 0.9, -0.2)])
 def test_static_occluders_fill_their_planned_box_and_block_sight_and_robot(

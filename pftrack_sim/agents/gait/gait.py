@@ -22,7 +22,6 @@ from pftrack_sim.agents.gait.kinematics import (
     rotation_matrices,
 )
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
-from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.people.person import PARTS
@@ -53,14 +52,9 @@ class Gait:
 
     Args:
         rngs: One generator per person, for individual step width, arm swing, posture and start phase.
-
-    Raises:
-        ParameterError: The numbers of bodies and generators differ.
     """
 
     def __init__(self, anatomies: Sequence[Anatomy], rngs: Sequence[np.random.Generator]) -> None:
-        if len(anatomies) != len(rngs):
-            raise ParameterError(f"one generator per person: got {len(anatomies)} bodies and {len(rngs)} generators")
         people = len(anatomies)
         normal = np.array([rng.normal(size=6) for rng in rngs]).reshape(-1, 6).clip(-2.0, 2.0).T
         uniform = np.array([rng.random(4) for rng in rngs]).reshape(-1, 4).T

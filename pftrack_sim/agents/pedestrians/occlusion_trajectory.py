@@ -15,7 +15,6 @@ from typing import Literal
 import numpy as np
 
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
-from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
 WALKER_HALF_WIDTH_M = 0.22  # Effective half width of a person, averaged over viewing directions.
@@ -42,9 +41,6 @@ class Crossing:
         half_width_m: Half of the width that covers the line of sight.
         edge_m_s: Speed across the line of sight while an edge passes it, slower in between; None for one constant
             speed, which covers and uncovers the target gradually.
-
-    Raises:
-        ParameterError: A value is out of range.
     """
 
     at_s: float
@@ -55,14 +51,6 @@ class Crossing:
     lead_s: float
     half_width_m: float = WALKER_HALF_WIDTH_M
     edge_m_s: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.at_s < 0.0 or self.duration_s <= 0.0:
-            raise ParameterError(
-                f"a crossing needs at_s >= 0 and duration_s > 0, got at_s={self.at_s:g}, duration_s={self.duration_s:g}"
-            )
-        if not 0.0 < self.depth < 1.0:
-            raise ParameterError(f"a crossing needs 0 < depth < 1, got {self.depth:g}")
 
     @property
     def start_s(self) -> float:

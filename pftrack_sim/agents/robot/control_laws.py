@@ -75,15 +75,6 @@ def _bend_speed(path: Path, s_m: float, limits: DriveLimits) -> float:
     return float(np.sqrt(bend**2 + 2.0 * BRAKE_M_S2 * ahead).min())
 
 
-def gaze_rates(T_world_camera: FloatArray, target_m: ArrayLike, tick_s: float) -> tuple[float, float]:
-    """Pan and tilt rate [rad/s] that bring the target back into the dead zone, like a slow human operator.
-
-    From a `(4, 4)` camera pose and `(2,)` x, y of the target; the head does not overshoot within a tick.
-    """
-    pan, tilt = bearing(T_world_camera, target_m)
-    return gaze_rate(pan, tick_s), gaze_rate(tilt, tick_s)
-
-
 def bearing(T_world_camera: FloatArray, target_m: ArrayLike) -> tuple[float, float]:
     """Direction of the target from the optical axis, to the left and up [rad]."""
     x, y, z = T_world_camera[:3, :3].T @ (np.array([*np.asarray(target_m), _GAZE_HEIGHT_M]) - T_world_camera[:3, 3])
@@ -91,7 +82,10 @@ def bearing(T_world_camera: FloatArray, target_m: ArrayLike) -> tuple[float, flo
 
 
 def gaze_rate(error_rad: float, tick_s: float, dead_zone_rad: float = GAZE_DEAD_ZONE_RAD) -> float:
-    """Rate [rad/s] about one axis that brings an error of direction back into the dead zone."""
+    """Rate [rad/s] about one axis that brings an error of direction back into the dead zone, without overshoot.
+
+    A slow human operator behaves alike.
+    """
     beyond = max(abs(error_rad) - dead_zone_rad, 0.0)
     gain = 1.0 + beyond / _GAZE_URGENCY_RAD
     return math.copysign(min(beyond * gain / _GAZE_TIME_CONSTANT_S, beyond / tick_s), error_rad)

@@ -15,7 +15,6 @@ from pftrack_sim.agents.robot.control_laws import (
     GAZE_DEAD_ZONE_RAD,
     DriveLimits,
     follow_path,
-    gaze_rates,
 )
 from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M, Lane
 from pftrack_sim.agents.robot.teleoperation import NEAREST_M, STOP_GAP_M, Head, Nearness, Stops
@@ -165,8 +164,6 @@ class Script:
             cos, sin = math.cos(self._away_rad), math.sin(self._away_rad)
             rotated = np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1]])
             point = T_world_camera[:2, 3] + rotated
-        if self._head.steady:
-            return gaze_rates(T_world_camera, point, tick_s)
         return self._head.rates(T_world_camera, point, tick_s, time_s)
 
     def _target_speed(self, time_s: float, target_s_m: float) -> float:

@@ -114,17 +114,11 @@ class Head:
         )
         self._glances = Events(operator.glances_per_minute, operator.glance_s, stream(seed, "operator", "glances"))
         self._glance_rad = math.radians(operator.glance_deg)
+        disturbed = operator.reaction_s or operator.head_hz or operator.wander_deg or operator.glances_per_minute
+        self._steady = self._dead_zone_rad == GAZE_DEAD_ZONE_RAD and not disturbed
         keep = operator.keep_in_view
         self._edges_rad = tuple(max(half - EDGE_RAD, EDGE_RAD) if keep else math.inf for half in half_view_rad)
         self.reset()
-
-    @property
-    def steady(self) -> bool:
-        """Whether this is the steady operator."""
-        o = self._operator
-        return self._dead_zone_rad == GAZE_DEAD_ZONE_RAD and not (
-            o.reaction_s or o.head_hz or o.wander_deg or o.glances_per_minute
-        )
 
     def reset(self) -> None:
         """Return to the start of the episode."""
@@ -137,6 +131,8 @@ class Head:
     ) -> tuple[float, float]:
         """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and `(2,)` x, y of the target."""
         now = bearing(T_world_camera, target_m)
+        if self._steady:
+            return gaze_rate(now[0], tick_s), gaze_rate(now[1], tick_s)
         seen = bearing(T_world_camera, self._delayed(target_m, time_s)) if self._operator.reaction_s else now
         for axis, aim in enumerate(self.aim(time_s)):
             edge = self._edges_rad[axis]

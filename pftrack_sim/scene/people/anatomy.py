@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.core.errors import ParameterError
 
 Colour: TypeAlias = tuple[int, int, int]  # RGB, 0..255
 HairStyle: TypeAlias = Literal["short", "medium", "long", "bun", "cap", "bald"]
@@ -84,12 +83,7 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
     """Sample a body with natural proportions and this stature; None draws one.
 
     The number of draws does not depend on the stature, so that it changes no other attribute drawn.
-
-    Raises:
-        ParameterError: The height is not between 1.2 and 2.3 m.
     """
-    if height_m is not None and not 1.2 <= height_m <= 2.3:
-        raise ParameterError(f"height_m must be between 1.2 and 2.3 m, got {height_m}")
     feminine = bool(rng.random() < 0.5)
     figure = float(np.clip(rng.normal(0.85 if feminine else 0.1, 0.12), 0.0, 1.0))
     drawn_height = float(np.clip(rng.normal(1.65 if feminine else 1.77, 0.065), 1.48, 2.02))

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Colour, rgb
 
@@ -82,12 +81,7 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
     1 gives the same clothes, 0 independent, clearly different ones; in between, the expected Bhattacharyya coefficient
     of the colour histograms grows monotonically. The draws do not depend on the similarity: with the same random
     numbers, outfits form a path from clearly different clothes to the same clothes.
-
-    Raises:
-        ParameterError: The similarity is outside [0, 1].
     """
-    if not 0.0 <= similarity <= 1.0:
-        raise ParameterError(f"similarity must be in [0, 1], got {similarity}")
     candidates = [sample_outfit(rng) for _ in range(12)]
     other = max(candidates, key=lambda candidate: min(_dissimilarity(candidate, reference), 1.0))
     draws = rng.random(6)

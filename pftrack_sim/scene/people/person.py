@@ -63,17 +63,11 @@ def sample_people(
     crosser_similarities: Sequence[float],
     passer_similarities: Sequence[float] = (),
 ) -> tuple[Person, ...]:
-    """Sample the target and all other people; random streams are per person, so adding one changes no other.
+    """Sample `target`, `distractor-1`.., `crosser-1`.., `passer-1`..; adding a person changes no other.
 
     A similarity is that of the appearance to the target, in clothes, height and girth, from 0 to 1 (the same clothes
     and body): one for all distractors, one for each pedestrian that crosses the line of sight, and one for each that
     passes close by the target.
-
-    Returns:
-        `target`, `distractor-1`.., `crosser-1`.., `passer-1`...
-
-    Raises:
-        ParameterError: A similarity is outside [0, 1], or the height is not between 1.2 and 2.3 m.
     """
     target = Person(
         "target",

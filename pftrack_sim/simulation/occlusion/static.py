@@ -41,8 +41,6 @@ def plan_static(occluder: model.Occluder, run: DryRun, layout: WalkableArea, nam
     Raises:
         ParameterError: It cannot be placed; the message has the reasons and what would work.
     """
-    if occluder.kind == "walker":
-        raise ParameterError(f"{name}: kind 'walker' is a pedestrian, not a static occluder; use plan_crossing")
     check_times(occluder, run, name)
     obstacles = ObstacleMap(layout)
     placement = _search(occluder, run, obstacles)

@@ -14,7 +14,6 @@ from pftrack_sim.agents.gait.gait_parameters import stride_length
 from pftrack_sim.agents.gait.joint_trajectories import leg_angles
 from pftrack_sim.agents.gait.kinematics import quaternions, rotation_matrices
 from pftrack_sim.agents.gait.posture import Arm, Posture
-from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.outfit import sample_outfit
 from pftrack_sim.scene.people.person import PARTS, Person, part_meshes
@@ -323,11 +322,6 @@ def test_poses_of_a_person_do_not_depend_on_the_others():
         for tick in range(1, 30):
             gait.advance(DT, np.full((count, 2), 0.015 * tick), np.zeros(count), [Posture()] * count)
     assert np.abs(alone.poses()[0][0] - together.poses()[0][0]).max() < 1e-12
-
-
-def test_each_person_needs_a_generator():
-    with pytest.raises(ParameterError, match="one generator per person"):
-        Gait(bodies()[:2], [np.random.default_rng(0)])
 
 
 def test_rotations_and_quaternions_agree_with_scipy():

@@ -9,7 +9,7 @@ import pytest
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.robot.control_laws import bearing, gaze_rates
+from pftrack_sim.agents.robot.control_laws import bearing, gaze_rate
 from pftrack_sim.agents.robot.drive import ACCELERATION
 from pftrack_sim.agents.robot.lane import ROBOT_CLEARANCE_M, Lane
 from pftrack_sim.agents.robot.script import Script
@@ -66,10 +66,11 @@ def open_place(*footprints: Footprint) -> WalkableArea:
 
 def test_an_operator_of_zeros_is_the_steady_one():
     head = Head(Operator(), (1.0, 1.0), (2.0, 1.0), seed=3)
+    head._steady = False  # pyright: ignore[reportPrivateUsage] - by the law of the other operators
     for target in ((4.0, 0.0), (4.0, 0.9), (2.0, -0.8)):
         T = camera(0.0, 0.0, 0.05, 0.02)
         head.reset()
-        assert head.rates(T, target, 0.02, 5.0) == gaze_rates(T, target, 0.02)
+        assert head.rates(T, target, 0.02, 5.0) == tuple(gaze_rate(error, 0.02) for error in bearing(T, target))
     lane = Lane.of(TRAIL, STRAIGHT)
     assert lane is not None
     assert lane.swung(Operator(), 0.0, WALK_M_S, ObstacleMap(open_place()), 3) is lane
