@@ -33,6 +33,13 @@ def test_centre_errors_by_hand():
     )
 
 
+def test_a_centre_is_inside_up_to_the_edge_of_the_true_box():
+    truth = np.tile([10.0, 20.0, 40.0, 80.0], (5, 1))
+    shifts = np.array([[0.0, 0.0], [20.0, 0.0], [20.5, 0.0], [0.0, -40.0], [0.0, -40.5]])
+    estimates = np.concatenate([truth[:, :2] + shifts, truth[:, 2:]], axis=1)
+    assert score.frame_scores(estimates, truth).centre_inside.tolist() == [True, True, False, True, False]
+
+
 def test_summary_by_hand():
     summary = score.summarise(score.frame_scores(SAID, TRUTH), SCORED, MS)
     assert summary.frames == 4
