@@ -15,10 +15,12 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import model
+from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
+from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.simulation.dry_run import DryRun
-from pftrack_sim.simulation.occlusion.moving import covered_by_person, plan_crossing
+from pftrack_sim.simulation.occlusion.moving import cart_height_m, covered_by_person, plan_crossing
 from pftrack_sim.simulation.occlusion.static import covered_by_box, plan_static, spans
 
 TICK_S = 1.0 / 60.0
@@ -243,3 +245,23 @@ def test_static_occluders_fill_their_planned_box_and_block_sight_and_robot(
     for _ in range(600):
         mujoco.mj_step(compiled, data)
         assert data.qpos[1] < 0.4
+
+
+@pytest.mark.parametrize(("x_m", "covers"), [(-1.0, False), (1.0, True), (5.0, False)])
+def test_a_box_covers_only_from_between_camera_and_target(x_m: float, covers: bool) -> None:
+    camera, target = np.zeros((1, 2)), np.array([[4.0, 0.0]])
+    assert covered_by_box(camera, target, (x_m, 0.05), (0.2, 0.3), 0.4).tolist() == [covers]
+
+
+def test_a_low_cart_hides_the_same_part_of_the_target_at_any_depth() -> None:
+    times, target = np.arange(8.0), np.tile([6.0, 0.0], (8, 1))
+    camera = np.tile([0.0, 0.0, CAMERA_Z_M], (8, 1))
+    run = DryRun(times, camera, target, camera[:, :2], HEIGHT_M)
+    hidden_m: list[float] = []
+    for depth in (0.35, 0.5, 0.65):
+        crossing = Crossing(3.0, 1.0, depth, 1, (0.0, 3.0), 1.0)
+        drop = cart_height_m(OcclusionAxis(kind="wall", share=0.5), crossing, run) - CAMERA_Z_M
+        faces = (6.0 * depth - HALF_THICKNESS_M, 6.0 * depth + HALF_THICKNESS_M)
+        hidden_m.append(max(CAMERA_Z_M + drop * 6.0 / face for face in faces))
+    assert np.ptp(hidden_m) < 1e-9
+    assert 0.4 < hidden_m[0] / HEIGHT_M < 0.6
