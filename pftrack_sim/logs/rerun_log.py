@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg
 from pftrack_sim.logs.topics import topics_of
@@ -32,16 +33,25 @@ def writer(path: Path, info: LogInfo) -> Generator[Callable[[LogFrame], None]]:
     library: Any = importlib.import_module("rerun")
     stream = library.RecordingStream("pftrack-sim", recording_id=info.name)
     stream.set_log_time_enabled(False)
-    stream.save(path, default_blueprint=_blueprint(library.blueprint))
+    with _write_errors(path):
+        stream.save(path, default_blueprint=_blueprint(library.blueprint))
     log = _Log(library, stream, info)
     try:
         yield log.add
         log.finish()
-        stream.flush()
+        with _write_errors(path):
+            stream.flush()
     finally:
         stream.disconnect()
-    if not path.exists():
-        raise RunError(f"{path} cannot be written")
+
+
+@contextmanager
+def _write_errors(path: Path) -> Generator[None]:
+    """Errors of the library's own thread, which writes the file."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise RunError(f"cannot write {path}: {one_line(str(error))}") from None
 
 
 class _Log:

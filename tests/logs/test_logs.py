@@ -215,6 +215,21 @@ def test_a_run_logs_its_first_seed(tmp_path: Path, closed: bool):
     assert ("/cmd_vel" in found) == closed
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("name", ["mcap", "rerun"])
+def test_a_full_disk_is_one_clear_error(frames: list[LogFrame], name: str):
+    pytest.importorskip("mcap_ros2" if name == "mcap" else "rerun")
+
+    def fill() -> None:
+        with log_writer(name, Path("/dev/full"), INFO) as add:
+            for log in frames:
+                add(log)
+
+    # The benchmark's atomic_write turns an OSError into a RunError.
+    with pytest.raises((RunError, OSError), match="No space left"):
+        fill()
+
+
 def test_wrong_formats_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(UnknownNameError, match="did you mean 'rerun'"):
         check_formats(["rerum"])
