@@ -233,7 +233,7 @@ def film(
 
 def evaluate(
     sequences: Annotated[
-        list[Path], typer.Argument(help="Folders of recorded sequences, see --format; or MCAP files.")
+        list[Path], typer.Argument(help="Sequences: folders, see --format, or of data sets; MCAP or video files.")
     ],
     tracker: Trackers = "ko2012",
     seeds: Seeds = "0:5",
@@ -247,17 +247,24 @@ def evaluate(
     topics: Annotated[
         str, typer.Option(metavar="IMAGES,BOXES", help="Topics of an MCAP file, where it has several of a kind.")
     ] = "",
+    box: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,W,H|FILE", help="Box of a video's first frame, or a file with it or one per frame."),
+    ] = None,
     isolation: Isolation = "auto",
 ) -> None:
     """Run trackers on recorded sequences with true boxes."""
     from pftrack_sim.benchmark import parse_seeds
     from pftrack_sim.benchmark.recorded import evaluate as evaluate_recorded
     from pftrack_sim.benchmark.tracker_runner import checked_isolation
-    from pftrack_sim.formats import read_sequence
+    from pftrack_sim.formats import read_sequences
+    from pftrack_sim.formats.video import given_boxes
 
     contestants = parse_trackers(tracker, preset, params or [])
     chosen = list(parse_seeds(seeds, most=MAX_SEEDS))
-    read = [read_sequence(path, layout, parse_names(topics) if topics else ()) for path in sequences]
+    boxes = given_boxes(box) if box is not None else None
+    named = parse_names(topics) if topics else ()
+    read = [one for path in sequences for one in read_sequences(path, layout, named, boxes)]
     with progress_bar("tracking", sum(len(sequence) for sequence in read)) as tick:
         results = evaluate_recorded(
             read, contestants, chosen, video=video, isolation=checked_isolation(isolation), on_frame=tick

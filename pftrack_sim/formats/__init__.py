@@ -1,6 +1,6 @@
 """Sequences on disk in the layouts of public data sets. Box conventions other than the package's exist only here."""
 
-from pftrack_sim.formats.layouts import LAYOUTS, WRITTEN, Layout, find_sequences, read_sequence
+from pftrack_sim.formats.layouts import LAYOUTS, WRITTEN, Layout, find_sequences, read_sequence, read_sequences
 from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
 
 __all__ = [
@@ -12,4 +12,5 @@ __all__ = [
     "RecordedSequence",
     "find_sequences",
     "read_sequence",
+    "read_sequences",
 ]

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
-from pftrack_sim.formats import coco, got10k, kitti, lasot, mcap, mot, otb, vot, webdataset
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.formats import coco, got10k, kitti, lasot, mcap, mot, otb, video, vot, webdataset
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
 _DEPTH = 3
@@ -128,13 +129,16 @@ def _expected(known: Iterable[Layout]) -> str:
     return "; ".join(f"{one.title}: {one.expects}" for one in known)
 
 
-def read_sequence(path: str | Path, layout: str | None = None, topics: Sequence[str] = ()) -> RecordedSequence:
+def read_sequence(
+    path: str | Path, layout: str | None = None, topics: Sequence[str] = (), boxes: FloatArray | None = None
+) -> RecordedSequence:
     """Read a recorded sequence, from its first frame with a true box on.
 
     Args:
-        path: Its folder; or an MCAP file, or the folder of a ROS 2 bag.
+        path: Its folder; or an MCAP file, the folder of a ROS 2 bag, or a video file.
         layout: One of `LAYOUTS`; None finds out by the files that are there.
         topics: Of images and of boxes in an MCAP file, where there are several.
+        boxes: `(1, 4)` box of a video's first frame [px], or `(N, 4)` boxes of all its frames.
 
     Raises:
         UnknownNameError: No such layout.
@@ -144,6 +148,10 @@ def read_sequence(path: str | Path, layout: str | None = None, topics: Sequence[
     """
     if layout is None and (file := mcap.find(Path(path))) is not None:
         return mcap.read(file, topics)
+    if layout is None and Path(path).is_file():
+        if boxes is None:
+            raise SequenceError(f"{path}: a video needs the box of its first frame: --box x,y,w,h, or a file of boxes")
+        return video.read(Path(path), boxes)
     folder = _checked_folder(path, layout)
     if layout is not None:
         return LAYOUTS[layout].read(folder)
@@ -151,3 +159,17 @@ def read_sequence(path: str | Path, layout: str | None = None, topics: Sequence[
         if known.matches(folder):
             return known.read(folder)
     raise SequenceError(f"{folder}: not a sequence in a known layout ({_expected(LAYOUTS.values())})")
+
+
+def read_sequences(
+    path: str | Path, layout: str | None = None, topics: Sequence[str] = (), boxes: FloatArray | None = None
+) -> list[RecordedSequence]:
+    """Read a sequence, or all of a data set's; arguments and errors are those of `read_sequence`."""
+    top = Path(path)
+    if not top.is_dir() or mcap.find(top) is not None or not any(entry.is_dir() for entry in top.iterdir()):
+        return [read_sequence(path, layout, topics, boxes)]
+    try:
+        found = find_sequences(path, layout)
+    except SequenceError:
+        return [read_sequence(path, layout)]  # its message names what is missing
+    return [read_sequence(folder, known) for folder, known in found]
