@@ -27,6 +27,7 @@ from pftrack_sim.benchmark.episode_file import (
     write_episode,
 )
 from pftrack_sim.benchmark.episode_log import episode_log
+from pftrack_sim.benchmark.error_log import ErrorLog
 from pftrack_sim.benchmark.plan import Episode
 from pftrack_sim.benchmark.rollout import Driver, Sink, drive, rollout, simulated
 from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, picture, video_writer
@@ -75,6 +76,7 @@ class EpisodeFiles:
     table: bytes
     video: bytes | None
     logs: dict[str, bytes]
+    errors: dict[str, bytes]
     frames: int
     rows: tuple[dict[str, Any], ...]
 
@@ -120,7 +122,8 @@ def run_episode(
             runner.announce = partial(_announce, on_tracker, place)
         settings = episode.scenario.resolve(episode.seed)
         log, course = TruthLog(), FollowLog()
-        sinks: list[Sink] = [log]
+        errors = ErrorLog(runners, job.labels)
+        sinks: list[Sink] = [log, errors]
         table, video = folder / "episode.parquet", folder / "episode.mp4"
         with ExitStack() as open_files:
             if job.video:
@@ -142,7 +145,7 @@ def run_episode(
         rows = _write(table, episode, settings, log, runners, course.columns(), following, simulation.graphics)
         written = {name: path.read_bytes() for name, path in logs.items()}
         film = video.read_bytes() if job.video else None
-        return EpisodeFiles(table.read_bytes(), film, written, len(log.truths), tuple(rows))
+        return EpisodeFiles(table.read_bytes(), film, written, errors.files(), len(log.truths), tuple(rows))
 
 
 def _announce(on_tracker: Callable[[int | None], None], place: int, running: bool) -> None:

@@ -17,7 +17,7 @@ from pftrack_sim.core.inputs import is_file, read_bytes
 
 SUMS = "SHA256SUMS"
 _SINGLE = ("run.json", "summary.parquet", "report.html")
-_FOLDERS = ("episodes", "tables", "videos", "logs")
+_FOLDERS = ("episodes", "tables", "videos", "logs", "errors")
 _MAX_SUMS_BYTES = 1 << 30
 _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)")
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import duckdb
 
 from pftrack_sim.benchmark.episode_file import MAX_BYTES, read_metadata
+from pftrack_sim.benchmark.error_files import errors_folder
 from pftrack_sim.benchmark.plan import Episode, differences
 from pftrack_sim.benchmark.store import RunStore
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -67,7 +68,9 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
                 video = source.video_file(episode)
                 found = {name: one for name in FORMATS if os.path.lexists(one := source.log_file(episode, name))}
                 logs = {name: _content(one) for name, one in found.items()}
-                merged.add(episode, _content(file), _content(video) if os.path.lexists(video) else None, logs)
+                below = errors_folder(source.path, episode)
+                errors = {one.name: _content(one) for one in (below.iterdir() if below.is_dir() else ())}
+                merged.add(episode, _content(file), _content(video) if os.path.lexists(video) else None, logs, errors)
                 added += 1
         done = sum(1 for _ in merged.episodes())
         for source in sources:

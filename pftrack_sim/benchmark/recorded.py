@@ -37,6 +37,7 @@ class RecordedResult:
     seed: int
     summary: Summary
     error: str | None
+    traceback: str = ""
 
 
 def evaluate(
@@ -85,7 +86,9 @@ def evaluate(
                 for runner in runners:
                     frames = score.frame_scores(runner.boxes, sequence.truth)
                     summary = score.summarise(frames, scored, np.array(runner.ms))
-                    results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.error))
+                    results.append(
+                        RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, runner.traceback)
+                    )
     return results
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import cv2
 
 from pftrack_sim.benchmark.episode_log import episode_log
+from pftrack_sim.benchmark.error_log import ErrorLog
+from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.rollout import Sample, Sink, Step, rollout, simulated
 from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
@@ -30,7 +32,7 @@ def save_video(
     backend: str | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
-    """Write an episode as H.264, as a log, or as both.
+    """Write an episode as H.264, as a log, or as both; beside it the picture and text of every tracker's error.
 
     Args:
         scenario: The scenario.
@@ -50,7 +52,11 @@ def save_video(
             sinks.append(lambda step: add(_drawn(step.sample, truth, runners), step.sample.time_s))
         if log is not None:
             sinks.append(opened.enter_context(episode_log(log, f"{scenario.name} seed {seed}", settings, runners)))
-        rollout(simulated(simulation, seed, sensors=log is not None), runners, sinks)
+        errors = ErrorLog(runners)
+        rollout(simulated(simulation, seed, sensors=log is not None), runners, [*sinks, errors])
+    for name, content in errors.files().items():
+        beside = path or log or Path()
+        write_bytes(beside.with_name(f"{beside.stem}-error-{name}"), content)
 
 
 def save_image(

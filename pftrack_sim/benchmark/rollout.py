@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim import policies
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.benchmark.tracker_runner import TrackerRunner, fault_of
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Frame, Image
@@ -185,10 +185,10 @@ class Driver:
             action = self._policy(sample.observation, sample.info)
             checked_command(action["command"])
         except TrackerFault as error:
-            runner.fail(str(error))
+            runner.fail(error)
             return NO_ACTION
         except Exception as error:  # noqa: BLE001 - a third-party controller may raise anything
-            runner.fail(f"{type(error).__name__}: {error}")
+            runner.fail(fault_of(error))
             return NO_ACTION
         if self._adapter.called:
             runner.record(self._policy.estimate, "ok" if started else "init", runner.took_ms)

@@ -25,6 +25,7 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
 VIDEOS = ("first", "all", "none")
+MAX_ERROR_FILES = 200  # Pictures and texts of errors that a session keeps
 
 
 class Interrupted(RunError):
@@ -54,6 +55,7 @@ def run(
     part: tuple[int, int] = (1, 1),
     shuffle: int | None = None,
     refresh: bool = False,
+    stop_on_error: bool = False,
     on_progress: Callable[[RunProgress], None] = lambda _: None,
 ) -> RunStore:
     """Run a plan, or what is missing of it.
@@ -74,6 +76,7 @@ def run(
         part: Part k of n: only every n-th episode, from the k-th (1 is the first); other machines run the others.
         shuffle: A seed to shuffle the order of the episodes with.
         refresh: Run episodes again whose third-party trackers or controllers have other code than in the folder.
+        stop_on_error: End the run, unfinished, after the first episode in which a tracker ends with an error.
         on_progress: Called after every episode and a few times a second.
 
     Returns:
@@ -122,6 +125,7 @@ def run(
         on_progress(counter.progress(0))
         episodes = plan.episodes(part=part, shuffle=shuffle)
         problems: list[str] = []
+        errors = 0
         try:
             with _deferred_interrupt(not isinstance(executor, SerialExecutor)) as interrupted:
                 missing = (
@@ -131,8 +135,12 @@ def run(
                 )
                 for done in executor.run_all(missing):
                     if done is not None and done.files is not None:
-                        store.add(done.job.episode, done.files.table, done.files.video, done.files.logs)
+                        errors += len(done.files.errors)
+                        kept = done.files.errors if errors <= MAX_ERROR_FILES else {}
+                        store.add(done.job.episode, done.files.table, done.files.video, done.files.logs, kept)
                         counter.add(done.job.episode, done.files)
+                        if stop_on_error and errors:
+                            break
                     elif done is not None:
                         problems.append(f"  {done.problem}")
                     on_progress(counter.progress(executor.frames_done))

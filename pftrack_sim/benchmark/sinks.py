@@ -30,16 +30,19 @@ _TIME_BASE = Fraction(1, 90_000)
 """Unit of time stamps in videos [s]: the one of MPEG."""
 
 
-def picture(sample: Sample, runners: Sequence[TrackerRunner], labels: Sequence[str] = ()) -> Image:
+def picture(
+    sample: Sample, runners: Sequence[TrackerRunner], labels: Sequence[str] = (), *, last: bool = False
+) -> Image:
     """A frame with its truth and the trackers' latest estimates, `(H, W, 3)` uint8 RGB.
 
     Args:
         sample: The frame.
         runners: The trackers.
         labels: All trackers of the run, which give each its colour; default: those of the runners.
+        last: Draw each tracker's last estimate where it has none in this frame.
     """
     colours = colours_of(labels or [runner.spec.label for runner in runners])
-    latest = {runner.spec.label: runner.estimates[-1] for runner in runners}
+    latest = {runner.spec.label: runner.last_estimate if last else runner.estimates[-1] for runner in runners}
     estimates = {label: estimate for label, estimate in latest.items() if estimate is not None}
     if sample.frame is not None:
         return draw_frame(sample.frame, estimates, colours)

@@ -4,6 +4,7 @@ run.json                                    the plan, its digest, versions, and 
 episodes/<scenario>/<condition>/seed-N.parquet
 videos/<scenario>/<condition>/seed-N.mp4
 logs/<scenario>/<condition>/seed-N.rrd and .mcap
+errors/<scenario>/<condition>/seed-N/<tracker>.png and .txt    of trackers that ended with an error
 summary.parquet  tables/*.csv  tables/*.tex     made from the episodes at the end of a session
 SHA256SUMS                                      of all of these, written last
 .scratch                                        what workers are writing; swept when a session begins
@@ -23,6 +24,7 @@ from typing import Any, cast
 import duckdb
 
 from pftrack_sim.benchmark.episode_file import content_digest, join_episodes
+from pftrack_sim.benchmark.error_files import errors_folder, remove_errors
 from pftrack_sim.benchmark.files import atomic_write, query_deadline, remove_parts, sql_text, write_bytes
 from pftrack_sim.benchmark.growth import grown
 from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums, write_sums
@@ -172,7 +174,14 @@ class RunStore:
         """Whether an episode is finished."""
         return is_file(self.episode_file(episode))
 
-    def add(self, episode: Episode, table: bytes, video: bytes | None, logs: Mapping[str, bytes] | None = None) -> None:
+    def add(
+        self,
+        episode: Episode,
+        table: bytes,
+        video: bytes | None,
+        logs: Mapping[str, bytes] | None = None,
+        errors: Mapping[str, bytes] | None = None,
+    ) -> None:
         """Write the files of an episode; the table comes last, so that an episode with a table is complete.
 
         Raises:
@@ -190,6 +199,8 @@ class RunStore:
             write_bytes(self.video_file(episode), video)
         for name, content in (logs or {}).items():
             write_bytes(self.log_file(episode, name), content)
+        for name, content in (errors or {}).items():
+            write_bytes(errors_folder(self.path, episode) / name, content)
         write_bytes(file, table)
 
     def _joined(self, episode: Episode, file: Path, table: bytes) -> bytes:
@@ -362,6 +373,7 @@ def _continue(path: Path, plan: Plan, refresh: bool, grow: bool) -> None:
         if len(kept) < len(old.trackers):
             for name in (store.video_file(old), *(store.log_file(old, name) for name in FORMATS)):
                 name.unlink(missing_ok=True)
+            remove_errors(errors_folder(store.path, old), {*old.labels} - {*kept}, store.plan.labels)
             if kept:
                 with atomic_write(file) as part:
                     join_episodes(part, [(file, kept)], old)

@@ -16,7 +16,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate, Image, Tracker
-from pftrack_sim.core.text import describe_error
+from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, TrackerProcesses, try_make
@@ -41,6 +41,7 @@ class TrackerRunner:
         ms: Time taken for each frame; NaN where the tracker was not called or raised an error.
         statuses: One for each frame.
         error: The first error with its frame; None without one. Every frame from there on is a miss.
+        traceback: Traceback of the error; empty without one.
         started: Whether the tracker was initialised.
         took_ms: Time taken by the last call.
         announce: Called with True before the tracker runs and with False afterwards.
@@ -52,6 +53,7 @@ class TrackerRunner:
     ms: list[float] = field(default_factory=list[float])
     statuses: list[TrackerStatus] = field(default_factory=list[TrackerStatus])
     error: str | None = None
+    traceback: str = ""
     started: bool = False
     took_ms: float = 0.0
     announce: Callable[[bool], None] = lambda running: None
@@ -73,7 +75,7 @@ class TrackerRunner:
             try:
                 estimate = self.call(image, true_box)
             except TrackerFault as error:
-                self.fail(str(error))
+                self.fail(error)
             else:
                 self.record(estimate, status, self.took_ms)
 
@@ -94,7 +96,7 @@ class TrackerRunner:
             raise
         except (Exception, SystemExit) as error:  # a third-party tracker may raise anything
             self.close()
-            raise TrackerFault(describe_error(error)) from error
+            raise fault_of(error) from error
         finally:
             self.announce(False)
 
@@ -121,9 +123,9 @@ class TrackerRunner:
         self.took_ms = (time.perf_counter() - start_s) * 1e3
         return checked_estimate(estimate, copied, image)
 
-    def fail(self, problem: str) -> None:
+    def fail(self, fault: TrackerFault) -> None:
         """Record an error in the current frame."""
-        self.error = f"frame {len(self.ms)}: {problem}"
+        self.error, self.traceback = f"frame {len(self.ms)}: {fault}", fault.traceback
         self.record(None, "error")
 
     def record(self, estimate: Estimate | None, status: TrackerStatus, ms: float = math.nan) -> None:
@@ -139,6 +141,11 @@ class TrackerRunner:
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     @property
+    def last_estimate(self) -> Estimate | None:
+        """The latest one; None without any."""
+        return next((one for one in reversed(self.estimates) if one is not None), None)
+
+    @property
     def printed(self) -> str | None:
         """Beginning of what the tracker printed, if it runs in a process of its own."""
         return self.tracker.printed if isinstance(self.tracker, IsolatedTracker) else None
@@ -147,6 +154,11 @@ class TrackerRunner:
         """End the tracker's process, if it has one. Closing twice is fine."""
         if isinstance(self.tracker, IsolatedTracker):
             self.tracker.close()
+
+
+def fault_of(error: BaseException) -> TrackerFault:
+    """An exception of third-party code in this process as a fault."""
+    return TrackerFault(describe_error(error) + locate_error(error), traceback_text(error))
 
 
 class _DroppedTracker:

@@ -72,6 +72,7 @@ def render(
 ) -> None:
     """Render an episode as a video, or a frame as an image."""
     from pftrack_sim import scenario as scenarios
+    from pftrack_sim.benchmark.error_log import error_text
     from pftrack_sim.benchmark.rendering import save_image, save_video
     from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation, make_runners
     from pftrack_sim.trackers.isolation import Limits
@@ -97,7 +98,7 @@ def render(
     for written in (video, log, image):
         if written is not None:
             tables.print_folder(written)
-    errors = [f"{one.spec.label} ended with an error, {one.error}" for one in runners if one.error is not None]
+    errors = [error_text(one) for one in runners if one.error is not None]
     tables.print_lines(errors)
     raise typer.Exit(1 if errors else 0)
 

@@ -56,6 +56,10 @@ Out = Annotated[
 Refresh = Annotated[
     bool, typer.Option("--refresh", help="Run again what third-party code changed since the run folder was begun.")
 ]
+StopOnError = Annotated[
+    bool,
+    typer.Option("--stop-on-error", "--stop-on-failure", help="Stop after the first episode in which a tracker fails."),
+]
 SequenceLayout = Annotated[
     str | None,
     typer.Option("--format", metavar="LAYOUT", help="otb, lasot, got10k, vot or mot; default: found by its files."),

@@ -30,6 +30,7 @@ from pftrack_sim.cli.options import (
     Seeds,
     SequenceLayout,
     Settings,
+    StopOnError,
     Trackers,
     Videos,
     Workers,
@@ -62,6 +63,7 @@ def bench(
     frame_limit_s: FrameLimit = 60.0,
     memory_limit_mb: MemoryLimit = 4096.0,
     refresh: Refresh = False,
+    stop_on_error: StopOnError = False,
     progress: ProgressMode = "",
 ) -> None:
     """Run trackers in open loop on suites or scenarios.
@@ -81,7 +83,7 @@ def bench(
         truth=truth,
     )
     limits = Limits(frame_limit_s, memory_limit_mb)
-    _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, progress)
+    _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, stop_on_error, progress)
 
 
 def _run(
@@ -96,6 +98,7 @@ def _run(
     limits: Limits,
     part: str,
     refresh: bool,
+    stop_on_error: bool,
     progress: str,
 ) -> None:
     """Run a plan, print its results, and write the report."""
@@ -117,6 +120,7 @@ def _run(
             limits=limits,
             part=parse_part(part),
             refresh=refresh,
+            stop_on_error=stop_on_error,
             on_progress=on_progress,
         )
     tables.print_bench(finished.results)
@@ -125,6 +129,10 @@ def _run(
     tables.print_suites(plan, finished.results)
     tables.print_folder(path)
     write_page(path)
+    tables.print_tracebacks(finished)
+    if stop_on_error and not finished.finished:
+        tables.print_lines(["stopped after the first error; without --stop-on-error the same command runs the rest"])
+    raise typer.Exit(1 if any(one.error for one in finished.results) else 0)
 
 
 def follow(
@@ -167,6 +175,7 @@ def follow(
     frame_limit_s: FrameLimit = 60.0,
     memory_limit_mb: MemoryLimit = 4096.0,
     refresh: Refresh = False,
+    stop_on_error: StopOnError = False,
     progress: ProgressMode = "",
 ) -> None:
     """Run trackers in closed loop: their boxes drive the robot.
@@ -205,7 +214,7 @@ def follow(
         plan = plan_with(
             resolve_latencies(given, plan.trackers, first, out, isolation=checked_isolation(isolation), limits=limits)
         )
-    _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, progress)
+    _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, stop_on_error, progress)
 
 
 def film(

@@ -289,6 +289,7 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     for one in results:
         if one.error:
             console.print(f"{one.tracker.label} ended with an error on {one.sequence} seed {one.seed}, {one.error}")
+    print_lines(list(dict.fromkeys(one.traceback for one in results if one.traceback))[:_MOST_LINES])
 
 
 def print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]], unit: str = "seed") -> None:
@@ -338,6 +339,21 @@ def new_table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table
 def print_folder(path: Path | None) -> None:
     """Print the path of the results."""
     console.print(f"written: {path}", soft_wrap=True)
+
+
+def print_tracebacks(run: RunStore) -> None:
+    """Print each tracker's first error with its traceback and what it printed, and where its picture is."""
+    from pftrack_sim.benchmark.error_files import error_picture
+
+    first: dict[str, Result] = {}
+    for one in run.results:
+        if one.error:
+            first.setdefault(one.label, one)
+    for one in first.values():
+        picture = error_picture(run.path, one, run.plan.labels)
+        if picture is not None:
+            text = picture.with_suffix(".txt").read_text(encoding="utf-8")
+            print_lines(["", text, f"picture of this frame, on {_where(one)}: {picture}"])
 
 
 def print_lines(lines: Iterable[str]) -> None:

@@ -1,0 +1,65 @@
+"""A tracker's error can be looked at: picture, traceback, output; the run goes on or stops."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim.benchmark import RunStore, run
+from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.error_files import error_picture
+from pftrack_sim.benchmark.merge import merge
+from tests.benchmark.small import SMALL, small_plan
+from tests.cli.test_cli import pftrack_sim
+
+RAISES = "tests.trackers.kept_trackers:raises"
+PICTURE = "errors/corridor/base/seed-{:04}/tests.trackers.kept_trackers-raises.png"
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
+    plan = small_plan(range(2), ["stay", RAISES])
+    return run(plan, tmp_path_factory.mktemp("errors") / "run", videos="none", stop_on_error=True)
+
+
+def test_the_frame_of_an_error_and_its_text_are_kept(stopped: RunStore):
+    failed, fine = sorted(stopped.results, key=lambda one: one.error is None)
+    picture = error_picture(stopped.path, failed, stopped.plan.labels)
+    assert picture == stopped.path / PICTURE.format(0)
+    image = cv2.imread(str(picture))
+    assert image is not None
+    assert image.shape == (SMALL["camera.height_px"], SMALL["camera.width_px"], 3)
+    text = picture.with_suffix(".txt").read_text()
+    assert "frame 1: ValueError: lost my way (kept_trackers.py, line" in text
+    assert 'raise ValueError("lost my way")' in text
+    assert text.endswith("It printed:\nwhere am I?\n")
+    assert error_picture(stopped.path, fine, stopped.plan.labels) is None
+
+
+def test_a_run_that_stopped_at_an_error_goes_on_and_errors_are_part_of_it(stopped: RunStore, tmp_path: Path):
+    assert len({one.file for one in stopped.results}) == 1
+    assert not stopped.finished
+    whole = run(stopped.plan, stopped.path, videos="none")
+    assert check(whole.path).good
+    merged = tmp_path / "merged"
+    merge(merged, [whole.path])
+    assert (merged / PICTURE.format(1)).read_bytes() == (whole.path / PICTURE.format(1)).read_bytes()
+    (whole.path / PICTURE.format(1)).unlink()
+    assert check(whole.path).problems == (f"{PICTURE.format(1)}: missing",)
+
+
+def test_the_command_line_prints_the_traceback_and_exits_with_1(tmp_path: Path):
+    settings = [word for key, value in SMALL.items() for word in ("--set", f"{key}={str(value).lower()}")]
+    for words in (
+        ["bench", "corridor", "--seeds", "0:1", "--videos", "none", "--workers", "0", "--out", str(tmp_path / "run")],
+        ["render", "corridor", "--video", str(tmp_path / "look.mp4")],
+    ):
+        done = pftrack_sim(*words, "--trackers", RAISES, *settings)
+        assert done.returncode == 1
+        assert "ValueError: lost my way (kept_trackers.py, line" in done.stdout
+        assert 'raise ValueError("lost my way")' in done.stdout
+        assert "where am I?" in done.stdout
+    image = cv2.imread(str(tmp_path / "look-error-tests.trackers.kept_trackers-raises.png"))
+    assert image is not None
+    assert np.ptp(image) > 0
