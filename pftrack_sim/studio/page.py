@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import contextlib
 import tempfile
 import threading
 import time
@@ -52,6 +52,9 @@ class Page:
         self._past: Moment | None = None
         self._wanted: dict[str, float] = {}
         """Values of sliders that the session has not taken yet."""
+        self._lock = threading.Lock()
+        self._synchronised: Settings | None = player.session.settings
+        """Settings whose stress axes the sliders show."""
         self._stop = threading.Event()
         self._view = SceneView(server, self._track, self._click)
         gui = self._gui
@@ -86,7 +89,8 @@ class Page:
         while not self._stop.wait(1.0 / _PICTURES_HZ):
             moment, now_s = self.shown, time.monotonic()
             if self.player.moment.world != world:
-                world, shown = self._show_world(), None
+                with contextlib.suppress(TimeoutError):  # the session is busy: next time
+                    world, shown = self._show_world(), None
                 moment = self.shown
             if moment is not shown:
                 picture = moment.picture()
@@ -116,7 +120,8 @@ class Page:
 
     def _show_state(self) -> None:
         player, session = self.player, self.player.session
-        history, moment, settings = list(session.history), self.shown, session.settings
+        moment, settings = self.shown, session.settings
+        history = list(session.history) or [moment]  # it is empty while the session restarts
         speed = f"{player.frames_per_s:.1f} frames/s" if player.playing else "paused"
         same = "as saved" if session.exact else "changed on the way; restart to see what is saved"
         self._state.content = f"**{moment.frame.time_s:.2f} s** · {speed} · {same}"
@@ -129,10 +134,11 @@ class Page:
             first_s, last_s = history[0].frame.time_s, history[-1].frame.time_s
             if last_s > first_s:
                 self._scrub.min, self._scrub.max, self._scrub.value = first_s, last_s, last_s
-        for axis, slider in self._sliders.items():
-            present = min(slider.max, settings.physical(axis))
-            if axis not in self._wanted and not math.isclose(slider.value, present, rel_tol=1e-3, abs_tol=1e-9):
-                slider.value = present
+        if settings is not self._synchronised and not self._wanted:
+            # Not after a slider was moved: it may have moved on since.
+            self._synchronised = settings
+            for axis, slider in self._sliders.items():
+                slider.value = min(slider.max, settings.physical(axis))
         self._curves.show(history)
         self._view.show_trail(np.array([one.truth.T_world_camera[:2, 3] for one in history[::8]]))
 
@@ -200,8 +206,9 @@ class Page:
         )
 
         def moved() -> None:
-            first = not self._wanted
-            self._wanted[name] = float(slider.value)
+            with self._lock:
+                first = not self._wanted
+                self._wanted[name] = float(slider.value)
             if first:
                 self.player.request(self._take_axes)
 
@@ -210,17 +217,15 @@ class Page:
 
     def _take_axes(self, session: Session) -> str:
         """Apply the newest values of all sliders that were moved: those in between are skipped."""
-        wanted, settings = dict(self._wanted), session.settings
+        with self._lock:
+            wanted, settings = dict(self._wanted), session.settings
+            self._wanted.clear()
         for name, value in wanted.items():
             settings = settings.with_axis(name, value)
-        try:
-            return session.change(settings)
-        finally:
-            for name, value in wanted.items():
-                if self._wanted.get(name) == value:
-                    del self._wanted[name]
-            if self._wanted:
-                self.player.request(self._take_axes)
+        self._synchronised = None
+        said = session.change(settings)
+        self._synchronised = settings
+        return said
 
     def _change(self, changed: Callable[[Settings], Settings]) -> None:
         self.player.request(lambda session: session.change(changed(session.settings)))
@@ -246,7 +251,8 @@ class Page:
         if self.player.playing:
             return
         time_s = float(self._scrub.value)
-        self._past = min(list(self.player.session.history), key=lambda one: abs(one.frame.time_s - time_s))
+        history = list(self.player.session.history) or [self.player.moment]
+        self._past = min(history, key=lambda one: abs(one.frame.time_s - time_s))
 
     def _track(self, person: str) -> None:
         def select(session: Session) -> str:

@@ -19,6 +19,7 @@ from pftrack_sim.studio.session import Moment
 TRACKED, OTHERS, MACHINES = (255, 255, 255), (150, 150, 150), (60, 90, 140)
 """Colours: the truth's of the pictures for people, one for the robot and carts."""
 
+_YELLOW, _GREEN = (255, 200, 0), (90, 200, 120)
 _OVERHEAD_M = 2.2
 """What begins above is left out, so that one can look into a room from above."""
 
@@ -87,15 +88,14 @@ class SceneView:
         half = np.array([width / K[0, 0], height / K[1, 1]]) * 0.5
         self._half_m = half * _PICTURE_AT_M
         self._camera = self._scene.add_frame("/camera", show_axes=False)
-        self._scene.add_line_segments("/camera/frustum", _frustum(self._half_m), (255, 200, 0), line_width=2.0)
+        self._scene.add_line_segments(
+            "/camera/frustum", _frustum(self._half_m), _YELLOW, thickness=2.0, thickness_units="screen"
+        )
         self._picture = self._scene.add_image(
             "/camera/picture", moment.frame.image, *(2.0 * self._half_m), position=(0.0, 0.0, _PICTURE_AT_M)
         )
         self._picture.on_click(self._clicked)
-        points = np.column_stack([path_m, np.full(len(path_m), _PATH_M)])
-        self._scene.add_line_segments(
-            "/path", np.stack([points[:-1], points[1:]], axis=1).astype(np.float32), (90, 200, 120), line_width=3.0
-        )
+        self._lines("/path", _on_the_ground(path_m), _GREEN)
         self.show(moment)
 
     def show(self, moment: Moment, picture: Any = None) -> None:
@@ -119,10 +119,10 @@ class SceneView:
     def show_trail(self, points_m: FloatArray) -> None:
         """Show the `(N, 2)` way of the camera so far."""
         if len(points_m) > 1:
-            points = np.column_stack([points_m, np.full(len(points_m), _PATH_M)]).astype(np.float32)
-            self._scene.add_line_segments(
-                "/trail", np.stack([points[:-1], points[1:]], axis=1), (255, 200, 0), line_width=3.0
-            )
+            self._lines("/trail", _on_the_ground(points_m), _YELLOW)
+
+    def _lines(self, name: str, segments_m: Any, colour: tuple[int, int, int]) -> None:
+        self._scene.add_line_segments(name, segments_m, colour, thickness=3.0, thickness_units="screen")
 
     def overview(self) -> tuple[FloatArray, FloatArray]:
         """A place to look from and a point to look at: behind the robot, above it."""
@@ -172,6 +172,12 @@ def _trimesh() -> Any:
 
 def _wxyz(rotation: Any) -> Any:
     return Rotation.from_matrix(rotation).as_quat(scalar_first=True).astype(np.float32)
+
+
+def _on_the_ground(points_m: FloatArray) -> Any:
+    """`(N - 1, 2, 3)` segments between `(N, 2)` points, just above the ground."""
+    points = np.column_stack([points_m, np.full(len(points_m), _PATH_M)]).astype(np.float32)
+    return np.stack([points[:-1], points[1:]], axis=1)
 
 
 def _frustum(half_m: FloatArray) -> Any:

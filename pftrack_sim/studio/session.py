@@ -101,6 +101,8 @@ class Session:
         self.settings = settings
         self.history: deque[Moment] = deque()
         """The last frames, oldest first; the last one is the present."""
+        self.moment: Moment
+        """The present; unlike the history, it can be read from any thread."""
         self.exact = True
         """Whether the frames from here on are those of `settings.toml()` to the bit."""
         self.hand = np.zeros(4)
@@ -113,11 +115,6 @@ class Session:
         self._set_runners(settings.trackers)
         self._controller: Controller | None = None
         self._show(self._resumed(settings, ()))
-
-    @property
-    def moment(self) -> Moment:
-        """The present."""
-        return self.history[-1]
 
     @property
     def over(self) -> bool:
@@ -296,18 +293,17 @@ class Session:
         for runner in self._runners:
             runner.step(frame.image, truth.box, truth.scored)
         latest = {runner.spec.label: runner.estimates[-1] for runner in self._runners}
-        self.history.append(
-            Moment(
-                frame,
-                truth,
-                {name: one for name, one in latest.items() if one is not None},
-                {runner.spec.label: runner.ms[-1] for runner in self._runners},
-                self.simulation.periods,
-                self._world,
-                data.geom_xpos.astype(np.float32),
-                data.geom_xmat.reshape(-1, 3, 3).astype(np.float32),
-            )
+        self.moment = Moment(
+            frame,
+            truth,
+            {name: one for name, one in latest.items() if one is not None},
+            {runner.spec.label: runner.ms[-1] for runner in self._runners},
+            self.simulation.periods,
+            self._world,
+            data.geom_xpos.astype(np.float32),
+            data.geom_xmat.reshape(-1, 3, 3).astype(np.float32),
         )
+        self.history.append(self.moment)
         each = sum(one.nbytes for one in (frame.image, self.moment.geom_m, self.moment.geom_rotation))
         while len(self.history) > max(2, self._memory // each):
             self.history.popleft()

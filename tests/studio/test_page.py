@@ -89,7 +89,7 @@ def received(page: Any) -> np.ndarray:
     return cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_GRAYSCALE)
 
 
-def shake_px(page: Any, studio: Studio, count: int = 8) -> float:
+def shake_px(page: Any, studio: Studio, count: int = 4) -> float:
     """Median shift of the background from one received picture to the next, by optical flow."""
     shifts: list[float] = []
     before = received(page)
