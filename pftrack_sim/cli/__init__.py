@@ -43,6 +43,8 @@ def names_factory(words: Sequence[str]) -> bool:
     True
     >>> names_factory(["bench", "corridor", "--seeds", "0:3"]), names_factory(["report", "a:b"])
     (False, False)
+    >>> names_factory(["bench", "corridor", "--trackers", "trax:python tracker.py"])
+    False
     """
     if not words or words[0] not in _RUN_TRACKERS:
         return False
