@@ -148,6 +148,17 @@ def test_a_pipe_is_no_file(copied: Path, tmp_path: Path):
         RunStore(copied)
 
 
+def test_a_link_to_itself_is_no_file(copied: Path):
+    store = RunStore(copied)
+    result = store.results[0]
+    file = copied / result.file
+    file.unlink()
+    file.symlink_to(file.name)
+    with pytest.raises(RunError, match="not in the run folder"):
+        store.frame_columns(result, ("frame",))
+    assert not check(copied).good
+
+
 def test_a_summary_that_is_a_pipe_is_reported_without_waiting(copied: Path):
     (copied / SUMS).unlink()
     (copied / "summary.parquet").unlink()
