@@ -18,6 +18,7 @@ from pftrack_sim import policies
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner, fault_of
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.records import Estimate, Frame, Image
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.env.base import checked_command
@@ -147,10 +148,20 @@ def _sample(frame: Frame, **more: Any) -> Sample:
 
 
 def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
-    """Frames of a recorded sequence at a rate [Hz]; the target counts as visible where it has a box."""
+    """Frames of a recorded sequence at a rate [Hz]; the target counts as visible where it has a box.
+
+    Raises:
+        SequenceError: An image cannot be read, or has another size than the first one.
+    """
+    shape: tuple[int, ...] | None = None
     for index, box in enumerate(sequence.truth):
         caption = f"{sequence.name}   frame {index + 1} of {len(sequence)}"
-        yield Sample(index / rate_hz, sequence.image(index), box, bool(np.isfinite(box[0])), caption=caption)
+        image = sequence.image(index)
+        shape = shape or image.shape
+        if image.shape != shape:
+            sizes = " and ".join(f"{width} x {height}" for height, width, _ in (shape, image.shape))
+            raise SequenceError(f"{sequence.paths[index]}: images of one sequence need one size, got {sizes}")
+        yield Sample(index / rate_hz, image, box, bool(np.isfinite(box[0])), caption=caption)
 
 
 class Driver:

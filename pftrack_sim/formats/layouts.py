@@ -150,7 +150,8 @@ def read_sequence(
         return mcap.read(file, topics)
     if layout is None and Path(path).is_file():
         if boxes is None:
-            raise SequenceError(f"{path}: a video needs the box of its first frame: --box x,y,w,h, or a file of boxes")
+            words = "is not a folder, and a video needs the box of its first frame: --box x,y,w,h or a file of boxes"
+            raise SequenceError(f"{path}: {words}")
         return video.read(Path(path), boxes)
     folder = _checked_folder(path, layout)
     if layout is not None:

@@ -9,7 +9,7 @@ import pytest
 
 from pftrack_sim.benchmark import TrackerSpec
 from pftrack_sim.benchmark.recorded import evaluate, video_paths
-from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, RunError, SequenceError, UnknownNameError
 from pftrack_sim.formats import RecordedSequence
 
 
@@ -88,3 +88,11 @@ def test_a_wrong_name_leaves_nothing_behind(tmp_path: Path):
     with pytest.raises(UnknownNameError):
         evaluate([sequence], ["stya"], [0], video=tmp_path / "videos")
     assert not (tmp_path / "videos").exists()
+
+
+def test_images_of_two_sizes_are_refused_and_no_half_video_is_left(tmp_path: Path):
+    sequence = record(tmp_path / "a")
+    cv2.imwrite(str(sequence.paths[4]), np.zeros((30, 40, 3), np.uint8))
+    with pytest.raises(SequenceError, match=r"4\.png: images of one sequence need one size, got 80 x 60 and 40 x 30"):
+        evaluate([sequence], ["stay"], [0], video=tmp_path / "a.mp4")
+    assert not list(tmp_path.glob("*.mp4*"))
