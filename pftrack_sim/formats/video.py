@@ -68,11 +68,11 @@ def read(path: Path, boxes: FloatArray) -> RecordedSequence:
         SequenceError: It is no video, or the boxes are neither one nor as many as its frames.
     """
     try:
-        with av.open(str(path)) as container:
-            stream: Any = container.streams.video[0]
+        with av.open(str(path)) as opened:
+            container: Any = opened
+            stream = container.streams.video[0]
             rate = stream.average_rate
-            packets: Any = container.demux(stream)
-            count = sum(1 for packet in packets if packet.size)
+            count = sum(1 for packet in container.demux(stream) if packet.size)
     except (FFmpegError, OSError, IndexError) as error:
         problem = getattr(error, "strerror", None) or "it has no video stream"
         raise SequenceError(f"{path}: cannot be read as a video: {one_line(str(problem))}") from None

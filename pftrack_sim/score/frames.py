@@ -46,8 +46,8 @@ def frame_scores(estimates: ArrayLike, truth: ArrayLike) -> FrameScores:
         raise ParameterError(f"estimates and truth must both have shape (N, 4), got {estimated.shape} and {true.shape}")
     shift = estimated[:, :2] + 0.5 * estimated[:, 2:] - (true[:, :2] + 0.5 * true[:, 2:])
     size, hit = true[:, 2:], np.isfinite(estimated).all(axis=1)
-    known: BoolArray = np.isfinite(true).all(axis=1)
-    has_area: BoolArray = known & (size > 0.0).all(axis=1)
+    known = np.asarray(np.isfinite(true).all(axis=1))
+    has_area = np.asarray(known & (size > 0.0).all(axis=1))
 
     def distances(unit: FloatArray, counted: BoolArray) -> FloatArray:
         errors = np.where(counted, math.inf, math.nan)
