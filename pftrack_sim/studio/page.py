@@ -54,7 +54,7 @@ class Page:
         """Values of sliders that the session has not taken yet."""
         self._lock = threading.Lock()
         self._synchronised: Settings | None = player.session.settings
-        """Settings whose stress axes the sliders show."""
+        """Settings that the controls show."""
         self._stop = threading.Event()
         self._view = SceneView(server, self._track, self._click)
         gui = self._gui
@@ -139,6 +139,11 @@ class Page:
             self._synchronised = settings
             for axis, slider in self._sliders.items():
                 slider.value = min(slider.max, settings.physical(axis))
+            for handle, value in zip(self._choices, (settings.name, settings.seed, settings.driver), strict=True):
+                handle.value = value
+            on = [one.label for one in settings.trackers]
+            for label, box in self._boxes.items():
+                box.value = label in on
         self._curves.show(history)
         self._view.show_trail(np.array([one.truth.T_world_camera[:2, 3] for one in history[::8]]))
 
@@ -158,8 +163,8 @@ class Page:
         with gui.add_folder("Scenario"):
             self._add_scenario(settings)
         with gui.add_folder("Trackers"):
-            for label in self._offered:
-                self._add_tracker(label, label in [one.label for one in settings.trackers])
+            on = [one.label for one in settings.trackers]
+            self._boxes = {label: self._add_tracker(label, label in on) for label in self._offered}
         with gui.add_folder("Stress axes"):
             self._sliders = {axis: self._add_axis(axis, settings) for axis in axes_by_name()}
         with gui.add_folder("Save as"):
@@ -185,11 +190,12 @@ class Page:
             kept = old.overrides if name.value == old.name else _shared(old)
             return replace(old, name=name.value, seed=int(seed.value), overrides=kept, driver=driver.value)
 
-        for handle in (name, seed, driver):
+        self._choices = (name, seed, driver)
+        for handle in self._choices:
             _when(handle.on_update, lambda: self._change(other))
         _when(self._person.on_update, lambda: self._track(self._person.value))
 
-    def _add_tracker(self, label: str, on: bool) -> None:
+    def _add_tracker(self, label: str, on: bool) -> Any:
         box = self._gui.add_checkbox(label, on)
 
         def switched(old: Settings) -> Settings:
@@ -197,6 +203,7 @@ class Page:
             return replace(old, trackers=(*others, self._offered[label]) if box.value else others)
 
         _when(box.on_update, lambda: self._change(switched))
+        return box
 
     def _add_axis(self, name: str, settings: Settings) -> Any:
         axis, top = axes_by_name()[name], float(f"{settings.strongest(name):.3g}")
@@ -228,7 +235,13 @@ class Page:
         return said
 
     def _change(self, changed: Callable[[Settings], Settings]) -> None:
-        self.player.request(lambda session: session.change(changed(session.settings)))
+        def change(session: Session) -> str:
+            try:
+                return session.change(changed(session.settings))
+            finally:
+                self._synchronised = None  # the page shows what was taken, which may be nothing
+
+        self.player.request(change)
 
     def _toggle(self) -> None:
         self._past = None
