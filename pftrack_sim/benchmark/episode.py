@@ -28,6 +28,7 @@ from pftrack_sim.benchmark.episode_file import (
 )
 from pftrack_sim.benchmark.episode_log import episode_log
 from pftrack_sim.benchmark.error_log import ErrorLog
+from pftrack_sim.benchmark.frame_cache import DamagedEntry, EntryWriter, FrameCache
 from pftrack_sim.benchmark.plan import Episode
 from pftrack_sim.benchmark.rollout import Driver, Sink, drive, rollout, simulated
 from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, picture, video_writer
@@ -50,6 +51,7 @@ class EpisodeJob:
     Attributes:
         labels: All trackers of the run: they give each its colour in the video.
         logs: Formats of logs to write.
+        cache: Where frames of open loops are kept, on the worker's machine; None: nowhere.
         scratch: Folder for temporary files, if the worker has it.
         dropped: Labels of trackers that are not run: they ended the process of a worker.
     """
@@ -64,6 +66,7 @@ class EpisodeJob:
     scratch: Path | None = None
     dropped: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
+    cache: FrameCache | None = None
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,18 @@ def run_episode(
     """
     if job.version != pftrack_sim.__version__:
         raise RunError(f"this worker has pftrack-sim {pftrack_sim.__version__}, the run has {job.version}")
+    try:
+        return _run(job, on_frame, on_tracker, processes)
+    except DamagedEntry:  # it is gone: the frames are drawn
+        return _run(job, on_frame, on_tracker, processes)
+
+
+def _run(
+    job: EpisodeJob,
+    on_frame: Callable[[], None],
+    on_tracker: Callable[[int | None], None],
+    processes: TrackerProcesses | None,
+) -> EpisodeFiles:
     episode = job.episode
     with _render_lock, ExitStack() as stack:
         try:
@@ -122,6 +137,7 @@ def run_episode(
             runner.announce = partial(_announce, on_tracker, place)
         settings = episode.scenario.resolve(episode.seed)
         log, course = TruthLog(), FollowLog()
+        following: dict[str, Any] = {}
         errors = ErrorLog(runners, job.labels)
         sinks: list[Sink] = [log, errors]
         table, video = folder / "episode.parquet", folder / "episode.mp4"
@@ -136,16 +152,43 @@ def run_episode(
             sinks.append(lambda step: on_frame())
             if episode.kind == "follow":
                 env = stack.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=job.backend)))
-                simulation = env.simulation
                 drive(env, episode.seed, _driver(runners[0], settings, episode.latency_ms), [*sinks, course])
+                following = course.scores(settings, env.simulation.frame_count)
+                graphics = env.simulation.graphics
             else:
-                simulation = stack.enter_context(Simulation(episode.scenario, backend=job.backend))
-                rollout(simulated(simulation, episode.seed, sensors=bool(logs)), runners, sinks)
-        following = course.scores(settings, simulation.frame_count) if episode.kind == "follow" else {}
-        rows = _write(table, episode, settings, log, runners, course.columns(), following, simulation.graphics)
+                graphics = _show(job, runners, sinks, log)
+        rows = _write(table, episode, settings, log, runners, course.columns(), following, graphics)
         written = {name: path.read_bytes() for name, path in logs.items()}
         film = video.read_bytes() if job.video else None
         return EpisodeFiles(table.read_bytes(), film, written, errors.files(), len(log.truths), tuple(rows))
+
+
+def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log: TruthLog) -> str:
+    """Show the frames of an episode in open loop to trackers, drawn or from the cache; returns what drew them.
+
+    Raises:
+        DamagedEntry: The frames came from the cache, and are not those that were drawn.
+    """
+    # Logs hold what the robot sensed, which is not in the cache.
+    episode, frames = job.episode, job.cache if not job.logs else None
+    entry = frames.entry(episode.scenario, episode.seed, job.backend) if frames is not None else None
+    if frames is not None and entry is not None and (cached := frames.open(entry)) is not None:
+        rollout(cached.samples(), runners, sinks)
+        if log.frames_digest != cached.frames_digest:
+            frames.remove(entry)
+            raise DamagedEntry
+        return cached.graphics
+    with ExitStack() as opened:
+        simulation = opened.enter_context(Simulation(episode.scenario, backend=job.backend))
+        writer = None
+        if frames is not None and entry is not None:
+            with contextlib.suppress(OSError):  # a cache that cannot be written costs time, not the run
+                writer = opened.enter_context(EntryWriter(frames, entry))
+        frames_drawn = simulated(simulation, episode.seed, sensors=bool(job.logs))
+        rollout(frames_drawn, runners, [*sinks, *([writer] if writer else [])])
+        if writer is not None:
+            writer.finish(log.frames_digest, simulation.graphics)
+        return simulation.graphics
 
 
 def _announce(on_tracker: Callable[[int | None], None], place: int, running: bool) -> None:

@@ -99,7 +99,7 @@ def session() -> dict[str, Any]:
     return {
         "began": now(),
         "command": [one_line(word) for word in sys.argv],
-        "versions": {name: version for name in _VERSIONS_OF if (version := _version(name))},
+        "versions": {name: version for name in _VERSIONS_OF if (version := package_version(name))},
         "commit": _commit(),
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -112,7 +112,8 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def _version(name: str) -> str | None:
+def package_version(name: str) -> str | None:
+    """Version of an installed distribution, or None."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

@@ -15,6 +15,7 @@ from pftrack_sim.benchmark.episode import EpisodeJob
 from pftrack_sim.benchmark.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor
 from pftrack_sim.benchmark.files import slug
 from pftrack_sim.benchmark.filming import film, worst
+from pftrack_sim.benchmark.frame_cache import FrameCache
 from pftrack_sim.benchmark.plan import Episode, Plan, TrackerSpec
 from pftrack_sim.benchmark.progress import ProgressCounter, RunProgress
 from pftrack_sim.benchmark.store import SCRATCH, RunStore
@@ -56,6 +57,7 @@ def run(
     shuffle: int | None = None,
     refresh: bool = False,
     stop_on_error: bool = False,
+    cache: FrameCache | None = None,
     on_progress: Callable[[RunProgress], None] = lambda _: None,
 ) -> RunStore:
     """Run a plan, or what is missing of it.
@@ -77,6 +79,7 @@ def run(
         shuffle: A seed to shuffle the order of the episodes with.
         refresh: Run episodes again whose third-party trackers or controllers have other code than in the folder.
         stop_on_error: End the run, unfinished, after the first episode in which a tracker ends with an error.
+        cache: Where rendered frames of open loops are kept and taken from; None: nowhere.
         on_progress: Called after every episode and a few times a second.
 
     Returns:
@@ -114,7 +117,9 @@ def run(
         scratch = path.resolve() / SCRATCH
         logged = tuple(logs) if not lacking and (episode.is_first_seed or videos == "all") else ()
         labels = store.plan.labels
-        return EpisodeJob(given, video, backend, isolated, limits, logs=logged, scratch=scratch, labels=labels)
+        return EpisodeJob(
+            given, video, backend, isolated, limits, logs=logged, scratch=scratch, labels=labels, cache=cache
+        )
 
     with (
         contextlib.closing(make_executor(plan, workers, scheduler, processes)) as executor,

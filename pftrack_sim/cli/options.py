@@ -60,6 +60,14 @@ StopOnError = Annotated[
     bool,
     typer.Option("--stop-on-error", "--stop-on-failure", help="Stop after the first episode in which a tracker fails."),
 ]
+Cache = Annotated[
+    bool,
+    typer.Option("--cache", help="Keep rendered frames and take them from there: a changed tracker runs at once."),
+]
+CacheFolder = Annotated[Path | None, typer.Option(help="Folder of --cache; default: ~/.cache/pftrack-sim/frames.")]
+CacheLimit = Annotated[
+    float, typer.Option(metavar="GB", help="Size of --cache; what was not used for longest goes first.")
+]
 SequenceLayout = Annotated[
     str | None,
     typer.Option("--format", metavar="LAYOUT", help="otb, lasot, got10k, vot or mot; default: found by its files."),
@@ -69,7 +77,8 @@ AxisLevels = Annotated[
     typer.Option(
         "--axis",
         metavar="AXIS=0,1,2",
-        help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated.",
+        help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated. "
+        "follow: also latency=0,13,55 in ms, for every tracker alike.",
     ),
 ]
 Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, worst:N (of each tracker), or none.")]

@@ -10,117 +10,72 @@ import typer
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import (
     MAX_SEEDS,
-    AxisLevels,
     Backend,
-    BenchPreset,
-    BenchSeeds,
-    BenchTrackers,
-    FrameLimit,
+    Cache,
+    CacheFolder,
+    CacheLimit,
     Isolation,
-    Log,
-    MemoryLimit,
-    Out,
     Params,
-    Part,
     Preset,
-    ProgressMode,
-    Refresh,
-    Scheduler,
-    ScoredBox,
     Seeds,
     SequenceLayout,
-    Settings,
-    StopOnError,
     Trackers,
-    Videos,
-    Workers,
 )
 from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.reading import write_page
-from pftrack_sim.cli.values import parse_axes, parse_latency, parse_names, parse_part, parse_settings, parse_trackers
+from pftrack_sim.cli.run_options import RunOptions, with_run_options
+from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse_trackers
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan
-    from pftrack_sim.trackers.isolation import Limits
+    from pftrack_sim.benchmark.frame_cache import FrameCache
 
 
+@with_run_options
 def bench(
     scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
-    trackers: BenchTrackers = None,
-    seeds: BenchSeeds = None,
-    axis: AxisLevels = None,
-    settings: Settings = None,
-    preset: BenchPreset = None,
-    truth: ScoredBox = "box",
-    out: Out = None,
-    videos: Videos = "first",
-    log: Log = "",
-    backend: Backend = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    part: Part = "1/1",
-    isolation: Isolation = "auto",
-    frame_limit_s: FrameLimit = 60.0,
-    memory_limit_mb: MemoryLimit = 4096.0,
-    refresh: Refresh = False,
-    stop_on_error: StopOnError = False,
-    progress: ProgressMode = "",
+    cache: Cache = False,
+    cache_folder: CacheFolder = None,
+    cache_gb: CacheLimit = 20.0,
+    *,
+    run: RunOptions,
 ) -> None:
     """Run trackers in open loop on suites or scenarios.
 
-    Every frame is rendered once for all trackers.
+    Every frame is rendered once for all trackers. Examples:
+
+    pftrack-sim bench plaza-walk --trackers ko2012,my_module:make --seeds 0:20 --out runs/mine
+
+    pftrack-sim bench corridor --trackers ko2012 --param ko2012.alpha=0.3 --axis jitter=0,1,2 --cache
     """
-    from pftrack_sim.benchmark import parse_seeds, plan_all
-    from pftrack_sim.trackers.isolation import Limits
+    from pftrack_sim.benchmark.frame_cache import FrameCache, default_folder
 
-    plan = plan_all(
-        scenarios,
-        trackers=parse_trackers(trackers, preset or "default") if trackers is not None else None,
-        seeds=parse_seeds(seeds) if seeds is not None else None,
-        axes=parse_axes(axis or []),
-        overrides=parse_settings(settings or []),
-        preset=preset,
-        truth=truth,
-    )
-    limits = Limits(frame_limit_s, memory_limit_mb)
-    _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, stop_on_error, progress)
+    kept = FrameCache(cache_folder or default_folder(), round(cache_gb * 1e9)) if cache or cache_folder else None
+    _run(run.plan(scenarios), run, kept)
 
 
-def _run(
-    plan: Plan,
-    out: Path | None,
-    workers: int | None,
-    scheduler: str | None,
-    videos: str,
-    log: str,
-    backend: str | None,
-    isolation: str,
-    limits: Limits,
-    part: str,
-    refresh: bool,
-    stop_on_error: bool,
-    progress: str,
-) -> None:
+def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> None:
     """Run a plan, print its results, and write the report."""
     from pftrack_sim.benchmark import new_run_path, run
     from pftrack_sim.benchmark.planning import late_events
 
     tables.print_warnings(late_events(plan))
-    path = out if out is not None else new_run_path(plan)
-    with show_run(progress, path) as on_progress:
+    path = options.out if options.out is not None else new_run_path(plan)
+    with show_run(options.progress, path) as on_progress:
         finished = run(
             plan,
             path,
-            workers=workers if workers is not None else cores(),
-            scheduler=scheduler,
-            videos=videos,
-            logs=parse_names(log) if log else (),
-            backend=backend,
-            isolation=isolation,
-            limits=limits,
-            part=parse_part(part),
-            refresh=refresh,
-            stop_on_error=stop_on_error,
+            workers=options.workers if options.workers is not None else cores(),
+            scheduler=options.scheduler,
+            videos=options.videos,
+            logs=parse_names(options.log) if options.log else (),
+            backend=options.backend,
+            isolation=options.isolation,
+            limits=options.limits,
+            part=parse_part(options.part),
+            refresh=options.refresh,
+            stop_on_error=options.stop_on_error,
+            cache=cache,
             on_progress=on_progress,
         )
     tables.print_bench(finished.results)
@@ -130,14 +85,17 @@ def _run(
     tables.print_folder(path)
     write_page(path)
     tables.print_tracebacks(finished)
-    if stop_on_error and not finished.finished:
+    if cache is not None:
+        size_gb, limit_gb = cache.size_bytes / 1e9, cache.limit_bytes / 1e9
+        tables.print_lines([f"cache: {size_gb:.2f} GB of {limit_gb:g} GB in {cache.folder}"])
+    if options.stop_on_error and not finished.finished:
         tables.print_lines(["stopped after the first error; without --stop-on-error the same command runs the rest"])
     raise typer.Exit(1 if any(one.error for one in finished.results) else 0)
 
 
+@with_run_options
 def follow(
     scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
-    trackers: BenchTrackers = None,
     controllers: Annotated[
         str | None,
         typer.Option(
@@ -147,7 +105,6 @@ def follow(
             help="Controllers, by name; default: servo-avoid, or a suite's own.",
         ),
     ] = None,
-    seeds: BenchSeeds = None,
     latency: Annotated[
         str,
         typer.Option(
@@ -155,66 +112,31 @@ def follow(
             help="ms charged per frame, by tracker; measured: once, here; or paper: the printed figures for all.",
         ),
     ] = "",
-    axis: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--axis", metavar="AXIS=0,1,2", help="As for bench; also latency=0,13,55 in ms, for every tracker alike."
-        ),
-    ] = None,
-    settings: Settings = None,
-    preset: BenchPreset = None,
-    truth: ScoredBox = "box",
-    out: Out = None,
-    videos: Videos = "first",
-    log: Log = "",
-    backend: Backend = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    part: Part = "1/1",
-    isolation: Isolation = "auto",
-    frame_limit_s: FrameLimit = 60.0,
-    memory_limit_mb: MemoryLimit = 4096.0,
-    refresh: Refresh = False,
-    stop_on_error: StopOnError = False,
-    progress: ProgressMode = "",
+    *,
+    run: RunOptions,
 ) -> None:
     """Run trackers in closed loop: their boxes drive the robot.
 
-    A controller turns the boxes into commands; overlap and following are scored.
+    A controller turns the boxes into commands; overlap and following are scored. Examples:
+
+    pftrack-sim follow follow/plaza --trackers oracle,ko2012 --seeds 0:10 --out runs/driven
+
+    pftrack-sim follow corridor --trackers ko2012 --latency ko2012=measured --axis light=0,1
     """
     from pftrack_sim import scenario as all_scenarios
-    from pftrack_sim.benchmark import parse_seeds, plan_all
     from pftrack_sim.benchmark.latency import resolve_latencies
     from pftrack_sim.benchmark.tracker_runner import checked_isolation
-    from pftrack_sim.trackers.isolation import Limits
 
-    chosen = parse_trackers(trackers, preset or "default") if trackers is not None else None
-
-    def plan_with(latency_ms: dict[str, float]) -> Plan:
-        return plan_all(
-            scenarios,
-            trackers=chosen,
-            seeds=parse_seeds(seeds) if seeds is not None else None,
-            axes=parse_axes(axis or []),
-            overrides=parse_settings(settings or []),
-            preset=preset,
-            truth=truth,
-            controllers=parse_names(controllers) if controllers is not None else None,
-            latency_ms=latency_ms,
-            closed_loop=True,
-        )
-
-    limits = Limits(frame_limit_s, memory_limit_mb)
-    plan = plan_with({})
-    names = list(dict.fromkeys(one.name for one in plan.trackers))
+    chosen = parse_names(controllers) if controllers is not None else None
+    plan = run.plan(scenarios, controllers=chosen, latency_ms={}, closed_loop=True)
     if latency:
         stage = plan.sweeps[0].scenarios[0]
         first = all_scenarios.Scenario(stage.name, stage.tree)
-        given = parse_latency(latency, names)
-        plan = plan_with(
-            resolve_latencies(given, plan.trackers, first, out, isolation=checked_isolation(isolation), limits=limits)
-        )
-    _run(plan, out, workers, scheduler, videos, log, backend, isolation, limits, part, refresh, stop_on_error, progress)
+        given = parse_latency(latency, list(dict.fromkeys(one.name for one in plan.trackers)))
+        isolation = checked_isolation(run.isolation)
+        charged = resolve_latencies(given, plan.trackers, first, run.out, isolation=isolation, limits=run.limits)
+        plan = run.plan(scenarios, controllers=chosen, latency_ms=charged, closed_loop=True)
+    _run(plan, run)
 
 
 def film(

@@ -1,0 +1,244 @@
+"""Cache of rendered frames with their truth, so that a changed tracker costs only the tracker.
+
+<folder>/<digest>/frames.raw    every frame, `(N, H, W, 3)` uint8 RGB, not compressed: decoding would cost more
+<folder>/<digest>/truth.npz     truth of everybody in every frame
+<folder>/<digest>/entry.json    shape of the frames, digests of all frames and of the truth; written last
+
+The digest is of everything that determines frames: scenario with its content, seed, code and data of this package,
+versions of what renders and computes, renderer. Entries appear whole, and any number of workers may read and write.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any, Self, cast
+
+import mujoco
+import numpy as np
+
+from pftrack_sim.benchmark.record import package_version
+from pftrack_sim.benchmark.rollout import Sample, Step
+from pftrack_sim.core.code_digest import file_digest
+from pftrack_sim.core.data_files import assets_dir
+from pftrack_sim.core.errors import ParameterError, RenderError
+from pftrack_sim.core.records import Frame, Truth
+from pftrack_sim.render.selection import open_renderer
+from pftrack_sim.scenario import Scenario
+
+DEFAULT_LIMIT_GB = 20.0
+_PACKAGES = ("mujoco", "mujoco-warp", "numpy", "opencv-python-headless", "opencv-contrib-python-headless", "numba")
+_MODEL = "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"
+
+
+def default_folder() -> Path:
+    """`$XDG_CACHE_HOME/pftrack-sim/frames`, or `~/.cache/pftrack-sim/frames`."""
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "pftrack-sim" / "frames"
+
+
+@dataclass(frozen=True)
+class FrameCache:
+    """A folder of rendered episodes.
+
+    Attributes:
+        folder: Made when the first entry is written.
+        limit_bytes: When entries take more than this, those that were not used for longest go.
+
+    Raises:
+        ParameterError: The limit is not positive.
+    """
+
+    folder: Path
+    limit_bytes: int
+
+    def __post_init__(self) -> None:
+        if self.limit_bytes <= 0:
+            raise ParameterError(f"the cache's limit must be > 0 bytes, got {self.limit_bytes}")
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of all entries."""
+        return sum(size for _, size, _ in self._entries())
+
+    def entry(self, scenario: Scenario, seed: int, backend: str | None) -> Path:
+        """Folder of an episode, whether it exists or not."""
+        identity = [scenario.digest, seed, _environment_digest(), _renderer(backend)]
+        return self.folder / hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:40]
+
+    def open(self, entry: Path) -> CachedEpisode | None:
+        """The episode of an entry; None if there is none, or one that is damaged: that is removed."""
+        try:
+            found = CachedEpisode(entry)
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, KeyError, TypeError, EOFError):
+            self.remove(entry)
+            return None
+        with contextlib.suppress(OSError):
+            os.utime(entry)
+        return found
+
+    def remove(self, entry: Path) -> None:
+        """Remove an entry; one that is absent is fine."""
+        shutil.rmtree(entry, ignore_errors=True)
+
+    def evict(self) -> None:
+        """Remove the entries that were not used for longest until the rest is within the limit."""
+        entries = sorted(self._entries())
+        size = sum(one for _, one, _ in entries)
+        for _, one, entry in entries:
+            if size <= self.limit_bytes:
+                break
+            self.remove(entry)
+            size -= one
+
+    def _entries(self) -> Iterator[tuple[float, int, Path]]:
+        """Time of the last use, size and folder of each entry."""
+        for entry in self.folder.iterdir() if self.folder.is_dir() else ():
+            with contextlib.suppress(OSError):  # another process removes it
+                size = sum(file.stat().st_size for file in entry.iterdir())
+                yield entry.stat().st_mtime, size, entry
+
+
+class DamagedEntry(Exception):
+    """The frames of an entry are not those that were written; it has been removed."""
+
+
+class CachedEpisode:
+    """Frames and truth of one entry.
+
+    Raises:
+        OSError: It is absent or cannot be read.
+        ValueError: It is damaged.
+    """
+
+    def __init__(self, entry: Path) -> None:
+        record = json.loads((entry / "entry.json").read_bytes())
+        truth = (entry / "truth.npz").read_bytes()
+        if hashlib.sha256(truth).hexdigest() != record["truth_sha256"]:
+            raise ValueError("its truth does not have the digest it was written with")
+        self.frames_digest: str = record["frames_digest"]
+        self.graphics: str = record["graphics"]
+        self._times_s: list[float] = record["times_s"]
+        self._images: Any = np.memmap(entry / "frames.raw", np.uint8, "r", shape=tuple(record["shape"]))
+        with np.load(io.BytesIO(truth), allow_pickle=False) as arrays:
+            self._people = list(_truths({name: arrays[name] for name in arrays.files}, record["counts"]))
+
+    def samples(self) -> Iterator[Sample]:
+        """The frames, with the bits that were drawn: whoever reads them all compares their digest."""
+        for index, (time_s, people) in enumerate(zip(self._times_s, self._people, strict=True)):
+            frame = Frame(index, time_s, np.asarray(self._images[index]), people[0], people)
+            yield Sample(time_s, frame.image, frame.truth.box, frame.truth.scored, frame)
+
+
+class EntryWriter:
+    """Sink that writes the frames of an episode into the cache; what is not finished is removed by `close`."""
+
+    def __init__(self, cache_: FrameCache, entry: Path) -> None:
+        self._cache, self._entry = cache_, entry
+        cache_.folder.mkdir(parents=True, exist_ok=True)
+        self._part = Path(tempfile.mkdtemp(prefix=".part-", dir=cache_.folder))
+        self._file = open(self._part / "frames.raw", "wb")  # noqa: SIM115 - closed in close
+        self._people: list[tuple[Truth, ...]] = []
+        self._times_s: list[float] = []
+        self._shape: tuple[int, ...] = ()
+        self._whole = True
+
+    def __call__(self, step: Step) -> None:
+        """Add a frame."""
+        frame = step.sample.frame
+        assert frame is not None
+        try:
+            self._file.write(np.ascontiguousarray(frame.image).data)
+        except OSError:  # a full disk costs the entry, not the run
+            self._whole = False
+        self._people.append(frame.people)
+        self._times_s.append(frame.time_s)
+        self._shape = frame.image.shape
+
+    def finish(self, frames_digest: str, graphics: str) -> None:
+        """Give the entry its name, and remove old ones if there are too many."""
+        with contextlib.suppress(OSError):  # a full disk, or another worker wrote the same episode
+            self._file.close()
+            if self._whole:
+                self._write_record(frames_digest, graphics)
+                self._part.rename(self._entry)
+        self._cache.evict()
+
+    def _write_record(self, frames_digest: str, graphics: str) -> None:
+        packed = io.BytesIO()
+        np.savez_compressed(packed, **cast("Any", _arrays([one for people in self._people for one in people])))
+        truth = packed.getvalue()
+        (self._part / "truth.npz").write_bytes(truth)
+        record = {
+            "shape": [len(self._people), *self._shape],
+            "times_s": self._times_s,
+            "counts": [len(people) for people in self._people],
+            "frames_digest": frames_digest,
+            "graphics": graphics,
+            "truth_sha256": hashlib.sha256(truth).hexdigest(),
+        }
+        (self._part / "entry.json").write_text(json.dumps(record))
+
+    def close(self) -> None:
+        """Remove what was not finished."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+        shutil.rmtree(self._part, ignore_errors=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _arrays(people: list[Truth]) -> dict[str, Any]:
+    """Fields of truths as arrays, one row per person and frame; text without pickling."""
+    arrays = {one.name: np.array([getattr(truth, one.name) for truth in people]) for one in fields(Truth)
+              if one.name != "occluders"}  # fmt: skip
+    arrays["occluders"] = np.array([json.dumps(truth.occluders) for truth in people])
+    return arrays
+
+
+def _truths(arrays: dict[str, Any], counts: list[int]) -> Iterator[tuple[Truth, ...]]:
+    names = [one.name for one in fields(Truth)]
+    numbers = {name: array.tolist() if array.ndim == 1 else list(array) for name, array in arrays.items()}
+    numbers["occluders"] = [tuple(json.loads(text)) for text in numbers["occluders"]]
+    made = (Truth(*values) for values in zip(*(numbers[name] for name in names), strict=True))
+    for count in counts:
+        yield tuple(next(made) for _ in range(count))
+
+
+@cache
+def _environment_digest() -> str:
+    """Digest of this package's code and data, and the versions of what renders and computes."""
+    digest = hashlib.sha256()
+    for root in (Path(__file__).parents[1], assets_dir()):
+        for path in sorted(path for path in root.rglob("*") if path.is_file() and path.suffix != ".pyc"):
+            digest.update(f"{path.relative_to(root)}\0{file_digest(path)}".encode())
+    digest.update(" ".join(f"{name} {package_version(name)}" for name in _PACKAGES).encode())
+    return digest.hexdigest()
+
+
+@cache
+def _renderer(backend: str | None) -> str:
+    """What draws here when this backend is asked for."""
+    try:
+        renderer = open_renderer(mujoco.MjModel.from_xml_string(_MODEL), 16, 16, backend)
+    except RenderError:
+        return f"none for {backend}"
+    try:
+        return renderer.description
+    finally:
+        renderer.close()

@@ -1,0 +1,72 @@
+"""Cached frames are those that were drawn, whatever happens to the cache."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.benchmark import RunStore, frame_cache, run
+from pftrack_sim.benchmark.frame_cache import FrameCache
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.simulation.simulation import Simulation
+from tests.benchmark.small import contents, small_plan
+
+PLAN = small_plan(range(1), ["oracle", "stay"], **{"distractors.count": 1})
+
+
+def test_a_second_run_takes_the_frames_from_the_cache_until_they_are_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    cache = FrameCache(tmp_path / "cache", 10**9)
+    drawn = run(PLAN, tmp_path / "drawn", videos="first").path
+    run(PLAN, tmp_path / "filling", videos="none", cache=cache)
+    (entry,) = (tmp_path / "cache").iterdir()
+    assert cache.size_bytes > 4 * 72 * 96 * 3
+    resets: list[int] = []
+    reset = Simulation.reset
+    monkeypatch.setattr(Simulation, "reset", lambda self, seed: (resets.append(seed), reset(self, seed))[1])
+    cached = run(PLAN, tmp_path / "cached", videos="first", cache=cache).path
+    assert not resets
+    assert contents(cached) == contents(drawn)
+    frames = "SELECT * EXCLUDE (ms) FROM frames ORDER BY label, frame"
+    assert str(RunStore(cached).query(frames)) == str(RunStore(drawn).query(frames))
+    video = "videos/corridor/base/seed-0000.mp4"
+    assert (cached / video).read_bytes() == (drawn / video).read_bytes()
+    for name, place in (("frames.raw", 3000), ("truth.npz", 60), ("entry.json", 3)):
+        content = bytearray((entry / name).read_bytes())
+        content[place] ^= 255
+        (entry / name).write_bytes(content)
+        resets.clear()
+        again = run(PLAN, tmp_path / f"damaged-{name}", videos="none", cache=cache).path
+        assert resets == [0]
+        assert contents(again) == contents(drawn)
+    (entry / "frames.raw").write_bytes(b"")
+    assert cache.open(entry) is None
+    assert not entry.exists()
+
+
+def test_the_entries_not_used_for_longest_go_first(tmp_path: Path):
+    cache = FrameCache(tmp_path, 250)
+    assert cache.size_bytes == 0
+    for age, name in enumerate(("new", "middle", "old")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "frames.raw").write_bytes(bytes(100))
+        os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
+    cache.evict()
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["middle", "new"]
+    with pytest.raises(ParameterError, match="> 0"):
+        FrameCache(tmp_path, 0)
+
+
+def test_whatever_changes_frames_changes_the_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    cache = FrameCache(tmp_path, 1)
+    base = scenario.load("corridor")
+    other = scenario.load("corridor", {"camera.height_m": 1.3})
+    entries = {cache.entry(*given, None) for given in ((base, 0), (base, 1), (other, 0))}
+    assert len(entries) == 3
+    assert cache.entry(scenario.load("corridor"), 0, None) in entries
+    for name in ("_renderer", "_environment_digest"):
+        monkeypatch.setattr(frame_cache, name, lambda *_: "another")
+        entries.add(cache.entry(base, 0, None))
+    assert len(entries) == 5
