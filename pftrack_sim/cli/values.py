@@ -134,6 +134,8 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Tr
     if not found:
         parse_names(text)  # raises
     elsewhere = parse_params(pairs, [one.name for one in found])
+    if any("preset" in params for params in elsewhere.values()):
+        raise ParameterError("the preset is no --param: give --preset, or ko2012[preset=paper]")
     return [one.model_copy(update={"params": {**elsewhere.get(one.name, {}), **one.params}}) for one in found]
 
 

@@ -333,6 +333,7 @@ WRONG = [
     (["bench", "plaza-walk", "--trackers", "ko2012[particle_cont=3]"], "did you mean 'particle_count'"),
     (["bench", "plaza-walk", "--param", "alpha=0.1"], "--param needs --trackers"),
     (["follow", "plaza-walk", "--trackers", "ko2012", "--param", "ko2012.aplha=1"], "did you mean 'alpha'"),
+    (["bench", "plaza-walk", "--trackers", "ncc", "--param", "preset=paper"], "the preset is no --param"),
     (["bench", "plaza-walk", "--cache", "--cache-gb", "0"], "limit must be > 0"),
     (["bench", "plaza-walk", "--part", "3/2"], "part must be K/N"),
     (["bench", "plaza-walk", "--progress", "loud"], "progress must be one of"),
