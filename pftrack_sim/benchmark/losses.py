@@ -72,6 +72,15 @@ class LossShares:
     frames: Mapping[str, float]
 
 
+def tag_title(tag: str) -> str:
+    """A tag in words.
+
+    >>> tag_title("look_alike_near")
+    'look-alike near'
+    """
+    return tag.replace("_", " ").replace("look alike", "look-alike")
+
+
 def create_loss_views(database: duckdb.DuckDBPyConnection) -> None:
     """Create `moments` and `losses` from `frames`."""
     known = {row[0] for row in database.execute("DESCRIBE frames").fetchall()}

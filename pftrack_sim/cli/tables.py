@@ -234,18 +234,18 @@ def print_axes(store: RunStore) -> None:
 
 def print_losses(shares: Mapping[str, LossShares]) -> None:
     """Print how often each tracker lost the target and what happened then; nothing without a loss."""
-    from pftrack_sim.benchmark.losses import LOSS, TAGS
+    from pftrack_sim.benchmark.losses import LOSS, TAGS, tag_title
 
     lost = {label: one for label, one in shares.items() if one.losses}
     if not lost:
         return
-    heads = [tag.replace("_", "\n", 1) for tag in TAGS]
+    heads = [tag_title(tag).replace(" ", "\n") for tag in TAGS]
     table = new_table("Share of the losses that begin with", ("tracker",), ("losses", *heads))
     for label, one in lost.items():
         table.add_row(label, str(one.losses), *(f"{one.shares[tag]:.0%}" for tag in TAGS))
         table.add_row("  of all frames", "", *(f"{one.frames[tag]:.0%}" for tag in TAGS))
     console.print(table)
-    print_lines([f"loss: {LOSS}", *(f"{tag.replace('_', ' ')}: {words}" for tag, (words, _) in TAGS.items())])
+    print_lines([f"loss: {LOSS}", *(f"{tag_title(tag)}: {words}" for tag, (words, _) in TAGS.items())])
 
 
 def print_follow(results: Sequence[Result]) -> None:

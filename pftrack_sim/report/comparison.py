@@ -17,7 +17,7 @@ from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.integrity import update_sum
-from pftrack_sim.benchmark.losses import TAGS
+from pftrack_sim.benchmark.losses import TAGS, tag_title
 from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
@@ -52,7 +52,10 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     )
     scale = max([0.01, *(abs(end) for row in (*found.rows, *found.tags) for end in (row.difference, row.low, row.high)
                          if not math.isnan(end))])  # fmt: skip
-    colours = [palette.hexadecimal(colour) for colour in palette.TRACKERS[:2]]
+    # Two trackers of one run have its colours; one tracker in two runs has the same colour in both.
+    known = palette.colours_of(first.plan.labels)
+    shown = [known[name] for name in found.names] if first.path == second.path else palette.TRACKERS[:2]
+    colours = [palette.hexadecimal(colour) for colour in shown]
     page = environment.get_template("comparison.html.j2").render(
         found=found,
         colours=colours,
@@ -60,7 +63,7 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
         script=Markup((_PAGE / "comparison.js").read_text(encoding="utf-8")),
         rows=[_row(row, scale) for row in found.rows],
         tags=[_row(row, scale) for row in found.tags],
-        meanings={tag.replace("_", " "): words for tag, (words, _) in TAGS.items()},
+        meanings={tag_title(tag): words for tag, (words, _) in TAGS.items()},
         scale=number_text(scale, 3),
         last=found.rows[-1],
         seeds=[(size, found.rows[-1].seeds_for(size)) for size in _SIZES],
@@ -83,7 +86,7 @@ def _row(row: Difference, scale: float) -> dict[str, Any]:
     known = not math.isnan(row.low)
     return {
         "name": row.scenario,
-        "condition": row.condition.replace("_", " "),
+        "condition": tag_title(row.condition) if row.condition in TAGS else row.condition,
         "seeds": row.seeds,
         "means": [number_text(row.first, 3), number_text(row.second, 3)],
         "difference": "-" if math.isnan(row.difference) else f"{row.difference:+.3f}",

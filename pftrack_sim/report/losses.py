@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pftrack_sim.benchmark import RunStore
-from pftrack_sim.benchmark.losses import LOSS, TAGS
+from pftrack_sim.benchmark.losses import LOSS, TAGS, tag_title
 
 _KEY = "scenario, condition, seed, label"
 
@@ -35,7 +35,5 @@ def losses_of(store: RunStore, trackers: Sequence[str], numbers: Mapping[tuple[s
             for scenario, condition, seed, label, *values in found
         ]
 
-    meanings = [
-        [name.replace("_", " ").replace("look alike", "look-alike"), words] for name, (words, _) in TAGS.items()
-    ]
+    meanings = [[tag_title(name), words] for name, (words, _) in TAGS.items()]
     return {"loss": LOSS, "tags": meanings, "losses": rows(lost.rows), "moments": rows(seen.rows)}
