@@ -56,7 +56,7 @@ def compare(
         Path | None, typer.Option(metavar="FILE", help="Page to write; default: comparison.html in the second folder.")
     ] = None,
 ) -> None:
-    """Compare two trackers, or one tracker in two runs, and write a page with the episodes that got worse.
+    """Compare two trackers, or one tracker in two runs.
 
     Differences are paired by episode; a row says whether its seeds can show a difference at all.
     """

@@ -24,7 +24,7 @@ def export_results(
     out: Annotated[Path, typer.Option(help="Folder of the results.")],
     form: Annotated[str, typer.Option("--format", help="otb, got10k, vot or mot.")] = "got10k",
 ) -> None:
-    """Write a run's estimates as result files, so that a public toolkit scores them.
+    """Write a run's estimates as result files of a toolkit.
 
     They belong to the data set that export writes of the same scenarios and seeds.
     """
@@ -45,7 +45,7 @@ def score(
         str | None, typer.Option("--results-format", help="otb, got10k, vot or mot; default: found by the files.")
     ] = None,
 ) -> None:
-    """Score result files against a data set, with our measures and with the benchmark's own."""
+    """Score result files of other tools against a data set."""
     from pftrack_sim.benchmark.results import score_results
 
     _print_scored(score_results(results, dataset, layout=layout, form=form))

@@ -146,7 +146,7 @@ def film(
     loss: Annotated[bool, typer.Option("--loss", help="Only episodes that end with the target lost.")] = False,
     backend: Backend = None,
 ) -> None:
-    """Film the worst episodes of a run that has been run.
+    """Film the worst episodes of a run.
 
     The frames are drawn again; the boxes are the stored ones, and no tracker runs.
     """

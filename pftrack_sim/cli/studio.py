@@ -28,7 +28,7 @@ def studio(
     backend: Backend = None,
     isolation: Isolation = "auto",
 ) -> None:
-    """Watch trackers in the browser, and change the scenario while it runs.
+    """Watch trackers live in the browser.
 
     Frames have 320 x 240 pixels unless --set says otherwise.
     """
