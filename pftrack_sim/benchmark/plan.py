@@ -12,17 +12,17 @@ import json
 import random
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, Literal, TypeAlias
 
 from pydantic import Field, ValidationError, model_validator
 
 from pftrack_sim.benchmark.files import distinct_slugs
 from pftrack_sim.benchmark.seeds import Seeds
 from pftrack_sim.benchmark.suite import Suite
-from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.ranges import is_range
@@ -388,54 +388,3 @@ def make_checked_plan(
         return Plan(sweeps=sweeps, trackers=trackers, suites=suites, truth=truth)
     except ValidationError as error:
         raise ParameterError(str(error.errors()[0]["msg"]).removeprefix("Value error, ")) from None
-
-
-def read_plan(record: object, source: str) -> Plan:
-    """Make a plan of its JSON record; `source` is named in the message.
-
-    Raises:
-        RunError: It is no plan.
-    """
-    try:
-        return Plan.model_validate(record)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise RunError(f"{source}: not a plan this version can read: {where or 'plan'}: {first['msg']}") from None
-
-
-def differences(given: Plan, stored: Plan, *, limit: int = 5) -> list[str]:
-    """Differences of two plans, one line each: `"trackers: stay there, ko2012 asked for"`."""
-    found = list(_differences("", _by_name(given), _by_name(stored)))
-    return found[:limit] + ([f"and {len(found) - limit} more"] if len(found) > limit else [])
-
-
-def _by_name(plan: Plan) -> dict[str, Any]:
-    """The plan's record with names as keys, so that a difference is reported with the name and not the index."""
-    record: dict[str, Any] = {**plan.model_dump(mode="json"), "trackers": list(plan.labels)}
-    record["code"] = {name: digest[:12] for tracker in plan.trackers for name, digest in tracker.code.items()}
-    for values, sweep in zip(record["sweeps"], plan.sweeps, strict=True):
-        values["scenarios"] = {scenario.name: scenario.tree for scenario in sweep.scenarios}
-        values["conditions"] = [condition.name for condition in sweep.conditions]
-    return record | record.pop("sweeps")[0] if len(plan.sweeps) == 1 else record
-
-
-def _differences(path: str, given: Any, stored: Any) -> Iterator[str]:
-    if given == stored:
-        return
-    if isinstance(given, Mapping) and isinstance(stored, Mapping):
-        mine, theirs = cast("Mapping[str, Any]", given), cast("Mapping[str, Any]", stored)
-        if set(mine) & set(theirs):
-            for key in dict.fromkeys([*mine, *theirs]):
-                yield from _differences(f"{path}.{key}" if path else key, mine.get(key), theirs.get(key))
-            return
-    yield f"{path}: {_short(stored)} there, {_short(given)} asked for"
-
-
-def _short(value: Any) -> str:
-    if value is None:
-        return "nothing"
-    if isinstance(value, (Mapping, list)):
-        value = ", ".join(str(item) for item in cast("list[object]", value))
-    text = str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

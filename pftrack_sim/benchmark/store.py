@@ -29,8 +29,9 @@ from pftrack_sim.benchmark.files import atomic_write, query_deadline, remove_par
 from pftrack_sim.benchmark.growth import grown
 from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums, write_sums
 from pftrack_sim.benchmark.losses import create_loss_views
-from pftrack_sim.benchmark.plan import Episode, Plan, differences, read_plan
+from pftrack_sim.benchmark.plan import Episode, Plan
 from pftrack_sim.benchmark.record import new_record, now, plan_record, read_record, session, write_record
+from pftrack_sim.benchmark.stored_plan import differences, read_plan
 from pftrack_sim.benchmark.summary import TABLE_FILES, Result, load_summary, results_of, write_summary
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.inputs import is_file

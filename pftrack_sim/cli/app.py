@@ -49,7 +49,9 @@ def list_names(
     what: Annotated[str, typer.Argument(help="scenarios, suites, trackers, controllers or axes.")] = "scenarios",
 ) -> None:
     """List scenarios, suites, trackers, controllers or axes."""
-    tables.print_names(what)
+    from pftrack_sim.cli.listing import print_names
+
+    print_names(what)
 
 
 def render(
