@@ -120,7 +120,7 @@ class PixelsOnly(gym.ObservationWrapper[NDArray[np.uint8], Any, dict[str, Any]],
     >>> import gymnasium as gym, pftrack_sim
     >>> env = PixelsOnly(gym.make("pftrack_sim/Follow-v0", scenario="corridor"), channels_first=True)
     >>> env.observation_space.shape
-    (3, 480, 640)
+    (3, 240, 320)
     >>> env.close()
     """
 

@@ -159,7 +159,7 @@ def test_a_tracker_that_fails_stops_the_robot(tmp_path: Path):
     plan = driving(range(1), ("tests.benchmark.faulty_trackers:raises",))
     failed = run(plan, tmp_path / "run", videos="none")
     ((failure, frames_there),) = failed.query("SELECT error, episode_frames FROM summary").rows
-    assert failure == "frame 2: ValueError: lost my way"
+    assert failure.startswith("frame 2: ValueError: lost my way (faulty_trackers.py, line ")
     assert frames_there == 4
     assert not frames(failed.path, "command_forward, command_turn", "tests")[2:].any()
 

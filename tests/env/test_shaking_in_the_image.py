@@ -12,7 +12,7 @@ SIZE = (320, 240)
 STILL = {
     "robot.route": {"kind": "still", "start_m": [0.0, 0.0], "heading_deg": 20.0},
     "robot.gaze": "forward",
-    "target.path_m": [[-6.0, 0.0], [-8.0, 0.0]],  # behind the camera, so that only the place is seen
+    "target.path_m": [[5.4, -2.5], [7.2, -3.4]],  # beside the image, so that only the place is seen
     "distractors.count": 0,
     "occluders": [],
     "lights.shadows": False,
