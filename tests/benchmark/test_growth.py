@@ -44,6 +44,7 @@ def rows(path: Path, where: str) -> list[tuple[Any, ...]]:
     return [tuple(str(cell) for cell in row) for row in RunStore(path).query(query).rows]
 
 
+@pytest.mark.slow
 def test_a_run_grows_and_what_was_there_stays(tmp_path: Path):
     out, jitter = tmp_path / "run", {"jitter": [0.0]}
     run(plan_of("0", ["oracle"], jitter), out, videos="none")
@@ -81,6 +82,7 @@ def test_a_plan_that_contradicts_the_folder_is_refused(tmp_path: Path):
         run(plan_of("0", ["stay"], changes={"duration_s": 0.5}), tmp_path / "run", videos="none")
 
 
+@pytest.mark.slow
 def test_a_run_that_is_interrupted_while_it_grows_is_readable_and_goes_on(tmp_path: Path):
     out = tmp_path / "run"
     run(plan_of("0:2", ["oracle"]), out, videos="none")
@@ -93,6 +95,7 @@ def test_a_run_that_is_interrupted_while_it_grows_is_readable_and_goes_on(tmp_pa
     assert RunStore(out).finished
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loop", ["open", "follow"])
 def test_the_worst_episodes_are_filmed_from_what_is_stored(tmp_path: Path, loop: str):
     out = tmp_path / "run"

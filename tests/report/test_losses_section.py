@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from pftrack_sim import report
 from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.losses import TAGS
@@ -25,6 +27,7 @@ def test_the_data_are_those_of_the_view(lost: Path):
     assert [(row[2], row[3]) for row in told["moments"] if row[0] == 1] == seen
 
 
+@pytest.mark.slow
 def test_one_click_shows_the_video_at_the_loss(browser: Any, lost: Path):
     page = browser.new_page(viewport={"width": 1400, "height": 900})
     complaints: list[str] = []
@@ -48,6 +51,7 @@ def test_one_click_shows_the_video_at_the_loss(browser: Any, lost: Path):
     page.close()
 
 
+@pytest.mark.slow
 def test_no_table_is_cut_at_400_pixels(browser: Any, lost: Path):
     for width in (1400, 400):
         page = browser.new_page(viewport={"width": width, "height": 900})

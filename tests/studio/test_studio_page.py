@@ -18,6 +18,7 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.studio import Settings, Studio
 
 pytest.importorskip("viser", reason="the extra studio is not installed")
+pytestmark = pytest.mark.slow
 
 STILL = {
     "camera.width_px": 160,

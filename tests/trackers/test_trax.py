@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -186,9 +187,10 @@ def test_a_wrong_program_is_one_clear_error(lines: list[str], words: str):
     def run() -> None:
         tracker = replies(*lines, hello_s=0.5 if lines[0] == "silence" else 20.0)
         tracker.init(IMAGE, [5, 4, 6, 8])
-        # A message too many is noticed once it has arrived, at some later update.
+        # A message too many is noticed at the first update after it has arrived.
         for _ in range(max(2, len(lines) - 2)):
             tracker.update(IMAGE)
+            time.sleep(0.01)
 
     with pytest.raises(PftrackError, match=words) as caught:
         run()
