@@ -35,7 +35,7 @@ def test_oracle_and_servo_follow_to_the_end(name: str):
 
 @pytest.mark.slow
 def test_servo_at_a_short_distance_does_not_run_into_the_target():
-    overrides = {**SMALL, "duration_s": 20, "follow.distance_m": 1.5}
+    overrides = {**SMALL, "duration_s": 20, "follow.distance_m": 1.5, "target.actions": []}
     env = gym.make("pftrack_sim/Follow-v0", scenario="follow/plaza", overrides=overrides)
     observation, info = env.reset(seed=0)
     robot = policies.robot_parameters(env.unwrapped.simulation.settings)
