@@ -31,6 +31,9 @@ _FOLLOWING = {
 }
 _PROPORTIONS = ("success", "collision")
 
+_MOST_COLUMNS = 12
+"""Scenarios and conditions; a wider table of overlaps is left out, since nobody could read it."""
+
 _BESIDE_OVERLAP = {
     "stay": "stay",
     "skill": "skill",
@@ -92,7 +95,8 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
 def tables(store: RunStore) -> str:
     """Tables of a run: of its suites with their claims, else mean overlaps; and of following in closed loop."""
     results, parts = store.results, list[str]()
-    if not any(suite.table for suite in store.plan.suites):
+    columns = {_column(result) for result in results}
+    if len(columns) <= _MOST_COLUMNS and not any(suite.table for suite in store.plan.suites):
         parts.append(_overlaps(results))
     parts.append(_summary(results))
     parts += _axes(store)

@@ -87,3 +87,10 @@ def test_a_document_without_blocks_is_refused(tmp_path: Path):
     with pytest.raises(RunError, match="has no block"):
         update_document(document, tmp_path)
     assert document.read_text() == "# Results\n"
+
+
+def test_overlaps_of_too_many_conditions_are_no_table(monkeypatch: pytest.MonkeyPatch, finished: Path):
+    store = RunStore(finished)
+    assert "| Mean overlap |" in tables(store)
+    monkeypatch.setattr("pftrack_sim.report.markdown._MOST_COLUMNS", 0)
+    assert "| Mean overlap |" not in tables(store)
