@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -95,31 +95,30 @@ def _film(store: RunStore, number: int, episode: Episode, video: Path, backend: 
 
     def record(step: Step) -> None:
         for runner in runners:
-            runner.record(stored[runner.spec.label][len(runner.estimates)], "ok")
+            estimates = stored[runner.spec.label]
+            if len(runner.estimates) == len(estimates):
+                raise _other_frames(episode)
+            runner.record(estimates[len(runner.estimates)], "ok")
 
     rate_hz = episode.scenario.resolve(episode.seed).camera.rate_hz
     with contextlib.ExitStack() as opened:
-        opened.enter_context(_other_frames(episode))
         add = opened.enter_context(video_writer(video, rate_hz))
         sinks: list[Sink] = [log, record, lambda step: add(picture(step.sample, runners, labels), step.sample.time_s)]
         if episode.kind == "follow":
             env = opened.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=backend)))
-            drive(env, episode.seed, _StoredCommands(columns), sinks)
+            drive(env, episode.seed, _StoredCommands(episode, columns), sinks)
         else:
             simulation = opened.enter_context(Simulation(episode.scenario, backend=backend))
             rollout(simulated(simulation, episode.seed), (), sinks)
         if log.frames_digest != shown[0].values["frames_digest"]:
-            raise IndexError
+            raise _other_frames(episode)
 
 
-@contextlib.contextmanager
-def _other_frames(episode: Episode) -> Generator[None]:
-    try:
-        yield
-    except IndexError:  # also where there are more frames than estimates
-        raise RunError(
-            f"{episode.name}: the frames drawn now are not those that the trackers saw, so there is no video of it"
-        ) from None
+def _other_frames(episode: Episode) -> RunError:
+    """The error of an episode whose frames, or their number, are not those of the run."""
+    return RunError(
+        f"{episode.name}: the frames drawn now are not those that the trackers saw, so there is no video of it"
+    )
 
 
 def _estimates(columns: Mapping[str, Any], label: str) -> Iterator[Estimate | None]:
@@ -143,12 +142,15 @@ class _StoredTracker:
 class _StoredCommands:
     """Drives the robot with the commands that were in force."""
 
-    def __init__(self, columns: Mapping[str, Any]) -> None:
+    def __init__(self, episode: Episode, columns: Mapping[str, Any]) -> None:
+        self._episode = episode
         self._commands = np.stack([columns[name] for name in _COMMAND[:4]], axis=1)
         self._late_s = columns["late_s"]
         self._next = 0
 
     def act(self, sample: Sample) -> Action:
         """The stored command of a frame."""
+        if self._next == len(self._commands):
+            raise _other_frames(self._episode)
         place, self._next = self._next, self._next + 1
         return {"box": np.zeros(4), "command": self._commands[place], "late_s": float(self._late_s[place])}

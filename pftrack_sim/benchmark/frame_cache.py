@@ -135,7 +135,7 @@ class CachedEpisode:
             self._people = list(_truths({name: arrays[name] for name in arrays.files}, record["counts"]))
 
     def samples(self) -> Iterator[Sample]:
-        """The frames, with the bits that were drawn: whoever reads them all compares their digest."""
+        """The frames as they were drawn. They are not verified here: compare their digest with `frames_digest`."""
         for index, (time_s, people) in enumerate(zip(self._times_s, self._people, strict=True)):
             frame = Frame(index, time_s, np.asarray(self._images[index]), people[0], people)
             yield Sample(time_s, frame.image, frame.truth.box, frame.truth.scored, frame)

@@ -53,7 +53,7 @@ def nearest_look_alike(frame: Frame) -> float:
     """Distance in the image to the nearest other visible person whose box is half to twice as high as the target's.
 
     Returns:
-        Between the centres of the amodal boxes, in sizes of the target, sqrt(w h); infinite where there is nobody, NaN
+        Between the centres of the amodal boxes, in sizes of the target, sqrt(w h); infinite without such a person, NaN
         where the target has no box.
     """
     x, y, width, height = frame.truth.amodal_box.tolist()

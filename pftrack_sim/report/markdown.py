@@ -32,7 +32,7 @@ _FOLLOWING = {
 _PROPORTIONS = ("success", "collision")
 
 _MOST_COLUMNS = 12
-"""Scenarios and conditions; a wider table of overlaps is left out, since nobody could read it."""
+"""Columns, for scenarios and conditions, above which the table of overlaps is too wide to read and left out."""
 
 _BESIDE_OVERLAP = {
     "stay": "stay",

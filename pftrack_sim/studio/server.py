@@ -1,4 +1,4 @@
-"""A viser server that refuses strangers: too many clients, pages of other sites, and, off this machine, no token."""
+"""A viser server with access control: number of clients, origin of the page, and a token for other machines."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ class Session:
         """Track this person from now on.
 
         Raises:
-            UnknownNameError: Nobody has this name.
+            UnknownNameError: No person has this name.
         """
         if person not in self.people:
             raise UnknownNameError("person", person, self.people)

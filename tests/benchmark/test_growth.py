@@ -114,3 +114,23 @@ def test_the_worst_episodes_are_filmed_from_what_is_stored(tmp_path: Path, loop:
     assert check(out).good
     with pytest.raises(ParameterError, match=">= 1"):
         worst(store.results, 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loop", ["open", "follow"])
+def test_a_film_of_other_frames_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loop: str):
+    controllers = ["servo"] if loop == "follow" else []
+    plan = plan_of("0:1", [STILL], controllers=controllers)
+    run(plan, tmp_path, videos="none", isolation="never")
+    with RunStore.begin(tmp_path, plan) as writing:
+        columns = RunStore.frame_columns
+        with monkeypatch.context() as changed:
+            changed.setattr("pftrack_sim.benchmark.filming.TruthLog.frames_digest", property(lambda _: "other"))
+            with pytest.raises(RunError, match="are not those that the trackers saw"):
+                film(writing, writing.results)
+        # One frame fewer is stored than is drawn.
+        shortened = lambda *given: {name: column[:-1] for name, column in columns(*given).items()}  # noqa: E731
+        monkeypatch.setattr(RunStore, "frame_columns", shortened)
+        with pytest.raises(RunError, match="are not those that the trackers saw"):
+            film(writing, writing.results)
+    assert not list(tmp_path.rglob("*.mp4"))

@@ -188,7 +188,7 @@ class IsolatedTracker:
         return self._process.printed if self._open else self._printed
 
     def close(self) -> None:
-        """End the episode; the process too, with its children, if the tracker failed or nobody keeps it.
+        """End the episode; the process too, with its children, if the tracker failed or the process is not kept.
 
         May be called twice.
         """
