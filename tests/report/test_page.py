@@ -47,6 +47,14 @@ def test_it_opens_from_disk_and_ranks(opened: Any):
     assert opened.locator(".strip img").count() >= 5
 
 
+def test_plots_of_several_axes_stand_beside_each_other(opened: Any):
+    opened.evaluate("DATA.axes.push(...DATA.axes.map((row) => ['other [m]', ...row.slice(1)])); drawAxes()")
+    first, second = (plot.bounding_box() for plot in opened.locator("#axes .plot").all())
+    drawn = opened.locator("#axes .plot .main-svg").first.bounding_box()
+    assert first["x"] + first["width"] <= second["x"]
+    assert drawn["width"] <= first["width"]
+
+
 def test_filters_change_the_board(opened: Any):
     everywhere = board(opened)["stay"][1]
     opened.select_option("#filter-scenario", label="corridor")

@@ -1,5 +1,5 @@
 "use strict";
-// Names come from strangers: they reach the page as text, and Plotly, which reads a little HTML in labels, only escaped.
+// Names come from third-party code: they reach the page as text, and Plotly, which reads a little HTML in labels, only escaped.
 const DATA = JSON.parse(document.getElementById("data").textContent);
 const DASHES = ["solid", "dash", "dot", "dashdot"];
 const byId = (id) => document.getElementById(id);
@@ -200,6 +200,7 @@ function drawAxes() {
   const own = (scenario, overlap, name) => overlap !== null && (state.scenario < 0 || scenario === state.scenario)
     && (!DATA.trackers.includes(name) || state.trackers.has(DATA.trackers.indexOf(name)));
   room.replaceChildren(); maps.replaceChildren();
+  const curves = [];
   for (const label of new Set(DATA.axes.map((row) => row[0]))) {
     const traces = [], rows = DATA.axes.filter(([whose, , name, scenario, , overlap]) => whose === label && own(scenario, overlap, name));
     for (const name of new Set(rows.map((row) => row[2]))) {
@@ -213,9 +214,11 @@ function drawAxes() {
       traces.push({ x, y: points.map((point) => point[1]), legendgroup: group, name: escaped(name), tracker,
         mode: "lines+markers", line: { color: colour(tracker), dash: dash(tracker), width: 2 } });
     }
-    if (!traces.length) continue;
-    const plot = element("div", null, { class: "plot" });
-    room.append(plot);
+    if (traces.length) curves.push({ label, traces, plot: element("div", null, { class: "plot" }) });
+  }
+  // A plot takes its width when it is drawn: all of them must be in the grid by then.
+  room.append(...curves.map(({ plot }) => plot));
+  for (const { label, traces, plot } of curves) {
     Plotly.newPlot(plot, traces, layout(label, "mean overlap", { yaxis: { range: [0, 1.02] } }), CONFIG);
     onClick(plot, ({ data, x }) => showWorst(rowsAt(data.tracker, [[label, x]])));
   }
@@ -286,9 +289,10 @@ function fill(select, names, all) {
 }
 
 function start() {
-  const seeds = new Set(DATA.episodes.map((episode) => episode.seed)).size;
-  byId("extent").textContent = `${DATA.trackers.length} trackers, ${DATA.scenarios.length} scenarios, `
-    + `${DATA.conditions.length} conditions, ${seeds} seeds, ${DATA.episodes.length} episodes`;
+  const seeds = new Set(DATA.episodes.map((episode) => episode.seed));
+  const parts = [["tracker", DATA.trackers.length], ["scenario", DATA.scenarios.length], ["condition", DATA.conditions.length],
+    ["seed", seeds.size], ["episode", DATA.episodes.length]];
+  byId("extent").textContent = parts.map(([name, count]) => `${count} ${name}${count === 1 ? "" : "s"}`).join(", ");
   DATA.trackers.forEach((name, index) => {
     const label = element("label"), box = element("input", null, { type: "checkbox", checked: "" });
     box.addEventListener("change", () => {
