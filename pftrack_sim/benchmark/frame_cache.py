@@ -63,7 +63,7 @@ class FrameCache:
 
     def __post_init__(self) -> None:
         if self.limit_bytes <= 0:
-            raise ParameterError(f"the cache's limit must be > 0 bytes, got {self.limit_bytes}")
+            raise ParameterError(f"the cache's limit must be > 0 GB, got {self.limit_bytes / 1e9:g}")
 
     @property
     def size_bytes(self) -> int:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim.core.errors import SequenceError
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.regions import mask_box, polygon_box
 from pftrack_sim.formats.files import box_lines, numbered_images, present_boxes, read_text
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
@@ -25,7 +25,6 @@ _OCCLUDED_BELOW = 0.5
 _STACK = "pftrack-sim.yaml"
 EXPERIMENT = "unsupervised"
 """Name of the experiment: the tracker starts once and is not reset."""
-_MAX_MASK_PIXELS = 1 << 28
 
 
 def matches(folder: Path) -> bool:
@@ -67,31 +66,13 @@ def region_box(text: str) -> list[float] | None:
     if np.isinf(values).any():
         return None
     if is_mask:
-        return _mask_box(values)
+        box = mask_box(values)
+        return box if box is None else box.tolist() if box[2:].all() else [np.nan] * 4
     if values.size == 4:
         return values.tolist()
     if values.size >= 6 and values.size % 2 == 0:
-        corners = values.reshape(-1, 2)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        return [*low.tolist(), *(high - low).tolist()]
+        return polygon_box(values).tolist()
     return None
-
-
-def _mask_box(values: FloatArray) -> list[float] | None:
-    if values.size < 4 or np.isnan(values).any() or (values[2:] < 0).any() or values[2:4].prod() > _MAX_MASK_PIXELS:
-        return None
-    (x, y), (width, height) = values[:2], values[2:4].astype(int).tolist()
-    runs = values[4:].astype(np.int64)
-    pixels = np.repeat(np.arange(runs.size) % 2 == 1, runs) if runs.sum() <= width * height else None
-    if pixels is None:
-        return None
-    mask = np.zeros(width * height, dtype=np.bool_)
-    mask[: pixels.size] = pixels
-    rows, columns = np.nonzero(mask.reshape(height, width))
-    if not rows.size:
-        return [np.nan] * 4
-    left, top = columns.min(), rows.min()
-    return [float(x + left), float(y + top), float(columns.max() - left + 1), float(rows.max() - top + 1)]
 
 
 def _box(path: Path, number: int, line: str) -> list[float]:

@@ -131,9 +131,10 @@ class Page:
         self._person.value = session.person
         if player.playing:
             self._past = None
-            first_s, last_s = history[0].frame.time_s, history[-1].frame.time_s
-            if last_s > first_s:
-                self._scrub.min, self._scrub.max, self._scrub.value = first_s, last_s, last_s
+        first_s, last_s = history[0].frame.time_s, history[-1].frame.time_s
+        # Also after the last frame, which ends the playing.
+        if self._past is None and last_s > first_s and self._scrub.max != last_s:
+            self._scrub.min, self._scrub.max, self._scrub.value = first_s, last_s, last_s
         if settings is not self._synchronised and not self._wanted:
             # Not after a slider was moved: it may have moved on since.
             self._synchronised = settings

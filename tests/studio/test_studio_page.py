@@ -18,7 +18,6 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.studio import Settings, Studio
 
 pytest.importorskip("viser", reason="the extra studio is not installed")
-pytestmark = pytest.mark.slow
 
 STILL = {
     "camera.width_px": 160,
@@ -174,3 +173,11 @@ def test_a_page_too_many_is_refused_and_those_that_are_open_go_on(page: Any, stu
 
 def test_the_frame_of_a_notebook_shows_the_address(studio: Studio):
     assert f'src="{studio.address}"' in studio._repr_html_()
+
+
+@pytest.mark.slow
+def test_the_last_frame_of_an_episode_can_be_looked_at():
+    with Studio(replace(PLAIN, overrides={**STILL, "duration_s": 0.6}), port=0) as opened:
+        until(lambda: opened.player.session.over and not opened.player.playing, "the end of the episode")
+        last_s = opened.player.session.history[-1].frame.time_s
+        until(lambda: abs(opened.page._scrub.max - last_s) < 1e-6, "the slider reaches the last frame")

@@ -21,8 +21,8 @@ import numpy as np
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import TrackerError
 from pftrack_sim.core.records import Image
+from pftrack_sim.core.regions import mask_box, polygon_box
 from pftrack_sim.core.text import one_line
-from pftrack_sim.core.types import FloatArray
 
 VERSION = 3
 """Version spoken by our server: a message `initialize` holds image and region. In version 4 it holds an object, and
@@ -132,37 +132,16 @@ def decode_box(region: str) -> Box | None:
     if not np.isfinite(values).all():
         pass
     elif is_mask:
-        box = _mask_extent(values)
+        box = mask_box(values)
     elif values.size == 4:
         box = values
     elif values.size >= 6 and values.size % 2 == 0:
-        corners = values.reshape(-1, 2)
-        box = np.concatenate([corners.min(axis=0), np.ptp(corners, axis=0)])
+        box = polygon_box(values)
     elif values.size == 1:
         return None
     if box is None or (box[2:] < 0.0).any():
         raise TrackerError(f"a region that is no rectangle, polygon or mask: {one_line(region, 60)!r}")
     return box if (box[2:] > 0.0).all() else None
-
-
-def _mask_extent(values: FloatArray) -> Box | None:
-    """Box around a mask; None if the numbers are no mask."""
-    if values.size < 4 or (values != np.round(values)).any() or (values[2:] < 0).any():
-        return None
-    x, y, width, height = values[:4]
-    ends = np.cumsum(values[4:])
-    first, last = ends[:-1:2], ends[1::2] - 1.0
-    if ends.size and ends[-1] > width * height:
-        return None
-    inside = last >= first
-    first, last = first[inside], last[inside]
-    if not first.size:
-        return np.array([x, y, 0.0, 0.0])
-    rows, columns = [first // width, last // width], [first % width, last % width]
-    wraps = bool((rows[0] != rows[1]).any())  # a run over the end of a row has pixels in its last and first column
-    left, right = (0.0, width - 1.0) if wraps else (columns[0].min(), columns[1].max())
-    top, bottom = rows[0].min(), rows[1].max()
-    return np.array([x + left, y + top, right - left + 1.0, bottom - top + 1.0])
 
 
 def encode_png(image: Image) -> bytes:
