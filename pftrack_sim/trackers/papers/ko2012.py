@@ -13,16 +13,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from pftrack_sim.core import boxes, random_streams
 from pftrack_sim.core.boxes import Box
-from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.base import BaseTracker
+from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.histogram import cell_layout, epanechnikov_layout, uniform_layout
 from pftrack_sim.trackers.features.histogram_model import (
     EncodedRegion,
@@ -32,16 +31,12 @@ from pftrack_sim.trackers.features.histogram_model import (
     log_mixture,
 )
 from pftrack_sim.trackers.features.pixel_codes import PATTERN_COUNT, cs_lbp_codes, hsv_codes, rgb_codes
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
-from pftrack_sim.trackers.papers.box_state import NoiseUnit, clip_states, noise_scales, state_of
-from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
+from pftrack_sim.trackers.parameters import Share
 
 COLOUR_BINS = 128
-MIN_SIZE_PX = 2.0
-USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a second, a lasting change counts as usual
 
 
-class Ko2012Parameters(Parameters):
+class Ko2012Parameters(BoxFilterParameters):
     """Parameters of all five methods. Defaults are the preset `paper`; printed values have their equation.
 
     Attributes:
@@ -87,21 +82,10 @@ class Ko2012Parameters(Parameters):
         }
     )
 
-    particle_count: Count = 100
-    sigma_centre: NotNegative = 1.0
-    sigma_size: NotNegative = 0.64
-    size_correlation: Share = 0.0
-    sigma_unit: NoiseUnit = "px"
     alpha: Share = 0.4
     likelihood: LikelihoodForm = "linear"
     lambda_colour: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
     lambda_texture: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
-    top_count: Count = 10
-    hold_distance: NotNegative = 0.5
-    redraw: Literal["weights", "estimate"] = "weights"
-    hold_below: Share = 0.0
-    held_noise: Positive = 1.0
-    particles: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,57 +110,36 @@ METHODS = {
 """Methods (1) to (5) of table 2, in its order. Bins of (1) and (2) are not printed: as in the proposed method."""
 
 
-class Ko2012(BaseTracker):
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """A frame's histograms, compared as (9) says."""
+
+    encoded: EncodedRegion
+    shares: FloatArray
+    form: LikelihoodForm
+    lambdas: FloatArray
+
+    def log_likelihood(self, particles: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of (9) for `(N, 4)` boxes [px]."""
+        return log_mixture(self.encoded.similarities(particles), self.shares, self.form, self.lambdas)
+
+    def similarity(self, box: Box) -> float:
+        """Similarity of a `(4,)` box [px] with the model, in [0, 1]: (9) in the form `"linear"`."""
+        return min(float(self.shares @ self.encoded.similarities(box[None])[:, 0]), 1.0)
+
+
+class Ko2012(BoxFilterTracker[Ko2012Parameters, Mixture]):
     """One of the five methods; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, method: Method, params: Ko2012Parameters, seed: int) -> None:
-        super().__init__()
-        self.params = params
+        super().__init__(params, seed)
         self.features, self._shares, self._lambdas = _mixture(method, params)
-        self._seed = seed
 
-    def _start(self, image: Image, box: Box) -> None:
+    def _learn_first(self, image: Image, box: Box) -> None:
         self._model = HistogramModel(self.features, image, box)
-        self._state = state_of(box)
-        self._usual, self._held = 0.0, False
-        states = np.tile(self._state, (self.params.particle_count, 1))
-        self._filter = ParticleFilter(states, random_streams.stream(self._seed, "tracker"))
 
-    def _follow(self, image: Image) -> Estimate:
-        p, particle_filter = self.params, self._filter
-        position, width, height = noise_scales(self._state, p.sigma_unit)
-        centre = p.sigma_centre * position * (p.held_noise if self._held else 1.0)
-        sigma = (centre, centre, p.sigma_size * width, p.sigma_size * height)
-        particle_filter.predict(RandomWalk(sigma, p.size_correlation))
-        clip_states(particle_filter.states, image, MIN_SIZE_PX)
-        particles = boxes.from_states(particle_filter.states)
-        # The next estimate lies among the particles, or is the previous one.
-        encoded = self._model.encode(image, np.concatenate([particles, boxes.from_states(self._state[None])]))
-        similarities = encoded.similarities(particles)
-        particle_filter.weigh(log_mixture(similarities, self._shares, p.likelihood, self._lambdas))
-        state = particle_filter.mean(p.top_count)
-        similarity = self._similarity(encoded, state)
-        self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
-        self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
-        if not held:
-            self._state = state
-        # After a rejected jump the particles surround a wrong state: they restart at the previous one.
-        if held or p.redraw == "estimate":
-            particle_filter.restart(self._state)
-        else:
-            particle_filter.resample()
-        confidence = self._similarity(encoded, self._state) if held else similarity
-        box = boxes.from_states(self._state[None])[0]
-        return Estimate(box, confidence, held, particles if p.particles else None)
-
-    def _similarity(self, encoded: EncodedRegion, state: FloatArray) -> float:
-        """Similarity of a state's box with the model, in [0, 1]: (9) in the form `"linear"`."""
-        return min(float(self._shares @ encoded.similarities(boxes.from_states(state[None]))[:, 0]), 1.0)
-
-    def _is_jump(self, state: FloatArray) -> bool:
-        """Whether a state is at least T away from the previous one (13)."""
-        limit_px = self.params.hold_distance * float(np.sqrt(self._state[2] * self._state[3]))
-        return float(np.hypot(*(state[:2] - self._state[:2]))) >= limit_px
+    def _observe(self, image: Image, near: FloatArray) -> Mixture:
+        return Mixture(self._model.encode(image, near), self._shares, self.params.likelihood, self._lambdas)
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Ko2012:

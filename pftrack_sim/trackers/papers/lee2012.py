@@ -25,6 +25,7 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
+from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.features.histogram import distance_layout, histograms
 from pftrack_sim.trackers.features.hog import COLUMNS, ROWS, hog
 from pftrack_sim.trackers.features.image_region import block_means, block_size
@@ -32,7 +33,6 @@ from pftrack_sim.trackers.features.online_feature import FeatureSettings, Normal
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.features.subspace import Memory
 from pftrack_sim.trackers.filters import ConstantVelocity, ParticleFilter
-from pftrack_sim.trackers.papers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 
 COLOUR_BINS = (8, 8, 4)

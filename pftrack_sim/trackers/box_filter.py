@@ -1,0 +1,138 @@
+"""A tracker that is a particle filter on the target's box, whatever is observed in it.
+
+The particles make a random walk, are weighted by what a subclass observes in their boxes, and the estimate is the mean
+of the heaviest (Ko et al. 2012, eq. 10 to 13). A subclass learns the target from the first frame and observes later
+ones; it may learn from its estimates too.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Generic, Literal, Protocol, TypeVar
+
+import numpy as np
+
+from pftrack_sim.core import boxes, random_streams
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.base import BaseTracker
+from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
+from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
+
+MIN_SIZE_PX = 2.0
+USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a second, a lasting change counts as usual
+
+
+class BoxFilterParameters(Parameters):
+    """Parameters of the filter.
+
+    Attributes:
+        particle_count: Number of particles.
+        sigma_centre: Noise of the centre per frame, in `sigma_unit`.
+        sigma_size: Noise of width and height per frame, in `sigma_unit`.
+        size_correlation: Correlation of the noises of width and height; 1 keeps the box's shape.
+        sigma_unit: `"px"`, or `"box"`, see `noise_scales`: the noise then fits near and far targets and every image
+            size.
+        top_count: Number of the heaviest particles whose weighted mean is the estimate.
+        hold_distance: Length of a jump of the centre, as a multiple of the square root of the box's area, at which the
+            previous state is kept.
+        redraw: Next particles: `"weights"`: systematic resampling; `"estimate"`: all at the new state.
+        hold_below: Similarity of the new state, as a share of its running mean, below which the previous state is kept
+            as after a jump; 0: never.
+        held_noise: Factor on `sigma_centre` after such a frame or a jump.
+        particles: Whether estimates contain the particles.
+    """
+
+    particle_count: Count = 100
+    sigma_centre: NotNegative = 1.0
+    sigma_size: NotNegative = 0.64
+    size_correlation: Share = 0.0
+    sigma_unit: NoiseUnit = "px"
+    top_count: Count = 10
+    hold_distance: NotNegative = 0.5
+    redraw: Literal["weights", "estimate"] = "weights"
+    hold_below: Share = 0.0
+    held_noise: Positive = 1.0
+    particles: bool = False
+
+
+class Observation(Protocol):
+    """What one frame shows in boxes near the particles."""
+
+    def log_likelihood(self, particles: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]; -inf for impossible ones."""
+        ...
+
+    def similarity(self, box: Box) -> float:
+        """Similarity in [0, 1] of a `(4,)` box [px] with the target."""
+        ...
+
+
+ParametersT = TypeVar("ParametersT", bound=BoxFilterParameters)
+ObservationT = TypeVar("ObservationT", bound=Observation)
+
+
+class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
+    """The filter without its observation; it draws from the stream `"tracker"` of the root seed."""
+
+    def __init__(self, params: ParametersT, seed: int) -> None:
+        super().__init__()
+        self.params = params
+        self._seed = seed
+
+    def _start(self, image: Image, box: Box) -> None:
+        self._rng = random_streams.stream(self._seed, "tracker")
+        self._state = state_of(box)
+        self._usual, self._held = 0.0, False
+        self._filter = ParticleFilter(np.tile(self._state, (self.params.particle_count, 1)), self._rng)
+        self._learn_first(image, box)
+
+    def _follow(self, image: Image) -> Estimate:
+        p, particle_filter = self.params, self._filter
+        position, width, height = noise_scales(self._state, p.sigma_unit)
+        centre = p.sigma_centre * position * (p.held_noise if self._held else 1.0)
+        sigma = (centre, centre, p.sigma_size * width, p.sigma_size * height)
+        particle_filter.predict(RandomWalk(sigma, p.size_correlation))
+        clip_states(particle_filter.states, image, MIN_SIZE_PX)
+        particles = boxes.from_states(particle_filter.states)
+        # The next estimate lies among the particles, or is the previous one.
+        observation = self._observe(image, np.concatenate([particles, boxes.from_states(self._state[None])]))
+        particle_filter.weigh(observation.log_likelihood(particles))
+        state = particle_filter.mean(p.top_count)
+        similarity = observation.similarity(_box(state))
+        self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
+        self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
+        if not held:
+            self._state = state
+        # After a rejected jump the particles surround a wrong state: they restart at the previous one.
+        if held or p.redraw == "estimate":
+            particle_filter.restart(self._state)
+        else:
+            particle_filter.resample()
+        box = _box(self._state)
+        confidence = observation.similarity(box) if held else similarity
+        if not held:
+            self._learn(image, observation, box)
+        return Estimate(box, confidence, held, particles if p.particles else None)
+
+    def _is_jump(self, state: FloatArray) -> bool:
+        """Whether a state is at least `hold_distance` away from the previous one."""
+        limit_px = self.params.hold_distance * float(np.sqrt(self._state[2] * self._state[3]))
+        return float(np.hypot(*(state[:2] - self._state[:2]))) >= limit_px
+
+    @abstractmethod
+    def _learn_first(self, image: Image, box: Box) -> None:
+        """Learn the target from the first frame, in a `(4,)` box [px]; resets the model."""
+
+    @abstractmethod
+    def _observe(self, image: Image, near: FloatArray) -> ObservationT:
+        """Observe a frame where boxes later asked for lie in the hull of `(N, 4)` boxes [px]."""
+
+    def _learn(self, image: Image, observation: ObservationT, box: Box) -> None:
+        """Learn from the estimated `(4,)` box [px] of a frame; not called while the previous state is kept."""
+
+
+def _box(state: FloatArray) -> Box:
+    return boxes.from_states(state[None])[0]
