@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pftrack_sim.core.errors import PftrackError
-from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.core.inputs import keep_off_working_folder, read_bytes
 from pftrack_sim.core.text import printable
 
 _RUN_TRACKERS = ("bench", "evaluate", "follow", "render", "studio", "trax")
@@ -19,6 +19,7 @@ _MAX_SUITE_BYTES = 1 << 20
 
 def main() -> None:
     """Run the command line: a wrong input ends in one clear message and exit code 2, never in a traceback."""
+    keep_off_working_folder()
     from pftrack_sim.cli.app import app
 
     if names_factory(sys.argv[1:]):

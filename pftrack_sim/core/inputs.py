@@ -21,6 +21,19 @@ _KEY_PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _LONG_KEY = re.compile(f"(?:{_KEY_PART}){{{MAX_DEPTH}}}", re.ASCII)
 
 
+_SAFE_PATH, _SET_HERE = "PYTHONSAFEPATH", "set by pftrack-sim"
+
+
+def keep_off_working_folder() -> None:
+    """Let no Python process that this one starts look for modules in the working folder, as `python -c` does."""
+    os.environ.setdefault(_SAFE_PATH, _SET_HERE)
+
+
+def environment_of_programs() -> dict[str, str]:
+    """Environment for third-party programs, without what `keep_off_working_folder` has set."""
+    return {name: value for name, value in os.environ.items() if (name, value) != (_SAFE_PATH, _SET_HERE)}
+
+
 def is_file(path: Path) -> bool:
     """Whether a path is a regular file; False for names that no file can have."""
     try:

@@ -14,12 +14,15 @@ from tests.benchmark.small import small_plan
 OPTIONAL = ("winreg", "_winreg", "nt", "msvcrt", "_scproxy", "yaml", "tornado", "PyQt6", "IPython", "gi", "wx")
 """Modules that installed ones try to import."""
 
+STANDARD = ("ctypes", "json", "multiprocessing", "pickle", "selectors", "signal", "socket", "struct")
+"""Modules that `python -c` would take from the working folder, in processes that a command starts."""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run folder with files that Python or a library would take from the working folder."""
     path = run(small_plan(range(1)), tmp_path_factory.mktemp("stranger") / "run", videos="first").path
-    for name in (*OPTIONAL, "sitecustomize", "usercustomize", "mine"):
+    for name in (*OPTIONAL, *STANDARD, "sitecustomize", "usercustomize", "mine"):
         (path / f"{name}.py").write_text(f"open({str(path / 'executed')!r}, 'a').write({name!r})\n")
     (path / "matplotlibrc").write_text("text.usetex: True\nbackend: module://mine\nfont.size: 90\n")
     (path / "mine.toml").write_text('trackers = ["stay"]\nseeds = "0:5"\n')
@@ -42,9 +45,13 @@ def commands(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         ["query", ".", "SELECT tracker FROM summary"],
         ["merge", "all", "."],
         ["list", "trackers"],
+        [
+            *("bench", "corridor", "--trackers", "stay", "--isolation", "always", "--workers", "1", "--videos", "none"),
+            *("--seeds", "0:1", "--set", "duration_s=0.3", "--out", "../of-a-stranger"),
+        ],
     ],
 )
-def test_commands_that_read_execute_nothing_of_the_folder(folder: Path, words: list[str]):
+def test_commands_execute_nothing_of_the_folder(folder: Path, words: list[str]):
     done = commands(*words, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert not (folder / "executed").exists(), (folder / "executed").read_text()

@@ -25,6 +25,7 @@ from typing import IO, Any, TypeAlias
 
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError, TrackerError
+from pftrack_sim.core.inputs import environment_of_programs
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.parameters import PRESETS
@@ -150,7 +151,7 @@ class _Session:
                 command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env={**os.environ, "TRAX": "1"},
+                env={**environment_of_programs(), "TRAX": "1"},
                 start_new_session=True,
             )
         except OSError as error:
