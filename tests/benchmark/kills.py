@@ -17,12 +17,23 @@ from tests.benchmark.small import SMALL, contents
 def command(out: Path, episodes: int) -> list[str]:
     settings = [word for key, value in SMALL.items() for word in ("--set", f"{key}={str(value).lower()}")]
     code = "import sys; from pftrack_sim.cli import main; sys.argv[0] = 'pftrack-sim'; main()"
-    words = ["bench", "corridor", "--trackers", "oracle,ko2012", "--seeds", f"0:{episodes}", "--videos", "none"]
+    words = [
+        "bench",
+        "corridor",
+        "--trackers",
+        "oracle,ko2012",
+        "--seeds",
+        f"0:{episodes}",
+        "--videos",
+        "none",
+        "--isolation",
+        "always",
+    ]
     return [sys.executable, "-c", code, *words, "--workers", "2", "--progress", "quiet", "--out", str(out), *settings]
 
 
 def survive(folder: Path, *, kills: int, episodes: int, seed: int) -> None:
-    """Assert that a run that is killed repeatedly ends like an undisturbed one.
+    """Assert that a run that is killed repeatedly ends like an undisturbed one, and leaves no temporary file.
 
     Args:
         folder: Empty folder to work in.
@@ -31,8 +42,11 @@ def survive(folder: Path, *, kills: int, episodes: int, seed: int) -> None:
         seed: Of the moments.
     """
     rng = random.Random(seed)
+    temporary = folder / "temporary"
+    temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary)}
     began = time.monotonic()
-    subprocess.run(command(folder / "undisturbed", episodes), check=True, capture_output=True)
+    subprocess.run(command(folder / "undisturbed", episodes), check=True, capture_output=True, env=environment)
     whole_s = time.monotonic() - began
     done = 0
     round_ = 0
@@ -41,17 +55,20 @@ def survive(folder: Path, *, kills: int, episodes: int, seed: int) -> None:
         round_ += 1
         finished = False
         while done < kills and not finished:
-            finished, killed = _disturb(command(out, episodes), rng.uniform(0.1, 0.9) * whole_s, done % 2 == 0, rng)
+            after_s, whole = rng.uniform(0.1, 0.9) * whole_s, done % 2 == 0
+            finished, killed = _disturb(command(out, episodes), environment, after_s, whole, rng)
             done += killed
-        subprocess.run(command(out, episodes), check=True, capture_output=True)
+        subprocess.run(command(out, episodes), check=True, capture_output=True, env=environment)
         assert contents(out) == contents(folder / "undisturbed")
         assert check(out).good
-        assert not list(out.rglob(".*.part"))
+        assert not [*out.rglob(".*.part"), *out.glob(".scratch/*"), *temporary.iterdir()]
 
 
-def _disturb(words: list[str], after_s: float, whole: bool, rng: random.Random) -> tuple[bool, bool]:
+def _disturb(
+    words: list[str], environment: dict[str, str], after_s: float, whole: bool, rng: random.Random
+) -> tuple[bool, bool]:
     """Start a run and kill it, or one of its workers, later; return whether it finished and whether it was killed."""
-    run = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    run = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment)
     time.sleep(after_s)
     hit = False
     if run.poll() is None:

@@ -37,7 +37,9 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
             assert time.monotonic() < deadline, log.read_text()
             time.sleep(0.1)
         for number in range(2):
-            words = ["distributed.cli.dask_worker", found[1], "--no-nanny", "--nthreads", "1", "--no-dashboard"]
+            # One under a nanny, as a daemon process.
+            words = ["distributed.cli.dask_worker", found[1], "--nthreads", "1", "--no-dashboard"]
+            words += ["--no-nanny"] if number else []
             started.append(dask(*words, "--local-directory", str(folder), log=folder / f"worker-{number}.log"))
         yield found[1]
     finally:

@@ -1,6 +1,7 @@
 """A tracker in a process of its own: deadlines, bounds, and its end."""
 
 import os
+import signal
 import socket
 import struct
 import sys
@@ -13,7 +14,7 @@ import pytest
 
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.text import describe_error, one_line, printable
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, fork_server
 from pftrack_sim.trackers.isolation.channel import ChannelError, receive, send
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not contain processes")
@@ -114,3 +115,24 @@ def test_faults_of_a_tracker_are_named(name: str, words: str, namespaces: bool):
     with pytest.raises(TrackerFault, match=words):
         tracker.update(IMAGE)
     tracker.close()
+
+
+@linux
+@pytest.mark.slow
+def test_a_server_of_forks_that_was_stopped_or_killed_is_replaced(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(fork_server, "_ANSWER_S", 1.0)
+    for number in (signal.SIGSTOP, signal.SIGKILL):
+        assert played() == [1, 2, 3, 4]
+        server = fork_server._server
+        assert server is not None
+        os.kill(server._process.pid, number)
+        assert played() == [1, 2, 3, 4]
+        assert fork_server._server is not server
+
+
+def played() -> list[float]:
+    tracker = IsolatedTracker("stay", seed=0, preset="default", params={}, limits=Limits())
+    tracker.init(IMAGE, [1, 2, 3, 4])
+    box = tracker.update(IMAGE).box
+    tracker.close()
+    return box.tolist()

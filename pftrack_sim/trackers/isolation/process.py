@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import multiprocessing
 import os
 import signal
 import socket
@@ -19,11 +17,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import LONGEST_TRACEBACK, one_line, printable
 from pftrack_sim.trackers.isolation.channel import ChannelError, receive, send
-from pftrack_sim.trackers.isolation.supervisor import supervise
+from pftrack_sim.trackers.isolation.fork_server import fork_supervisor
 
 _MAX_REPLY_BYTES = 16 * 1024 * 1024
 _MAX_OUTPUT_BYTES = 2000
@@ -70,7 +68,7 @@ class TrackerProcess:
         sandbox: Command line that runs Python in a sandbox; empty without one.
 
     Raises:
-        RunError: This process may not start others.
+        RunError: No process can be started.
 
     Attributes:
         way: How episodes begin, see `child`; None until the tracker is loaded.
@@ -80,20 +78,17 @@ class TrackerProcess:
         self.way: str | None = None
         self._requests, child_requests = socket.socketpair()
         self._life, child_life = socket.socketpair()
-        context = _context()
-        self._output, child_output = context.Pipe(duplex=False)
-        arguments = (child_requests, child_life, child_output, limits.memory_mb, limits.namespaces, tuple(sandbox))
-        self._process = context.Process(target=supervise, args=arguments, daemon=True)
+        output, child_output = os.pipe()
+        self._output = open(output, "rb", buffering=0)  # noqa: SIM115 - open for the lifetime of the process
         try:
-            self._process.start()
-        except AssertionError:
-            raise RunError(
-                "a daemon process may not start the process of a tracker: start Dask workers with --no-nanny, "
-                "or with DASK_DISTRIBUTED__WORKER__DAEMON=False"
-            ) from None
+            self._process = fork_supervisor(
+                (child_requests.fileno(), child_life.fileno(), child_output),
+                (limits.memory_mb, limits.namespaces, tuple(sandbox)),
+            )
         finally:
-            for opened in (child_requests, child_life, child_output):
-                opened.close()
+            child_requests.close()
+            child_life.close()
+            os.close(child_output)
         self._reader = _OutputReader(self._output.fileno())
 
     def send(self, request: dict[str, Any], limit_s: float, image: Image | None = None) -> None:
@@ -168,8 +163,8 @@ class TrackerProcess:
         report = cast("dict[str, float]", how) if isinstance(how, dict) else {}
         if "memory_mb" in report:
             return f"it and its children used more than the memory limit of {report['memory_mb']:g} MB"
-        self._process.join(_END_S)
-        code = int(report["exit"]) if "exit" in report else self._process.exitcode
+        self._process.wait(_END_S)
+        code = int(report["exit"]) if "exit" in report else self._process.exit_code
         if code is None or (not code and not report):
             return "it closed its side of the connection"
         if code < 0:
@@ -179,16 +174,10 @@ class TrackerProcess:
     def close(self) -> None:
         """End the process and its children. May be called twice."""
         self._life.close()
-        if sys.platform == "linux":
-            self._process.join(_END_S)  # the supervisor ends all of them
-        pid = self._process.pid
-        if pid is not None and self._process.is_alive():
-            # It leads its own session; the leader may end before its group.
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                if hasattr(os, "killpg") and os.getpgid(pid) == pid:
-                    os.killpg(pid, signal.SIGKILL)
+        # On Linux the supervisor ends all of them.
+        if not self._process.wait(_END_S if sys.platform == "linux" else 0.0):
             self._process.kill()
-        self._process.join(_END_S)
+            self._process.wait(_END_S)
         self._requests.close()
         self._reader.stop()
         self._output.close()
@@ -254,12 +243,3 @@ def took_ms(reply: dict[str, Any], began_s: float) -> float:
     if isinstance(ms, bool) or not isinstance(ms, (int, float)) or not math.isfinite(ms) or ms < 0.0:
         raise TrackerFault("its answer cannot be read: the time taken is no number of milliseconds")
     return min(float(ms), (time.monotonic() - began_s) * 1e3)
-
-
-def _context() -> Any:
-    """A fork server where available: forks of one clean process cost a hundredth of a new interpreter."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["pftrack_sim.trackers.isolation.supervisor"])
-    return context

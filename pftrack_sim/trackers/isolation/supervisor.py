@@ -22,7 +22,6 @@ import socket
 import struct
 import sys
 from collections.abc import Sequence
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NoReturn
 
@@ -47,7 +46,7 @@ _STATUS = struct.Struct("!i")
 def supervise(
     requests: socket.socket,
     life: socket.socket,
-    output: Connection,
+    output: int,
     memory_limit_mb: float,
     namespaces: bool,
     sandbox: Sequence[str],
@@ -57,7 +56,7 @@ def supervise(
     Args:
         requests: For requests, images and replies of the tracker.
         life: Its end ends everything; the supervisor sends one message over it: how the tracker ended.
-        output: Connection for everything printed.
+        output: Descriptor for everything printed.
         memory_limit_mb: Memory limit of the tracker and its children together; 0 is no limit.
         namespaces: Whether to use namespaces where the system allows it.
         sandbox: Command line that runs Python in a sandbox; empty without one.
@@ -181,13 +180,13 @@ def _set_limit(which: int, value: int) -> None:
     resource.setrlimit(which, (wanted, wanted))
 
 
-def _detach(output: Connection) -> None:
+def _detach(output: int) -> None:
     """Disconnect from terminal and keyboard signals; redirect standard output and error."""
     sys.stdin = open(os.devnull)  # noqa: SIM115 - open for the lifetime of the process
     os.dup2(sys.stdin.fileno(), 0)
     for stream in (1, 2):
-        os.dup2(output.fileno(), stream)
-    output.close()
+        os.dup2(output, stream)
+    os.close(output)
     _print_whole_lines()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setsid"):

@@ -51,7 +51,7 @@ class TrackerProcesses:
         """A process that has loaded the tracker, or a new one that begins to.
 
         Raises:
-            RunError: This process may not start others.
+            RunError: No process can be started.
         """
         with self._lock:
             if self._idle[code]:
@@ -112,7 +112,7 @@ class IsolatedTracker:
         processes: Where its process comes from and goes to; None: a new one that ends with the episode.
 
     Raises:
-        RunError: This process may not start others.
+        RunError: No process can be started.
         ParameterError: There is no sandbox here.
 
     Attributes:
