@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Literal, Protocol, TypeAlias, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,8 +30,30 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDA
     return array
 
 
+class _ArrayRecord:
+    """Equality and pickling of a dataclass with arrays."""
+
+    def __eq__(self, other: object) -> bool:
+        """Equality of all fields, NaN equal to NaN."""
+        if type(other) is not type(self):
+            return NotImplemented
+        pairs = zip(self._values(), other._values(), strict=True)
+        return all(
+            np.array_equal(mine, theirs, equal_nan=isinstance(mine, (float, np.ndarray))) for mine, theirs in pairs
+        )
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def __reduce__(self) -> tuple[type[Any], tuple[Any, ...]]:
+        # Through the constructor, so that arrays are read-only on the other side of a process boundary too.
+        return type(self), self._values()
+
+    def _values(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, one.name) for one in fields(cast("Any", self)))
+
+
 @dataclass(frozen=True, eq=False)
-class Truth:
+class Truth(_ArrayRecord):
     """Ground truth of one person in one frame.
 
     Boxes are `(4,)` x, y, w, h [px]; poses are `(4, 4)` and map the second frame of their name into the first
@@ -97,21 +119,6 @@ class Truth:
         for key, shape in shapes.items():
             object.__setattr__(self, key, frozen_array(getattr(self, key), shape))
 
-    def __eq__(self, other: object) -> bool:
-        """Equality of all fields, NaN equal to NaN."""
-        if not isinstance(other, Truth):
-            return NotImplemented
-        pairs = ((getattr(self, one.name), getattr(other, one.name)) for one in fields(self))
-        return all(
-            np.array_equal(mine, theirs, equal_nan=isinstance(mine, (float, np.ndarray))) for mine, theirs in pairs
-        )
-
-    __hash__ = None  # pyright: ignore[reportAssignmentType]
-
-    def __reduce__(self) -> tuple[type[Truth], tuple[Any, ...]]:
-        # Through the constructor, so that arrays are read-only on the other side of a process boundary too.
-        return Truth, tuple(getattr(self, one.name) for one in fields(self))
-
     @property
     def scored(self) -> bool:
         """Whether this frame is scored: at least one pixel of the person is visible (Ko et al. 2012, section 4)."""
@@ -146,6 +153,37 @@ class Estimate:
                 raise ParameterError(f"particles must have shape (N, 4), got {particles.shape}")
             particles.setflags(write=False)
             object.__setattr__(self, "particles", particles)
+
+
+@dataclass(frozen=True, eq=False)
+class Detections(_ArrayRecord):
+    """People that a detector found in one image, without identities.
+
+    Attributes:
+        boxes: `(N, 4)` x, y, w, h [px].
+        scores: `(N,)` confidences in [0, 1].
+        age_s: Time since the image in which they were found; above 0 for a detector that takes time.
+    """
+
+    boxes: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    age_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        boxes, scores = (np.asarray(values, dtype=np.float64) for values in (self.boxes, self.scores))
+        if boxes.shape != (len(scores), 4) or scores.ndim != 1:
+            raise ParameterError(
+                f"detections need boxes (N, 4) and scores (N,), got shapes {boxes.shape} and {scores.shape}"
+            )
+        if not (np.isfinite(boxes).all() and (boxes[:, 2:] >= 0.0).all()):
+            raise ParameterError("the boxes of detections must be finite, with a width and height >= 0")
+        if not ((scores >= 0.0) & (scores <= 1.0)).all():
+            raise ParameterError("the scores of detections must be in [0, 1]")
+        object.__setattr__(self, "boxes", frozen_array(boxes))
+        object.__setattr__(self, "scores", frozen_array(scores))
+
+    def __len__(self) -> int:
+        return len(self.scores)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from pftrack_sim.env.window import Window
 from pftrack_sim.render.overlay import draw_frame
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.truth.detector import DetectionModel
 
 Observation = dict[str, Any]
 
@@ -30,6 +31,9 @@ class CameraEnv(gym.Env[Observation, Any]):
         first: 1 in the frame in which the target is selected, else 0: the first in which anything of it can be seen.
             Unless the target starts out of view that is the first frame of the episode.
         proprio: `(n,)` float32, proprioception (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
+
+    Information (a dict): `truth` of the target and of all `people` in view, `detections` of people as a detector gives
+    them (`core.records.Detections`, see the stress axis `detector`), `time_s`, `frame`, `seed`.
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
@@ -89,6 +93,7 @@ class CameraEnv(gym.Env[Observation, Any]):
             raise ParameterError(f"reset takes no options, got {sorted(options)}")
         self.episode_seed = seed if seed is not None else int(self.np_random.integers(2**31))
         self._frame = self.simulation.reset(self.episode_seed)
+        self._detector = DetectionModel(self.simulation.settings, self.episode_seed)
         self._answered = self._shown = None
         self._selected_in: int | None = None
         self._show_window()
@@ -156,6 +161,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         return {
             "truth": frame.truth,
             "people": frame.people,
+            "detections": self._detector.detect(frame.people, frame.image),
             "time_s": frame.time_s,
             "frame": frame.index,
             "seed": self.episode_seed,

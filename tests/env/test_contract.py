@@ -76,6 +76,21 @@ def test_same_seed_same_bits(env_id: str, name: str):
     assert runs[0] == runs[1]
 
 
+def test_detections_are_of_everybody_in_the_frame_unless_the_detector_is_stressed(env: gym.Env[Any, Any]):
+    _, info = env.reset(seed=3)
+    for _ in range(3):
+        expected = sorted(one.box.tolist() for one in info["people"] if one.scored)
+        assert sorted(info["detections"].boxes.tolist()) == expected
+        info = env.step(np.array([1.0, 2.0, 3.0, 4.0]))[-1]
+    stressed = make(overrides={"axes.detector.severity": 2.0, "axes.detector.height_px": 10.0})
+    stressed.reset(seed=3)
+    runs = [stressed.step(np.zeros(4))[-1]["detections"] for _ in range(3)]
+    stressed.reset(seed=3)
+    assert runs == [stressed.step(np.zeros(4))[-1]["detections"] for _ in range(3)]
+    assert runs[-1].age_s == pytest.approx(2.0 / 30.0)
+    stressed.close()
+
+
 def test_episodes_are_independent(env: gym.Env[Any, Any]):
     def episode(seed: int) -> list[bytes]:
         observation, _ = env.reset(seed=seed)

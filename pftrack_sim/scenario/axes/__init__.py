@@ -6,6 +6,7 @@ from pftrack_sim.scenario.axes.base import Axis
 from pftrack_sim.scenario.axes.scene import DistractorsAxis, LightAxis, OcclusionAxis, TargetAxis
 from pftrack_sim.scenario.axes.sensing import (
     BlurAxis,
+    DetectorAxis,
     DistortionAxis,
     JitterAxis,
     NoiseAxis,
@@ -28,6 +29,7 @@ class Axes(Section):
     blur: BlurAxis = BlurAxis()
     rolling_shutter: RollingShutterAxis = RollingShutterAxis()
     distortion: DistortionAxis = DistortionAxis()
+    detector: DetectorAxis = DetectorAxis()
 
 
 def axes_by_name() -> dict[str, type[Axis]]:
@@ -44,6 +46,7 @@ __all__ = [
     "Axes",
     "Axis",
     "BlurAxis",
+    "DetectorAxis",
     "DistortionAxis",
     "DistractorsAxis",
     "JitterAxis",

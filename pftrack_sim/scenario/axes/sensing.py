@@ -233,3 +233,49 @@ class StreamAxis(Axis):
         odds = self.lost / (1.0 - self.lost)
         leave = 1.0 / max(self.burst_frames, odds)
         return leave * odds, leave
+
+
+class DetectorAxis(Axis):
+    """Errors of a person detector: misses, box noise, false alarms, confidence and latency; frames do not change.
+
+    At severity 0 everybody of whom a pixel shows is detected with the true box and score 1, at once.
+    `truth.detector.DetectionModel` gives the detections.
+    """
+
+    headline: ClassVar[str] = "false_alarms"
+    unit: ClassVar[str] = "false alarms / frame"
+    law: ClassVar[str] = (
+        "a person is detected with the probability (S(height / height_px) S(visible / visible_share) S(contrast / "
+        "contrast_rms)) to the power of the severity, with S(x) = 1 - exp(-x^2.3), -x^1.6 and -x^2; noise of the "
+        "centre and of the logarithm of the size, false alarms and latency are multiplied by the severity; errors "
+        "last for correlation_s"
+    )
+    source: ClassVar[str] = (
+        "severity 1 is Faster R-CNN on the test set of CityPersons (Zhang, Benenson & Schiele 2017; github.com/"
+        "cvgroup-njust/CityPersons): log-average miss rates of 13.0 % for people of 50 px and more, visible by 65 % "
+        "and more, 37.2 % for those of 50 to 75 px, 50.5 % for those visible by 20 to 65 %. Such rates are near those "
+        "at 0.1 false alarms per image (Dollár et al. 2012). Latency: YOLOv3-416, 29 ms (Redmon & Farhadi 2018). "
+        "Chosen: contrast, scores, correlation, and box noise (mean overlap with the true box 0.79)"
+    )
+
+    height_px: Positive = Field(default=56.0, description="Height at which 37 % are missed for their size alone.")
+    visible_share: Positive = Field(default=0.57, description="Visible fraction at which 37 % are missed for it alone.")
+    contrast_rms: Positive = Field(
+        default=0.03, description="RMS contrast of the luminance in the box at which 37 % are missed for it alone."
+    )
+    box_noise: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        default=0.07, description="Standard deviation of the centre, as a share of width and height, and of log size."
+    )
+    false_alarms: NotNegative = Field(default=0.1, description="Boxes per frame where nobody is.")
+    lowest_score: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        default=0.3, description="Score of a detection that was nearly missed; 1 is the best."
+    )
+    correlation_s: Positive = Field(default=0.2, description="Time constant of the errors.")
+    latency_ms: Annotated[float, Field(ge=0.0, le=2000.0)] = Field(
+        default=29.0, description="Simulated time until the detections of a frame are there."
+    )
+
+    @property
+    def latency_s(self) -> float:
+        """Time until the detections of a frame are there, at this severity."""
+        return 1e-3 * self.severity * self.latency_ms
