@@ -17,10 +17,12 @@ KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-r
 OPENCV = sorted(CLASSES) if hasattr(cv2, "legacy") else ["opencv-mil"]
 LEE2012 = ["lee2012", "lee2012-checked", "lee2012-color", "lee2012-color-hog"]
 KWON2005 = ["kwon2005", "kwon2005-no-occlusion"]
+RELATIVES = ["islam2009"]
 NAMES = [
     *KO2012,
     *LEE2012,
     *KWON2005,
+    *RELATIVES,
     "ncc",
     "opencv-camshift",
     "opencv-meanshift",
@@ -54,7 +56,7 @@ def test_same_seed_gives_identical_output(name: str, preset: str, scene: Scene):
     assert first == second
 
 
-@pytest.mark.parametrize("name", [*KO2012, *KWON2005])
+@pytest.mark.parametrize("name", [*KO2012, *KWON2005, *RELATIVES])
 def test_seeds_change_the_output(name: str, scene: Scene):
     images, truth = scene
     assert numbers(follow(trackers.make(name, seed=0), images, truth[0])) != numbers(

@@ -1,0 +1,153 @@
+"""Islam, Oh & Lee 2009, "Video Based Moving Object Tracking by Particle Filter", IJSIP 2(1).
+
+A particle filter whose observation is shape: the distance transform of the edge image inside a particle's box, brought
+to the size of the template and compared with that of the first frame by normalised cross-correlation, which depends
+neither on the box's size nor on the scale of the distances. Ko et al. 2012, section I and table 1, describe it so; a
+second cue, an HSV histogram, can be mixed in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
+from pftrack_sim.trackers.features.edges import edge_distances
+from pftrack_sim.trackers.features.histogram import epanechnikov_layout, histogram, similarities
+from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
+from pftrack_sim.trackers.features.patches import sample_patches
+from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
+from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, Share
+
+COLOUR_BINS = (8, 8, 4)
+SHAPE = (32, 16)
+"""Rows and columns of the template."""
+_LAYOUT = epanechnikov_layout(1, 256)
+
+
+class Islam2009Parameters(BoxFilterParameters):
+    """Parameters. Defaults are the preset `paper`; none of the publication's values is known here.
+
+    Those of the filter: `BoxFilterParameters`, here without a rejection of jumps, and with the mean of all particles.
+
+    Attributes:
+        sharpness: lambda of the likelihood exp(-lambda (1 - similarity)).
+        colour_share: Weight of the HSV histogram's similarity beside that of shape. 0: shape alone, as Ko et al.
+            describe the method.
+        edge_low: Lower threshold of Canny's edge detector, in grey levels of the gradient (Sobel, 3x3).
+        edge_high: Its upper threshold.
+        cap_share: Distance from which on pixels count as equally far from the edges, as a share of the shorter side of
+            the template's grid.
+    """
+
+    # docs/papers/relatives.md states what was tried on which recorded sequences.
+    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {
+            "particle_count": 200,
+            "sigma_centre": 0.2,
+            "sigma_size": 0.025,
+            "size_correlation": 1.0,
+            "sigma_unit": "box",
+            "top_count": 10,
+            "redraw": "estimate",
+            "colour_share": 0.7,
+            "cap_share": 0.25,
+        }
+    )
+
+    sigma_centre: NotNegative = 4.0
+    sigma_size: NotNegative = 1.0
+    top_count: Count = 100
+    hold_distance: NotNegative = 1000.0
+    sharpness: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
+    colour_share: Share = 0.0
+    edge_low: Annotated[float, Field(ge=0.0, le=2000.0)] = 60.0
+    edge_high: Annotated[float, Field(ge=0.0, le=2000.0)] = 150.0
+    cap_share: Positive = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """The first frame's shape, a `(d,)` patch of distances, and its colour histogram."""
+
+    shape: NDArray[np.float32]
+    colour: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeRegion:
+    """Distances to edges `(H, W)` and colour codes `(H, W, 1)` of the region that boxes touch."""
+
+    region: ImageRegion
+    distances: NDArray[np.uint8]
+    codes: NDArray[np.uint8]
+
+    def shapes(self, wanted: FloatArray) -> NDArray[np.float32]:
+        """`(N, d)` patches of distances of `(N, 4)` boxes [px], of mean 0 and variance 1."""
+        local = self.region.to_region(wanted)
+        placements = np.zeros((len(local), 6))
+        placements[:, :2] = local[:, :2] + 0.5 * local[:, 2:]
+        placements[:, 2], placements[:, 5] = local[:, 2], local[:, 3]
+        return sample_patches(self.distances, placements, SHAPE)
+
+    def template(self, box: Box) -> Template:
+        """What a `(4,)` box [px] shows."""
+        return Template(self.shapes(box[None])[0], histogram(self.codes, self.region.to_region(box[None])[0], _LAYOUT))
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeAndColour:
+    """Comparison of a frame's boxes with the template."""
+
+    seen: EdgeRegion
+    template: Template
+    params: Islam2009Parameters
+
+    def similarities(self, wanted: FloatArray) -> FloatArray:
+        """`(N,)` mixtures, in [0, 1], of the correlation of shapes, 0 where negative, and the similarity of colours."""
+        share = self.params.colour_share
+        correlation = self.seen.shapes(wanted) @ self.template.shape / math.prod(SHAPE)
+        colour = similarities(self.seen.codes, self.seen.region.to_region(wanted), _LAYOUT, self.template.colour)
+        return (1.0 - share) * np.clip(correlation, 0.0, 1.0) + share * colour
+
+    def log_likelihood(self, particles: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]."""
+        return self.params.sharpness * (self.similarities(particles) - 1.0)
+
+    def similarity(self, box: Box) -> float:
+        """Similarity of a `(4,)` box [px], in [0, 1]."""
+        return min(float(self.similarities(box[None])[0]), 1.0)
+
+
+class Islam2009(BoxFilterTracker[Islam2009Parameters, ShapeAndColour]):
+    """Tracker by shape, and by colour if it has a share."""
+
+    def _learn_first(self, image: Image, box: Box) -> None:
+        self._first_size = np.array(box[2:])
+        self.template = self._encode(image, box[None]).template(box)
+
+    def _observe(self, image: Image, near: FloatArray) -> ShapeAndColour:
+        return ShapeAndColour(self._encode(image, near), self.template, self.params)
+
+    def _encode(self, image: Image, near: FloatArray) -> EdgeRegion:
+        """Blocks are about the points of the template's grid, so that edges are those of the target at one size."""
+        p = self.params
+        block = block_size(self._first_size, self._state[2:4], (SHAPE[1], SHAPE[0]))
+        region = block_means(image, near, block)
+        distances = edge_distances(region.pixels, (p.edge_low, p.edge_high), p.cap_share * min(SHAPE))
+        return EdgeRegion(region, distances, hsv_joint_codes(region.pixels, COLOUR_BINS))
+
+
+def make(name: str, *, seed: int, preset: str, **params: Any) -> Islam2009:
+    """Make the tracker; raises ParameterError."""
+    return Islam2009(Islam2009Parameters.from_preset(name, preset, params), seed)

@@ -1,0 +1,55 @@
+"""Islam, Oh & Lee 2009: shape by distance transforms."""
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim import trackers
+from pftrack_sim.core import boxes
+
+Scene = tuple[list[np.ndarray], np.ndarray]
+
+
+def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> list[Any]:
+    tracker = trackers.make("islam2009", **given)
+    tracker.init(images[0], box)
+    return [tracker.update(image) for image in images[1:]]
+
+
+@pytest.mark.parametrize("colour_share", [0.0, 0.5, 1.0])
+def test_a_moving_target_is_followed_by_either_cue(make_scene: Callable[..., Scene], colour_share: float):
+    images, truth = make_scene(count=15, step_px=1.0)
+    found = np.array([one.box for one in run(images, truth[0], colour_share=colour_share)])
+    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.6
+
+
+def test_the_first_box_has_similarity_one_and_shape_ignores_colour(scene: Scene):
+    images, truth = scene
+    still = {"sigma_centre": 0, "sigma_size": 0, "colour_share": 0.0}
+    assert run([images[0]] * 2, truth[0], **still)[0].confidence == pytest.approx(1, abs=1e-5)
+    grey = np.repeat(cv2.cvtColor(images[0], cv2.COLOR_RGB2GRAY)[..., None], 3, axis=2)
+    assert run([images[0], grey], truth[0], **still)[0].confidence > 0.95  # blocks are rounded in each channel
+    assert run([images[0], grey], truth[0], **{**still, "colour_share": 1.0})[0].confidence < 0.5
+
+
+def test_shape_is_compared_at_one_size():
+    """Twice the image and twice the box are the same target."""
+    rng = np.random.default_rng(3)
+    image = cv2.resize(rng.integers(0, 255, (8, 10, 3), dtype=np.uint8), (200, 160), interpolation=cv2.INTER_CUBIC)
+    large = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+    box, still = np.array([60.0, 40, 64, 80]), {"sigma_centre": 0, "sigma_size": 0}
+    tracker = trackers.make("islam2009", **still)
+    tracker.init(image, box)
+    placed = trackers.make("islam2009", **still)
+    placed.init(large, 2 * box)
+    assert np.allclose(placed.template.shape, tracker.template.shape, rtol=0, atol=1e-5)
+
+
+def test_a_target_without_edges_gives_finite_estimates():
+    image = np.full((60, 80, 3), 90, np.uint8)
+    for estimate in run([image] * 4, np.array([20.0, 20, 16, 24]), colour_share=0.0):
+        assert np.isfinite(estimate.box).all()
+        assert estimate.confidence == 0.0
