@@ -11,7 +11,7 @@ from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import content_digest, missing_trackers, read_metadata
+from pftrack_sim.benchmark.episode_file import content_digests, missing_trackers, read_metadata
 from pftrack_sim.benchmark.files import query_deadline, sql_text
 from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums
 from pftrack_sim.benchmark.plan import Episode
@@ -108,12 +108,12 @@ def _problem(database: duckdb.DuckDBPyConnection, episode: Episode, file: Path, 
                 f"SELECT label, count(*), count(DISTINCT frame), min(frame), max(frame), {keys} "
                 f"FROM {table} GROUP BY label, {keys}"
             ).fetchall()
-            digest = content_digest(database, table)
+            digests = content_digests(database, table)
     except RunError as error:
         return str(error).removeprefix(f"{file}: ")
     except duckdb.Error as error:
         return f"cannot be read: {one_line(str(error).splitlines()[0])}"
-    if digest != metadata["content_sha256"]:
+    if digests != {name: metadata.get(name) for name in digests}:
         return "its rows do not have the digest they were written with"
     schema[:] = schema or columns
     if columns != schema:

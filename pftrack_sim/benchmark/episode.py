@@ -247,5 +247,5 @@ def _write(
         "tracker_sha256": {tracker.label: tracker.digest for tracker in episode.trackers},
     }
     truth = {**truth_columns(truths), "nearest_look_alike": np.array(log.nearest_look_alike), **course}
-    write_episode(path, key, truth, tables, metadata)
+    write_episode(path, key, truth, log.people.columns(), tables, metadata)
     return rows

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, cast
 
 import duckdb
@@ -20,6 +22,7 @@ from pftrack_sim.benchmark.plan import Episode, TrackerSpec
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, parse_json
+from pftrack_sim.core.proprioception import PROPRIO_NAMES, RANGES
 from pftrack_sim.core.records import Truth
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
@@ -32,9 +35,25 @@ MAX_BYTES = 1 << 30
 NOT_IN_DIGEST = ("ms",)
 """Columns of wall-clock time: all others are the same in every run of a plan."""
 
+SENSORS = (*PROPRIO_NAMES[: RANGES.start], "ranges_m")
+"""Columns of the robot's proprioception in closed loop; `ranges_m` is the scan along `RANGE_ANGLES_RAD`."""
+
+_PERSON: Mapping[str, str] = MappingProxyType(
+    {
+        "person": "VARCHAR",
+        "state": "VARCHAR",
+        "amodal_box": "FLOAT[]",
+        "visible_box": "FLOAT[]",
+        **dict.fromkeys(("visible_fraction", "truncation", "distance_m", "x_m", "y_m", "heading_rad"), "FLOAT"),
+    }
+)
+"""Fields of an entry of the column `people`; the pose is that on the ground."""
+_PEOPLE = "SELECT {}, unnest(people, max_depth := 2) FROM {}"
+"""Query for a row per person: columns to repeat, and the table."""
+
 _TRUTH_NUMBERS = ("time_s", "state", "visible_fraction", "truncation", "distance_m", "image_motion_px", "luminance")
 _TRUTH_LISTS = ("box", "amodal_box", "visible_box", "swept_box", "T_world_camera", "T_world_target", "K", "distortion")
-_CASTS = dict.fromkeys((*_TRUTH_LISTS, "estimate"), "DOUBLE[]") | {"occluders": "VARCHAR[]"}
+_CASTS = dict.fromkeys((*_TRUTH_LISTS, "estimate"), "DOUBLE[]") | {"occluders": "VARCHAR[]", "ranges_m": "FLOAT[]"}
 """Types of lists: a file without any entry in them would have none."""
 
 Column = NDArray[Any]
@@ -65,6 +84,33 @@ def truth_columns(truths: Sequence[Truth]) -> dict[str, Column]:
     return columns
 
 
+class PeopleLog:
+    """Everybody in view of an episode, in single precision."""
+
+    def __init__(self) -> None:
+        self._frames: list[int] = []
+        self._text: list[tuple[str, str]] = []
+        self._numbers: list[NDArray[np.float32]] = []
+
+    def add(self, frame: int, people: Sequence[Truth]) -> None:
+        """Add the people of a frame."""
+        for one in people:
+            pose = one.T_world_target
+            ground = pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])
+            rest = one.visible_fraction, one.truncation, one.distance_m, *ground
+            self._frames.append(frame)
+            self._text.append((one.name, one.state))
+            self._numbers.append(np.array([*one.amodal_box, *one.visible_box, *rest], dtype=np.float32))
+
+    def columns(self) -> dict[str, Column]:
+        """`(N,)` columns, a row per person and frame: the frame, the place in the list, and the fields of `people`."""
+        numbers = np.array(self._numbers, dtype=np.float32).reshape(len(self._frames), -1)
+        boxes = [_lists(numbers[:, place : place + 4].tolist()) for place in (0, 4)]
+        text = [column(list(one)) for one in zip(*self._text, strict=True)]
+        place = {"frame": np.array(self._frames), "place": np.arange(len(self._frames))}
+        return {**place, **dict(zip(_PERSON, [*text, *boxes, *numbers[:, 8:].T], strict=True))}
+
+
 def estimate_columns(runner: TrackerRunner, overlap: FloatArray, centre_error_px: FloatArray) -> dict[str, Column]:
     """Estimates of one tracker with their scores, one row per frame."""
     estimates = runner.estimates
@@ -85,6 +131,7 @@ def write_episode(
     path: Path,
     key: Mapping[str, str | int],
     truth: Columns,
+    people: Columns,
     trackers: Sequence[tuple[Mapping[str, str | float | None], Columns]],
     metadata: Mapping[str, Any],
 ) -> None:
@@ -93,7 +140,8 @@ def write_episode(
     Args:
         path: File to write.
         key: Scenario, condition, seed and so on: the same in every row.
-        truth: From `truth_columns`.
+        truth: From `truth_columns`, and further columns with a row per frame.
+        people: From `PeopleLog.columns`; every row of a frame gets a list of them.
         trackers: For each tracker its `identity_columns` and `estimate_columns`.
         metadata: Stored with the digest of the rows.
 
@@ -105,13 +153,21 @@ def write_episode(
     estimates = {name: np.concatenate([one[name] for _, one in trackers]) for name in trackers[0][1]}
     estimates["place"] = np.repeat(np.arange(len(trackers)), [len(one["frame"]) for _, one in trackers])
     keys = ", ".join(f"{value if isinstance(value, int) else sql_text(value)} AS {name}" for name, value in key.items())
+    fields = ", ".join(f"{name} := {name}::{kind}" for name, kind in _PERSON.items())
     rows = (
         f"SELECT {keys}, identity.* EXCLUDE place REPLACE (controller::VARCHAR AS controller), "
-        f"truth.* REPLACE ({_casts(truth)}), estimates.* EXCLUDE (frame, place) REPLACE ({_casts(estimates)}) "
-        "FROM estimates JOIN identity USING (place) JOIN truth USING (frame) ORDER BY place, frame"
+        f"truth.* REPLACE ({_casts(truth)}), estimates.* EXCLUDE (frame, place) REPLACE ({_casts(estimates)}), listed "
+        "AS people FROM estimates JOIN identity USING (place) JOIN truth USING (frame) JOIN "
+        f"(SELECT frame, list(struct_pack({fields}) ORDER BY place) AS listed FROM people GROUP BY frame) "
+        "USING (frame) ORDER BY place, frame"
     )
     with duckdb.connect(config={"threads": 1}) as database:
-        for name, table in {"identity": identity, "truth": dict(truth), "estimates": estimates}.items():
+        for name, table in {
+            "identity": identity,
+            "truth": dict(truth),
+            "people": dict(people),
+            "estimates": estimates,
+        }.items():
             database.register(name, table)
         _write_rows(database, path, rows, metadata)
 
@@ -119,7 +175,7 @@ def write_episode(
 def _write_rows(database: duckdb.DuckDBPyConnection, path: Path, rows: str, metadata: Mapping[str, Any]) -> None:
     try:
         database.execute(f"CREATE TEMP TABLE rows AS {rows}")
-        whole = {**metadata, "content_sha256": content_digest(database, "rows")}
+        whole = {**metadata, **content_digests(database, "rows")}
         text = json.dumps({**whole, _DIGEST_KEY: _metadata_digest(whole)})
         database.execute(
             f"COPY rows TO {sql_text(path)} (FORMAT parquet, COMPRESSION zstd, "
@@ -158,7 +214,7 @@ def join_episodes(path: Path, files: Sequence[tuple[Path, Sequence[str]]], episo
         digests = {name: digest for metadata in found for name, digest in metadata["tracker_sha256"].items()}
         kept = [label for label in episode.labels if label in rows]
         metadata = {
-            **{key: value for key, value in first.items() if key != "content_sha256"},
+            **{key: value for key, value in first.items() if key not in ("content_sha256", "extras_sha256")},
             "trackers": [rows[label] for label in kept],
             "tracker_sha256": {label: digests[label] for label in kept},
         }
@@ -170,6 +226,20 @@ def join_episodes(path: Path, files: Sequence[tuple[Path, Sequence[str]]], episo
         )
         query = f"SELECT part.* FROM ({parts}) part JOIN places USING (label) ORDER BY place, frame"
         _write_rows(database, path, query, metadata)
+
+
+def create_frame_views(database: duckdb.DuckDBPyConnection, files: Sequence[Path]) -> None:
+    """Create `frames`, and `people` where the files hold them: repeated for each tracker, so read of one only."""
+    table = f"read_parquet([{', '.join(map(sql_text, files))}], hive_partitioning = false, filename = 'file')"
+    known = {row[0] for row in database.execute(f"DESCRIBE FROM {table}").fetchall()}
+    if "people" not in known:
+        database.execute(f"CREATE VIEW frames AS SELECT * EXCLUDE (file) FROM {table}")
+        return
+    database.execute(f"CREATE VIEW frames AS SELECT * EXCLUDE (file, people) FROM {table}")
+    label = "CASE WHEN kind = 'follow' THEN label END AS label"
+    once = f"{table} WHERE (file, label) IN (SELECT (file, min(label)) FROM {table} GROUP BY file)"
+    people = _PEOPLE.format(f"kind, scenario, condition, seed, {label}, frame, time_s", once)
+    database.execute(f"CREATE VIEW people AS {people}")
 
 
 def _casts(columns: Columns) -> str:
@@ -244,10 +314,26 @@ def _metadata_digest(metadata: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(metadata, sort_keys=True).encode()).hexdigest()
 
 
-def content_digest(database: duckdb.DuckDBPyConnection, source: str) -> str:
-    """SHA-256 of the rows of a table or table function, in their order, without the columns of wall-clock time."""
+def content_digests(database: duckdb.DuckDBPyConnection, source: str) -> dict[str, str]:
+    """SHA-256 of the rows of a table or table function, in their order.
+
+    Returns:
+        `content_sha256`, without the columns of wall-clock time, of people and of sensors; and `extras_sha256`
+        of the latter two, where the rows have them.
+    """
+    known = [str(row[0]) for row in database.execute(f"DESCRIBE FROM {source}").fetchall()]
+    apart = [name for name in ("people", *SENSORS) if name in known]
+    excluded = f" EXCLUDE ({', '.join(apart)})" if apart else ""
+    digests = {"content_sha256": _query_digest(database, f"SELECT *{excluded} FROM {source}")}
+    if apart:
+        repeated = ", ".join(["label", "frame", *apart[1:]])
+        digests["extras_sha256"] = _query_digest(database, _PEOPLE.format(repeated, source))
+    return digests
+
+
+def _query_digest(database: duckdb.DuckDBPyConnection, query: str) -> str:
     digest = hashlib.sha256()
-    table = cast("Any", database.execute(f"SELECT * FROM {source}")).fetchnumpy()
+    table = cast("Any", database.execute(query)).fetchnumpy()
     for name in sorted(table):
         if name not in NOT_IN_DIGEST:
             digest.update(name.encode() + b"\0")

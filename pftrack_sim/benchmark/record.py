@@ -21,7 +21,9 @@ from pftrack_sim.core.inputs import check_tree, parse_json, read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario.section import Section
 
-FORMAT = 5
+FORMAT = 6
+"""Format of run folders that are written."""
+_READABLE = (5, FORMAT)  # 5 lacks other people and sensors
 _MAX_RECORD_BYTES = 64 << 20
 _MAX_RECORD_VALUES = 5_000_000
 _VERSIONS_OF = ("pftrack-sim", "gymnasium", "mujoco", "numpy", "opencv-python-headless", "numba", "duckdb", "av")
@@ -42,7 +44,7 @@ class _Session(Section):
 class _Record(Section):
     """Content of `run.json`; the plan is validated where it is used."""
 
-    format: Literal[5]
+    format: Literal[5, 6]
     plan_sha256: str
     finished: str | None
     sessions: tuple[_Session, ...]
@@ -63,8 +65,9 @@ def read_record(path: Path) -> dict[str, Any]:
         raise RunError(f"{path} is not a run folder: it has no run.json") from None
     except (OSError, ValueError) as error:
         raise RunError(f"{source} cannot be read: {one_line(str(error))}") from None
-    if not isinstance(record, dict) or cast("dict[str, Any]", record).get("format") != FORMAT:
-        raise RunError(f"{source} is not of format {FORMAT}, which this version reads")
+    if not isinstance(record, dict) or cast("dict[str, Any]", record).get("format") not in _READABLE:
+        formats = " or ".join(map(str, _READABLE))
+        raise RunError(f"{source} is not of format {formats}, which this version reads")
     try:
         _Record.model_validate(record)
     except ValidationError as error:
@@ -72,6 +75,13 @@ def read_record(path: Path) -> dict[str, Any]:
         where = ".".join(str(part) for part in first["loc"])
         raise RunError(f"{source} is damaged: {one_line(where)}: {one_line(str(first['msg']))}") from None
     return cast("dict[str, Any]", record)
+
+
+def check_writable(path: Path) -> None:
+    """Raise RunError where a run folder is of an earlier format: its episodes lack columns of those written now."""
+    found = read_record(path)["format"]
+    if found != FORMAT:
+        raise RunError(f"{path} is of format {found}, which is read but not written to: choose another with --out")
 
 
 def write_record(path: Path, record: dict[str, Any]) -> None:

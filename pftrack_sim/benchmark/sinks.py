@@ -14,12 +14,13 @@ import av
 import numpy as np
 from av.error import FFmpegError
 
-from pftrack_sim.benchmark.episode_file import Column, column
+from pftrack_sim.benchmark.episode_file import SENSORS, Column, PeopleLog, column
 from pftrack_sim.benchmark.files import atomic_write
 from pftrack_sim.benchmark.rollout import Sample, Step
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.palette import colours_of
+from pftrack_sim.core.proprioception import RANGES
 from pftrack_sim.core.records import Frame, Image, Truth
 from pftrack_sim.core.text import one_line
 from pftrack_sim.render.overlay import draw_frame, draw_recorded
@@ -64,16 +65,18 @@ def nearest_look_alike(frame: Frame) -> float:
 
 
 class TruthLog:
-    """Truth of the target, its distance to other people, and a digest of the images of a simulated episode."""
+    """Truth of the target and of everybody in view, and a digest of the images of a simulated episode."""
 
     def __init__(self) -> None:
         self.truths: list[Truth] = []
         self.nearest_look_alike: list[float] = []
+        self.people = PeopleLog()
         self._images = hashlib.blake2b(digest_size=16)
 
     def __call__(self, step: Step) -> None:
         """Add a frame."""
         assert step.sample.frame is not None
+        self.people.add(len(self.truths), step.sample.frame.people)
         self.truths.append(step.sample.frame.truth)
         self.nearest_look_alike.append(nearest_look_alike(step.sample.frame))
         self._images.update(np.ascontiguousarray(step.sample.image).data)
@@ -134,7 +137,10 @@ def _encoder_errors(path: Path) -> Generator[None]:
 
 
 class FollowLog:
-    """Course of the robot in closed loop. Positions are those at the frame; `after_*` is where its command led."""
+    """Course and sensors of the robot in closed loop.
+
+    Positions and sensors are those at the frame; `after_*` is where its command led.
+    """
 
     def __init__(self) -> None:
         self._columns: dict[str, list[Any]] = {}
@@ -167,6 +173,8 @@ class FollowLog:
             "after_bearing_rad": after["bearing_rad"],
             "after_seen": after["truth"].scored,
             "following": after["following"],
+            **dict(zip(SENSORS, [*sample.observation["proprio"][: RANGES.start]], strict=False)),
+            "ranges_m": sample.observation["proprio"][RANGES].tolist(),
         }
         for name, value in row.items():
             self._columns.setdefault(name, []).append(value)

@@ -23,14 +23,22 @@ from typing import Any, cast
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import content_digest, join_episodes
+from pftrack_sim.benchmark.episode_file import content_digests, create_frame_views, join_episodes
 from pftrack_sim.benchmark.error_files import errors_folder, remove_errors
 from pftrack_sim.benchmark.files import atomic_write, query_deadline, remove_parts, sql_text, write_bytes
 from pftrack_sim.benchmark.growth import grown
 from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums, write_sums
 from pftrack_sim.benchmark.losses import create_loss_views
 from pftrack_sim.benchmark.plan import Episode, Plan
-from pftrack_sim.benchmark.record import new_record, now, plan_record, read_record, session, write_record
+from pftrack_sim.benchmark.record import (
+    check_writable,
+    new_record,
+    now,
+    plan_record,
+    read_record,
+    session,
+    write_record,
+)
 from pftrack_sim.benchmark.stored_plan import differences, read_plan
 from pftrack_sim.benchmark.summary import TABLE_FILES, Result, load_summary, results_of, write_summary
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -93,6 +101,7 @@ class RunStore:
             _check_usable(path)
             begun = is_run(path)
             if begun:
+                check_writable(path)
                 _continue(path, plan, refresh, grow)
             else:
                 write_record(path, new_record(plan))
@@ -242,7 +251,8 @@ class RunStore:
         """A database with views; the caller closes it.
 
         `frames` has a row per tracker and frame, `summary` per tracker and episode, `episodes` per episode, `losses`
-        per loss of the target with what happened then, `moments` per tracker and frame with what happens there.
+        per loss of the target with what happened then, `moments` per tracker and frame with what happens there,
+        `people` per person in view and frame; in closed loop with `label`, since each tracker leads elsewhere.
 
         Raises:
             RunError: There is no finished episode, or a file cannot be read.
@@ -258,10 +268,7 @@ class RunStore:
                 database.execute(f"CREATE VIEW summary AS FROM read_parquet({sql_text(summary)})")
             else:
                 load_summary(database, self.path, self.plan, self.episodes())
-            database.execute(
-                f"CREATE VIEW frames AS FROM read_parquet([{', '.join(map(sql_text, files))}], "
-                "hive_partitioning = false)"
-            )
+            create_frame_views(database, files)
             create_loss_views(database)
             database.execute(
                 "CREATE VIEW episodes AS SELECT DISTINCT ON (number) number, kind, scenario, condition, levels, seed, "
@@ -320,7 +327,8 @@ class RunStore:
         self._verify([result.file])
         try:
             with duckdb.connect() as database, query_deadline(database):
-                if self.sums is None and content_digest(database, table) != result.values["content_sha256"]:
+                digests = content_digests(database, table) if self.sums is None else {}
+                if digests and digests["content_sha256"] != result.values["content_sha256"]:
                     raise RunError(f"{file}: its rows do not have the digest they were written with")
                 query = f"SELECT {', '.join(names)} FROM {table} ORDER BY frame"
                 return cast("Any", database.execute(query)).fetchnumpy()

@@ -33,7 +33,7 @@ def check(folder: Annotated[Path, typer.Argument(help="Run folder.")]) -> None:
 
 def query(
     folder: Annotated[Path, typer.Argument(help="Run folder.")],
-    sql: Annotated[str, typer.Argument(help="SQL over the views episodes, frames, summary and losses.")],
+    sql: Annotated[str, typer.Argument(help="SQL over the views episodes, frames, people, summary, losses, moments.")],
     format_: Annotated[str, typer.Option("--format", help="table, csv or json.")] = "table",
 ) -> None:
     """Run SQL over a run's tables."""

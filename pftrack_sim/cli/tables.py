@@ -8,7 +8,7 @@ import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from rich import box
@@ -337,10 +337,17 @@ def print_query(answer: QueryResult, layout: str) -> None:
             is_text = bool(answer.rows) and isinstance(answer.rows[0][place], str)
             table.add_column(Text(head), justify="left" if is_text else "right", overflow="fold")
         for row in answer.rows:
-            table.add_row(*(Text(f"{cell:.6g}" if isinstance(cell, float) else str(cell)) for cell in row))
+            table.add_row(*(Text(_cell(cell)) for cell in row))
         console.print(table)
     else:
         raise ParameterError(f"--format must be table, csv or json, got {layout!r}")
+
+
+def _cell(value: object) -> str:
+    """A value of a query: floats with six digits, in lists too."""
+    if isinstance(value, list):
+        return f"[{', '.join(_cell(one) for one in cast('list[object]', value))}]"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -1,6 +1,7 @@
 """Closed-loop runs: the plan, the folder and the workers of the benchmark, with the tracker driving the robot."""
 
 import shutil
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from pftrack_sim.benchmark.check import check
 from pftrack_sim.benchmark.latency import measure_ms, resolve_latencies
 from pftrack_sim.benchmark.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES
+from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.scenario import load
 from tests.benchmark.small import SMALL, contents
 
@@ -89,6 +92,25 @@ def test_the_pose_after_a_command_is_that_of_the_next_frame(one: RunStore):
     distances = frames(one.path, "after_distance_m", "oracle")[:, 0]
     # The camera is not quite above the axle.
     assert np.abs(np.hypot(*gaps.T)[1:] - distances[:-1]).max() < 0.15
+
+
+def test_sensors_and_people_of_every_drive_are_stored(one: RunStore):
+    with closing(TrackAndFollowEnv(next(one.plan.episodes()).scenario)) as env:
+        observation, _ = env.reset(seed=0)
+    heading, ranges = one.query(
+        "SELECT odometry_heading_rad, ranges_m FROM frames WHERE tracker = 'oracle' AND seed = 0 AND frame = 0"
+    ).rows[0]
+    assert heading == observation["proprio"][PROPRIO_INDEX["odometry_heading_rad"]]
+    assert np.array_equal(ranges, observation["proprio"][RANGES])
+    # Odometry counts from the start, and here its calibration is exact: what is left is slip.
+    driven = frames(one.path, "odometry_x_m", "oracle")[-1, 0]
+    start, end = frames(one.path, "robot_x_m, robot_y_m", "oracle")[[0, -1]]
+    assert driven == pytest.approx(np.hypot(*(end - start)), abs=0.05)
+    people = one.query(
+        "SELECT label, seed, count(*) FROM people WHERE person = 'target' GROUP BY ALL ORDER BY ALL"
+    ).rows
+    labels = sorted({result.label for result in one.results})
+    assert people == [(label, seed, 4) for label in labels for seed in (0, 1)]
 
 
 @pytest.mark.slow

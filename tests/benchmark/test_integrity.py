@@ -7,17 +7,20 @@ import subprocess
 from pathlib import Path
 
 import duckdb
+import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import RunStore, run
 from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.episode_file import content_digests
 from pftrack_sim.benchmark.files import csv_text
 from pftrack_sim.benchmark.integrity import SUMS, write_sums
 from pftrack_sim.benchmark.merge import merge
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import small_plan
 
-PLAN = small_plan(range(2), ["oracle", "stay"])
+PLAN = small_plan(range(2), ["oracle", "stay"], **{"distractors.count": 1})
 FIRST, SECOND = (f"episodes/corridor/base/seed-{seed:04d}.parquet" for seed in (0, 1))
 
 
@@ -86,6 +89,43 @@ def test_the_same_episode_of_another_plan_is_refused(copied: Path, tmp_path: Pat
         assert [one.partition(":")[0] for one in check(copied).problems] == [SECOND]
         with pytest.raises(RunError, match=r"is of another episode|of others than the plan's"):
             run(PLAN, copied, videos="none")
+
+
+def test_everybody_in_view_is_stored_with_a_digest_of_its_own(copied: Path):
+    store = RunStore(copied)
+    episode = store.plan.episode(0)
+    with Simulation(episode.scenario) as simulation:
+        frame = simulation.reset(episode.seed)
+    rows = store.query("SELECT person, state, amodal_box, x_m FROM people WHERE seed = 0 AND frame = 0").rows
+    assert [row[:2] for row in rows] == [(one.name, one.state) for one in frame.people]
+    assert len(rows) > 1
+    for (_, _, box, x_m), one in zip(rows, frame.people, strict=True):
+        assert np.array_equal(box, one.amodal_box.astype(np.float32))
+        assert x_m == np.float32(one.T_world_target[0, 3])
+    # Their column changes neither the digest of the others nor what is in them.
+    assert "people" not in store.query("FROM frames").columns
+    with duckdb.connect() as database:
+        table = f"read_parquet('{copied / FIRST}', hive_partitioning = false)"
+        digests = content_digests(database, table)
+        assert content_digests(database, f"(SELECT * EXCLUDE people FROM {table})") == {
+            "content_sha256": digests["content_sha256"]
+        }
+        database.execute(f"CREATE TABLE edited AS SELECT * REPLACE (people[:1] AS people) FROM {table}")
+        edited = content_digests(database, "edited")
+    assert edited["content_sha256"] == digests["content_sha256"]
+    assert edited["extras_sha256"] != digests["extras_sha256"]
+
+
+def test_a_run_of_the_format_before_is_read_and_not_written_to(copied: Path):
+    (copied / SUMS).unlink()
+    record = json.loads((copied / "run.json").read_text())
+    (copied / "run.json").write_text(json.dumps({**record, "format": 5}))
+    assert RunStore(copied).results
+    with pytest.raises(RunError, match="format 5, which is read but not written to:"):
+        run(PLAN, copied, videos="none")
+    (copied / "run.json").write_text(json.dumps({**record, "format": 4}))
+    with pytest.raises(RunError, match="not of format 5 or 6"):
+        RunStore(copied)
 
 
 def test_metadata_have_a_digest(copied: Path):
