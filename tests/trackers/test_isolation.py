@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import struct
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.text import describe_error, one_line, printable
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, fork_server
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, fork_server, supervisor
 from pftrack_sim.trackers.isolation.channel import ChannelError, receive, send
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not contain processes")
@@ -115,6 +116,19 @@ def test_faults_of_a_tracker_are_named(name: str, words: str, namespaces: bool):
     with pytest.raises(TrackerFault, match=words):
         tracker.update(IMAGE)
     tracker.close()
+
+
+@linux
+def test_a_tracker_with_too_many_processes_is_ended(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(supervisor, "MAX_PROCESSES", 5)
+    read, write = os.pipe()
+    life, _ = socket.socketpair()
+    init = subprocess.Popen(["sh", "-c", "for i in 1 2 3 4 5; do sleep 3600 & done; wait"], start_new_session=True)
+    assert supervisor._watch(life, read, init.pid, 0.0) == {"processes": 5}
+    os.killpg(init.pid, signal.SIGKILL)
+    init.wait()
+    os.close(read)
+    os.close(write)
 
 
 @linux

@@ -163,6 +163,8 @@ class TrackerProcess:
         report = cast("dict[str, float]", how) if isinstance(how, dict) else {}
         if "memory_mb" in report:
             return f"it and its children used more than the memory limit of {report['memory_mb']:g} MB"
+        if "processes" in report:
+            return f"it started {report['processes']:g} processes or more"
         self._process.wait(_END_S)
         code = int(report["exit"]) if "exit" in report else self._process.exit_code
         if code is None or (not code and not report):

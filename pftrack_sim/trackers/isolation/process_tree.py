@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 MAX_PROCESSES = 4096
-"""Descendants that are looked at."""
+"""Descendants that are looked at; a tracker with as many is ended."""
 
 END_S = 5.0
 """Time for ending processes."""
@@ -43,12 +43,30 @@ def end_descendants(also: tuple[int, ...] = (), *, contained: bool = False) -> N
     """
     end_s = time.monotonic() + END_S
     while time.monotonic() < end_s:
-        for pid in {-1} if contained else {*also, *descendants(os.getpid())}:
-            with contextlib.suppress(OSError):
-                os.kill(pid, signal.SIGKILL)
+        for pid in (-1,) if contained else also:
+            _kill(pid)
+        if not contained:
+            found = descendants(os.getpid())
+            # A group ends at once, with what it is forking.
+            for pid in [*(-group for group in _groups(found)), *found]:
+                _kill(pid)
         if _reaped_all():
             return
         time.sleep(0.002)
+
+
+def _kill(pid: int) -> None:
+    with contextlib.suppress(OSError):
+        os.kill(pid, signal.SIGKILL)
+
+
+def _groups(processes: list[int]) -> set[int]:
+    """Process groups, without the one of this process."""
+    found: set[int] = set()
+    for pid in processes:
+        with contextlib.suppress(OSError):
+            found.add(os.getpgid(pid))
+    return found - {os.getpgrp()}
 
 
 def _reaped_all() -> bool:

@@ -108,6 +108,8 @@ def _run_init(requests: socket.socket, status: int, memory_limit_mb: float, cont
     tracker = os.fork()
     if tracker == 0:
         os.close(status)
+        # Where the system shares processor time among sessions, many processes do not slow their supervisor down.
+        os.setsid()
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         # What an episode leaves behind becomes a child of the process that is kept, which kills it.
         _prctl(_PR_SET_CHILD_SUBREAPER, 1)
@@ -122,22 +124,24 @@ def _run_init(requests: socket.socket, status: int, memory_limit_mb: float, cont
 
 
 def _watch(life: socket.socket, status: int, init: int, memory_limit_mb: float) -> dict[str, float]:
-    """Wait until the tracker ends, needs too much memory, or is no longer wanted; returns how it ended."""
+    """Wait until the tracker ends, exceeds a limit, or is no longer wanted; returns how it ended."""
     own_kb = memory_kb(os.getpid())
     while True:
-        ready, _, _ = select.select([life, status], [], [], _WATCH_PERIOD_S if memory_limit_mb > 0 else None)
+        ready, _, _ = select.select([life, status], [], [], _WATCH_PERIOD_S)
         if status in ready:
             content = os.read(status, _STATUS.size)
             return {"exit": _STATUS.unpack(content)[0]} if len(content) == _STATUS.size else {}
         if life in ready:
             return {}
-        if memory_limit_mb > 0 and _uses_more(init, memory_limit_mb * 1024, own_kb):
+        processes = descendants(init)
+        if len(processes) >= MAX_PROCESSES:
+            return {"processes": MAX_PROCESSES}
+        if memory_limit_mb > 0 and _use_more(processes, memory_limit_mb * 1024, own_kb):
             return {"memory_mb": memory_limit_mb}
 
 
-def _uses_more(init: int, limit_kb: float, own_kb: float) -> bool:
-    """Whether the descendants use more memory than allowed, besides what each was forked with."""
-    processes = descendants(init)
+def _use_more(processes: Sequence[int], limit_kb: float, own_kb: float) -> bool:
+    """Whether processes use more memory than allowed, besides what each was forked with."""
     if sum(max(memory_kb(pid) - own_kb, 0.0) for pid in processes) <= limit_kb:
         return False
     # Pages that forks share were counted once for each: the exact figure is slower.
@@ -160,7 +164,7 @@ def _limit(memory_mb: float, contained: bool) -> None:
     """Limits of the tracker's process."""
     import resource
 
-    if contained:  # elsewhere the user's other processes would count
+    if contained:  # elsewhere the user's other processes would count; it does not hold for root
         _set_limit(resource.RLIMIT_NPROC, MAX_PROCESSES)
     if memory_mb <= 0:
         return
