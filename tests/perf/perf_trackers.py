@@ -38,6 +38,7 @@ TARGETS = {
     "lee2012": 12,
     "kwon2005": 12,
     "kwon2005-no-occlusion": 12,
+    "sidibe2010": 10,
 }
 """How many times faster than TrackerMIL each shall be."""
 

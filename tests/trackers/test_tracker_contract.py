@@ -17,7 +17,7 @@ KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-r
 OPENCV = sorted(CLASSES) if hasattr(cv2, "legacy") else ["opencv-mil"]
 LEE2012 = ["lee2012", "lee2012-checked", "lee2012-color", "lee2012-color-hog"]
 KWON2005 = ["kwon2005", "kwon2005-no-occlusion"]
-RELATIVES = ["islam2009"]
+RELATIVES = ["islam2009", "sidibe2010"]
 NAMES = [
     *KO2012,
     *LEE2012,
@@ -29,6 +29,7 @@ NAMES = [
     *OPENCV,
     "oracle",
     "pftrack",
+    *RELATIVES,
     "stay",
 ]
 Scene = tuple[list[np.ndarray], np.ndarray]

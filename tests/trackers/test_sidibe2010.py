@@ -1,0 +1,62 @@
+"""sidibe2010: colour and saliency."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pftrack_sim import trackers
+from pftrack_sim.core import boxes
+from pftrack_sim.trackers.relatives.sidibe2010 import Sidibe2010
+
+Scene = tuple[list[np.ndarray], np.ndarray]
+
+
+def made(**given: float) -> Sidibe2010:
+    tracker = trackers.make("sidibe2010", **given)
+    assert isinstance(tracker, Sidibe2010)
+    return tracker
+
+
+@pytest.mark.parametrize("preset", trackers.PRESETS)
+def test_a_moving_target_is_followed(make_scene: Callable[..., Scene], preset: str):
+    images, truth = make_scene(count=25, step_px=1.0)
+    tracker = trackers.make("sidibe2010", preset=preset)
+    tracker.init(images[0], truth[0])
+    found = np.array([tracker.update(image).box for image in images[1:]])
+    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.5
+
+
+def test_the_saliency_of_the_first_box_is_matched_there_and_less_beside(scene: Scene):
+    images, truth = scene
+    tracker = made(lambda_colour=0)
+    tracker.init(images[0], truth[0])
+    shifted = truth[0] + np.array([[0.0, 0, 0, 0], [8, 0, 0, 0], [0, -10, 0, 0], [-10, -10, 0, 0]])
+    similarity = tracker._observe(images[0], shifted).similarities(shifted)[1]
+    assert similarity[0] == pytest.approx(1.0, abs=1e-9)
+    assert (similarity[1:] < 0.98).all()
+
+
+def test_saliency_distinguishes_a_target_from_a_patch_of_its_colours():
+    """The target is one stripe in a calm place; the other patch, of equal colours, lies in a field of stripes."""
+    image = np.full((120, 200, 3), 120, np.uint8)
+    image[40:80, 30:50] = (200, 60, 60)
+    image[:, 100:] = (120, 120, 120)
+    for x in range(100, 200, 30):
+        image[:, x : x + 20] = (200, 60, 60)
+    target, other = np.array([30.0, 40, 20, 40]), np.array([130.0, 40, 20, 40])
+    tracker = made()
+    tracker.init(image, target)
+    colour, saliency = tracker._observe(image, np.array([target, other])).similarities(np.array([target, other]))
+    assert np.allclose(colour, 1.0, rtol=0, atol=1e-9)
+    assert saliency[0] - saliency[1] > 0.02
+
+
+def test_without_weight_a_likelihood_has_no_effect(scene: Scene):
+    images, truth = scene
+    confidences = []
+    for cells in (2, 8):
+        tracker = made(lambda_saliency=0, cells=cells)
+        tracker.init(images[0], truth[0])
+        confidences.append([tracker.update(image).confidence for image in images[1:]])
+    assert confidences[0] == confidences[1]
