@@ -144,6 +144,17 @@ def test_the_state_is_held_while_the_correlation_is_low(covered: Scene):
         assert now.occluded or not held
 
 
+def test_a_target_that_comes_back_elsewhere_is_found_by_the_widened_search():
+    """The same frames with `widen=1` lose it: the distance is beyond the noise of one frame."""
+    here, there = (np.array([[1.0, 0, x], [0, 1.0, 60.0]]) for x in (40.0, 112.0))
+    hidden = random_texture(WIDTH, HEIGHT, 1, 60, 140)
+    images = [*warped_scene([here] * 12), *[hidden] * 30, *warped_scene([there] * 20)]
+    first, last = (np.array([x - 20.0, 35, 40, 50]) for x in (40.0, 112.0))
+    reached = [boxes.iou(run(images, first, widen=widen)[-1], last) for widen in (1.0, 4.0)]
+    assert reached[0] < 0.2
+    assert reached[1] > 0.6
+
+
 def test_no_occlusion_variant_never_reports_occlusion(covered: Scene):
     images, truth = covered
     seen = watch(images, truth[0], name="kwon2005-no-occlusion")

@@ -63,12 +63,16 @@ class Kwon2005Parameters(MixtureParameters):
             Zhou et al. write the product over all points.
         hold_below: Correlation of the estimate's patch with the expected one below which the state is kept and the
             target counts as occluded. Not in the paper: 0, never.
+        widen: Greatest factor on the noise while the state is kept: beyond `widen_after` frames the uncertainty grows
+            as that of a random walk does, with the square root of the frames. Not in the paper: 1, never.
+        widen_after: Frames that the state is kept before the noise grows. Not in the paper.
         particles: Whether estimates contain the particles.
     """
 
     # Found by searches on recorded and simulated sequences of development: docs/papers/kwon2005.md. Outliers of the
-    # stable component indicate occlusions; 100 points measure scale, which 25 hardly do. The velocity is off: with few
-    # points its linear fit misleads the particles as often as it helps.
+    # stable component indicate occlusions, more than half of them: fewer change with the posture. 100 points measure
+    # scale, which 25 hardly do. The velocity is off: with few points its linear fit misleads the particles as often as
+    # it helps.
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
             "point_count": 100,
@@ -87,7 +91,9 @@ class Kwon2005Parameters(MixtureParameters):
             "sigma_fixed": 0.355,
             "sigma_min": 0.232,
             "independence": 0.47,
+            "occlusion_share": 0.5,
             "hold_below": 0.65,
+            "widen": 4.0,
         }
     )
 
@@ -107,6 +113,8 @@ class Kwon2005Parameters(MixtureParameters):
     robust: bool = True
     independence: Annotated[float, Field(ge=1e-6, le=1.0)] = 1.0
     hold_below: Share = 0.0
+    widen: Annotated[float, Field(ge=1.0, le=100.0)] = 1.0
+    widen_after: Count = 8
     particles: bool = False
 
 
@@ -190,6 +198,7 @@ class Kwon2005(BaseTracker):
         self._filter = ParticleFilter(self._state[None], random_streams.stream(self._seed, "tracker"))
         self._slopes: NDArray[np.floating[Any]] | None = None
         self._occluded = False
+        self._held_frames = 0
 
     def _follow(self, image: Image) -> Estimate:
         """Steps 4 to 11 of the procedure in section 2.2."""
@@ -198,6 +207,7 @@ class Kwon2005(BaseTracker):
         # J_max particles are drawn, so that later random numbers do not depend on J_t.
         particle_filter.restart(self._state + velocity, p.particle_count_max)
         sigma = self._motion.sigma(self._state, p.sigma_centre, p.sigma_scale, p.sigma_angle)
+        factor *= min(math.sqrt(1 + max(self._held_frames - p.widen_after, 0)), p.widen)
         particle_filter.predict(RandomWalk(tuple(factor * sigma)))
         particle_filter.truncate(count)
         particle_filter.states = self._motion.clip(particle_filter.states, image)
@@ -207,6 +217,7 @@ class Kwon2005(BaseTracker):
         patch = self._patches(sampler, state[None])[0]
         confidence = self._model.similarity(patch)
         held = self._detects_occlusions and confidence < p.hold_below
+        self._held_frames = self._held_frames + 1 if held else 0
         if not held:
             self._state = state
         self._slopes = fit_slopes(particle_filter.states - state, patches - patch) if p.velocity else None
