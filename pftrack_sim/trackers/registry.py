@@ -22,6 +22,7 @@ from pftrack_sim.trackers.trax import PREFIX as TRAX
 GROUP = "pftrack_sim.trackers"
 _CONTRIB, _FILES = "needs opencv-contrib-python-headless", "needs model files"
 _BUILTIN = {  # name: (module, description)
+    "deguchi2004": ("relatives.deguchi2004", "Deguchi et al. 2004: mean shift on colour, a particle filter beside it"),
     "islam2009": ("relatives.islam2009", "Islam, Oh & Lee 2009: particle filter on the distance transform of edges"),
     "ko2012": ("papers.ko2012", "Ko, Nam & Kwak 2012: particle filter on HSV colour and CS-LBP texture"),
     "ko2012-cslbp": ("papers.ko2012", "Ko et al. 2012, method 4: CS-LBP texture alone"),

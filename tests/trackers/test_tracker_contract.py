@@ -17,7 +17,7 @@ KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-r
 OPENCV = sorted(CLASSES) if hasattr(cv2, "legacy") else ["opencv-mil"]
 LEE2012 = ["lee2012", "lee2012-checked", "lee2012-color", "lee2012-color-hog"]
 KWON2005 = ["kwon2005", "kwon2005-no-occlusion"]
-RELATIVES = ["islam2009", "sidibe2010"]
+RELATIVES = ["deguchi2004", "islam2009", "sidibe2010"]
 NAMES = [
     *KO2012,
     *LEE2012,
@@ -29,7 +29,6 @@ NAMES = [
     *OPENCV,
     "oracle",
     "pftrack",
-    *RELATIVES,
     "stay",
 ]
 Scene = tuple[list[np.ndarray], np.ndarray]
@@ -57,7 +56,8 @@ def test_same_seed_gives_identical_output(name: str, preset: str, scene: Scene):
     assert first == second
 
 
-@pytest.mark.parametrize("name", [*KO2012, *KWON2005, *RELATIVES])
+# While mean shift holds the target, deguchi2004 is deterministic: its own test takes the target away.
+@pytest.mark.parametrize("name", [*KO2012, *KWON2005, *(name for name in RELATIVES if name != "deguchi2004")])
 def test_seeds_change_the_output(name: str, scene: Scene):
     images, truth = scene
     assert numbers(follow(trackers.make(name, seed=0), images, truth[0])) != numbers(

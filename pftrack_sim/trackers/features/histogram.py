@@ -156,7 +156,7 @@ def _count_all(codes: Codes, boxes: FloatArray, tables: BinTables, out: NDArray[
     """Add the counts of every box to `out`."""
     offsets = np.empty(tables.weights.shape[1], np.uintp)
     for n in range(boxes.shape[0]):
-        _count(codes, boxes[n], tables, offsets, out[n])
+        count_points(codes, boxes[n], tables, offsets, out[n])
 
 
 @njit(nogil=True, cache=True)
@@ -166,7 +166,7 @@ def _compare(codes: Codes, boxes: FloatArray, tables: BinTables, root_model: Flo
     counts = np.empty(root_model.size, np.int32)
     for n in range(boxes.shape[0]):
         counts[:] = 0
-        _count(codes, boxes[n], tables, offsets, counts)
+        count_points(codes, boxes[n], tables, offsets, counts)
         out[n] = _affinity(counts, root_model)
 
 
@@ -180,7 +180,7 @@ def _affinity(counts: NDArray[np.int32], root_model: FloatArray) -> float:
 
 
 @njit(nogil=True, cache=True)
-def _count(
+def count_points(
     codes: Codes, box: FloatArray, tables: BinTables, offsets: NDArray[np.uintp], out: NDArray[np.int32]
 ) -> None:
     """Add the counts of one box to `out`; `offsets` is scratch for the image columns of the points.

@@ -1,0 +1,168 @@
+"""Deguchi, Kawanaka & Okatani 2004, "Object Tracking by the Mean-Shift of Regional Color Distribution ...", ICPR.
+
+Mean shift moves the box to the nearest mode of its colour similarity with the first frame: fast, but lost when an
+occluder or a jump takes the target out of the box. A particle filter runs beside it on the same similarity. It takes
+over where the similarity at the mode is low, and hands back once mean shift from its estimate finds the target again
+(Ko et al. 2012, section I and table 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from pftrack_sim.core import boxes, random_streams
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.base import BaseTracker
+from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, USUAL_RATE
+from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
+from pftrack_sim.trackers.features.histogram import COLUMNS, ROWS, epanechnikov_layout, histogram, similarities
+from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
+from pftrack_sim.trackers.features.mean_shift import mean_shift
+from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
+from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
+
+COLOUR_BINS = (8, 8, 4)
+_LAYOUT = epanechnikov_layout(1, 256)
+
+
+class Deguchi2004Parameters(Parameters):
+    """Parameters. Defaults are the preset `paper`; none of the publication's values is known here.
+
+    Attributes:
+        iteration_count: Greatest number of mean shift steps per start.
+        size_step: Relative change of size that mean shift also tries, larger and smaller (Comaniciu et al. 2003: 0.1).
+        size_gain: Share of the best size in the new one (Comaniciu et al. 2003: 0.1); the rest is the previous size.
+        take_over_below: Similarity at the mode, as a share of its running mean, below which the particle filter takes
+            over.
+        hand_back_above: The same share from which on mean shift continues from the particles' estimate.
+        particle_count: Number of particles.
+        sigma_centre: Noise of the particles' centres per frame, in `sigma_unit`.
+        sigma_size: Noise of their widths and heights, which share one draw, in `sigma_unit`.
+        sigma_unit: `"px"`, or `"box"`, see `noise_scales`.
+        lost_noise: Factor on `sigma_centre` while the particle filter has taken over.
+        sharpness: lambda of the particles' likelihood exp(-lambda (1 - similarity)).
+        top_count: Number of the heaviest particles whose weighted mean is the filter's estimate.
+        seeded_share: Share of the particles that are put on the box of mean shift while it follows.
+        particles: Whether estimates contain the particles.
+    """
+
+    # docs/papers/relatives.md states what was tried on which recorded sequences.
+    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {"sigma_centre": 0.2, "sigma_size": 0.025, "sigma_unit": "box", "top_count": 10}
+    )
+
+    iteration_count: Annotated[int, Field(ge=1, le=1000)] = 20
+    size_step: Share = 0.1
+    size_gain: Share = 0.1
+    take_over_below: Share = 0.8
+    hand_back_above: Share = 0.8
+    particle_count: Count = 100
+    sigma_centre: NotNegative = 4.0
+    sigma_size: NotNegative = 1.0
+    sigma_unit: NoiseUnit = "px"
+    lost_noise: Positive = 2.0
+    sharpness: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
+    top_count: Count = 100
+    seeded_share: Share = 0.5
+    particles: bool = False
+
+
+class Deguchi2004(BaseTracker):
+    """Mean shift with a particle filter beside it; it draws from the stream `"tracker"` of the root seed."""
+
+    def __init__(self, params: Deguchi2004Parameters, seed: int) -> None:
+        super().__init__()
+        self.params = params
+        self._seed = seed
+
+    def _start(self, image: Image, box: Box) -> None:
+        self._state, self._first_size = state_of(box), np.array(box[2:])
+        self._usual, self._lost = 1.0, False
+        states = np.tile(self._state, (self.params.particle_count, 1))
+        self._filter = ParticleFilter(states, random_streams.stream(self._seed, "tracker"))
+        region, codes = self._encode(image, box[None])
+        self._histogram = histogram(codes, region.to_region(box[None])[0], _LAYOUT)
+
+    def _follow(self, image: Image) -> Estimate:
+        p = self.params
+        particles = self._predict(image)
+        box = boxes.from_states(self._state[None])
+        # Mean shift may leave the particles behind by as much as a box.
+        reach = np.concatenate([box[:, :2] - box[:, 2:], 3.0 * box[:, 2:]], axis=1)
+        region, codes = self._encode(image, np.concatenate([particles, reach]))
+        seen = _Seen(region, codes, self._histogram, p)
+        self._filter.weigh(p.sharpness * (seen.similarities(particles) - 1.0))
+        spread = self._filter.mean(p.top_count)
+        state, similarity = seen.climb(self._state)
+        if self._lost or similarity < p.take_over_below * self._usual:
+            state, similarity = seen.climb(spread)
+            self._lost = similarity < p.hand_back_above * self._usual
+            if self._lost:
+                state = spread
+                similarity = float(seen.similarities(boxes.from_states(spread[None]))[0])
+        self._filter.resample()
+        if not self._lost:
+            self._usual += USUAL_RATE * (similarity - self._usual)
+            self._filter.states[: round(p.seeded_share * p.particle_count)] = state
+        clip_states(state[None], image, MIN_SIZE_PX)
+        self._state = state
+        found = boxes.from_states(state[None])[0]
+        return Estimate(found, similarity, self._lost, particles if p.particles else None)
+
+    def _predict(self, image: Image) -> FloatArray:
+        """`(N, 4)` boxes [px] of the particles after their random walk."""
+        p = self.params
+        position, width, height = noise_scales(self._state, p.sigma_unit)
+        centre = p.sigma_centre * position * (p.lost_noise if self._lost else 1.0)
+        self._filter.predict(RandomWalk((centre, centre, p.sigma_size * width, p.sigma_size * height), 1.0))
+        clip_states(self._filter.states, image, MIN_SIZE_PX)
+        return boxes.from_states(self._filter.states)
+
+    def _encode(self, image: Image, near: FloatArray) -> tuple[ImageRegion, NDArray[np.uint8]]:
+        """Colour codes of the region that `(N, 4)` boxes [px] touch, in blocks of about the points of a box."""
+        region = block_means(image, near, block_size(self._first_size, self._state[2:4], (COLUMNS, ROWS)))
+        return region, hsv_joint_codes(region.pixels, COLOUR_BINS)
+
+
+class _Seen:
+    """One frame's colours, compared with the model."""
+
+    def __init__(
+        self, region: ImageRegion, codes: NDArray[np.uint8], model: FloatArray, params: Deguchi2004Parameters
+    ) -> None:
+        self._region, self._codes, self._model, self._params = region, codes, model, params
+
+    def similarities(self, wanted: FloatArray) -> FloatArray:
+        """`(N,)` similarities of `(N, 4)` boxes [px]."""
+        return similarities(self._codes, self._region.to_region(wanted), _LAYOUT, self._model)
+
+    def climb(self, state: FloatArray) -> tuple[FloatArray, float]:
+        """The `(4,)` state that mean shift reaches from a `(4,)` state, and its similarity in [0, 1].
+
+        Of three sizes that of the greatest similarity is taken, and the size moves towards it.
+        """
+        p = self._params
+        best, similarity = state, -1.0
+        for factor in (1.0, 1.0 - p.size_step, 1.0 + p.size_step) if p.size_step else (1.0,):
+            start = np.concatenate([state[:2], state[2:] * factor])
+            local = self._region.to_region(boxes.from_states(start[None]))[0]
+            found, value = mean_shift(self._codes, local, _LAYOUT, self._model, p.iteration_count)
+            if value > similarity:
+                moved = (found[:2] - local[:2]) * self._region.step
+                size = state[2:] + p.size_gain * (start[2:] - state[2:])
+                best, similarity = np.concatenate([state[:2] + moved, size]), value
+        return best, similarity
+
+
+def make(name: str, *, seed: int, preset: str, **params: Any) -> Deguchi2004:
+    """Make the tracker; raises ParameterError."""
+    return Deguchi2004(Deguchi2004Parameters.from_preset(name, preset, params), seed)
