@@ -17,7 +17,7 @@ import numpy as np
 
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.errors import ParameterError, TrackerError
-from pftrack_sim.core.records import Estimate, Tracker
+from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.trackers import NeedsTruth
@@ -81,19 +81,23 @@ class TrackingPolicy:
 
         Args:
             observation: An observation of one of the environments.
-            info: The information that came with it; read only for trackers that need the truth (`oracle`).
+            info: The information that came with it; read only for trackers that need the truth (`oracle`), and where
+                the observation has no image.
 
         Returns:
             `(4,)` box x, y, w, h [px], zeros before the target is selected; `self.estimate` holds the whole estimate.
 
         Raises:
-            TrackerError: The tracker needs the truth, and no `info` was passed.
+            TrackerError: The tracker needs the truth, and no `info` was passed; or it needs images, and the
+                environment was made with `image=False`.
         """
-        image = observation["image"]
         if isinstance(self.tracker, NeedsTruth):
             if info is None:
                 raise TrackerError("this tracker needs the truth: call the policy with (observation, info)")
             self.tracker.receive_truth(info["truth"].box)
+        elif "image" not in observation:
+            raise TrackerError("this tracker needs images: make the environment without image=False")
+        image = _image(observation, info)
         if observation["first"]:
             box = np.asarray(observation["init_box"], dtype=np.float64)
             self.tracker.init(image, box)
@@ -102,6 +106,16 @@ class TrackingPolicy:
         else:
             self.estimate = self.tracker.update(image) if self._started else NO_ESTIMATE
         return np.array(self.estimate.box)
+
+
+def _image(observation: Mapping[str, Any], info: Mapping[str, Any] | None) -> Image:
+    """The image of an observation; a black one, for trackers that do not look at it, where it has none."""
+    if "image" in observation:
+        return observation["image"]
+    if info is None:
+        raise TrackerError("the observation has no image: call the policy with (observation, info)")
+    width_px, height_px = info["image_size_px"]
+    return np.zeros((height_px, width_px, 3), dtype=np.uint8)
 
 
 class FollowPolicy:
@@ -134,7 +148,7 @@ class FollowPolicy:
         self.tracking(observation, info)
         assert self.tracking.estimate is not None
         if observation["first"] or not self._started:
-            height_px, width_px = observation["image"].shape[:2]
+            height_px, width_px = _image(observation, info).shape[:2]
             self.controller.reset(self._robot or RobotParameters((width_px, height_px)))
             self._started = True
         return self.controller.act(self.tracking.estimate, observation["proprio"])

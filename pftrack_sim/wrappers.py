@@ -98,10 +98,8 @@ class BoxObservation(gym.Wrapper[NDArray[np.float32], Any, dict[str, Any], Any],
     def _observe(self, observation: Any, info: dict[str, Any]) -> NDArray[np.float32]:
         self._policy(observation, info)
         assert self.estimate is not None
-        height_px, width_px = observation["image"].shape[:2]
-        return np.concatenate(
-            [normalised_estimate(self.estimate, width_px, height_px), observation["proprio"][self._senses]]
-        )
+        five = normalised_estimate(self.estimate, *self._base.image_size_px)
+        return np.concatenate([five, observation["proprio"][self._senses]])
 
 
 class PixelsOnly(gym.ObservationWrapper[NDArray[np.uint8], Any, dict[str, Any]], gym.utils.RecordConstructorArgs):

@@ -84,7 +84,7 @@ class Truth(_ArrayRecord):
         image_motion_px: Displacement of the centre of the amodal box since the previous frame that was delivered;
             0 in the first frame, NaN when either box is NaN.
         luminance: Mean of the visible pixels' 8-bit red, green and blue with ITU-R BT.709 weights, in [0, 1]; NaN when
-            none is visible.
+            none is visible or there is no image.
     """
 
     name: str
@@ -193,7 +193,7 @@ class Frame:
     Attributes:
         index: 0 for the first frame of the episode.
         time_s: Simulated time since the start of the episode.
-        image: `(H, W, 3)` uint8 RGB, read-only.
+        image: `(H, W, 3)` uint8 RGB, read-only; black where the simulation draws no images.
         truth: The target.
         people: Persons in view, the target first; the target is listed also when out of view.
         extras: Additional data of a renderer or reader; not used by scores.

@@ -26,7 +26,7 @@ class CameraEnv(gym.Env[Observation, Any]):
     """Base of the environments; see `TrackEnv`, `FollowEnv` and `TrackAndFollowEnv`.
 
     Observation (a dict):
-        image: `(H, W, 3)` uint8 RGB.
+        image: `(H, W, 3)` uint8 RGB; left out with `image=False`.
         init_box: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, else zeros.
         first: 1 in the frame in which the target is selected, else 0: the first in which anything of it can be seen.
             Unless the target starts out of view that is the first frame of the episode.
@@ -40,10 +40,15 @@ class CameraEnv(gym.Env[Observation, Any]):
         overrides: Dotted keys and values, `{"duration_s": 5, "axes.jitter.severity": 2.0}`.
         render_mode: `"rgb_array"` or None. Pictures have the truth and the last action drawn on them.
         backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
+        image: False leaves out the pixels, for learning controllers on boxes and for many episodes of following: no
+            OpenGL library is loaded, and the truth comes from the geometry, equal up to pixels on edges. Every stress
+            axis is accepted; those that only change pixels (`light`, `noise`, the compression of `stream`) change
+            nothing.
 
     Raises:
-        UnknownNameError: No such scenario.
+        UnknownNameError: No such scenario or backend.
         ScenarioError: The scenario or an override is wrong; every mistake is listed.
+        ParameterError: An unknown render mode, or a backend or render mode together with `image=False`.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's own way
@@ -57,28 +62,32 @@ class CameraEnv(gym.Env[Observation, Any]):
         overrides: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         backend: str | None = None,
+        image: bool = True,
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ParameterError(
                 f"render_mode must be 'rgb_array', 'depth_array', 'human' or None, got {render_mode!r} (gym.make adds "
                 "'rgb_array_list')"
             )
-        self.render_mode = render_mode
+        if render_mode is not None and not image:
+            raise ParameterError(f"without images there is nothing to render: leave out render_mode {render_mode!r}")
+        self.render_mode, self._image = render_mode, image
         self.scenario = scenarios.load(scenario, overrides)
         camera = self.scenario.resolve(0).camera
         self.metadata = {**type(self).metadata, "render_fps": round(camera.rate_hz)}
         self.image_size_px = (camera.width_px, camera.height_px)
         far = float(max(self.image_size_px))
+        pixels = gym.spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)
         self.observation_space = gym.spaces.Dict(
             {
-                "image": gym.spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8),
+                **({"image": pixels} if image else {}),
                 # A selected box lies inside the image.
                 "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
                 "first": gym.spaces.Discrete(2),
                 "proprio": gym.spaces.Box(-PROPRIO_HIGH, PROPRIO_HIGH, dtype=np.float32),
             }
         )
-        self.simulation = Simulation(self.scenario, backend=backend)
+        self.simulation = Simulation(self.scenario, backend=backend, image=image)
         self._window = Window(self.scenario.name, camera.rate_hz) if render_mode == "human" else None
         self._frame: Frame | None = None
         self._answered: tuple[Frame, Mapping[str, Estimate]] | None = None
@@ -155,7 +164,8 @@ class CameraEnv(gym.Env[Observation, Any]):
         box = frame.truth.box.copy() if first else np.zeros(4)
         proprio = np.clip(self.simulation.world.proprio(), -PROPRIO_HIGH, PROPRIO_HIGH)
         # Copies: wrappers and learners may write into an observation.
-        return {"image": frame.image.copy(), "init_box": box, "first": first, "proprio": proprio.astype(np.float32)}
+        pixels = {"image": frame.image.copy()} if self._image else {}
+        return {**pixels, "init_box": box, "first": first, "proprio": proprio.astype(np.float32)}
 
     def _info(self, frame: Frame) -> dict[str, Any]:
         return {
@@ -165,6 +175,7 @@ class CameraEnv(gym.Env[Observation, Any]):
             "time_s": frame.time_s,
             "frame": frame.index,
             "seed": self.episode_seed,
+            "image_size_px": self.image_size_px,
         }
 
     def _advance(self, command: NDArray[np.float64] | None, answer: Estimate | None, late_s: float = 0.0) -> Frame:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.camera.shake import camera_shake
-from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import PixelRect, Renderer
@@ -41,18 +41,23 @@ class Simulation:
     Args:
         scenario: The scenario with its ranges.
         backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
+        image: Whether frames have images. Without, the truth comes from the geometry alone and needs no OpenGL: its
+            boxes and fractions differ by pixels on edges, `luminance` is NaN, and axes of pixels change nothing.
 
     Raises:
         UnknownNameError: An unknown backend.
+        ParameterError: A backend, although there are no images to draw.
         RenderError: Nothing can draw off-screen (raised at the first reset).
     """
 
-    def __init__(self, scenario: Scenario, *, backend: str | None = None) -> None:
+    def __init__(self, scenario: Scenario, *, backend: str | None = None, image: bool = True) -> None:
         check_name(backend)  # A wrong name is an error now, not at the first reset.
-        self._clear(scenario, backend)
+        if backend is not None and not image:
+            raise ParameterError(f"without images nothing is drawn: leave out the backend {backend!r}")
+        self._clear(scenario, backend, image)
 
-    def _clear(self, scenario: Scenario, backend: str | None) -> None:
-        self.scenario, self._backend = scenario, backend
+    def _clear(self, scenario: Scenario, backend: str | None, image: bool) -> None:
+        self.scenario, self._backend, self._draws = scenario, backend, image
         self._image_size: tuple[int, int] | None = None
         self._renderer: Renderer | None = None
         self._world: World | None = None
@@ -98,7 +103,7 @@ class Simulation:
         for index in range(last):
             if index in stops[-2:]:
                 self._take_frame()
-            elif self._sensor.metering:
+            elif self._draws and self._sensor.metering:
                 self._expose()
             command = commands[min(index, len(commands) - 1)]
             self._collision = None if index in stops else self._collision
@@ -192,7 +197,7 @@ class Simulation:
             self._advance_period(command, delay_s - (index - self._delivered) / self.settings.camera.rate_hz)
             self._collision = self._collision or self.world.collision()
             self._record_poses()
-            if index + 1 < delivered and self._sensor.metering:
+            if index + 1 < delivered and self._draws and self._sensor.metering:
                 self._expose()
         self._delivered = delivered
         self._index += 1
@@ -212,7 +217,11 @@ class Simulation:
             return self._renderer
         if self._renderer is not None:
             self._renderer.close()
-        return open_renderer(world.model, *size, self._backend)
+        if self._draws:
+            return open_renderer(world.model, *size, self._backend)
+        from pftrack_sim.render.cpu.id_rasteriser import IdRasteriser  # numba: imported when it is used
+
+        return IdRasteriser(world.model, *size)
 
     def _advance_period(self, command: FloatArray | None, delay_s: float) -> None:
         """Advance by one camera period with a command that is given after `delay_s`, or not within this period."""
@@ -238,21 +247,30 @@ class Simulation:
         world = self.world
         assert self._renderer is not None
         world.light(self._sensor.settle(world.time_s))
-        captured = None if self._frame_capture is None else self._frame_capture.capture(self._renderer)
-        rendered = (
-            self._renderer.color(world.data, self._camera_pose(), self._K) if captured is None else captured.image
-        )
+        captured = self._capture()
+        rendered = None if captured is None else captured.image
+        if rendered is None:
+            rendered = self._renderer.color(world.data, self._camera_pose(), self._K)
         return self._sensor.expose(rendered, world.time_s), captured
+
+    def _capture(self) -> CapturedFrame | None:
+        assert self._renderer is not None
+        return None if self._frame_capture is None else self._frame_capture.capture(self._renderer, color=self._draws)
 
     def _take_frame(self) -> Frame:
         world = self.world
         assert self._truth is not None
-        exposed, captured = self._expose()
-        image = self._sensor.read(exposed, self._delivered)
+        if self._draws:
+            exposed, captured = self._expose()
+            image = self._sensor.read(exposed, self._delivered)
+        else:
+            image, captured = None, self._capture()
         if captured is None:
             people = self._truth.observe(world.data, self._camera_pose(), image, world.time_s, world.root_poses())
         else:
             people = self._truth.observe_captured(captured, image, world.time_s)
+        if image is None:
+            image = np.broadcast_to(np.uint8(0), (self.settings.camera.height_px, self.settings.camera.width_px, 3))
         image.setflags(write=False)
         self._frame = Frame(self._index, world.time_s, image, people[0], people)
         return self._frame
@@ -357,11 +375,11 @@ class Simulation:
         self._renderer = None
         self._world = self._frame = None
 
-    def __getstate__(self) -> tuple[Scenario, str | None]:
+    def __getstate__(self) -> tuple[Scenario, str | None, bool]:
         """A pickled copy has no episode: models and graphics contexts belong to one process."""
-        return self.scenario, self._backend
+        return self.scenario, self._backend, self._draws
 
-    def __setstate__(self, state: tuple[Scenario, str | None]) -> None:
+    def __setstate__(self, state: tuple[Scenario, str | None, bool]) -> None:
         self._clear(*state)
 
     def _no_episode(self) -> ScenarioError:

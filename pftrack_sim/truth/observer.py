@@ -79,14 +79,19 @@ class TruthObserver:
         """Silhouettes in the last frame, by person, of those who have a pixel in it."""
 
     def observe(
-        self, data: mujoco.MjData, T_world_camera: ArrayLike, image: Image, time_s: float, T_world_people: ArrayLike
+        self,
+        data: mujoco.MjData,
+        T_world_camera: ArrayLike,
+        image: Image | None,
+        time_s: float,
+        T_world_people: ArrayLike,
     ) -> tuple[Truth, ...]:
         """Truth of the next frame, taken at an instant through a pinhole.
 
         Args:
             data: Positions at the time of the frame, up to date.
             T_world_camera: `(4, 4)` camera pose, OpenCV axes.
-            image: `(H, W, 3)` the frame, for its luminance.
+            image: `(H, W, 3)` the frame, for its luminance; None where there is none: the luminance is NaN.
             time_s: Time of the frame since the start of the episode.
             T_world_people: `(P, 4, 4)` root poses in the order of the people: origin on the ground below the pelvis,
                 x forward, z up.
@@ -103,7 +108,7 @@ class TruthObserver:
         projection = Projection(amodal, amodal, silhouettes)
         return self._truths(projection, image, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
 
-    def observe_captured(self, captured: CapturedFrame, image: Image, time_s: float) -> tuple[Truth, ...]:
+    def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> tuple[Truth, ...]:
         """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
 
         Image, time, result and errors are those of `observe`.
@@ -132,18 +137,18 @@ class TruthObserver:
             ends.append((local.min(axis=0), local.max(axis=0)))
         return np.array(ends)
 
-    def _check(self, image: Image, T_world_people: ArrayLike) -> None:
+    def _check(self, image: Image | None, T_world_people: ArrayLike) -> None:
         people, shape = len(self._people), np.shape(T_world_people)
         if shape != (people, 4, 4):
             raise ParameterError(f"T_world_people must have shape ({people}, 4, 4), got {shape}")
         width, height = self._size
-        if image.shape != (height, width, 3):
+        if image is not None and image.shape != (height, width, 3):
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
 
     def _truths(
         self,
         projection: Projection,
-        image: Image,
+        image: Image | None,
         time_s: float,
         pose: FloatArray,
         T_world_people: ArrayLike,
@@ -174,7 +179,8 @@ class TruthObserver:
                 left, top, *visible_size = cv2.boundingRect(visible)
                 visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)
                 fraction = int(np.count_nonzero(visible)) / inside
-                luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
+                if image is not None:
+                    luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
             if not inside:
                 box[2:] = 0.0
             truths.append(

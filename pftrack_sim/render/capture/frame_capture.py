@@ -68,7 +68,7 @@ class CapturedFrame:
     """A captured frame and what the truth needs of its capture.
 
     Attributes:
-        image: `(H, W, 3)` light on the sensor.
+        image: `(H, W, 3)` light on the sensor; None where no colours were asked for.
         capture: The `FrameCapture`.
         trajectory: Camera poses during the frame.
         T_world_camera: `(4, 4)` camera pose at mid-exposure of the middle row.
@@ -78,7 +78,7 @@ class CapturedFrame:
             be called before the next frame is recorded.
     """
 
-    image: Image
+    image: Image | None
     capture: FrameCapture
     trajectory: CameraTrajectory
     T_world_camera: FloatArray
@@ -120,8 +120,11 @@ class FrameCapture:
         self._history.append(data, time_s, T_world_camera, T_world_people)
         self._scratch.light_xpos[:], self._scratch.light_xdir[:] = data.light_xpos, data.light_xdir
 
-    def capture(self, renderer: Renderer) -> CapturedFrame:
-        """Render and expose the frame recorded last, with a renderer of the model at `render_size`."""
+    def capture(self, renderer: Renderer, *, color: bool = True) -> CapturedFrame:
+        """Render and expose the frame recorded last, with a renderer of the model at `render_size`.
+
+        Without colour nothing is rendered, and the frame serves the truth alone.
+        """
         shutter, middle = self.shutter, self.shutter.middle_s
         instants = np.linspace(-shutter.window_s, 0.0, _POSES_PER_FRAME) if shutter.window_s else np.zeros(1)
         times = self._time_s + instants
@@ -137,7 +140,7 @@ class FrameCapture:
         accumulator = RadianceAccumulator(count, (self.lens.size[1], self.lens.size[0], 3))
         offsets = shutter.exposure_s * ((np.arange(count) + 0.5) / count - 0.5)
         passes: list[RenderPass] = []
-        for sample_offsets in offsets.reshape(plan.samples, plan.rotations):
+        for sample_offsets in offsets.reshape(plan.samples, plan.rotations) if color else ():
             for bands in itertools.pairwise(plan.edges):
                 render_pass = self._render_pass(bands, sample_offsets, size)
                 scene = self.scene_of(render_pass)
@@ -148,12 +151,12 @@ class FrameCapture:
                 passes.append(render_pass)
 
         def mid_exposure_passes() -> list[RenderPass]:
-            if count == 1:
+            if color and count == 1:
                 return passes
             return [self._render_pass(bands, np.zeros(1), size) for bands in itertools.pairwise(plan.edges)]
 
         return CapturedFrame(
-            accumulator.mean(),
+            accumulator.mean() if color else None,
             self,
             self._trajectory,
             self._trajectory.at(middle),

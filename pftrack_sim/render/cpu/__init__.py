@@ -1,0 +1,1 @@
+"""Segmentations without OpenGL and without colours, drawn by the processor."""

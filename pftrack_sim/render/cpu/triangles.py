@@ -1,0 +1,98 @@
+"""Triangles of a model's geoms, in the frame of each geom."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.camera.extents import CORNERS
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+
+_UNBOUNDED_M = 1e3  # Half size of a plane without limits
+_BOX_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+     [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+"""Corners of each triangle of a box with the corners `CORNERS`, counter-clockwise from outside."""
+
+
+class Triangles(NamedTuple):
+    """Triangles of all drawn geoms; those of geom g are `faces[face_starts[g]:face_starts[g + 1]]`.
+
+    Attributes:
+        vertices: `(V, 3)` in the frame of their geom [m].
+        faces: `(F, 3)` vertices of each triangle, counted from the geom's first, counter-clockwise from outside.
+        vertex_starts: `(ngeom + 1,)` first vertex of each geom.
+        face_starts: `(ngeom + 1,)` first triangle of each geom.
+        radii_m: `(ngeom,)` radius around the origin of the geom's frame that contains it.
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int32]
+    vertex_starts: IntArray
+    face_starts: IntArray
+    radii_m: FloatArray
+
+
+def model_triangles(model: Any, drawn: BoolArray) -> Triangles:
+    """Triangles of the `(ngeom,)` drawn geoms of a model; others have none."""
+    shapes = [_shape(model, geom) if drawn[geom] else _NOTHING for geom in range(len(drawn))]
+    return Triangles(
+        np.concatenate([vertices for vertices, _ in shapes]),
+        np.concatenate([faces for _, faces in shapes]).astype(np.int32),
+        np.cumsum([0, *(len(vertices) for vertices, _ in shapes)]).astype(np.intp),
+        np.cumsum([0, *(len(faces) for _, faces in shapes)]).astype(np.intp),
+        np.array([np.linalg.norm(vertices, axis=1).max(initial=0.0) for vertices, _ in shapes]),
+    )
+
+
+_NOTHING = np.empty((0, 3)), np.empty((0, 3), dtype=np.intp)
+
+
+def _shape(model: Any, geom: int) -> tuple[FloatArray, IntArray]:
+    """`(V, 3)` vertices and `(F, 3)` triangles of a geom, as finely divided as OpenGL draws it."""
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    size: FloatArray = np.asarray(model.geom_size[geom], dtype=np.float64)
+    slices, stacks = int(model.vis.quality.numslices), int(model.vis.quality.numstacks)
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, stacks + 1)
+    cos, sin = np.cos(angles), np.sin(angles)
+    match kind:
+        case mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = int(model.geom_dataid[geom])
+            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+            start, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+            vertices = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
+            return vertices, np.asarray(model.mesh_face[start : start + faces], dtype=np.intp)
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            return CORNERS * size, _BOX_FACES
+        case mujoco.mjtGeom.mjGEOM_PLANE:
+            half = np.where(size[:2] > 0.0, size[:2], _UNBOUNDED_M)
+            return np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * (half[0], half[1], 1.0), _QUAD
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return _revolved(size[0] * np.array([0.0, 1, 1, 0]), size[1] * np.array([-1.0, -1, 1, 1]), slices)
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return _revolved(size[0] * cos, size[0] * sin + size[1] * np.where(angles < 0.0, -1.0, 1.0), slices)
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            return _revolved(size[0] * cos, size[0] * sin, slices)
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            vertices, faces = _revolved(cos, sin, slices)
+            return vertices * size, faces
+        case _:
+            return _NOTHING
+
+
+_QUAD = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def _revolved(radii: FloatArray, heights: FloatArray, slices: int) -> tuple[FloatArray, IntArray]:
+    """Surface of revolution around z of a profile, from bottom to top, that begins and ends on the axis."""
+    angles = 2.0 * np.pi * np.arange(slices) / slices
+    circle = np.stack([np.cos(angles), np.sin(angles), np.ones(slices)], axis=1)
+    vertices = (circle * np.stack([radii, radii, heights], axis=1)[:, None]).reshape(-1, 3)
+    ring, slice_ = np.meshgrid(np.arange(len(radii) - 1), np.arange(slices), indexing="ij")
+    here, after = ring * slices + slice_, ring * slices + (slice_ + 1) % slices
+    quads = np.stack([here, after, after + slices, here + slices], axis=-1).reshape(-1, 4)
+    return vertices, quads[:, _QUAD].reshape(-1, 3)
