@@ -15,11 +15,14 @@ from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.rollout import Sink, recorded, rollout
 from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
+from pftrack_sim.core import boxes, random_streams
+from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.score import Summary
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
+MAX_BOX_NOISE = 0.5
 _RATE_HZ = 25.0
 
 
@@ -45,6 +48,7 @@ def evaluate(
     trackers: Sequence[str | TrackerSpec],
     seeds: Sequence[int],
     *,
+    box_noise: float = 0.0,
     video: Path | None = None,
     isolation: Isolation = "never",
     limits: Limits | None = None,
@@ -58,6 +62,8 @@ def evaluate(
         sequences: As `formats.read_sequence` gives them.
         trackers: Trackers; a name alone has no preset and parameters.
         seeds: Seeds of the trackers.
+        box_noise: Trackers start from boxes whose centre and sides differ from the annotated ones by up to this share
+            of the sides, in [0, 0.5], uniformly, another for each seed. All trackers of a seed have the same.
         video: Where to write the annotated and estimated boxes and particles at the first seed; see `video_paths`.
         isolation: Which trackers run in a process of their own.
         limits: Limits of those.
@@ -67,10 +73,12 @@ def evaluate(
         UnknownNameError: An unknown tracker.
         TrackerError: A tracker whose requirements are missing.
         SequenceError: An image cannot be read.
-        ParameterError: No such preset or parameter, or an impossible name of a video.
+        ParameterError: No such preset or parameter, an impossible name of a video, or noise outside [0, 0.5].
         RunError: A video cannot be written.
     """
     # Wrong names and presets are reported before anything is written.
+    if not 0.0 <= box_noise <= MAX_BOX_NOISE:
+        raise ParameterError(f"box noise must be a share of the sides in [0, {MAX_BOX_NOISE}], got {box_noise:g}")
     limits = limits or Limits()
     specs = [one if isinstance(one, TrackerSpec) else TrackerSpec(name=one) for one in trackers]
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
@@ -80,6 +88,9 @@ def evaluate(
         made = partial(make_runners, specs, isolation=isolation, limits=limits, processes=processes)
         for sequence, path in zip(sequences, videos, strict=True):
             by_seed = {seed: made(seed=seed) for seed in seeds}
+            for seed, runners in by_seed.items():
+                for runner in runners:
+                    runner.start_from = partial(_perturbed, seed=seed, share=box_noise)
             _run(sequence, list(by_seed.values()), path, on_frame)
             scored = np.isfinite(sequence.truth[:, 0])
             for seed, runners in by_seed.items():
@@ -90,6 +101,15 @@ def evaluate(
                         RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, runner.traceback)
                     )
     return results
+
+
+def _perturbed(box: Box, *, seed: int, share: float) -> Box:
+    """`(4,)` box [px] whose centre and sides are off by up to a share of the sides, by the seed."""
+    if share == 0.0:
+        return box
+    offsets = random_streams.stream(seed, "first_box").uniform(-share, share, 4)
+    sides = box[2:] * (1.0 + offsets[2:])
+    return np.concatenate([boxes.centre(box) + offsets[:2] * box[2:] - 0.5 * sides, sides])
 
 
 def _run(

@@ -45,6 +45,7 @@ class TrackerRunner:
         started: Whether the tracker was initialised.
         took_ms: Time taken by the last call.
         announce: Called with True before the tracker runs and with False afterwards.
+        start_from: Box that the tracker is initialised with, given the true one.
     """
 
     spec: TrackerSpec
@@ -57,6 +58,7 @@ class TrackerRunner:
     started: bool = False
     took_ms: float = 0.0
     announce: Callable[[bool], None] = lambda running: None
+    start_from: Callable[[Box], Box] = lambda box: box
 
     def step(self, image: Image, true_box: Box, visible: bool) -> None:
         """Call the tracker on the next frame and record the result.
@@ -80,7 +82,7 @@ class TrackerRunner:
                 self.record(estimate, status, self.took_ms)
 
     def call(self, image: Image, true_box: Box) -> Estimate:
-        """Initialise the tracker with `true_box` when called first, update it afterwards; nothing is recorded.
+        """Initialise the tracker with `start_from(true_box)` when called first, update it afterwards; record nothing.
 
         Raises:
             TrackerFault: The tracker raised, crashed, timed out, or returned no valid estimate. It is closed then.
@@ -104,8 +106,10 @@ class TrackerRunner:
         if tracker.needs_truth:
             tracker.receive_truth(true_box)
         if first:
-            tracker.init(image, true_box)
-        estimate = Estimate(true_box) if first else tracker.update(image)
+            estimate = Estimate(self.start_from(true_box))
+            tracker.init(image, estimate.box)
+        else:
+            estimate = tracker.update(image)
         self.took_ms = tracker.took_ms
         return estimate
 
@@ -115,10 +119,11 @@ class TrackerRunner:
             tracker.receive_truth(true_box)
         start_s = time.perf_counter()
         if first:
-            tracker.init(copied, np.array(true_box))
+            start = self.start_from(true_box)
+            tracker.init(copied, np.array(start))
             self.took_ms = (time.perf_counter() - start_s) * 1e3
             check_unmodified(copied, image)
-            return Estimate(true_box)
+            return Estimate(start)
         estimate = tracker.update(copied)
         self.took_ms = (time.perf_counter() - start_s) * 1e3
         return checked_estimate(estimate, copied, image)

@@ -182,6 +182,12 @@ def evaluate(
         str | None,
         typer.Option(metavar="X,Y,W,H|FILE", help="Box of a video's first frame, or a file with it or one per frame."),
     ] = None,
+    box_noise: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE", help="Start from boxes whose centre and sides are off by up to this share, by seed."
+        ),
+    ] = 0.0,
     isolation: Isolation = "auto",
 ) -> None:
     """Run trackers on recorded sequences with true boxes."""
@@ -198,7 +204,13 @@ def evaluate(
     read = [one for path in sequences for one in read_sequences(path, layout, named, boxes)]
     with progress_bar("tracking", sum(len(sequence) for sequence in read)) as tick:
         results = evaluate_recorded(
-            read, contestants, chosen, video=video, isolation=checked_isolation(isolation), on_frame=tick
+            read,
+            contestants,
+            chosen,
+            box_noise=box_noise,
+            video=video,
+            isolation=checked_isolation(isolation),
+            on_frame=tick,
         )
     tables.print_recorded(results)
     if video is not None:

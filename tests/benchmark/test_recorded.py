@@ -41,6 +41,21 @@ def test_scores_of_the_oracle_and_of_a_fixed_box(tmp_path: Path):
     assert found[1].summary.mean_overlap == pytest.approx(np.mean([(20 - d) / (20 + d) for d in (1, 2, 4, 5)]))
 
 
+def test_box_noise_changes_where_trackers_start_by_the_seed(tmp_path: Path):
+    sequence, seeds = record(tmp_path / "a"), [0, 1, 2]
+    still, noisy, again = (
+        [one.summary.mean_overlap for one in evaluate([sequence], ["stay"], seeds, box_noise=share)]
+        for share in (0.0, 0.1, 0.1)
+    )
+    assert len(set(still)) == 1
+    assert len(set(noisy)) == 3
+    assert noisy == again
+    assert min(noisy) > 0.5
+    assert evaluate([sequence], ["oracle"], [0], box_noise=0.1)[0].summary.mean_overlap == 1.0
+    with pytest.raises(ParameterError, match=r"\[0, 0.5\], got 0.6"):
+        evaluate([sequence], ["stay"], [0], box_noise=0.6)
+
+
 def test_a_video_shows_every_frame_with_the_truth_and_the_boxes(tmp_path: Path):
     sequence = record(tmp_path / "a")
     video = tmp_path / "new" / "a.mp4"
