@@ -18,7 +18,7 @@ from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
+from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 
 MIN_SIZE_PX = 2.0
@@ -94,7 +94,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         position, width, height = noise_scales(self._state, p.sigma_unit)
         centre = p.sigma_centre * position * (p.held_noise if self._held else 1.0)
         sigma = (centre, centre, p.sigma_size * width, p.sigma_size * height)
-        particle_filter.predict(RandomWalk(sigma, p.size_correlation))
+        particle_filter.predict(self._dynamics(sigma))
         clip_states(particle_filter.states, image, MIN_SIZE_PX)
         particles = boxes.from_states(particle_filter.states)
         # The next estimate lies among the particles, or is the previous one.
@@ -121,6 +121,10 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         """Whether a state is at least `hold_distance` away from the previous one."""
         limit_px = self.params.hold_distance * float(np.sqrt(self._state[2] * self._state[3]))
         return float(np.hypot(*(state[:2] - self._state[:2]))) >= limit_px
+
+    def _dynamics(self, sigma: tuple[float, float, float, float]) -> Dynamics:
+        """How the particles move in this frame, given the noise of x, y, w, h [px]."""
+        return RandomWalk(sigma, self.params.size_correlation)
 
     @abstractmethod
     def _learn_first(self, image: Image, box: Box) -> None:

@@ -51,6 +51,10 @@ _BUILTIN = {  # name: (module, description)
     "pftrack": ("pftrack.tracker", "correlation filter with colour, scale, camera motion and an occlusion test"),
     "sidibe2010": ("relatives.sidibe2010", "Sidibe et al. 2010: particle filter on colour and visual saliency"),
     "stay": ("reference", "the first box in every frame"),
+    "yang2005": (
+        "relatives.yang2005",
+        "Yang et al. 2005: quasi-random particles through a cascade of observations",
+    ),
 }
 
 

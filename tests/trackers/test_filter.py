@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import stats
 
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk, systematic_resampling
+from pftrack_sim.trackers.quasi_random import SobolNormals
 
 WEIGHTS = np.array([0.02, 0.2, 0.0, 0.31, 0.07, 0.15, 0.25])
 
@@ -57,6 +58,34 @@ def test_random_walk_has_the_given_correlation(wanted: float):
     expected = np.eye(4)
     expected[2, 3] = expected[3, 2] = wanted
     assert np.allclose(np.corrcoef(drawn.T), expected, rtol=0, atol=0.01)
+
+
+def test_sobol_normals_are_normal_and_more_even_than_independent_draws():
+    quasi, rng = SobolNormals(4, np.random.default_rng(0)), np.random.default_rng(0)
+    quasi_means, means = (
+        np.array([draw() for _ in range(50)]).mean(axis=1)
+        for draw in (lambda: quasi.draw(256), lambda: rng.standard_normal((256, 4)))
+    )
+    assert np.abs(quasi_means).mean() < 0.1 * np.abs(means).mean()
+    many = quasi.draw(4096)
+    assert np.allclose(np.cov(many.T), np.eye(4), rtol=0, atol=0.02)
+    assert stats.kstest(many[:, 2], "norm").statistic < 0.002
+
+
+def test_sobol_normals_go_on_and_depend_on_their_generator_alone():
+    first, second, other = (SobolNormals(2, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    draws = [first.draw(count) for count in (5, 8, 1)]
+    assert [draw.shape for draw in draws] == [(5, 2), (8, 2), (1, 2)]
+    assert all(np.array_equal(draw, second.draw(len(draw))) for draw in draws)
+    assert not np.array_equal(draws[0], other.draw(5))
+    assert not np.array_equal(draws[0], draws[1][:5])
+
+
+def test_a_random_walk_takes_its_noise_from_a_given_source():
+    states, source = np.arange(12.0).reshape(3, 4), SobolNormals(4, np.random.default_rng(3))
+    walk = RandomWalk((1.0, 2.0, 0.0, 0.5), normals=SobolNormals(4, np.random.default_rng(3)))
+    expected = states + source.draw(3) * [1.0, 2.0, 0.0, 0.5]
+    assert np.allclose(walk.draw(states, np.random.default_rng(0)), expected, rtol=0, atol=1e-12)
 
 
 def test_filter_agrees_with_the_kalman_filter():

@@ -1,0 +1,81 @@
+"""Yang, Duraiswami & Davis 2005: a cascade of observations on quasi-random particles."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pftrack_sim import trackers
+from pftrack_sim.core import boxes
+from pftrack_sim.trackers.relatives.yang2005 import STAGES, Cascade, Yang2005
+
+Scene = tuple[list[np.ndarray], np.ndarray]
+ALL = {"keep_colour": 1.0, "keep_orientation": 1.0, "keep_haar": 1.0}
+
+
+def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> list[Any]:
+    tracker = trackers.make("yang2005", **given)
+    tracker.init(images[0], box)
+    return [tracker.update(image) for image in images[1:]]
+
+
+def cascade(scene: Scene, particles: np.ndarray, **given: Any) -> Cascade:
+    images, truth = scene
+    tracker = trackers.make("yang2005", **given)
+    assert isinstance(tracker, Yang2005)
+    tracker.init(images[0], truth[0])
+    return tracker._observe(images[1], np.concatenate([particles, truth[1:2]]))
+
+
+def spread(box: np.ndarray, count: int) -> np.ndarray:
+    noise = np.random.default_rng(0).normal(0, 6, (count, 2))
+    return np.concatenate([box[:2] + noise, np.tile(box[2:], (count, 1))], axis=1)
+
+
+@pytest.mark.parametrize("given", [{}, {"preset": "paper"}, ALL, {"quasi_random": False}])
+def test_a_moving_target_is_followed(make_scene: Callable[..., Scene], given: dict[str, Any]):
+    images, truth = make_scene(count=15, step_px=1.0)
+    found = np.array([one.box for one in run(images, truth[0], **given)])
+    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.6
+
+
+def test_every_stage_sees_the_share_that_the_one_before_left(scene: Scene):
+    particles = spread(scene[1][1], 200)
+    kept = {"keep_colour": 0.4, "keep_orientation": 0.5, "keep_haar": 0.25}
+    total, observed = cascade(scene, particles, **kept).survivors(particles)
+    assert [len(observed[stage]) for stage in STAGES] == [200, 80, 40, 10]
+    assert np.isfinite(total).sum() == 10
+    for before, after in pairwise(STAGES):
+        assert set(observed[after]) < set(observed[before])
+
+
+def test_survivors_have_the_likelihood_that_they_have_without_a_cascade(scene: Scene):
+    particles = spread(scene[1][1], 120)
+    pruned = cascade(scene, particles).log_likelihood(particles)
+    full = cascade(scene, particles, **ALL).log_likelihood(particles)
+    alive = np.isfinite(pruned)
+    assert np.allclose(pruned[alive], full[alive], rtol=0, atol=1e-9)
+    assert full[alive].mean() > full[~alive].mean()
+
+
+def test_one_particle_survives_the_smallest_shares(scene: Scene):
+    particles = spread(scene[1][1], 3)
+    least = {"keep_colour": 0.01, "keep_orientation": 0.01, "keep_haar": 0.01}
+    assert np.isfinite(cascade(scene, particles, **least).log_likelihood(particles)).sum() == 1
+
+
+def test_the_true_box_is_more_similar_than_its_neighbours(scene: Scene):
+    truth = scene[1][1]
+    seen = cascade(scene, spread(truth, 5))
+    assert seen.similarity(truth) > 0.95
+    for shift in ([6, 0, 0, 0], [0, 8, 0, 0], [0, 0, 10, 0], [0, 0, 0, -12]):
+        assert seen.similarity(truth + shift) < 0.8 * seen.similarity(truth)
+
+
+def test_a_uniform_target_gives_finite_estimates():
+    image = np.full((60, 80, 3), 90, np.uint8)
+    for estimate in run([image] * 3, np.array([20.0, 20, 16, 24])):
+        assert np.isfinite(estimate.box).all()
+        assert 0.0 <= estimate.confidence <= 1.0
