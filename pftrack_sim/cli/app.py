@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from pftrack_sim.cli import reading, results, running, tables
+from pftrack_sim.cli.examples import epilog
 from pftrack_sim.cli.export import export
 from pftrack_sim.cli.options import Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.profile import profile
@@ -25,6 +26,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    epilog=epilog(""),
 )
 
 
@@ -157,4 +159,4 @@ for name, command in {
     "schema": schema,
     "doctor": doctor,
 }.items():
-    app.command(name)(command)
+    app.command(name, epilog=epilog(name))(command)

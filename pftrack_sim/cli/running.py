@@ -42,11 +42,8 @@ def bench(
 ) -> None:
     """Run trackers in open loop on suites or scenarios.
 
-    Every frame is rendered once for all trackers. Examples:
-
-    pftrack-sim bench plaza-walk --trackers ko2012,my_module:make --seeds 0:20 --out runs/mine
-
-    pftrack-sim bench corridor --trackers ko2012 --param ko2012.alpha=0.3 --axis jitter=0,1,2 --cache
+    Every frame is rendered once for all trackers. The same command with another --seeds, --trackers or --axis adds to
+    a run folder; your own tracker is module:factory, for example my_tracker:make.
     """
     from pftrack_sim.benchmark.frame_cache import FrameCache, default_folder
 
@@ -117,11 +114,7 @@ def follow(
 ) -> None:
     """Run trackers in closed loop: their boxes drive the robot.
 
-    A controller turns the boxes into commands; overlap and following are scored. Examples:
-
-    pftrack-sim follow follow/plaza --trackers oracle,ko2012 --seeds 0:10 --out runs/driven
-
-    pftrack-sim follow corridor --trackers ko2012 --latency ko2012=measured --axis light=0,1
+    A controller turns the boxes into commands; overlap and following are scored.
     """
     from pftrack_sim import scenario as all_scenarios
     from pftrack_sim.benchmark.latency import resolve_latencies

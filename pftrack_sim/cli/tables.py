@@ -114,6 +114,8 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
 
 def print_comparison(found: RunComparison) -> None:
     """Print paired differences, what the seeds can show, and the episodes that lost most."""
+    from pftrack_sim.score import MEASURE_DEFINITIONS
+
     first, second = found.titles
     table = new_table(
         f"{found.measure} of {second} minus that of {first} (95% interval over seeds, p of the sign-flip test)",
@@ -126,7 +128,7 @@ def print_comparison(found: RunComparison) -> None:
         cells = [str(row.seeds), _number(row.first), _number(row.second), difference, _number(row.p), row.verdict]
         table.add_row(row.scenario, row.condition, *cells)
     console.print(table)
-    console.print(f"{found.statement}.", soft_wrap=True)
+    print_lines([f"{found.measure}: {MEASURE_DEFINITIONS[found.measure]}", f"{found.statement}."])
     last = found.rows[-1]
     if last.verdict == "too few seeds":
         console.print(
@@ -199,6 +201,8 @@ def print_losses(shares: Mapping[str, LossShares]) -> None:
 
 def print_follow(results: Sequence[Result]) -> None:
     """Print measures of following over all seeds; nothing for runs in open loop."""
+    from pftrack_sim.score import FOLLOWING_DEFINITIONS
+
     groups: dict[tuple[str, ...], list[Following]] = {}
     for one in results:
         if one.following is not None:
@@ -217,6 +221,7 @@ def print_follow(results: Sequence[Result]) -> None:
         lost = f"{_mean([float(one.losses) for one in driven]):.1f}"
         table.add_row(*names, str(len(driven)), *shares, *means, metres, lost)
     console.print(table)
+    print_lines(f"{name}: {words}" for name, words in FOLLOWING_DEFINITIONS.items())
 
 
 def _ranged(values: Sequence[float], *, share: bool = False) -> str:

@@ -62,6 +62,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         plotly=Markup(plotly.offline.get_plotlyjs()),
         data=Markup(_script_json(data)),
         definitions=score.DEFINITIONS,
+        following=score.FOLLOWING_DEFINITIONS,
         loss=data["loss"],
         tags=data["tags"],
         strips=[asdict(one) for one in strips(store)],

@@ -13,6 +13,7 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.benchmark.files import write_bytes
@@ -63,6 +64,7 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
         script=Markup((_PAGE / "comparison.js").read_text(encoding="utf-8")),
         rows=[_row(row, scale) for row in found.rows],
         tags=[_row(row, scale) for row in found.tags],
+        meaning=score.MEASURE_DEFINITIONS[found.measure],
         meanings={tag_title(tag): words for tag, (words, _) in TAGS.items()},
         scale=number_text(scale, 3),
         last=found.rows[-1],

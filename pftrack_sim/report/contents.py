@@ -31,9 +31,10 @@ GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "ms_median": "ms per frame",
         },
         "following": {
-            "follow_success": "followed to the end",
+            "follow_success": "success (following)",
             "follow_collision": "collided",
             "follow_tracking_rate": "tracked (following)",
+            "follow_within": "within",
             "follow_distance_rms_m": "RMS distance [m]",
             "follow_bearing_rms_deg": "RMS bearing [°]",
             "follow_losses": "times out of sight",

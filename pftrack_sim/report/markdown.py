@@ -23,7 +23,7 @@ _LIST = re.compile(r"(?P<begin><!-- list of axes -->\n)(?P<body>.*?)(?P<end><!--
 
 _FOLLOWING = {
     "success": "success",
-    "tracking rate": "tracking_rate",
+    "tracked": "tracking_rate",
     "within": "within",
     "collided": "collision",
     "RMS of distance [m]": "distance_rms_m",
@@ -186,7 +186,8 @@ def _following(results: Sequence[Result]) -> str:
         own = [result for result in results if (_column(result), result.label) == (column, label)]
         cells = [_ranged(_interval(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in _FOLLOWING.values()]
         rows.append([f"{column}, `{label}`", str(len(own)), *cells])
-    return _table(["Following", "seeds", *_FOLLOWING], rows)
+    words = "; ".join(f"{name}: {meaning}" for name, meaning in score.FOLLOWING_DEFINITIONS.items())
+    return f"{_table(['Following', 'seeds', *_FOLLOWING], rows)}\n{words}.\n"
 
 
 def _column(result: Result) -> str:

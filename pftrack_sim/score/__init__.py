@@ -13,10 +13,11 @@ from pftrack_sim.score.curves import (
     precision_curve,
     success_curve,
 )
+from pftrack_sim.score.definitions import DEFINITIONS, FOLLOWING_DEFINITIONS, MEASURE_DEFINITIONS
 from pftrack_sim.score.episode import Measures, Summary, mean_summary, measure, summarise
 from pftrack_sim.score.frames import frame_scores
 from pftrack_sim.score.paired import Arm, overlaps_on_common_frames
-from pftrack_sim.score.reference import DEFINITIONS, counted_frames, stay_overlaps
+from pftrack_sim.score.reference import counted_frames, stay_overlaps
 from pftrack_sim.score.statistics import (
     RankAgreement,
     bootstrap_interval,
@@ -29,6 +30,8 @@ from pftrack_sim.score.statistics import (
 
 __all__ = [
     "DEFINITIONS",
+    "FOLLOWING_DEFINITIONS",
+    "MEASURE_DEFINITIONS",
     "PRECISION_THRESHOLDS_PX",
     "SUCCESS_THRESHOLDS",
     "Arm",

@@ -17,14 +17,6 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.score import curves
 
-DEFINITIONS = {
-    "stay": "mean overlap of the first box in every frame, on the same frames",
-    "skill": "(overlap - stay) / (1 - stay)",
-    "ceiling": "share of frames in which the first box's size at the true centre reaches an overlap of 0.5",
-    "inside": "share of frames in which the centre of the estimate lies inside the true box",
-}
-"""The columns beside the mean overlap in every table, in words."""
-
 
 @dataclass(frozen=True)
 class Ceiling:

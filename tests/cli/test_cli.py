@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+from pftrack_sim import score
 from pftrack_sim.cli import main
 
 SMALL = ["--set", "camera.width_px=96", "--set", "camera.height_px=72", "--set", "duration_s=0.5"]
@@ -102,6 +103,8 @@ def test_follow_prints_a_table_and_goes_on_with_the_latency_that_it_measured(tmp
     assert done.returncode == 0, done.stderr
     assert "tracker+controller" in done.stdout
     assert "oracle+servo-avoid" in done.stdout
+    for name, words in {**score.DEFINITIONS, **score.FOLLOWING_DEFINITIONS}.items():
+        assert f"\n{name}: {words}\n" in done.stdout
     files = {file: file.stat().st_mtime_ns for file in (out / "episodes").rglob("*.parquet")}
     assert len(files) == 2
     assert pftrack_sim(*command).returncode == 0

@@ -1,5 +1,6 @@
 """The page of a comparison: the numbers of `compare_runs`, and the episodes that got worse as videos side by side."""
 
+import html
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pftrack_sim import report
+from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore
-from pftrack_sim.benchmark.comparison import compare_runs
+from pftrack_sim.benchmark.comparison import MEASURES, compare_runs
 from pftrack_sim.benchmark.losses import TAGS
 from pftrack_sim.cli import reading
 from pftrack_sim.core.errors import ParameterError
@@ -44,6 +45,14 @@ def test_it_shows_differences_and_videos_at_the_moment_of_parting(browser: Any, 
         page.close()
     with pytest.raises(ParameterError, match=r"end in \.html"):
         report.write_comparison(store, store, found, tmp_path / "comparison.txt")
+
+
+def test_every_measure_that_runs_are_compared_by_is_defined(lost: Path, tmp_path: Path):
+    assert set(score.MEASURE_DEFINITIONS) == set(MEASURES)
+    store = RunStore(lost)
+    found = compare_runs(store, store, ["oracle", "stay"], measure="success")
+    page = report.write_comparison(store, store, found, tmp_path / "a.html").read_text()
+    assert html.escape(score.MEASURE_DEFINITIONS["success"]) in page
 
 
 def test_names_that_are_markup_stay_text_and_runs_without_video_say_so(hostile: Path, tmp_path: Path):

@@ -1,0 +1,46 @@
+"""What the columns of tables and pages mean, in words: printed wherever they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from pftrack_sim.score import curves, following
+
+DEFINITIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "stay": "mean overlap of the first box in every frame, on the same frames",
+        "skill": "(overlap - stay) / (1 - stay)",
+        "tracked": f"share of frames with overlap >= {curves.SUCCESS_OVERLAP:g} (or {curves.LOOSE_OVERLAP:g})",
+        "inside": "share of frames in which the centre of the estimate lies inside the true box",
+        "ceiling": "share of frames in which the first box's size at the true centre reaches an overlap of "
+        f"{curves.SUCCESS_OVERLAP:g}",
+    }
+)
+"""Columns beside the mean overlap."""
+
+FOLLOWING_DEFINITIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "success": "share of drives that reach the episode's end without a collision and follow in the last frame",
+        "collided": f"share of drives that touch something or come within {following.COLLISION_M:g} m of the target",
+        "tracked": "share of a whole episode's frames in which the robot follows: part of the target can be seen, no "
+        "farther than the wanted distance + 1 m",
+        "within": "share of the frames driven in which the target can be seen within the scenario's limits of distance "
+        "and bearing (follow.distance_limit_m, follow.bearing_limit_deg)",
+        "RMS": "root mean square of the distance's error",
+        "losses": f"times per drive that the target is out of sight for longer than {following.FOUND_S:g} s",
+    }
+)
+"""Columns of the tables of following."""
+
+MEASURE_DEFINITIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "mean_overlap": "intersection over union of estimate and true box, mean over the frames in which the target is "
+        "visible",
+        "success": f"share of frames with an overlap of at least {curves.SUCCESS_OVERLAP:g}",
+        "follow_success": FOLLOWING_DEFINITIONS["success"],
+        "follow_tracking_rate": FOLLOWING_DEFINITIONS["tracked"],
+        "follow_within": FOLLOWING_DEFINITIONS["within"],
+    }
+)
+"""Columns of the summary that runs and claims are compared by."""
