@@ -15,13 +15,13 @@ __version__ = _version("pftrack-sim")
 
 def register_envs() -> None:
     """Register the environments with Gymnasium; calling it again changes nothing."""
-    for name, entry in {
-        "Track-v0": "pftrack_sim.env:TrackEnv",
-        "Follow-v0": "pftrack_sim.env:FollowEnv",
-        "TrackAndFollow-v0": "pftrack_sim.env:TrackAndFollowEnv",
-    }.items():
-        if f"pftrack_sim/{name}" not in _gym.registry:
-            _gym.register(id=f"pftrack_sim/{name}", entry_point=entry)  # pyright: ignore[reportUnknownMemberType]
+    for name in ("Track", "Follow", "TrackAndFollow"):
+        if f"pftrack_sim/{name}-v0" not in _gym.registry:
+            _gym.register(  # pyright: ignore[reportUnknownMemberType]
+                id=f"pftrack_sim/{name}-v0",
+                entry_point=f"pftrack_sim.env:{name}Env",
+                vector_entry_point=f"pftrack_sim.env.vector:{name}VectorEnv",
+            )
 
 
 register_envs()

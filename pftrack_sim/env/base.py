@@ -171,7 +171,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         return {
             "truth": frame.truth,
             "people": frame.people,
-            "detections": self._detector.detect(frame.people, frame.image),
+            "detections": self._detector.detect(frame.people, frame.image if self._image else None),
             "time_s": frame.time_s,
             "frame": frame.index,
             "seed": self.episode_seed,

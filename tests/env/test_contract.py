@@ -289,7 +289,7 @@ def test_vector_environments(mode: str):
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_vector_environments_take_samples_of_their_action_space(env_id: str):
-    envs = gym.make_vec(env_id, num_envs=2, scenario="plaza-walk", overrides=SMALL)
+    envs = gym.make_vec(env_id, num_envs=2, vectorization_mode="sync", scenario="plaza-walk", overrides=SMALL)
     envs.action_space.seed(1)
     envs.reset(seed=1)
     for _ in range(3):

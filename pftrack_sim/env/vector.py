@@ -1,0 +1,122 @@
+"""Vector environments: each environment in a process of its own, observations in shared memory.
+
+Gymnasium's `AsyncVectorEnv` with what these environments need beside it: fresh processes, since a process forked from
+one that has rendered cannot open OpenGL; an end without processes left over after Ctrl-C or the death of a process; and
+errors of this package as they were raised.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable
+from typing import Any, cast
+
+import gymnasium as gym
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+from gymnasium.vector.async_vector_env import AsyncState
+
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.env.base import CameraEnv
+from pftrack_sim.env.follow import FollowEnv, TrackAndFollowEnv
+from pftrack_sim.env.track import TrackEnv
+
+_CLOSE_S = 30.0  # A reset may run when the environments are closed; then they are ended.
+
+
+class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
+    """N environments in N processes, for `gym.make_vec(id, N, vectorization_mode="vector_entry_point", ...)`.
+
+    Environment i of `reset(seed=s)` gets the seed s + i (or the i-th of a list), and its observations, rewards and
+    information equal those of a single environment with that seed to the bit; the episodes after an autoreset draw
+    their seeds from it. A program that makes one needs `if __name__ == "__main__":`, as processes are started afresh.
+
+    Args:
+        num_envs: Number of environments.
+        autoreset_mode: Gymnasium's: `"NextStep"`, `"SameStep"` or `"Disabled"`.
+        wrapper: Called in each process with the environment, for example `wrappers.BoxObservation`; it must be
+            possible to pickle it.
+        kwargs: Arguments of the environment.
+
+    Raises:
+        ParameterError: No environment, or an unknown autoreset mode.
+        UnknownNameError, ScenarioError: As the environment; also at `reset` and `step`.
+    """
+
+    environment: type[CameraEnv] = TrackEnv
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        wrapper: Callable[[gym.Env[Any, Any]], gym.Env[Any, Any]] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        modes = [mode.value for mode in AutoresetMode]
+        if autoreset_mode not in (*AutoresetMode, *modes):
+            raise ParameterError(f"autoreset_mode must be one of {modes}, got {autoreset_mode!r}")
+        if num_envs < 1:
+            raise ParameterError(f"a vector environment needs 1 environment or more, got num_envs={num_envs}")
+        make = _Maker(self.environment, wrapper, kwargs, os.getpid())
+        super().__init__(  # pyright: ignore[reportUnknownMemberType]
+            [make] * num_envs, context="forkserver", autoreset_mode=autoreset_mode
+        )
+
+    def close_extras(self, timeout: float | None = _CLOSE_S, terminate: bool = False) -> None:
+        """End all processes, whatever they are doing: those that do not answer within the timeout [s] are killed."""
+        try:
+            super().close_extras(timeout, terminate)
+        except (EOFError, OSError, ValueError):  # a process has died, or its pipe is closed
+            self._state = AsyncState.DEFAULT
+            super().close_extras(terminate=True)
+
+    def _raise_if_errors(self, successes: Iterable[bool]) -> None:
+        """Raise the first error of the environments as it was raised there, and close all."""
+        failed = [index for index, success in enumerate(successes) if not success]
+        if not failed:
+            return
+        reports = [self._next_report() for _ in failed]
+        self._state = AsyncState.DEFAULT
+        self.close(terminate=True)
+        raise min(reports, key=lambda report: report[0])[2]
+
+    def _next_report(self) -> tuple[int, type[Exception], Exception, str]:
+        return cast("Any", self.error_queue).get()
+
+
+class TrackVectorEnv(ProcessVectorEnv):
+    """Many `pftrack_sim/Track-v0`."""
+
+
+class FollowVectorEnv(ProcessVectorEnv):
+    """Many `pftrack_sim/Follow-v0`."""
+
+    environment = FollowEnv
+
+
+class TrackAndFollowVectorEnv(ProcessVectorEnv):
+    """Many `pftrack_sim/TrackAndFollow-v0`."""
+
+    environment = TrackAndFollowEnv
+
+
+class _Maker:
+    """Makes one environment; in a process of its own, leaves Ctrl-C to the parent and one core to each process."""
+
+    def __init__(
+        self,
+        environment: type[CameraEnv],
+        wrapper: Callable[[gym.Env[Any, Any]], gym.Env[Any, Any]] | None,
+        kwargs: dict[str, Any],
+        parent: int,
+    ) -> None:
+        self._made = environment, wrapper, kwargs, parent
+
+    def __call__(self) -> gym.Env[Any, Any]:
+        environment, wrapper, kwargs, parent = self._made
+        if os.getpid() != parent:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa draws in the calling thread
+        env = environment(**kwargs)
+        return env if wrapper is None else wrapper(env)
