@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -141,6 +142,10 @@ class Renderer(ABC):
         Of the visible geoms those in the `(ngeom,)` mask are drawn; None draws all. The rectangle wanted is the whole
         image if None; its pixels equal those of the whole image to the bit.
         """
+
+    def drawing(self) -> AbstractContextManager[None]:
+        """A block in which several images are drawn: what they need is prepared once."""
+        return nullcontext()
 
     @abstractmethod
     def rebind(self, model: mujoco.MjModel) -> None:

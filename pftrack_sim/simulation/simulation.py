@@ -242,33 +242,42 @@ class Simulation:
         """`(4, 4)` T_world_camera with the vibration of the mount."""
         return self._shake.displace(self.world.camera_pose(), self.world.time_s)
 
-    def _expose(self) -> tuple[Image, CapturedFrame | None]:
-        """Render, expose and meter the camera's current frame; None where it is an instant through a pinhole."""
+    def _expose(self) -> tuple[Image, CapturedFrame | FloatArray]:
+        """Render, expose and meter the camera's current frame.
+
+        Returns:
+            The image and what was captured; where that is an instant through a pinhole, `(4, 4)` T_world_camera.
+        """
         world = self.world
         assert self._renderer is not None
         world.light(self._sensor.settle(world.time_s))
         captured = self._capture()
-        rendered = None if captured is None else captured.image
-        if rendered is None:
-            rendered = self._renderer.color(world.data, self._camera_pose(), self._K)
+        pinhole = not isinstance(captured, CapturedFrame)
+        rendered = self._renderer.color(world.data, captured, self._K) if pinhole else captured.image
+        assert rendered is not None
         return self._sensor.expose(rendered, world.time_s), captured
 
-    def _capture(self) -> CapturedFrame | None:
+    def _capture(self) -> CapturedFrame | FloatArray:
+        """What is captured; where that is an instant through a pinhole, `(4, 4)` T_world_camera."""
         assert self._renderer is not None
-        return None if self._frame_capture is None else self._frame_capture.capture(self._renderer, color=self._draws)
+        if self._frame_capture is None:
+            return self._camera_pose()
+        return self._frame_capture.capture(self._renderer, color=self._draws)
 
     def _take_frame(self) -> Frame:
         world = self.world
         assert self._truth is not None
-        if self._draws:
-            exposed, captured = self._expose()
-            image = self._sensor.read(exposed, self._delivered)
-        else:
-            image, captured = None, self._capture()
-        if captured is None:
-            people = self._truth.observe(world.data, self._camera_pose(), image, world.time_s, world.root_poses())
-        else:
-            people = self._truth.observe_captured(captured, image, world.time_s)
+        assert self._renderer is not None
+        with self._renderer.drawing():
+            if self._draws:
+                exposed, captured = self._expose()
+                image = self._sensor.read(exposed, self._delivered)
+            else:
+                image, captured = None, self._capture()
+            if isinstance(captured, CapturedFrame):
+                people = self._truth.observe_captured(captured, image, world.time_s)
+            else:
+                people = self._truth.observe(world.data, captured, image, world.time_s, world.root_poses())
         if image is None:
             image = np.broadcast_to(np.uint8(0), (self.settings.camera.height_px, self.settings.camera.width_px, 3))
         image.setflags(write=False)

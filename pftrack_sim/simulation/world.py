@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -64,8 +66,9 @@ class World:
         self._collision: str | None = None
         self.robot.reset(self.data)
         self.traffic.reset(self.data)
+        self._state = self._observed()
         if settings.target.start_stride == "median":
-            self.traffic.start_in_mid_stride(self.data, self._state().T_world_camera)
+            self.traffic.start_in_mid_stride(self.data, self._state.T_world_camera)
         self._update_poses()
 
     def advance(self, command: FloatArray | None = None, delay_s: float = 0.0) -> None:
@@ -78,12 +81,15 @@ class World:
         tick_s = self.clock.tick_s
         for tick in range(self.clock.ticks):
             delay_in_tick_s = min(max(delay_s - tick * tick_s, 0.0), tick_s)
-            self.robot.update(tick_s, self._state(), command, delay_in_tick_s)
+            self.robot.update(tick_s, self._state, command, delay_in_tick_s)
             self.robot.step(self.data)
             self._collision = self._collision or self.robot.drive.collision(self.data)
             self._ticks += 1
-            self.traffic.update(tick_s, self._state())
+            self._state = self._observed()
+            self.traffic.update(tick_s, self._state)
             self.traffic.write(self.data)
+            crowd = self.traffic.crowd
+            self._state = replace(self._state, target_m=crowd.positions_m[0], target_s_m=crowd.target_s_m)
         self._update_poses()
 
     def retune(self, settings: ResolvedScenario) -> None:
@@ -98,7 +104,7 @@ class World:
 
     def camera_pose(self) -> FloatArray:
         """`(4, 4)` T_world_camera of the camera on its mast, before any vibration of the mount."""
-        return self.robot.drive.camera_pose(self.data)
+        return self._state.T_world_camera.copy()
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
@@ -120,7 +126,7 @@ class World:
         """Set the lights to the present time; the camera exposes `exposure_ev` stops longer than in the first frame."""
         self._lighting.apply(self.time_s, self.traffic.crowd.target_s_m, exposure_ev)
 
-    def _state(self) -> SceneState:
+    def _observed(self) -> SceneState:
         return self.robot.scene_state(self.data, self.time_s, self.traffic.crowd)
 
     def _update_poses(self) -> None:

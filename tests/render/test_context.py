@@ -50,6 +50,11 @@ def test_a_context_restores_the_one_that_was_current_before():
         outer = current()
         with second.current():
             assert current() != outer
+            with first.current():  # also where a block of its own is open further out
+                assert current() == outer
+            assert current() != outer
+        with first.current():
+            pass
         assert current() == outer
     assert current() == before
     first.close()

@@ -94,15 +94,15 @@ def test_colliders_are_where_people_and_carts_are_during_a_frame(axis: dict[str,
     moving = world(2.0, **axis)
     pelvis = moving.model.body_mocapid[moving.model.body("target/pelvis").id]
     carts = [moving.model.body_mocapid[moving.model.body(name).id] for name in ("cabinet-1",) if axis]
-    write, lags_m = moving.robot.write, [0.0]
+    command, lags_m = moving.robot.drive.command, [0.0]
 
-    def recorded_write(data: mujoco.MjData) -> None:
+    def recorded_command(data: mujoco.MjData, *speeds: float) -> None:
         lags_m.append(float(np.hypot(*(data.mocap_pos[pelvis, :2] - moving.root_poses()[0, :2, 3]))))
         for mocap, cart in zip(carts, moving.traffic.crowd.carts, strict=True):
             lags_m.append(float(np.hypot(*(data.mocap_pos[mocap, :2] - cart.position_m))))
-        write(data)
+        command(data, *speeds)
 
-    monkeypatch.setattr(moving.robot, "write", recorded_write)
+    monkeypatch.setattr(moving.robot.drive, "command", recorded_command)
     for _ in range(6):
         moving.advance()
     # A root pose is on the ground below the pelvis, which sways by a few centimetres at most.

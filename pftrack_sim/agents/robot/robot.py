@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -42,7 +41,7 @@ class SceneState:
 
 
 class Robot:
-    """Follows its script or external commands. Its pose is part of the physics state: `write` acts in every step."""
+    """Follows its script or external commands."""
 
     def __init__(
         self, model: mujoco.MjModel, settings: ResolvedScenario, clock: Clock, script: Script, seed: int
@@ -54,8 +53,7 @@ class Robot:
         self._delay = CommandDelay(clock, settings.robot.latency_ms)
         self._script = script
         self.set_road(settings, seed)
-        self._segments: Iterator[tuple[int, Speeds]] = iter(())
-        self._steps_left = 0
+        self._segments: list[tuple[int, Speeds]] = []
 
     def set_road(self, settings: ResolvedScenario, seed: int) -> None:
         """Drive on the road of these settings from now on."""
@@ -67,7 +65,6 @@ class Robot:
         """Stand at the start of the route."""
         self._script.reset()
         self._delay.reset()
-        self._steps_left = 0
         self.drive.reset(data, *self._script.start_pose())
 
     def update(self, dt_s: float, state: SceneState, command: ArrayLike | None = None, delay_s: float = 0.0) -> None:
@@ -82,27 +79,23 @@ class Robot:
             speeds = (forward, turn, pan, tilt)
         else:
             speeds = self.drive.scaled(command)
-        self._segments = iter(self._delay.segments(speeds, delay_s))
+        self._segments = self._delay.segments(speeds, delay_s)
 
     def step(self, data: mujoco.MjData) -> None:
         """Integrate the physics of one tick."""
-        for _ in range(self._clock.steps):
-            self.write(data)
-            mujoco.mj_step(self._model, data)
+        for steps, speeds in self._segments:
+            self.drive.command(data, *speeds, self._clock.tick_s * (steps / self._clock.steps))
+            if self._road is None:
+                mujoco.mj_step(self._model, data, steps)
+                continue
+            for _ in range(steps):
+                self._road.write(data)
+                mujoco.mj_step(self._model, data)
 
     def scene_state(self, data: mujoco.MjData, time_s: float, crowd: Crowd) -> SceneState:
         """What the entities observe now. Updates the poses of bodies, geoms and cameras in `data`."""
         pose, T_world_camera = self.drive.pose(data), self.drive.camera_pose(data)
         return SceneState(time_s, pose, T_world_camera, crowd.positions_m[0], crowd.target_s_m)
-
-    def write(self, data: mujoco.MjData) -> None:
-        """Set motors and road forces for the coming physics step."""
-        if self._steps_left == 0:
-            self._steps_left, speeds = next(self._segments)
-            self.drive.command(data, *speeds, self._clock.tick_s * (self._steps_left / self._clock.steps))
-        self._steps_left -= 1
-        if self._road is not None:
-            self._road.write(data)
 
 
 class CommandDelay:

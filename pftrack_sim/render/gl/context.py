@@ -80,11 +80,15 @@ class GLContext:
 
     @contextmanager
     def current(self) -> Generator[None]:
-        """Make it current in this thread, and restore the thread's previous context at the end.
+        """Make it current in this thread, and restore the thread's previous context at the end; blocks may be nested.
 
         Raises:
             RenderError: It is closed, inherited through a fork, or current in another thread.
         """
+        outer: GLContext | None = getattr(_thread, "context", None)
+        if outer is self and self.usable:
+            yield
+            return
         if self.closed:
             raise RenderError("this renderer has been closed")
         if not self.usable:
@@ -96,6 +100,8 @@ class GLContext:
                 raise RenderError(
                     f"the OpenGL context is not available; does another thread use it? {error}"
                 ) from error
+            _thread.context = self
+            stack.callback(setattr, _thread, "context", outer)
             yield
 
     def close(self) -> None:
@@ -169,6 +175,8 @@ class _Process:
 
 
 _process = _Process()
+_thread = threading.local()
+"""Its `context` is the one that a block of `GLContext.current` has made current in this thread."""
 _opening = threading.Lock()
 
 

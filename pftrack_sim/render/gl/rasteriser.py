@@ -7,6 +7,7 @@ decodes ids by one table look-up, and keeps its OpenGL context when the model ch
 from __future__ import annotations
 
 import weakref
+from contextlib import AbstractContextManager
 
 import cv2
 import mujoco
@@ -53,6 +54,10 @@ class Rasteriser(Renderer):
         self._finalizer = weakref.finalize(self, _free, self._context, self._resources)
         self._pixels = np.empty((self.height_px, self.width_px, 4), dtype=np.uint8)
         self.rebind(model)
+
+    def drawing(self) -> AbstractContextManager[None]:
+        """See `Renderer.drawing`; the OpenGL context is current in the block."""
+        return self._context.current()
 
     def rebind(self, model: mujoco.MjModel) -> None:
         """Draw another model from now on. The textures and meshes of the last one are freed; the context stays."""
