@@ -96,13 +96,14 @@ class Bodies:
         axes = pose[:3, :3].T @ np.asarray(rotations, dtype=np.float64)
         extents = np.empty((len(self.vertices), 4))
         depths = np.empty((len(self.vertices), 2))
-        for parts, vertices in self._transposed:
-            local = axes[parts] @ vertices + centres[parts][:, :, None]
-            depth = local[:, 2]
-            depths[parts, 0], depths[parts, 1] = depth.min(axis=1), depth.max(axis=1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                coordinates = local[:, :2] / depth[:, None]
-            extents[parts, :2], extents[parts, 2:] = coordinates.min(axis=2), coordinates.max(axis=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for parts, vertices in self._transposed:
+                local = axes[parts] @ vertices
+                local += centres[parts][:, :, None]
+                depth, coordinates = local[:, 2], local[:, :2]
+                depths[parts, 0], depths[parts, 1] = depth.min(axis=1), depth.max(axis=1)
+                coordinates /= depth[:, None]
+                extents[parts, :2], extents[parts, 2:] = coordinates.min(axis=2), coordinates.max(axis=2)
         for part in np.flatnonzero(depths[:, 0] < near_m):
             beyond = depths[part, 1] >= near_m
             local = self.vertices[part] @ axes[part].T + centres[part]

@@ -18,11 +18,19 @@ State: TypeAlias = Literal["visible", "occluded", "out_of_view"]
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
-    """A read-only float64 copy of numbers in any form that numpy reads.
+    """A read-only float64 copy of numbers in any form that numpy reads; an array that is one already is not copied.
 
     Raises:
         ParameterError: The shape differs from the one required, if any.
     """
+    if (
+        isinstance(values, np.ndarray)
+        and values.dtype == np.float64
+        and not values.flags.writeable
+        and values.base is None
+        and values.shape == shape
+    ):
+        return values
     array = np.array(values, dtype=np.float64)
     if shape is not None and array.shape != shape:
         raise ParameterError(f"expected an array of shape {shape}, got {array.shape}")

@@ -61,8 +61,9 @@ class PixelRect(NamedTuple):
 
     def intersects(self, other: PixelRect) -> bool:
         """Whether they share a pixel."""
-        common = self.intersection(other)
-        return common.width > 0 and common.height > 0
+        left, top, width, height = self
+        x, y, w, h = other
+        return left < x + w and x < left + width and top < y + h and y < top + height
 
     def intersection(self, other: PixelRect) -> PixelRect:
         """The pixels they share, if they intersect."""

@@ -33,6 +33,8 @@ class Bounds:
         boxes = np.array(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
         self._middle, self._half = boxes[:, 0], boxes[:, 1]
         self._corners = boxes[:, :1] + CORNERS * boxes[:, 1:]
+        self._radii = np.linalg.norm(np.abs(self._middle) + self._half, axis=1) + _MARGIN_M
+        """Of spheres about the origins of the geoms that hold their boxes, with a margin."""
         self._unbounded = ~np.isin(model.geom_type, _BOUNDED_TYPES)
 
     def in_view(
@@ -40,8 +42,10 @@ class Bounds:
     ) -> BoolArray:
         """`(ngeom,)` geoms that may be visible in an image of `size` width and height [px]."""
         normals, offsets = _view_planes(T_world_camera, K, [PixelRect(0, 0, *size)], near_m)
-        every = np.arange(len(self._half))
-        return self._reaches(data, every, normals, offsets).all(axis=1) | self._unbounded
+        near = np.flatnonzero((data.geom_xpos @ normals.T + offsets > -self._radii[:, None]).all(axis=1))
+        seen = self._unbounded.copy()
+        seen[near] |= self._reaches(data, near, normals, offsets).all(axis=1)
+        return seen
 
     def may_occlude(
         self,
@@ -73,16 +77,26 @@ class Bounds:
         # Beyond the near plane, within the person's rectangle, and not entirely behind the person.
         normals = np.concatenate([normals, np.broadcast_to(-forward, (len(rects), 3))])
         offsets = np.concatenate([offsets, farthest_m + forward @ T_world_camera[:3, 3]])
-        reaches = self._reaches(data, geoms, normals, offsets)
-        sides = reaches[:, 1 : 1 + 4 * len(rects)].reshape(len(geoms), len(rects), 4).all(axis=2)
-        occludes = reaches[:, :1] & sides & reaches[:, 1 + 4 * len(rects) :]
-        # From above, a geom below a person's soles occludes nothing of the person.
-        from_above = T_world_camera[2, 3] > lowest_m
-        occludes &= (self._top(data, geoms)[:, None] > lowest_m + _GROUND_CONTACT_M) | ~from_above
-        some = np.flatnonzero(occludes.any(axis=1))
-        if some.size:
-            occludes[some] &= ~self._separated_by_face(data, T_world_camera[:3, 3], geoms[some], limbs)
-        return occludes | self._unbounded[geoms, None]
+
+        def within(reaches: BoolArray) -> BoolArray:
+            """`(N, P)` from whether geoms reach each of the planes."""
+            sides = reaches[:, 1 : 1 + 4 * len(rects)].reshape(-1, len(rects), 4).all(axis=2)
+            return reaches[:, :1] & sides & reaches[:, 1 + 4 * len(rects) :]
+
+        occludes = np.repeat(self._unbounded[geoms, None], len(rects), axis=1)
+        # Spheres first: few of a place's many geoms are left to look at closely.
+        spheres = within(data.geom_xpos[geoms] @ normals.T + offsets > -self._radii[geoms, None])
+        near = np.flatnonzero(spheres.any(axis=1))
+        if near.size:
+            boxes = within(self._reaches(data, geoms[near], normals, offsets))
+            # From above, a geom below a person's soles occludes nothing of the person.
+            from_above = T_world_camera[2, 3] > lowest_m
+            boxes &= (self._top(data, geoms[near])[:, None] > lowest_m + _GROUND_CONTACT_M) | ~from_above
+            some = np.flatnonzero(boxes.any(axis=1))
+            if some.size:
+                boxes[some] &= ~self._separated_by_face(data, T_world_camera[:3, 3], geoms[near[some]], limbs)
+            occludes[near] |= boxes
+        return occludes
 
     def _reaches(self, data: mujoco.MjData, geoms: IntArray, normals: FloatArray, offsets: FloatArray) -> BoolArray:
         """`(N, M)` whether a geom's box has a point x with n.x + offset > 0, for M unit normals n."""

@@ -15,7 +15,7 @@ from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.photometry import LUMINANCE
-from pftrack_sim.core.records import Image, State, Truth
+from pftrack_sim.core.records import Image, State, Truth, frozen_array
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
@@ -161,6 +161,7 @@ class TruthObserver:
         amodal_boxes, swept_boxes = (
             self._of_people(found) for found in (projection.amodal_boxes, projection.swept_boxes)
         )
+        pose = frozen_array(pose, (4, 4))
         motion = self._image_motion(amodal_boxes)
         distance = np.linalg.norm(body_positions[self._pelvis] - pose[:3, 3], axis=1)
         self.silhouettes = {self._people[person]: found for person, found in projection.silhouettes.items()}
@@ -168,17 +169,18 @@ class TruthObserver:
         for person, (name, amodal) in enumerate(zip(self._people, amodal_boxes, strict=True)):
             silhouette = projection.silhouettes.get(person)
             box, truncation = _clipped(amodal, width, height)
-            inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and boxes.area(box) else 0
+            inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
             if person and not inside:
                 continue
             state: State = "occluded" if inside else "out_of_view"
             visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")
-            if silhouette is not None and inside and silhouette.visible.any():
+            seen = int(np.count_nonzero(silhouette.visible)) if silhouette is not None and inside else 0
+            if silhouette is not None and seen:
                 state = "visible"
                 rect, visible = silhouette.rect, silhouette.visible.view(np.uint8)
                 left, top, *visible_size = cv2.boundingRect(visible)
                 visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)
-                fraction = int(np.count_nonzero(visible)) / inside
+                fraction = seen / inside
                 if image is not None:
                     luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
             if not inside:
@@ -193,7 +195,7 @@ class TruthObserver:
                     visible_fraction=fraction,
                     truncation=truncation,
                     state=state,
-                    occluders=self._occluders(silhouette),
+                    occluders=() if silhouette is None or (inside and seen == inside) else self._occluders(silhouette),
                     distance_m=float(distance[person]),
                     T_world_camera=pose,
                     T_world_target=roots[person],
@@ -217,10 +219,8 @@ class TruthObserver:
         previous, self._centres = self._centres, centres
         return np.zeros(len(centres)) if previous is None else np.linalg.norm(centres - previous, axis=1)
 
-    def _occluders(self, silhouette: Silhouette | None) -> tuple[str, ...]:
+    def _occluders(self, silhouette: Silhouette) -> tuple[str, ...]:
         """Names of what occludes a person, by number of pixels, then by name."""
-        if silhouette is None:
-            return ()
         counts = Counter[str](self._owners[silhouette.occluding_geoms()].tolist())
         return tuple(sorted(counts, key=lambda owner: (-counts[owner], owner)))
 

@@ -7,6 +7,7 @@ layers pixel by pixel gives the visible silhouettes; every geom is rendered only
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
@@ -154,12 +155,11 @@ def pixels_around(box: FloatArray, size: tuple[int, int], margin_px: int = 1) ->
 
     `size` is the image's width and height [px]; a margin of 1 px covers the rounding of triangles.
     """
-    if not np.isfinite(box).all():
+    x, y, w, h = box.tolist()
+    if not math.isfinite(x + y + w + h):
         return None
-    left, top = np.floor(box[:2]) - margin_px
-    right, bottom = np.ceil(box[:2] + box[2:]) + margin_px
-    x0, y0 = int(max(left, 0.0)), int(max(top, 0.0))
-    x1, y1 = int(min(right, size[0])), int(min(bottom, size[1]))
+    x0, y0 = max(math.floor(x) - margin_px, 0), max(math.floor(y) - margin_px, 0)
+    x1, y1 = min(math.ceil(x + w) + margin_px, size[0]), min(math.ceil(y + h) + margin_px, size[1])
     return PixelRect(x0, y0, x1 - x0, y1 - y0) if x0 < x1 and y0 < y1 else None
 
 

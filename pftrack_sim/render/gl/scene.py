@@ -17,6 +17,7 @@ from pftrack_sim.scene.layout import SCENERY_GROUP
 
 _NEVER_DRAWN_GROUP = 5
 _STATIC_AND_DYNAMIC = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+_NOTHING = int(mujoco.mjtGeom.mjGEOM_NONE)
 _SPARE_GEOMS = 64
 _NO_PERTURBATION = mujoco.MjvPerturb()
 
@@ -41,6 +42,8 @@ class ModelScene:
         self._ids = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._ids.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True
         self._ids.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
+        self._views: dict[mujoco.MjvScene, tuple[bytes, bytes, tuple[int, int]]] = {}
+        """The view in which each scene's camera stands."""
         self.sky = Sky(model)
 
     def color_scene(
@@ -78,17 +81,20 @@ class ModelScene:
         `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the tiles of an
         infinite plane) would come from the camera of the previous frame.
         """
-        view = frustum(K, *size, *self._clip_m)
-        # MuJoCo draws the average of a left and a right eye: both get the same camera.
-        for eye in scene.camera:
-            eye.pos[:] = T_world_camera[:3, 3]
-            eye.forward[:] = T_world_camera[:3, 2]
-            eye.up[:] = -T_world_camera[:3, 1]
-            eye.frustum_center = 0.5 * (view.left + view.right)
-            eye.frustum_width = 0.5 * (view.right - view.left)
-            eye.frustum_bottom, eye.frustum_top = view.bottom, view.top
-            eye.frustum_near, eye.frustum_far = view.near, view.far
-            eye.orthographic = 0
+        key = (T_world_camera.tobytes(), K.tobytes(), size)
+        if self._views.get(scene) != key:
+            self._views[scene] = key
+            view = frustum(K, *size, *self._clip_m)
+            # MuJoCo draws the average of a left and a right eye: both get the same camera.
+            for eye in scene.camera:
+                eye.pos[:] = T_world_camera[:3, 3]
+                eye.forward[:] = T_world_camera[:3, 2]
+                eye.up[:] = -T_world_camera[:3, 1]
+                eye.frustum_center = 0.5 * (view.left + view.right)
+                eye.frustum_width = 0.5 * (view.right - view.left)
+                eye.frustum_bottom, eye.frustum_top = view.bottom, view.top
+                eye.frustum_near, eye.frustum_far = view.near, view.far
+                eye.orthographic = 0
         scene.ngeom = 0
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
 
@@ -104,8 +110,8 @@ class ModelScene:
         needed = self._bounds.in_view(data, T_world_camera, K, size, self._clip_m[0])
         if (model.light_active & model.light_castshadow).any():
             needed |= model.geom_castshadow
-        for index in np.flatnonzero(~needed[order]):
-            self._color_geoms[index].type = int(mujoco.mjtGeom.mjGEOM_NONE)
+        for index in np.flatnonzero(~needed[order]).tolist():
+            self._color_geoms[index].type = _NOTHING
 
 
 class Sky:
