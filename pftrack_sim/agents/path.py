@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray, IntArray
 
 _CORNER_M = 1.5
+_EPSILON = float(np.finfo(np.float64).eps)
 _FAR_M = 1e6
 _MIN_LENGTH_M = 1e-6
 _REVERSAL_RAD = 3.0
@@ -64,6 +66,19 @@ class Path:
         self._starts = np.concatenate([[-_FAR_M], self._origin[1:]])
         table: FloatArray = np.array([(p.x, p.y, p.heading, p.length, p.curvature) for p in pieces]).T
         self._x, self._y, self._heading, self._length, self._curvature = table
+        self._cos, self._sin = np.cos(self._heading), np.sin(self._heading)
+        self._bends = np.where(self._curvature != 0.0, self._curvature, 1.0)
+        # The same by piece, for the place of one arc length.
+        self._first_m: list[float] = self._starts.tolist()
+        self._rows: list[list[float]] = np.stack([self._origin, *table[[0, 1, 2, 4]]], axis=1).tolist()
+
+    def pose(self, s_m: float) -> tuple[float, float, float]:
+        """x, y [m] and heading [rad] at one arc length, as `at`, in a fraction of its time."""
+        origin, x, y, heading, bend = self._rows[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)]
+        run = s_m - origin
+        half = 0.5 * run * bend
+        chord, middle = run * _sinc(half), heading + half
+        return float(x + chord * np.cos(middle)), float(y + chord * np.sin(middle)), heading + 2.0 * half
 
     def at(self, s_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y [m] and heading [rad, without jumps of 2 pi] at arc lengths, each of the shape of `s_m`."""
@@ -71,7 +86,7 @@ class Path:
         run, heading, bend = s - self._origin[piece], self._heading[piece], self._curvature[piece]
         # Chord of an arc: length run * sinc(half the turn), along the mean heading; also exact for lines.
         half = 0.5 * run * bend
-        chord = run * np.sinc(half / np.pi)
+        chord = run * np.sinc(half / np.pi)  # to the bit as `_sinc`
         return (
             self._x[piece] + chord * np.cos(heading + half),
             self._y[piece] + chord * np.sin(heading + half),
@@ -117,14 +132,16 @@ class Path:
     def _nearest(self, x: float, y: float) -> FloatArray:
         """Arc length of the nearest point of each piece, extended to a line or a full circle."""
         dx, dy = x - self._x, y - self._y
-        cos, sin = np.cos(self._heading), np.sin(self._heading)
-        ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-        bend = self._curvature
-        arc = bend != 0.0
-        safe = np.where(arc, bend, 1.0)
+        ahead, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
         # Angle about the centre of the circle (0, 1 / bend), from the start of the arc.
-        turned: FloatArray = np.arctan2(safe * ahead, 1.0 - safe * left)
-        return self._origin + np.where(arc, turned / safe, ahead)
+        turned: FloatArray = np.arctan2(self._bends * ahead, 1.0 - self._bends * left)
+        return self._origin + np.where(self._curvature != 0.0, turned / self._bends, ahead)
+
+
+def _sinc(half_turn: float) -> float:
+    """Chord over arc of half a turn [rad], in the steps of `np.sinc`: equal to the bit."""
+    angle = math.pi * (half_turn / math.pi) or _EPSILON
+    return float(np.sin(angle) / angle)
 
 
 def _distinct(points_m: ArrayLike) -> FloatArray:

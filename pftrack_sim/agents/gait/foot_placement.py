@@ -188,12 +188,16 @@ class FootPlacement:
 
 def _forward(angle: FloatArray) -> FloatArray:
     """`(..., 2)` unit vectors in directions `(...)` [rad]."""
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    out = np.empty((*angle.shape, 2))
+    out[..., 0], out[..., 1] = np.cos(angle), np.sin(angle)
+    return out
 
 
 def _left(angle: FloatArray) -> FloatArray:
     """`(..., 2)` unit vectors to the left of directions `(...)` [rad]."""
-    return np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
+    out = np.empty((*angle.shape, 2))
+    out[..., 0], out[..., 1] = -np.sin(angle), np.cos(angle)
+    return out
 
 
 def _norm(vectors: FloatArray) -> FloatArray:

@@ -43,16 +43,17 @@ def quaternions(rotations: FloatArray) -> FloatArray:
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotations, (-2, -1), (0, 1))
     wx, wy, wz = zy - yz, xz - zx, yx - xy
     x_y, x_z, y_z = xy + yx, xz + zx, yz + zy
-    candidates = np.array(
-        [
-            [1.0 + xx + yy + zz, wx, wy, wz],
-            [wx, 1.0 + xx - yy - zz, x_y, x_z],
-            [wy, x_y, 1.0 - xx + yy - zz, y_z],
-            [wz, x_z, y_z, 1.0 - xx - yy + zz],
-        ]
+    candidates = (
+        *(1.0 + xx + yy + zz, wx, wy, wz),
+        *(wx, 1.0 + xx - yy - zz, x_y, x_z),
+        *(wy, x_y, 1.0 - xx + yy - zz, y_z),
+        *(wz, x_z, y_z, 1.0 - xx - yy + zz),
     )
-    flat = np.moveaxis(candidates, (0, 1), (-2, -1)).reshape(-1, 4, 4)
-    largest = flat[:, (0, 1, 2, 3), (0, 1, 2, 3)].argmax(axis=1)
+    flat = np.empty((*xx.shape, 16))
+    for index, component in enumerate(candidates):
+        flat[..., index] = component
+    flat = flat.reshape(-1, 4, 4)
+    largest = flat.reshape(-1, 16)[:, ::5].argmax(axis=1)
     chosen = flat[np.arange(len(flat)), largest]
     chosen = chosen / np.sqrt((chosen * chosen).sum(axis=1))[:, None]
     return chosen.reshape(*xx.shape, 4)
@@ -95,13 +96,17 @@ def leg_inverse_kinematics(
     across = (thighs_m * np.sqrt(np.maximum(1.0 - cos * cos, 0.0)))[..., None]
     thigh = along * down + across * ahead
     shank = reach[..., None] * down - thigh
-    up = np.stack([-thigh / thighs_m[..., None], -shank / shanks_m[..., None]])
-    thigh_rotations, shank_rotations = np.stack([_cross(left, up), np.broadcast_to(left, up.shape), up], axis=-1)
-    return hips + thigh, thigh_rotations, shank_rotations
+    rotations = np.empty((2, *hips.shape, 3))
+    for rotation, bone, bone_m in zip(rotations, (thigh, shank), (thighs_m, shanks_m), strict=True):
+        up = -bone / bone_m[..., None]
+        rotation[..., 0], rotation[..., 1], rotation[..., 2] = _cross(left, up), left, up
+    return hips + thigh, rotations[0], rotations[1]
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """`(..., 3)` cross products, in half the time of `np.cross`."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    out = np.empty(a.shape)
+    out[..., 0], out[..., 1], out[..., 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return out

@@ -91,5 +91,5 @@ def positions_away_from(path: Path, obstacles: ObstacleMap, bounds_m: tuple[floa
 
 def lane_position(path: Path, s_m: float, left_m: float) -> Xy:
     """The point at an arc length of a path, shifted to the left."""
-    x, y, heading = (float(v) for v in path.at(s_m))
+    x, y, heading = path.pose(s_m)
     return x - left_m * math.sin(heading), y + left_m * math.cos(heading)

@@ -187,7 +187,7 @@ class OncomingPedestrian:
             return math.atan2(self.joining_m[1] - y, self.joining_m[0] - x)
         self.phase = Phase.SCRIPTED
         s = self._s_m(0.0)
-        heading = float(self._path.at(s)[2]) + math.pi
+        heading = self._path.pose(s)[2] + math.pi
         speed = (s - self._s_m(1e-3)) / 1e-3
         position = self._obstacles.pushed_out(self._lane(s), oncoming.WALL_DISTANCE_M)
         state[:] = (*position, speed * math.cos(heading), speed * math.sin(heading))

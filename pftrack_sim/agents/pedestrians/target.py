@@ -87,8 +87,7 @@ class TargetWalk:
 
     def predicted(self, ahead_s: float) -> tuple[float, float]:
         """x, y [m] after a time at walking speed."""
-        x, y, _ = self._path.at(min(self.s_m + self._walking_speed_m_s * ahead_s, self._path.length_m))
-        return float(x), float(y)
+        return self._path.pose(min(self.s_m + self._walking_speed_m_s * ahead_s, self._path.length_m))[:2]
 
     def _hold(self) -> None:
         if self._target.carries:
@@ -119,7 +118,7 @@ class TargetWalk:
         return robot_speed + math.sqrt(2.0 * DECELERATION_M_S2 * max(ahead - ROBOT_DISTANCE_M, 0.0))
 
     def _update_state(self) -> None:
-        x, y, heading = (float(v) for v in self._path.at(self.s_m))
+        x, y, heading = self._path.pose(self.s_m)
         self.heading_rad = heading + self._facing_rad
         self.state = (x, y, self._speed_m_s * math.cos(heading), self._speed_m_s * math.sin(heading))
 

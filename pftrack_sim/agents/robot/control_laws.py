@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,7 +53,7 @@ def follow_path(
     Returns:
         Forward speed [m/s] and turn rate [rad/s].
     """
-    x, y, heading = (float(v) for v in path.at(s_m))
+    x, y, heading = path.pose(s_m)
     error = math.remainder(heading - pose[2], 2.0 * math.pi)
     # Positive when the path is to the left of the robot.
     lateral = -math.sin(heading) * (x - pose[0]) + math.cos(heading) * (y - pose[1])
@@ -68,11 +69,18 @@ def follow_path(
 
 def _bend_speed(path: Path, s_m: float, limits: DriveLimits) -> float:
     """Highest speed from which every bend ahead can be reached at its own speed."""
-    ahead = np.linspace(0.0, 0.5 * limits.speed_m_s**2 / BRAKE_M_S2 + 0.3, 24)
+    ahead, squared = _preview(limits.speed_m_s)
     curvature = np.maximum(np.abs(path.curvature(s_m + ahead)), 1e-6)
     # A fifth of the turn rate is kept for corrections.
     bend = np.minimum(np.sqrt(_LATERAL_ACCELERATION_M_S2 / curvature), 0.8 * limits.turn_rad_s / curvature)
-    return float(np.sqrt(bend**2 + 2.0 * BRAKE_M_S2 * ahead).min())
+    return float(np.sqrt(bend**2 + squared).min())
+
+
+@cache
+def _preview(speed_m_s: float) -> tuple[FloatArray, FloatArray]:
+    """`(24,)` ways ahead in which the robot can stop [m], and the squared speeds that braking takes there [m^2/s^2]."""
+    ahead = np.linspace(0.0, 0.5 * speed_m_s**2 / BRAKE_M_S2 + 0.3, 24)
+    return ahead, 2.0 * BRAKE_M_S2 * ahead
 
 
 def bearing(T_world_camera: FloatArray, target_m: ArrayLike) -> tuple[float, float]:

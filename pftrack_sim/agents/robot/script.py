@@ -115,10 +115,10 @@ class Script:
             x, y, heading = *route.start_m, math.radians(route.heading_deg)
         else:
             assert self._lane is not None
-            x, y, heading = (float(v) for v in self._lane.path.at(self._lane.start_m))
+            x, y, heading = self._lane.path.pose(self._lane.start_m)
         if self._robot.gaze == "forward":
             return StartPose(x, y, heading)
-        target_x, target_y, _ = (float(v) for v in self._target.at(0.0))
+        target_x, target_y, _ = self._target.pose(0.0)
         pan = math.remainder(math.atan2(target_y - y, target_x - x) - heading, 2.0 * math.pi)
         return StartPose(x, y, heading, pan)
 

@@ -26,12 +26,11 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> NDArray[np.uint8]:
     """`(h, w, 3)` RGB texture of one garment."""
     garment: Garment = getattr(outfit, name)
     height, width = _SIZES[name]
-    down, around = np.mgrid[0:height, 0:width].astype(float)
-    around = around - 0.5 * width
+    down, around = np.arange(height, dtype=float)[:, None], np.arange(width, dtype=float)[None] - 0.5 * width
     rng = np.random.default_rng(garment.texture_seed)
     share = _accent_share(garment.pattern, down, around, garment.scale_m / PIXEL_M, rng)[..., None]
     image = np.array(garment.colour, float) * (1.0 - share) + np.array(garment.accent, float) * share
-    image *= 1.0 + _FOLD_DEPTH[name] * _folds(name, garment.texture_seed % 8)[..., None]
+    image = image * _folds(name, garment.texture_seed % 8)[..., None]
     match name:
         case "top":
             if outfit.open_front:
@@ -49,12 +48,13 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> NDArray[np.uint8]:
             image[int(0.78 * height) : int(0.80 * height)] *= 0.6
             laces = (np.abs(around) < 9) & (down < 0.5 * height) & (down % 7 < 2)
             image[laces] = 0.4 * image[laces] + 0.6 * np.array([210.0, 208.0, 202.0])
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    np.rint(image, out=image)
+    return np.clip(image, 0, 255, out=image).astype(np.uint8)
 
 
 @lru_cache(maxsize=24)
 def _folds(name: GarmentName, seed: int) -> FloatArray:
-    """`(h, w)` smooth shading of mean 0 and unit variance, stretched along the hang of the cloth; read-only."""
+    """`(h, w)` factors of a smooth shading of mean 1, stretched along the hang of the cloth; read-only."""
     height, width = _SIZES[name]
     coarse = 4
     small = (-(-height // coarse), width // coarse)
@@ -66,7 +66,7 @@ def _folds(name: GarmentName, seed: int) -> FloatArray:
         blurred = cv2.GaussianBlur(noise, (0, 0), sigmaX=0.55 * size_px / coarse, sigmaY=size_px / coarse)
         fine = cv2.resize(blurred, (3 * width, small[0] * coarse), interpolation=cv2.INTER_CUBIC)
         field += weight * fine[:height, width : 2 * width] / blurred.std()
-    field = (field - field.mean()) / field.std()
+    field = 1.0 + _FOLD_DEPTH[name] * ((field - field.mean()) / field.std())
     field.setflags(write=False)
     return field
 
@@ -84,7 +84,10 @@ def _bands(position_px: FloatArray, repeat_px: float, half_px: float) -> FloatAr
 def _accent_share(
     pattern: Pattern, down: FloatArray, around: FloatArray, repeat_px: float, rng: np.random.Generator
 ) -> FloatArray:
-    """`(h, w)` share of the accent colour in [0, 1], by rows from the top and columns from the front `(h, w)` [px]."""
+    """Share of the accent colour in [0, 1], by rows from the top `(h, 1)` and columns from the front `(1, w)` [px].
+
+    Its shape is `(h, w)`, or one that broadcasts to it.
+    """
     match pattern:
         case "plain":
             return np.zeros_like(down)

@@ -53,12 +53,12 @@ def quad(
     """
     start, right, up = (np.asarray(v, dtype=np.float64) for v in (corner, right, up))
     columns, rows = cells
-    u, v = np.meshgrid(np.linspace(0.0, 1.0, columns + 1), np.linspace(0.0, 1.0, rows + 1))
-    unit = np.column_stack([u.ravel(), v.ravel()])
+    unit = _grid_points(columns, rows)
     vertices = start + unit[:, :1] * right + unit[:, 1:] * up
     normal = _cross(right, up)
     size = (float(np.linalg.norm(right)), float(np.linalg.norm(up)))
-    normals = np.tile(normal / np.linalg.norm(normal), (len(vertices), 1))
+    normals = np.empty_like(vertices)
+    normals[:] = normal / np.linalg.norm(normal)
     return TexturedMesh(
         texture.material, vertices, normals, texture.coordinates(unit, size), _grid_triangles(columns, rows)
     )
@@ -67,6 +67,15 @@ def quad(
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     # For single vectors ten times as fast as np.cross; a place has thousands of faces.
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@cache
+def _grid_points(columns: int, rows: int) -> FloatArray:
+    """`((columns + 1) (rows + 1), 2)` corners of the cells of the unit square; read-only."""
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, columns + 1), np.linspace(0.0, 1.0, rows + 1))
+    unit = np.column_stack([u.ravel(), v.ravel()])
+    unit.setflags(write=False)
+    return unit
 
 
 @cache

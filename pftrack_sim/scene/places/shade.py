@@ -6,9 +6,11 @@ All faces look upwards, and cameras are below them: back faces are not drawn, bu
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import Bounds
@@ -83,11 +85,18 @@ def _sheet(left: float, low: float, right: float, high: float, z: float) -> Text
 
 def _disc(x: float, y: float, z: float, radii: FloatArray) -> TexturedMesh:
     """A star-shaped polygon that faces upwards."""
-    angle = np.linspace(0.0, 2.0 * np.pi, len(radii), endpoint=False)
-    rim = np.column_stack([x + radii * np.cos(angle), y + radii * np.sin(angle), np.full(len(radii), z)])
-    vertices = np.concatenate([[(x, y, z)], rim])
-    ring = np.arange(1, len(vertices))
+    cos, sin, normals, uv, faces = _unit_disc(len(radii))
+    vertices = np.empty((len(radii) + 1, 3))
+    vertices[0] = x, y, z
+    vertices[1:, 0], vertices[1:, 1], vertices[1:, 2] = x + radii * cos, y + radii * sin, z
+    return TexturedMesh(texture("stone").material, vertices, normals, uv, faces)
+
+
+@cache
+def _unit_disc(corners: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.int32]]:
+    """Cosines and sines of the corners of a disc, and the normals, texture coordinates and faces of its mesh."""
+    angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    ring = np.arange(1, corners + 1)
     faces = np.column_stack([np.zeros_like(ring), ring, np.roll(ring, -1)]).astype(np.int32)
-    unit = np.full((len(vertices), 2), 0.5)
-    normals = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
-    return TexturedMesh(texture("stone").material, vertices, normals, texture("stone").coordinates(unit, 1.0), faces)
+    uv = texture("stone").coordinates(np.full((corners + 1, 2), 0.5), 1.0)
+    return np.cos(angle), np.sin(angle), np.tile([0.0, 0.0, 1.0], (corners + 1, 1)), uv, faces
