@@ -1,6 +1,7 @@
 """Comparison of two trackers, or of two runs: paired, honest about few seeds."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,17 @@ TINY: dict[str, Any] = {
     "camera.height_px": 72,
     "duration_s": 0.5,
     "lights.shadows": False,
+    "occluders": [],
 }
 
 
-def make_run(path: Path, trackers: list[str], seeds: list[int], **overrides: Any) -> RunStore:
-    plan = make_plan(["plaza-walk", "corridor"], trackers=trackers, seeds=seeds, overrides={**TINY, **overrides})
+SCENARIOS = ("plaza-walk", "corridor")
+
+
+def make_run(
+    path: Path, trackers: list[str], seeds: list[int], names: Sequence[str] = SCENARIOS, **overrides: Any
+) -> RunStore:
+    plan = make_plan(names, trackers=trackers, seeds=seeds, overrides={**TINY, **overrides})
     run(plan, path, workers=0, videos="none")
     return RunStore(path)
 
@@ -85,7 +92,7 @@ def test_wrong_names_are_refused(
 
 def test_runs_without_a_common_episode_are_refused(stored: RunStore, tmp_path: Path):
     with pytest.raises(RunError, match="no scenario, condition and seed in common"):
-        compare_runs(stored, make_run(tmp_path / "other", ["stay"], [7]))
+        compare_runs(stored, make_run(tmp_path / "other", ["stay"], [7], SCENARIOS[1:]))
 
 
 def test_seeds_needed_follow_the_normal_approximation():

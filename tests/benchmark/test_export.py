@@ -14,11 +14,18 @@ from pftrack_sim.benchmark import Plan, make_plan
 from pftrack_sim.benchmark.export import export
 from pftrack_sim.benchmark.sequence_writer import TRUTH
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
+from pftrack_sim.core.records import Frame
 from pftrack_sim.formats import LAYOUTS, read_sequence
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation.simulation import Simulation
 
-TINY: dict[str, Any] = {"camera.width_px": 96, "camera.height_px": 72, "duration_s": 0.4, "lights.shadows": False}
+TINY: dict[str, Any] = {
+    "lights.shadows": False,
+    "occluders": [],
+    "camera.width_px": 96,
+    "camera.height_px": 72,
+    "duration_s": 0.4,
+}
 
 
 def plan(seeds: list[int], **overrides: Any) -> Plan:
@@ -29,18 +36,22 @@ def files(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.fixture(scope="module")
+def episode() -> list[Frame]:
+    with Simulation(load("easy/plaza-walk", TINY)) as simulation:
+        frames = [simulation.reset(3)]
+        return frames + [simulation.advance() for _ in range(simulation.frame_count - 1)]
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_sequence_has_the_frames_and_boxes_of_the_episode(tmp_path: Path, layout: str):
+def test_a_sequence_has_the_frames_and_boxes_of_the_episode(tmp_path: Path, layout: str, episode: list[Frame]):
     out = export(plan([3]), tmp_path / "out", layout)
     folder = out / LAYOUTS[layout].sequences / "easy-plaza-walk-0003"
     read = read_sequence(folder)
-    with Simulation(load("easy/plaza-walk", TINY)) as simulation:
-        frame = simulation.reset(3)
-        for index in range(simulation.frame_count):
-            np.testing.assert_array_equal(read.image(index), frame.image)
-            np.testing.assert_allclose(read.truth[index], frame.truth.box, atol=6e-6)
-            if index + 1 < simulation.frame_count:
-                frame = simulation.advance()
+    assert len(read) == len(episode)
+    for index, frame in enumerate(episode):
+        np.testing.assert_array_equal(read.image(index), frame.image)
+        np.testing.assert_allclose(read.truth[index], frame.truth.box, atol=6e-6)
     if layout not in ("otb", "lasot"):
         assert read.rate_hz == 30.0
     sql = "SELECT frame, identity, person, list_extract(box, 1) FROM '{}' WHERE identity = 1 ORDER BY frame"

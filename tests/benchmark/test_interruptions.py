@@ -21,9 +21,12 @@ from tests.benchmark.small import contents, small_plan
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills processes and fills disks the Linux way")
 
 
+KILLS = int(os.environ.get("PFTRACK_SIM_KILLS", "2"))
+
+
 @pytest.mark.slow
 def test_killed_at_random_moments(tmp_path: Path):
-    survive(tmp_path, kills=2, episodes=4, seed=1)
+    survive(tmp_path, kills=KILLS, episodes=4, seed=1)
 
 
 @pytest.mark.slow

@@ -27,8 +27,14 @@ def walk(name: str, until_s: float, seed: int = 3, **axis: Any) -> tuple[tuple[s
     return world.people, np.array(places)
 
 
-@pytest.mark.parametrize("distance_m", [0.6, 1.1])
-@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize(
+    ("name", "distance_m"),
+    [
+        pytest.param(name, distance_m, marks=[] if index % 2 == number else pytest.mark.slow)
+        for index, name in enumerate(PLACES)
+        for number, distance_m in enumerate((0.6, 1.1))
+    ],
+)
 def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str, distance_m: float):
     axis = DistractorsAxis(severity=1.0, where="beside", count=2, at_s=2.5, every_s=2.5, distance_m=distance_m)
     names, places = walk(name, 6.0, **axis.model_dump())

@@ -56,8 +56,18 @@ def assert_as_requested(fraction: np.ndarray, from_s: float, spans_s: tuple[tupl
     assert (fraction[clear] > 0.9).all()
 
 
-@pytest.mark.parametrize("kind", ["pillar", "wall", "stranger", "lookalike"])
-@pytest.mark.parametrize("name", PLACES)
+KINDS = ("pillar", "wall", "stranger", "lookalike")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        # Each kind and each place once; the other combinations are slow.
+        pytest.param(name, kind, marks=[] if index % len(KINDS) == number else pytest.mark.slow)
+        for index, name in enumerate(PLACES)
+        for number, kind in enumerate(KINDS)
+    ],
+)
 def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
     at_s = NEXT_TO_PILLARS_AT_S if name == "easy/warehouse" else AT_S
     share = 0.5 if kind == "wall" else 1.0

@@ -12,7 +12,8 @@ from pftrack_sim.camera.sensor import compress
 from pftrack_sim.core.records import Frame
 from pftrack_sim.simulation.simulation import Simulation
 
-SHORT = {"duration_s": 1.0, "camera.width_px": 160, "camera.height_px": 120, "camera.rate_hz": 10.0}
+SHORT = {"duration_s": 1.0, "camera.width_px": 160, "camera.height_px": 120, "camera.rate_hz": 10.0,
+         "lights.shadows": False, "occluders": []}  # fmt: skip
 PARAMETERS: dict[str, dict[str, Any]] = {
     "light": {"auto_exposure": True, "auto_white_balance": True, "dim_ev": 3.0, "at_s": 0.1, "exposure_lag_s": 0.2},
     "noise": {"gain": 9.0},
@@ -89,7 +90,7 @@ def test_truth_and_exposure_do_not_depend_on_lost_frames(automatics: bool):
     light = {"axes.light.auto_exposure": automatics, "axes.light.auto_white_balance": automatics,
              "axes.light.at_s": 0.1, "axes.light.exposure_lag_s": 0.2}  # fmt: skip
     stream = {"axes.stream.severity": 1.0, "axes.stream.rate_hz": SHORT["camera.rate_hz"]}
-    common = {**optics, **light, **stream, "duration_s": 1.5, "lights.shadows": False}
+    common = {**optics, **light, **stream, "duration_s": 1.5}
     complete = {frame.time_s: frame for frame in episode({**common, "axes.stream.dropped_share": 0.0})}
     lossy = episode({**common, "axes.stream.dropped_share": 0.5})
     assert 3 < len(lossy) < len(complete)

@@ -10,7 +10,7 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.simulation.world import World
 
-RATES_HZ = (2.0, 5.0, 12.5, 25.0, 30.0, 50.0)
+RATES_HZ = (2.0, 12.5, 25.0, 50.0)
 PATH_TOLERANCE_M = 0.02
 """Ticks last from 20 ms (at 50 Hz) to 40 ms (at 25 Hz), and a speed is held for one tick: at 1.2 m/s and constant
 acceleration, the distance driven differs by up to half of the difference in tick length times the speed (12 mm)."""

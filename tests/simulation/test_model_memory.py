@@ -16,7 +16,10 @@ from pftrack_sim.simulation.simulation import Simulation
 SMALL = {"camera.width_px": 64, "camera.height_px": 48, "duration_s": 0.3}
 
 
-@pytest.mark.parametrize("axis", [{}, {"axes.blur.severity": 1.0}], ids=["plain", "blur"])
+@pytest.mark.parametrize(
+    "axis",
+    [pytest.param({}, id="plain"), pytest.param({"axes.blur.severity": 1.0}, id="blur", marks=pytest.mark.slow)],
+)
 @pytest.mark.parametrize(
     "backend", ["gl", pytest.param("warp", marks=pytest.mark.skipif(not warp_installed(), reason="needs warp"))]
 )

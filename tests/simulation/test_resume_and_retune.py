@@ -19,7 +19,7 @@ def equal(one: Frame, other: Frame) -> bool:
 @pytest.mark.parametrize(
     "axes",
     [
-        {},
+        pytest.param({}, marks=pytest.mark.slow),
         {"axes.blur.severity": 1.0, "axes.jitter.severity": 1.0, "axes.noise.severity": 0.5},
         {"axes.light.severity": 1.0, "axes.light.at_s": 0.1},
         {"axes.stream.severity": 2.0},

@@ -1,5 +1,6 @@
 """Laws of the world: nested clocks, and random draws that are paired across conditions."""
 
+import functools
 from typing import Any
 
 import mujoco
@@ -16,6 +17,11 @@ BASE: dict[str, Any] = {"duration_s": 3, "lights.shadows": False}
 
 def world(overrides: dict[str, Any] | None = None, seed: int = 5, name: str = "plaza-walk") -> World:
     return World(scenario.load(name, {**BASE, **(overrides or {})}).resolve(seed), seed)
+
+
+@functools.cache
+def plain_walk() -> tuple[np.ndarray, np.ndarray]:
+    return walk()
 
 
 def walk(overrides: dict[str, Any] | None = None, frames: int = 30, **more: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -58,7 +64,7 @@ def test_the_time_of_a_frame_is_its_index_over_the_rate():
     ids=lambda overrides: next(iter(overrides)),
 )
 def test_target_and_robot_do_not_depend_on_other_conditions(overrides: dict[str, Any]):
-    for before, after in zip(walk(), walk(overrides), strict=True):
+    for before, after in zip(plain_walk(), walk(overrides), strict=True):
         np.testing.assert_array_equal(before, after)
 
 
