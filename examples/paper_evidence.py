@@ -41,7 +41,12 @@ COARSE = MappingProxyType(
     {"point_count": 25, "sigma_scale": 0.0056, "sigma_wandering": 0.402, "sigma_centre": 0.0978, "hold_below": 0.0}
 )
 SETTINGS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {"25 points": COARSE, "default (100 points)": {}, "default, independence=1": {"independence": 1.0}}
+    {
+        "25 points": COARSE,
+        "100 points, sigma_scale=0.02": {"sigma_scale": 0.02},
+        "default: 100 points, 0.025": {},
+        "100 points, 0.05": {"sigma_scale": 0.05},
+    }
 )
 LEARNING: Mapping[str, Any] = MappingProxyType({**SMALL, "duration_s": 7.0})
 PLACES = ("easy/plaza-walk", "easy/warehouse")

@@ -81,7 +81,7 @@ class Kwon2005Parameters(MixtureParameters):
             "noise_min": 0.848,
             "noise_max": 1.72,
             "sigma_centre": 0.13,
-            "sigma_scale": 0.02,
+            "sigma_scale": 0.025,
             "sigma_angle": 0.0015,
             "velocity": False,
             "outliers": "stable",
