@@ -29,6 +29,10 @@ _BUILTIN = {  # name: (module, description)
     "ko2012-hsv": ("papers.ko2012", "Ko et al. 2012, method 2: HSV histogram"),
     "ko2012-hsv-kernel": ("papers.ko2012", "Ko et al. 2012, method 3: HSV histogram under an Epanechnikov kernel"),
     "ko2012-rgb": ("papers.ko2012", "Ko et al. 2012, method 1: RGB histogram"),
+    "klein2010": (
+        "relatives.klein2010",
+        "Klein et al. 2010: particle filter on a classifier boosted every frame",
+    ),
     "kwon2005": ("papers.kwon2005", "Kwon, Kim & Lim: appearance-adaptive particle filter on a grey template"),
     "kwon2005-no-occlusion": ("papers.kwon2005", "kwon2005 without occlusion detection"),
     "lee2012": ("papers.lee2012", "Lee et al. 2012: particle filter on colour and HOG, with incremental PCA"),

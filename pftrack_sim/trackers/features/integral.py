@@ -31,16 +31,25 @@ def rectangle_means(
     Rectangles are x, y, w, h in shares of the box: (0, 0, 1, 1) is the box itself, and a rectangle may lie beyond it.
     Only the part inside the image counts; the mean is 0 where there is none.
     """
-    out = np.empty((len(boxes), len(rectangles)))
+    out = np.empty((len(boxes), len(rectangles), 1))
     _means(integral, boxes, rectangles, channels, out)
+    return out[..., 0]
+
+
+def channel_means(integral: FloatArray, boxes: FloatArray, rectangles: FloatArray) -> FloatArray:
+    """`(N, R, C)` means of all channels over rectangles, as `rectangle_means`."""
+    out = np.empty((len(boxes), len(rectangles), integral.shape[2]))
+    _means(integral, boxes, rectangles, np.zeros(len(rectangles), np.intp), out)
     return out
 
 
 @njit(nogil=True, cache=True)
 def _means(
-    integral: FloatArray, boxes: FloatArray, rectangles: FloatArray, channels: NDArray[np.intp], out: FloatArray
+    integral: FloatArray, boxes: FloatArray, rectangles: FloatArray, first: NDArray[np.intp], out: FloatArray
 ) -> None:
+    """Fill `(N, R, C)` with the means of C channels from the first one of each rectangle on."""
     height, width = integral.shape[0] - 1.0, integral.shape[1] - 1.0
+    rows, columns = np.empty((4, 2)), np.empty((4, 2))
     for n in range(boxes.shape[0]):
         x, y, w, h = boxes[n]
         for r in range(rectangles.shape[0]):
@@ -52,20 +61,27 @@ def _means(
             if area <= _LEAST_AREA:
                 out[n, r] = 0.0
                 continue
-            c = channels[r]
-            total = _at(integral, bottom, right, c) - _at(integral, top, right, c)
-            total += _at(integral, top, left, c) - _at(integral, bottom, left, c)
-            out[n, r] = total / area
+            _lines(left, right, integral.shape[1], columns)
+            _lines(top, bottom, integral.shape[0], rows)
+            for c in range(out.shape[2]):
+                total = 0.0
+                for i in range(4):
+                    row = int(rows[i, 0])
+                    along = 0.0
+                    for j in range(4):
+                        along += columns[j, 1] * integral[row, int(columns[j, 0]), first[r] + c]
+                    total += rows[i, 1] * along
+                out[n, r, c] = total / area
 
 
 @njit(nogil=True, cache=True)
-def _at(integral: FloatArray, row: float, column: float, channel: int) -> float:
-    """The integral image at a continuous position inside it."""
-    i, j = min(int(row), integral.shape[0] - 2), min(int(column), integral.shape[1] - 2)
-    v, u = row - i, column - j
-    above = integral[i, j, channel] + (integral[i, j + 1, channel] - integral[i, j, channel]) * u
-    below = integral[i + 1, j, channel] + (integral[i + 1, j + 1, channel] - integral[i + 1, j, channel]) * u
-    return above + (below - above) * v
+def _lines(near: float, far: float, count: int, out: FloatArray) -> None:
+    """Fill `(4, 2)` with the lines beside two positions, and their weights in the difference of the sums there."""
+    low, high = min(int(near), count - 2), min(int(far), count - 2)
+    out[0, 0], out[0, 1] = low, near - low - 1.0
+    out[1, 0], out[1, 1] = low + 1, low - near
+    out[2, 0], out[2, 1] = high, high + 1.0 - far
+    out[3, 0], out[3, 1] = high + 1, far - high
 
 
 _LEAST_AREA = 1e-6  # Below this area [px^2] the difference of sums is a rounding error

@@ -1,0 +1,180 @@
+"""Klein, Schulz, Frintrop & Cremers 2010, "Adaptive real-time video-tracking for arbitrary objects", IROS.
+
+A particle filter whose likelihood is the confidence of a classifier that tells the target from its surround. Its weak
+classifiers threshold Haar-like centre-surround features of regions of a box; AdaBoost chooses and weights them anew in
+every frame. Known of the publication are its idea and these parts (Ko et al. 2012, section I and table 1); all else is
+chosen here, see docs/papers/relatives.md.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
+from pftrack_sim.trackers.features.boosting import StrongClassifier, train
+from pftrack_sim.trackers.features.centre_surround import CentreSurround, grid_of_regions, opponent_integral
+from pftrack_sim.trackers.features.image_region import ImageRegion, downsample
+from pftrack_sim.trackers.parameters import NotNegative, Share
+
+POINTS = (24, 48)
+"""Least columns and rows of pixels in a box after downsampling."""
+Samples = Annotated[int, Field(ge=2, le=1000)]
+
+
+class Klein2010Parameters(BoxFilterParameters):
+    """Parameters. Defaults are the preset `paper`; all values are chosen, as none of the publication is known.
+
+    Attributes:
+        sharpness: lambda of the likelihood exp(lambda c), c the classifier's confidence in [-1, 1].
+        soft: Whether weak classifiers grow more certain with the distance to their threshold, see `StrongClassifier`.
+        rounds: Weak classifiers of the strong one.
+        divisions: Regions have 1/1, 1/2, ... 1/`divisions` of a box's sides.
+        centre: Side of a region's centre as a share of the region's.
+        positive_count: Samples of the target: the estimated box and boxes near it.
+        positive_spread: Greatest shift and change of size of these, as a share of the box.
+        negative_count: Samples of the surround.
+        negative_from: Least shift of these, or change of size, as a share of the box.
+        negative_to: Greatest shift of these, as a share of the box.
+        anchor: Weight of the first frame's samples, which alone are certain to show the target, beside those of later
+            frames: 0 trains on these alone.
+        memory: Number of past estimates that stay samples of the target, together as heavy as the present frame's.
+        learn_above: Least confidence in [0, 1] of an estimate that is learnt from.
+    """
+
+    # The filter is that of `ko2012`; the rest was chosen on four recorded sequences (BoBoT A and E, OTB Jogging-1 and
+    # David). The first frame and past estimates keep the classifier from learning its own drift:
+    # docs/papers/relatives.md.
+    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {
+            "sigma_centre": 0.2,
+            "sigma_size": 0.025,
+            "size_correlation": 1.0,
+            "sigma_unit": "box",
+            "top_count": 20,
+            "hold_distance": 0.6,
+            "redraw": "estimate",
+            "soft": True,
+            "anchor": 0.3,
+            "memory": 40,
+            "learn_above": 0.65,
+        }
+    )
+
+    sharpness: NotNegative = 10.0
+    soft: bool = False
+    rounds: Annotated[int, Field(ge=1, le=1000)] = 40
+    divisions: Annotated[int, Field(ge=1, le=8)] = 3
+    centre: Annotated[float, Field(ge=0.1, le=0.9)] = 0.5
+    positive_count: Samples = 15
+    positive_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.04
+    negative_count: Samples = 45
+    negative_from: Annotated[float, Field(gt=0.0, le=2.0)] = 0.25
+    negative_to: Annotated[float, Field(gt=0.0, le=2.0)] = 0.75
+    anchor: Share = 0.0
+    memory: Annotated[int, Field(ge=0, le=1000)] = 0
+    learn_above: Share = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class FrameFeatures:
+    """The features of one image near the particles, and the classifier of the frames before."""
+
+    region: ImageRegion
+    integral: FloatArray
+    pool: CentreSurround
+    classifier: StrongClassifier
+    sharpness: float
+    soft: bool
+
+    def confidences(self, boxes: FloatArray) -> FloatArray:
+        """`(N,)` confidence in [-1, 1] of `(N, 4)` boxes [px]."""
+        values = self.pool.values(self.integral, self.region.to_region(boxes), self.classifier.chosen)
+        return self.classifier.score(values, soft=self.soft)
+
+    def log_likelihood(self, particles: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]."""
+        return self.sharpness * self.confidences(particles)
+
+    def similarity(self, box: Box) -> float:
+        """Confidence of a `(4,)` box [px] in [0, 1]."""
+        return min(max(0.5 + 0.5 * float(self.confidences(box[None])[0]), 0.0), 1.0)
+
+
+class Klein2010(BoxFilterTracker[Klein2010Parameters, FrameFeatures]):
+    """The tracker; it draws from the stream `"tracker"` of the root seed.
+
+    Attributes:
+        pool: All features.
+        classifier: The strong classifier for the next frame.
+    """
+
+    def __init__(self, params: Klein2010Parameters, seed: int) -> None:
+        super().__init__(params, seed)
+        self.pool = grid_of_regions(params.divisions, params.centre)
+        count = params.positive_count + params.negative_count
+        self._positive = np.arange(count) < params.positive_count
+
+    def _learn_first(self, image: Image, box: Box) -> None:
+        region, integral = self._integral(image, box[None], box)
+        self._first = self.pool.values(integral, region.to_region(self._samples(box)))
+        self._past: deque[FloatArray] = deque(maxlen=self.params.memory)
+        self.classifier = train(self._first, self._positive, np.ones(len(self._first)), self.params.rounds)
+
+    def _observe(self, image: Image, near: FloatArray) -> FrameFeatures:
+        p = self.params
+        region, integral = self._integral(image, near, near[-1])
+        return FrameFeatures(region, integral, self.pool, self.classifier, p.sharpness, p.soft)
+
+    def _learn(self, image: Image, observation: FrameFeatures, box: Box) -> None:
+        p = self.params
+        if observation.similarity(box) < p.learn_above:
+            return
+        present = self.pool.values(observation.integral, observation.region.to_region(self._samples(box)))
+        self._past.append(present[0])
+        past = np.array(self._past).reshape(-1, self.pool.size)
+        values = np.concatenate([self._first, present, past])
+        positive = np.concatenate([self._positive, self._positive, np.ones(len(past), np.bool_)])
+        weights = np.full(len(values), 1.0 - p.anchor)
+        weights[: len(self._first)] = p.anchor
+        weights[len(self._first) + len(present) :] *= p.positive_count / max(len(past), 1)
+        self.classifier = train(values, positive, weights, p.rounds)
+
+    def _integral(self, image: Image, near: FloatArray, box: Box) -> tuple[ImageRegion, FloatArray]:
+        """Where `(N, 4)` boxes [px] and samples around them lie, with `POINTS` pixels or more in a box of this size."""
+        reach = self.params.negative_to * box[2:]
+        low, high = near[:, :2].min(axis=0) - reach, (near[:, :2] + near[:, 2:]).max(axis=0) + reach
+        hull = np.concatenate([low, high - low])
+        region = downsample(image, hull[None], (float(box[2]), float(box[3])), POINTS)
+        return region, opponent_integral(region.pixels)
+
+    def _samples(self, box: Box) -> FloatArray:
+        """`(P + Q, 4)` boxes [px]: first the positive ones, then the negative ones."""
+        p, rng = self.params, self._rng
+        positive = rng.uniform(-p.positive_spread, p.positive_spread, (p.positive_count, 3))
+        positive[0] = 0.0
+        angle = rng.uniform(0.0, 2.0 * np.pi, p.negative_count)
+        distance = rng.uniform(p.negative_from, max(p.negative_from, p.negative_to), p.negative_count)
+        growth = rng.uniform(-p.positive_spread, p.positive_spread, p.negative_count)
+        # Every third shows the target's place at a wrong size.
+        growth[::3] = distance[::3] * rng.choice([-1.0, 1.0], len(distance[::3]))
+        distance[::3] = 0.0
+        negative = np.column_stack([distance * np.cos(angle), distance * np.sin(angle), growth])
+        moves = np.concatenate([positive, negative])
+        size = box[2:] * np.exp(moves[:, 2:])
+        centre = box[:2] + 0.5 * box[2:] + moves[:, :2] * box[2:]
+        return np.concatenate([centre - 0.5 * size, size], axis=1)
+
+
+def make(name: str, *, seed: int, preset: str, **params: Any) -> Klein2010:
+    """Make the tracker; raises ParameterError."""
+    return Klein2010(Klein2010Parameters.from_preset(name, preset, params), seed)
