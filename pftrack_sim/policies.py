@@ -20,7 +20,7 @@ from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.trackers import NeedsTruth
+from pftrack_sim.trackers import NeedsDetections, NeedsTruth
 
 PAPER_MS: Mapping[str, float] = MappingProxyType(
     {"ko2012": 100.0, "lee2012": 55.0, "lee2012-color": 7.0, "lee2012-color-hog": 13.0}
@@ -81,21 +81,25 @@ class TrackingPolicy:
 
         Args:
             observation: An observation of one of the environments.
-            info: The information that came with it; read only for trackers that need the truth (`oracle`), and where
-                the observation has no image.
+            info: The information that came with it; read only for trackers that need the truth (`oracle`) or
+                detections, and where the observation has no image.
 
         Returns:
             `(4,)` box x, y, w, h [px], zeros before the target is selected; `self.estimate` holds the whole estimate.
 
         Raises:
-            TrackerError: The tracker needs the truth, and no `info` was passed; or it needs images, and the
-                environment was made with `image=False`.
+            TrackerError: The tracker needs the truth or detections, and no `info` was passed; or it needs images, and
+                the environment was made with `image=False`.
         """
         if isinstance(self.tracker, NeedsTruth):
             if info is None:
                 raise TrackerError("this tracker needs the truth: call the policy with (observation, info)")
             self.tracker.receive_truth(info["truth"].box)
-        elif "image" not in observation:
+        if isinstance(self.tracker, NeedsDetections):
+            if info is None:
+                raise TrackerError("this tracker follows detections: call the policy with (observation, info)")
+            self.tracker.receive_detections(info["detections"])
+        if "image" not in observation and not isinstance(self.tracker, (NeedsTruth, NeedsDetections)):
             raise TrackerError("this tracker needs images: make the environment without image=False")
         image = _image(observation, info)
         if observation["first"]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -29,8 +29,9 @@ from pftrack_sim.benchmark.episode_file import (
 from pftrack_sim.benchmark.episode_log import episode_log
 from pftrack_sim.benchmark.error_log import ErrorLog
 from pftrack_sim.benchmark.frame_cache import DamagedEntry, EntryWriter, FrameCache
+from pftrack_sim.benchmark.people_scores import has_tracks, people_scores
 from pftrack_sim.benchmark.plan import Episode
-from pftrack_sim.benchmark.rollout import Driver, Sink, drive, rollout, simulated
+from pftrack_sim.benchmark.rollout import Driver, Sample, Sink, detected, drive, rollout, simulated
 from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
@@ -171,9 +172,14 @@ def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log:
     """
     # Logs hold what the robot sensed, which is not in the cache.
     episode, frames = job.episode, job.cache if not job.logs else None
+
+    def with_detections(samples: Iterable[Sample]) -> Iterable[Sample]:
+        wanted = any(runner.needs_detections for runner in runners)
+        return detected(samples, episode.scenario.resolve(episode.seed), episode.seed) if wanted else samples
+
     entry = frames.entry(episode.scenario, episode.seed, job.backend) if frames is not None else None
     if frames is not None and entry is not None and (cached := frames.open(entry)) is not None:
-        rollout(cached.samples(), runners, sinks)
+        rollout(with_detections(cached.samples()), runners, sinks)
         if log.frames_digest != cached.frames_digest:
             frames.remove(entry)
             raise DamagedEntry
@@ -185,7 +191,7 @@ def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log:
             with contextlib.suppress(OSError):  # a cache that cannot be written costs time, not the run
                 writer = opened.enter_context(EntryWriter(frames, entry))
         frames_drawn = simulated(simulation, episode.seed, sensors=bool(job.logs))
-        rollout(frames_drawn, runners, [*sinks, *([writer] if writer else [])])
+        rollout(with_detections(frames_drawn), runners, [*sinks, *([writer] if writer else [])])
         if writer is not None:
             writer.finish(log.frames_digest, simulation.graphics)
         return simulation.graphics
@@ -226,13 +232,15 @@ def _write(
     times = np.array([truth.time_s for truth in truths])
     rows: list[dict[str, Any]] = []
     tables: list[tuple[Mapping[str, str | float | None], Columns]] = []
+    several = any(map(has_tracks, runners))
     for runner in runners:
         frames = score.frame_scores(runner.boxes, true_boxes)
         measures = score.measure(frames, scored, visible, np.array(runner.ms), times)
         identity = identity_columns(runner.spec, episode.latency_ms)
-        tables.append((identity, estimate_columns(runner, frames.overlap, frames.centre_error_px)))
+        tables.append((identity, estimate_columns(runner, frames.overlap, frames.centre_error_px, with_tracks=several)))
         errors = {"error": runner.error, "printed": runner.printed}
-        rows.append({**key, **identity, **measures.as_dict(), **following, **errors})
+        people = people_scores(log.true_tracks.frames, runner) if several else {}
+        rows.append({**key, **identity, **measures.as_dict(), **following, **people, **errors})
     metadata = {
         **key,
         "episode_sha256": episode.digest,

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.benchmark.files import query_deadline, sql_text
+from pftrack_sim.benchmark.people_scores import track_rows
 from pftrack_sim.benchmark.plan import Episode, TrackerSpec
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import RunError
@@ -53,7 +54,10 @@ _PEOPLE = "SELECT {}, unnest(people, max_depth := 2) FROM {}"
 
 _TRUTH_NUMBERS = ("time_s", "state", "visible_fraction", "truncation", "distance_m", "image_motion_px", "luminance")
 _TRUTH_LISTS = ("box", "amodal_box", "visible_box", "swept_box", "T_world_camera", "T_world_target", "K", "distortion")
-_CASTS = dict.fromkeys((*_TRUTH_LISTS, "estimate"), "DOUBLE[]") | {"occluders": "VARCHAR[]", "ranges_m": "FLOAT[]"}
+_CASTS = dict.fromkeys((*_TRUTH_LISTS, "estimate", "tracks"), "DOUBLE[]") | {
+    "occluders": "VARCHAR[]",
+    "ranges_m": "FLOAT[]",
+}
 """Types of lists: a file without any entry in them would have none."""
 
 Column = NDArray[Any]
@@ -111,10 +115,14 @@ class PeopleLog:
         return {**place, **dict(zip(_PERSON, [*text, *boxes, *numbers[:, 8:].T], strict=True))}
 
 
-def estimate_columns(runner: TrackerRunner, overlap: FloatArray, centre_error_px: FloatArray) -> dict[str, Column]:
-    """Estimates of one tracker with their scores, one row per frame."""
+def estimate_columns(
+    runner: TrackerRunner, overlap: FloatArray, centre_error_px: FloatArray, *, with_tracks: bool = False
+) -> dict[str, Column]:
+    """Estimates of one tracker with their scores, one row per frame, on request with everybody whom it follows."""
     estimates = runner.estimates
+    tracks = {"tracks": _lists(track_rows(runner))} if with_tracks else {}
     return {
+        **tracks,
         "frame": np.arange(len(estimates)),
         "status": np.array(runner.statuses, dtype=object),
         "estimate": _lists(runner.boxes.tolist()),
@@ -219,7 +227,8 @@ def join_episodes(path: Path, files: Sequence[tuple[Path, Sequence[str]]], episo
             "tracker_sha256": {label: digests[label] for label in kept},
         }
         database.register("places", {"label": column(kept), "place": np.arange(len(kept))})
-        parts = " UNION ALL ".join(
+        # A tracker of several people has a column of its own.
+        parts = " UNION ALL BY NAME ".join(
             f"SELECT * FROM read_parquet({sql_text(file)}, hive_partitioning = false) "
             f"WHERE label IN ({', '.join(map(sql_text, labels))})"
             for file, labels in files

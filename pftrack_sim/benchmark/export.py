@@ -34,6 +34,7 @@ def export(
     image: str = "png",
     quality: int = JPEG_QUALITY,
     maps: Sequence[str] = (),
+    detections: bool = False,
     workers: int = 0,
     backend: str | None = None,
     on_sequence: Callable[[], None] = lambda: None,
@@ -47,6 +48,7 @@ def export(
         image: `"png"`, lossless, or `"jpg"`.
         quality: Of JPEG, 1 to 100.
         maps: Of `MAP_KINDS`: what is written beside each image.
+        detections: Write what each scenario's detector finds, see the axis `detector`; layout `mot` only.
         workers: Processes; 0 works in this one.
         backend: Renderer, by name.
         on_sequence: Called for every sequence that is there, old or new.
@@ -56,7 +58,7 @@ def export(
 
     Raises:
         UnknownNameError: No such layout, image format or map.
-        ParameterError: The quality or the number of workers is out of range.
+        ParameterError: The quality or the number of workers is out of range, or the layout has no detections.
         RunError: The folder holds something else, or cannot be written.
         ScenarioError: A scenario contradicts itself at a seed, or has effects under which a map or a layout has no
             definition.
@@ -68,6 +70,8 @@ def export(
         raise UnknownNameError("image format", image, get_args(ImageFormat))
     if not 1 <= quality <= 100 or workers < 0:
         raise ParameterError(f"quality must be 1 to 100 and workers >= 0, got {quality} and {workers}")
+    if detections and layout != "mot":
+        raise ParameterError(f"the layout mot holds detections, {layout} does not")
     Simulation(
         next(plan.episodes()).scenario, backend=backend
     )  # A wrong renderer is reported before anything is written.
@@ -75,7 +79,7 @@ def export(
     names = sequence_names(plan)
     folder = out / WRITTEN[layout].sequences
     chosen: ImageFormat = "png" if image == "png" else "jpg"
-    _begin(out, plan, layout, image, quality, kinds)
+    _begin(out, plan, layout, image, quality, [*kinds, *(["detections"] if detections else [])])
     _remove_parts(folder)
 
     def jobs() -> Iterator[ExportJob]:
@@ -84,7 +88,7 @@ def export(
             if path.exists():
                 on_sequence()
             else:
-                yield ExportJob(episode, path, layout, chosen, quality, kinds, backend, number)
+                yield ExportJob(episode, path, layout, chosen, quality, kinds, backend, number, detections)
 
     for _ in _run_all(jobs(), workers):
         on_sequence()

@@ -17,7 +17,7 @@ from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
 from pftrack_sim.core import boxes, random_streams
 from pftrack_sim.core.boxes import Box
-from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.errors import ParameterError, RunError, TrackerError
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.score import Summary
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
@@ -71,7 +71,7 @@ def evaluate(
 
     Raises:
         UnknownNameError: An unknown tracker.
-        TrackerError: A tracker whose requirements are missing.
+        TrackerError: A tracker whose requirements are missing, or that follows detections where a sequence has none.
         SequenceError: An image cannot be read.
         ParameterError: No such preset or parameter, an impossible name of a video, or noise outside [0, 0.5].
         RunError: A video cannot be written.
@@ -88,6 +88,7 @@ def evaluate(
         made = partial(make_runners, specs, isolation=isolation, limits=limits, processes=processes)
         for sequence, path in zip(sequences, videos, strict=True):
             by_seed = {seed: made(seed=seed) for seed in seeds}
+            _check_detections(sequence, [one for runners in by_seed.values() for one in runners])
             for seed, runners in by_seed.items():
                 for runner in runners:
                     runner.start_from = partial(_perturbed, seed=seed, share=box_noise)
@@ -110,6 +111,17 @@ def _perturbed(box: Box, *, seed: int, share: float) -> Box:
     offsets = random_streams.stream(seed, "first_box").uniform(-share, share, 4)
     sides = box[2:] * (1.0 + offsets[2:])
     return np.concatenate([boxes.centre(box) + offsets[:2] * box[2:] - 0.5 * sides, sides])
+
+
+def _check_detections(sequence: RecordedSequence, runners: Sequence[TrackerRunner]) -> None:
+    """Refuse trackers that follow detections where there are none."""
+    if sequence.detections is None and (needing := [one for one in runners if one.needs_detections]):
+        for runner in runners:
+            runner.close()
+        raise TrackerError(
+            f"{needing[0].spec.label} follows detections, and {sequence.name} has none: the MOT layout holds them in "
+            "det/det.txt"
+        )
 
 
 def _run(

@@ -13,6 +13,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark.export import sequence_names
 from pftrack_sim.benchmark.files import distinct_slugs, write_bytes
+from pftrack_sim.benchmark.people_scores import table_of
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.recorded import RecordedResult
 from pftrack_sim.benchmark.store import RunStore
@@ -67,9 +68,12 @@ def export_results(run: RunStore, out: Path, form: str, *, on_episode: Callable[
     trackers = distinct_slugs(run.plan.labels)
     episodes = dict(zip((one.path for one in run.plan.episodes()), names, strict=True))
     written: list[Path] = []
-    for result in {one.file: one for one in run.results}.values():
+    # Of the trackers in a file one that has scores of several people, if any has.
+    for result in {one.file: one for one in sorted(run.results, key=lambda one: one.number("hota") >= 0.0)}.values():
         sequence = episodes[Path(result.file).relative_to("episodes").with_suffix("").as_posix()]
-        table = run.frame_columns(result, _COLUMNS)
+        # The summary knows whether the episode has a tracker of several people.
+        several = "hota" in result.values and result.values["hota"] is not None
+        table = run.frame_columns(result, (*_COLUMNS, "tracks") if several else _COLUMNS)
         for label, tracker in trackers.items():
             content = _tracker_result(table, label)
             for name, text in result_files(chosen, tracker, sequence, content):
@@ -101,7 +105,9 @@ def _tracker_result(table: Mapping[str, Any], label: str) -> TrackerResult:
     confidence = np.ma.filled(np.ma.asarray(table["confidence"][mine], dtype=np.float64), np.nan)
     first = statuses.index("init") if "init" in statuses else len(statuses) - 1
     ms = np.asarray(table["ms"][mine], dtype=np.float64)
-    return TrackerResult(np.array(rows, dtype=np.float64).reshape(-1, 4), ms, confidence, first)
+    tracks = _objects(table["tracks"][mine]) if "tracks" in table else []
+    people = table_of(tracks) if any(row is not None for row in tracks) else None
+    return TrackerResult(np.array(rows, dtype=np.float64).reshape(-1, 4), ms, confidence, first, people)
 
 
 def _objects(values: Any) -> list[Any]:

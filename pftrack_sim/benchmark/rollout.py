@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -19,12 +19,14 @@ from pftrack_sim.benchmark.tracker_runner import TrackerRunner, fault_of
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import SequenceError
-from pftrack_sim.core.records import Estimate, Frame, Image
+from pftrack_sim.core.records import Detections, Estimate, Frame, Image, TrackedBoxes
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.env.base import checked_command
 from pftrack_sim.formats import RecordedSequence
+from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import TrackerFault
+from pftrack_sim.truth.detector import DetectionModel
 
 Action: TypeAlias = Mapping[str, Any]
 """Action of `TrackAndFollow-v0`."""
@@ -46,6 +48,7 @@ class Sample:
         caption: Caption of pictures of it.
         observation: Observation of the environment in closed loop; in open loop its `proprio` alone, on request.
         info: Information that came with it, with `robot_pose` (x, y [m], heading [rad]); the latter on request.
+        detections: What a detector found in it, in open loop on request; None where there is none.
     """
 
     time_s: float
@@ -56,6 +59,7 @@ class Sample:
     caption: str = ""
     observation: Mapping[str, Any] = field(default_factory=dict[str, Any])
     info: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    detections: Detections | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +84,7 @@ def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: 
     """
     for sample in samples:
         for runner in runners:
-            runner.step(sample.image, sample.true_box, sample.visible)
+            runner.step(sample.image, sample.true_box, sample.visible, sample.detections)
         for sink in sinks:
             sink(Step(sample, None, None))
 
@@ -147,6 +151,14 @@ def _sample(frame: Frame, **more: Any) -> Sample:
     return Sample(frame.time_s, frame.image, frame.truth.box, frame.truth.scored, frame, **more)
 
 
+def detected(samples: Iterable[Sample], settings: ResolvedScenario, seed: int) -> Iterator[Sample]:
+    """Frames of a simulation, drawn or kept, with what the scenario's detector finds in them."""
+    model = DetectionModel(settings, seed)
+    for sample in samples:
+        assert sample.frame is not None
+        yield replace(sample, detections=model.detect(sample.frame.people, sample.image))
+
+
 def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
     """Frames of a recorded sequence at a rate [Hz]; the target counts as visible where it has a box.
 
@@ -161,7 +173,8 @@ def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
         if image.shape != shape:
             sizes = " and ".join(f"{width} x {height}" for height, width, _ in (shape, image.shape))
             raise SequenceError(f"{sequence.paths[index]}: images of one sequence need one size, got {sizes}")
-        yield Sample(index / rate_hz, image, box, bool(np.isfinite(box[0])), caption=caption)
+        found = sequence.detections[index] if sequence.detections is not None else None
+        yield Sample(index / rate_hz, image, box, bool(np.isfinite(box[0])), caption=caption, detections=found)
 
 
 class Driver:
@@ -214,10 +227,15 @@ class _RunnerAdapter:
     def __init__(self, runner: TrackerRunner) -> None:
         self._runner = runner
         self._true_box: Box = np.zeros(4)
+        self._detections: Detections | None = None
+        self.tracks: TrackedBoxes | None = None
         self.called = False
 
     def receive_truth(self, box: ArrayLike) -> None:
         self._true_box = np.asarray(box, dtype=np.float64)
+
+    def receive_detections(self, detections: Detections) -> None:
+        self._detections = detections
 
     def init(self, image: Image, box: ArrayLike) -> None:
         self._true_box = np.asarray(box, dtype=np.float64)
@@ -225,4 +243,4 @@ class _RunnerAdapter:
 
     def update(self, image: Image) -> Estimate:
         self.called = True
-        return self._runner.call(image, self._true_box)
+        return self._runner.call(image, self._true_box, self._detections)

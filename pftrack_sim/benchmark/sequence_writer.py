@@ -19,9 +19,9 @@ import numpy as np
 from pftrack_sim.benchmark.episode_file import truth_columns
 from pftrack_sim.benchmark.files import sql_text
 from pftrack_sim.benchmark.plan import Episode
-from pftrack_sim.benchmark.rollout import Step, rollout, simulated
+from pftrack_sim.benchmark.rollout import Step, detected, rollout, simulated
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.core.records import Frame, Truth
+from pftrack_sim.core.records import Detections, Frame, Truth
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.formats import WRITTEN, Annotations, PersonBox
 from pftrack_sim.formats.maps import MapKind, encode_depth, encode_flow, encode_masks
@@ -48,6 +48,7 @@ class ExportJob:
         maps: What is written beside each image.
         backend: Renderer, by name.
         number: Place of the sequence in the data set, from 0.
+        detections: Whether what the scenario's detector finds is written too.
     """
 
     episode: Episode
@@ -58,6 +59,7 @@ class ExportJob:
     maps: tuple[MapKind, ...] = ()
     backend: str | None = None
     number: int = 0
+    detections: bool = False
 
 
 def export_sequence(job: ExportJob) -> None:
@@ -78,7 +80,10 @@ def export_sequence(job: ExportJob) -> None:
                 put = partial(_put_member, shard, job.folder.name)
             simulation = opened.enter_context(Simulation(job.episode.scenario, backend=job.backend))
             writer = _SequenceWriter(job, part, simulation, put)
-            rollout(simulated(simulation, job.episode.seed), (), [writer.add])
+            samples = simulated(simulation, job.episode.seed)
+            if job.detections:
+                samples = detected(samples, job.episode.scenario.resolve(job.episode.seed), job.episode.seed)
+            rollout(samples, (), [writer.add])
             writer.flush()
         writer.finish()
         part.rename(job.folder)
@@ -111,6 +116,7 @@ class _SequenceWriter:
     put: Callable[[str, bytes], None]
     frames: list[Frame] = field(default_factory=list[Frame])
     people: list[tuple[PersonBox, ...]] = field(default_factory=list[tuple[PersonBox, ...]])
+    detections: list[Detections] = field(default_factory=list[Detections])
     identities: dict[str, int] = field(default_factory=dict[str, int])
     held: list[tuple[str, bytes]] = field(default_factory=list[tuple[str, bytes]])
     geometry: SceneGeometry | None = None
@@ -123,6 +129,8 @@ class _SequenceWriter:
         no_image = np.empty((0, 0, 3), dtype=np.uint8)
         self.frames.append(Frame(frame.index, frame.time_s, no_image, frame.truth, frame.people))
         self.people.append(self._people(frame))
+        if step.sample.detections is not None:
+            self.detections.append(step.sample.detections)
         if {"depth", "flow"} & set(self.job.maps):
             geometry = self.simulation.scene_geometry()
             if "flow" in self.job.maps and self.geometry is not None:
@@ -218,6 +226,7 @@ class _SequenceWriter:
             tuple(self.people),
             self.job.number,
             (float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])),
+            detections=tuple(self.detections),
         )
 
     def _identity(self, name: str) -> int:

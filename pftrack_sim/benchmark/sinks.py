@@ -16,6 +16,7 @@ from av.error import FFmpegError
 
 from pftrack_sim.benchmark.episode_file import SENSORS, Column, PeopleLog, column
 from pftrack_sim.benchmark.files import atomic_write
+from pftrack_sim.benchmark.people_scores import TrueTracks
 from pftrack_sim.benchmark.rollout import Sample, Step
 from pftrack_sim.benchmark.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -69,8 +70,9 @@ class TruthLog:
 
     def __init__(self) -> None:
         self.truths: list[Truth] = []
-        self.nearest_look_alike: list[float] = []
         self.people = PeopleLog()
+        self.nearest_look_alike: list[float] = []
+        self.true_tracks = TrueTracks()
         self._images = hashlib.blake2b(digest_size=16)
 
     def __call__(self, step: Step) -> None:
@@ -78,6 +80,7 @@ class TruthLog:
         assert step.sample.frame is not None
         self.people.add(len(self.truths), step.sample.frame.people)
         self.truths.append(step.sample.frame.truth)
+        self.true_tracks.add(step.sample.frame)
         self.nearest_look_alike.append(nearest_look_alike(step.sample.frame))
         self._images.update(np.ascontiguousarray(step.sample.image).data)
 

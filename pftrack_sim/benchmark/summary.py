@@ -14,6 +14,7 @@ import duckdb
 from pftrack_sim.benchmark.episode_file import MAX_BYTES, column, missing_trackers, read_metadata
 from pftrack_sim.benchmark.files import atomic_write, csv_text, query_deadline, sql_text, write_bytes
 from pftrack_sim.benchmark.integrity import sha256_of
+from pftrack_sim.benchmark.people_scores import SCORES
 from pftrack_sim.benchmark.plan import Condition, Episode, Plan, TrackerSpec
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, read_bytes
@@ -28,6 +29,7 @@ _CASTS = {
     "printed": "VARCHAR",
     "controller": "VARCHAR",
     "collided_with": "VARCHAR",
+    **dict.fromkeys(SCORES, "DOUBLE"),
     "level_names": "VARCHAR[]",
     "level_values": "DOUBLE[]",
 }
@@ -149,7 +151,8 @@ def load_summary(
         for file, metadata in read_metadata(database, episodes_by_file):
             count += not missing_trackers(metadata, episodes_by_file[file])
             rows += _rows(plan, numbers[file], file, path, metadata, sha256_of(file) if hashes else "")
-        columns = {name: column([row[name] for row in rows]) for name in rows[0]}
+        names = dict.fromkeys(name for row in rows for name in row)
+        columns = {name: column([row.get(name) for row in rows]) for name in names}
         database.register("chunk", columns)
         chosen = ", ".join(f"{name}::{_CASTS[name]} AS {name}" if name in _CASTS else name for name in columns)
         select = (

@@ -15,7 +15,7 @@ from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.records import Estimate, Image, Tracker
+from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes, Tracker
 from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
@@ -38,6 +38,7 @@ class TrackerRunner:
         spec: Which tracker.
         tracker: The tracker itself.
         estimates: One for each frame; None without a valid one.
+        tracks: For each frame everybody whom a multi-object tracker follows; None elsewhere.
         ms: Time taken for each frame; NaN where the tracker was not called or raised an error.
         statuses: One for each frame.
         error: The first error with its frame; None without one. Every frame from there on is a miss.
@@ -51,6 +52,7 @@ class TrackerRunner:
     spec: TrackerSpec
     tracker: Tracker | IsolatedTracker
     estimates: list[Estimate | None] = field(default_factory=list[Estimate | None])
+    tracks: list[TrackedBoxes | None] = field(default_factory=list["TrackedBoxes | None"])
     ms: list[float] = field(default_factory=list[float])
     statuses: list[TrackerStatus] = field(default_factory=list[TrackerStatus])
     error: str | None = None
@@ -60,13 +62,14 @@ class TrackerRunner:
     announce: Callable[[bool], None] = lambda running: None
     start_from: Callable[[Box], Box] = lambda box: box
 
-    def step(self, image: Image, true_box: Box, visible: bool) -> None:
+    def step(self, image: Image, true_box: Box, visible: bool, detections: Detections | None = None) -> None:
         """Call the tracker on the next frame and record the result.
 
         Args:
             image: `(H, W, 3)` uint8 RGB; the tracker gets its own copy.
             true_box: `(4,)` box [px]: for initialisation, and for trackers that need the truth.
             visible: Whether the target can be seen: a tracker is initialised in the first such frame.
+            detections: For trackers that need them; None where there are none.
         """
         if self.error is not None:
             self.record(None, "error")
@@ -75,13 +78,13 @@ class TrackerRunner:
         else:
             status: TrackerStatus = "ok" if self.started else "init"
             try:
-                estimate = self.call(image, true_box)
+                estimate = self.call(image, true_box, detections)
             except TrackerFault as error:
                 self.fail(error)
             else:
                 self.record(estimate, status, self.took_ms)
 
-    def call(self, image: Image, true_box: Box) -> Estimate:
+    def call(self, image: Image, true_box: Box, detections: Detections | None = None) -> Estimate:
         """Initialise the tracker with `start_from(true_box)` when called first, update it afterwards; record nothing.
 
         Raises:
@@ -90,6 +93,11 @@ class TrackerRunner:
         first, self.started = not self.started, True
         self.announce(True)
         try:
+            if self.needs_detections:
+                if detections is None:
+                    raise TrackerFault("it follows detections, and there are none")
+                if isinstance(self.tracker, (IsolatedTracker, trackers.NeedsDetections)):
+                    self.tracker.receive_detections(detections)
             if isinstance(self.tracker, IsolatedTracker):
                 return self._call_isolated(self.tracker, image, true_box, first)
             return self._call(self.tracker, image, true_box, first)
@@ -128,6 +136,13 @@ class TrackerRunner:
         self.took_ms = (time.perf_counter() - start_s) * 1e3
         return checked_estimate(estimate, copied, image)
 
+    @property
+    def needs_detections(self) -> bool:
+        """Whether the tracker implements `NeedsDetections`; raises TrackerFault if it cannot be made."""
+        if isinstance(self.tracker, IsolatedTracker):
+            return self.tracker.needs_detections
+        return isinstance(self.tracker, trackers.NeedsDetections)
+
     def fail(self, fault: TrackerFault) -> None:
         """Record an error in the current frame."""
         self.error, self.traceback = f"frame {len(self.ms)}: {fault}", fault.traceback
@@ -136,6 +151,7 @@ class TrackerRunner:
     def record(self, estimate: Estimate | None, status: TrackerStatus, ms: float = math.nan) -> None:
         """Append the result of a frame."""
         self.estimates.append(estimate)
+        self.tracks.append(getattr(self.tracker, "tracks", None) if status in ("init", "ok") else None)
         self.statuses.append(status)
         self.ms.append(ms)
 

@@ -27,6 +27,9 @@ def export(
     maps: Annotated[
         str | None, typer.Option("--with", metavar="A,B", help="Beside each image: depth, masks (who is seen), flow.")
     ] = None,
+    detections: Annotated[
+        bool, typer.Option("--detections", help="Write what the detector finds into det/det.txt; --format mot.")
+    ] = False,
     workers: Workers = None,
     backend: Backend = None,
 ) -> None:
@@ -55,6 +58,7 @@ def export(
             image=image,
             quality=quality,
             maps=kinds,
+            detections=detections,
             workers=chosen,
             backend=backend,
             on_sequence=tick,

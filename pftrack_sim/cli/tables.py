@@ -50,12 +50,28 @@ def print_bench(results: Sequence[Result]) -> None:
     for one in results:
         groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one.measures)
     print_groups("frames in which the target is visible", groups)
+    _print_people(results)
     errors = [f"{one.label} ended with an error on {_where(one)}, {one.error}" for one in results if one.error]
     unseen = dict.fromkeys(_where(one) for one in results if one.never_seen)
     for lines in (errors, [f"the target is never visible, and nothing is scored, in {where}" for where in unseen]):
         print_lines(lines[:_MOST_LINES])
         if len(lines) > _MOST_LINES:
             console.print(f"and {len(lines) - _MOST_LINES} more: see summary.parquet")
+
+
+def _print_people(results: Sequence[Result]) -> None:
+    """Print how everybody in view was tracked, by trackers of several people; nothing without one."""
+    groups: dict[tuple[str, str, str], list[Result]] = {}
+    for one in results:
+        if not math.isnan(one.number("hota")):
+            groups.setdefault((one.scenario, one.condition.name, one.label), []).append(one)
+    if groups:
+        heads = ("HOTA", "IDF1", "MOTA", "switches")
+        table = new_table("Everybody in view (means over episodes)", ("scenario", "condition", "tracker"), heads)
+        for names, found in groups.items():
+            means = [float(np.mean([one.number(head.lower()) for one in found])) for head in heads]
+            table.add_row(*names, *(_number(mean) for mean in means[:3]), f"{means[3]:.1f}")
+        console.print(table)
 
 
 def _where(one: Result) -> str:

@@ -195,6 +195,39 @@ class Detections(_ArrayRecord):
 
 
 @dataclass(frozen=True, eq=False)
+class TrackedBoxes(_ArrayRecord):
+    """Everybody whom a multi-object tracker follows, in one image.
+
+    Attributes:
+        boxes: `(N, 4)` x, y, w, h [px].
+        identities: `(N,)` whole numbers, all different; a person keeps one.
+    """
+
+    boxes: NDArray[np.float64]
+    identities: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        boxes, identities = np.asarray(self.boxes, dtype=np.float64), np.array(self.identities, dtype=np.int64)
+        if boxes.shape != (len(identities), 4) or identities.ndim != 1:
+            raise ParameterError(
+                f"tracks need boxes (N, 4) and identities (N,), got shapes {boxes.shape} and {identities.shape}"
+            )
+        if not np.isfinite(boxes).all() or len(np.unique(identities)) < len(identities):
+            raise ParameterError("tracks need finite boxes, and an identity of its own for each")
+        identities.setflags(write=False)
+        object.__setattr__(self, "boxes", frozen_array(boxes))
+        object.__setattr__(self, "identities", identities)
+
+    def __len__(self) -> int:
+        return len(self.identities)
+
+    def box(self, identity: int | None) -> Box | None:
+        """The box of an identity, or None."""
+        places = [] if identity is None else np.flatnonzero(self.identities == identity).tolist()
+        return self.boxes[places[0]] if places else None
+
+
+@dataclass(frozen=True, eq=False)
 class Frame:
     """One image with its ground truth.
 

@@ -1,7 +1,8 @@
 """Layout of MOTChallenge (Milan et al. 2016): `img1/000001.jpg`..., `gt/gt.txt`, `seqinfo.ini`.
 
 A line of `gt.txt` is one person in one frame: frame, identity, left, top, width, height, considered, class, visibility;
-frames, identities, left and top are 1-based. Who is not in a frame has no line. Identity 1 is the target of a sequence
+frames, identities, left and top are 1-based. `det/det.txt`, where it is there, holds what a detector found: frame, -1,
+left, top, width, height, score. Who is not in a frame has no line. Identity 1 is the target of a sequence
 that is read for tracking one person.
 """
 
@@ -14,14 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.records import Detections
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats.files import number, number_rows, numbered_images, read_text
+from pftrack_sim.formats.files import box_lines, number, number_rows, numbered_images, read_text
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
 EXPECTS = "a folder img1/ of numbered images and the files gt/gt.txt and seqinfo.ini"
 IMAGE = "img1/{:06d}"
 TARGET = 1
-_TRUTH, _INFO = "gt/gt.txt", "seqinfo.ini"
+_TRUTH, _INFO, _DETECTIONS = "gt/gt.txt", "seqinfo.ini", "det/det.txt"
 _PEDESTRIAN = 1
 _COLUMNS = "frame, identity, left, top, width, height, considered, class, visibility"
 
@@ -48,7 +50,26 @@ def read(folder: Path) -> RecordedSequence:
             rate_hz = parser.getfloat("Sequence", "frameRate", fallback=None)
         except (configparser.Error, ValueError) as error:
             raise SequenceError(f"{folder / _INFO}: {str(error).splitlines()[0]}") from None
-    return RecordedSequence.checked(folder, _TRUTH, paths, truth, rate_hz)
+    return RecordedSequence.checked(folder, _TRUTH, paths, truth, rate_hz, _read_detections(folder, len(paths)))
+
+
+def _read_detections(folder: Path, count: int) -> tuple[Detections, ...] | None:
+    """Detections of each of `count` images; None without a file. Scores outside [0, 1] are mapped to it linearly."""
+    path = folder / _DETECTIONS
+    if not path.is_file():
+        return None
+    what = "frame, identity, left, top, width, height, score"
+    rows = number_rows(path, what, 7, more=True) if read_text(path).strip() else np.empty((0, 7))
+    wrong = ~np.isfinite(rows[:, :7]).all(axis=1) | (rows[:, 4:6] < 0.0).any(axis=1)
+    wrong |= (rows[:, 0] < 1) | (rows[:, 0] > count) | (rows[:, 0] % 1 != 0)
+    if wrong.any():
+        raise SequenceError(f"{path}, line {int(np.argmax(wrong)) + 1}: expected {what} of one of {count} images")
+    scores = rows[:, 6]
+    if len(scores) and (scores.min() < 0.0 or scores.max() > 1.0):
+        scores = (scores - scores.min()) / max(float(np.ptp(scores)), 1e-9)
+    boxes = rows[:, 2:6] - [1.0, 1.0, 0.0, 0.0]
+    frames = [rows[:, 0] == frame for frame in range(1, count + 1)]
+    return tuple(Detections(boxes[here], scores[here]) for here in frames)
 
 
 def read_people(folder: Path) -> FloatArray:
@@ -76,6 +97,12 @@ def write(folder: Path, annotations: Annotations) -> None:
                 x, y, w, h = one.box
                 numbers = ",".join(number(value) for value in (x + 1.0, y + 1.0, w, h))
                 written.write(f"{frame},{one.identity},{numbers},1,{_PEDESTRIAN},{number(one.visible_fraction)}\n")
+    if annotations.detections:
+        (folder / "det").mkdir(exist_ok=True)
+        with (folder / _DETECTIONS).open("w", encoding="utf-8") as written:
+            for frame, found in enumerate(annotations.detections, start=1):
+                for line, score in zip(box_lines(found.boxes, first_pixel=1.0).splitlines(), found.scores, strict=True):
+                    written.write(f"{frame},-1,{line},{number(float(score))},-1,-1,-1\n")
     suffix = next(path.suffix for path in sorted((folder / "img1").iterdir()))
     width, height = annotations.image_size_px
     info = (

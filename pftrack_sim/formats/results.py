@@ -102,6 +102,11 @@ def result_files(form: ResultFormat, tracker: str, sequence: str, result: Tracke
         yield f"{below}.txt", "".join(lines)
         yield f"{below}_time.value", _lines(seconds)
         yield f"{below}_confidence.value", "\n" + _lines(result.confidence.tolist()[1:])
+    elif result.rows is not None:
+        lines = box_lines(result.rows[:, 2:6], first_pixel=1.0).splitlines()
+        rows = zip(result.rows[:, :2].astype(int).tolist(), lines, strict=True)
+        text = "".join(f"{frame + 1},{identity},{line},1,-1,-1,-1\n" for (frame, identity), line in rows)
+        yield f"pftrack-train/{tracker}/data/{sequence}.txt", text
     else:
         kept = np.flatnonzero(np.isfinite(result.boxes).all(axis=1) & (result.boxes[:, 2:] > 0.0).all(axis=1))
         lines = box_lines(result.boxes[kept], first_pixel=1.0).splitlines()

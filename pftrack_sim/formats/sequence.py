@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.inputs import read_bytes
-from pftrack_sim.core.records import Image, frozen_array
+from pftrack_sim.core.records import Detections, Image, frozen_array
 from pftrack_sim.core.types import FloatArray
 
 MAX_IMAGE_BYTES = 256 << 20
@@ -29,6 +29,7 @@ class RecordedSequence:
             row is finite.
         rate_hz: Frames per second; None where the layout does not tell.
         start: Number of images before the first annotated one; they are left out.
+        detections: For each image what a detector found in it; None where the sequence has no file of it.
     """
 
     name: str
@@ -36,13 +37,20 @@ class RecordedSequence:
     truth: FloatArray
     rate_hz: float | None = None
     start: int = 0
+    detections: tuple[Detections, ...] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "truth", frozen_array(self.truth, (len(self.paths), 4)))
 
     @classmethod
     def checked(
-        cls, folder: Path, boxes_in: str, paths: list[Path], truth: FloatArray, rate_hz: float | None = None
+        cls,
+        folder: Path,
+        boxes_in: str,
+        paths: list[Path],
+        truth: FloatArray,
+        rate_hz: float | None = None,
+        detections: tuple[Detections, ...] | None = None,
     ) -> RecordedSequence:
         """A sequence from its first frame with a box on; `boxes_in` is the file of the boxes within the folder.
 
@@ -55,7 +63,8 @@ class RecordedSequence:
         if known.size == 0:
             raise SequenceError(f"{folder / boxes_in}: no frame has a box")
         first = int(known[0])
-        return cls(folder.resolve().name, tuple(paths[first:]), truth[first:], rate_hz, first)
+        found = None if detections is None else detections[first:]
+        return cls(folder.resolve().name, tuple(paths[first:]), truth[first:], rate_hz, first, found)
 
     def __len__(self) -> int:
         return len(self.paths)
@@ -130,6 +139,7 @@ class Annotations:
         number: Place of the sequence in its data set, from 0.
         focal_and_centre_px: fx, fy, cx, cy of the camera.
         tags: `(N,)` for each attribute whether a frame has it: `"motion_change"`.
+        detections: For each frame what a detector found in it; empty where they are not written.
     """
 
     name: str
@@ -143,6 +153,7 @@ class Annotations:
     number: int = 0
     focal_and_centre_px: tuple[float, float, float, float] = (1.0, 1.0, 0.0, 0.0)
     tags: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict[str, NDArray[np.bool_]])
+    detections: tuple[Detections, ...] = ()
 
     def __len__(self) -> int:
         return len(self.boxes)

@@ -4,6 +4,8 @@
     tracker.init(image, box)
     estimate = tracker.update(next_image)
 
+A multi-object tracker has `update(detections, image) -> TrackedBoxes`; `FollowedPerson` makes it a tracker of one.
+
 `filters` holds particle filters without any knowledge of images, `features` appearance models without any knowledge of
 filters; one module per paper combines them and holds its parameters.
 
@@ -13,8 +15,21 @@ filters; one module per paper combines them and holds its parameters.
 
 from __future__ import annotations
 
-from pftrack_sim.trackers.base import NeedsTruth
+from pftrack_sim.trackers.base import NeedsDetections, NeedsTruth
+from pftrack_sim.trackers.multi_object import FollowedPerson, MultiObjectTracker
 from pftrack_sim.trackers.parameters import PRESETS
 from pftrack_sim.trackers.registry import code_digest, describe, factory, is_builtin, make, names
 
-__all__ = ["PRESETS", "NeedsTruth", "code_digest", "describe", "factory", "is_builtin", "make", "names"]
+__all__ = [
+    "PRESETS",
+    "FollowedPerson",
+    "MultiObjectTracker",
+    "NeedsDetections",
+    "NeedsTruth",
+    "code_digest",
+    "describe",
+    "factory",
+    "is_builtin",
+    "make",
+    "names",
+]

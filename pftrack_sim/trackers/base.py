@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
-from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes
 
 
 @runtime_checkable
@@ -24,6 +24,21 @@ class NeedsTruth(Protocol):
 
     def receive_truth(self, box: Box) -> None:
         """Receive the target's true `(4,)` box [px] in the next frame; NaN or without area if it is not in view."""
+        ...
+
+
+@runtime_checkable
+class NeedsDetections(Protocol):
+    """A tracker that receives the detections of each frame, before `init` and before every `update`.
+
+    Attributes:
+        tracks: Everybody whom it follows in the last image, for the scores of multi-object tracking; None: not known.
+    """
+
+    tracks: TrackedBoxes | None
+
+    def receive_detections(self, detections: Detections) -> None:
+        """Receive the people that a detector found in the next frame."""
         ...
 
 

@@ -21,7 +21,10 @@ from pftrack_sim.trackers.trax import PREFIX as TRAX
 
 GROUP = "pftrack_sim.trackers"
 _CONTRIB, _FILES = "needs opencv-contrib-python-headless", "needs model files"
+_MOT = "follows detections; needs the extra mot"
 _BUILTIN = {  # name: (module, description)
+    "bytetrack": ("multi_object.libraries", f"Zhang et al. 2022: ByteTrack of pyxtrackers; {_MOT}"),
+    "chau2011": ("relatives.chau2011", "Chau et al. 2011: similarity of features, Kalman filter; follows detections"),
     "deguchi2004": ("relatives.deguchi2004", "Deguchi et al. 2004: mean shift on colour, a particle filter beside it"),
     "islam2009": ("relatives.islam2009", "Islam, Oh & Lee 2009: particle filter on the distance transform of edges"),
     "ko2012": ("papers.ko2012", "Ko, Nam & Kwak 2012: particle filter on HSV colour and CS-LBP texture"),
@@ -40,6 +43,8 @@ _BUILTIN = {  # name: (module, description)
     "lee2012-color": ("papers.lee2012", "Lee et al. 2012, compared: colour alone"),
     "lee2012-color-hog": ("papers.lee2012", "Lee et al. 2012, compared: colour and HOG, without learning"),
     "ncc": ("baselines", "normalised cross-correlation with the first frame's patch"),
+    "norfair": ("multi_object.libraries", f"norfair's Tracker on the overlap of boxes; {_MOT}"),
+    "ocsort": ("multi_object.libraries", f"Cao et al. 2023: OC-SORT of pyxtrackers; {_MOT}"),
     "opencv-camshift": ("baselines", "OpenCV's CamShift on the back-projected hue: Bradski 1998"),
     "opencv-csrt": ("opencv", f"OpenCV's TrackerCSRT; {_CONTRIB}"),
     "opencv-dasiamrpn": ("opencv", f"OpenCV's TrackerDaSiamRPN; {_FILES}: model, kernel_cls1, kernel_r1"),

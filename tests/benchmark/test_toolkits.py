@@ -141,12 +141,13 @@ def test_otb_success_and_precision_of_got10k_are_ours(folders: Path, tmp_path: P
     assert_equal(ours(folders, "otb"), theirs)
 
 
-def test_trackeval_computes_our_hota_idf1_and_mota(folders: Path, tmp_path: Path):
+def trackeval_scores(dataset: Path, results: Path, out: Path) -> dict[str, dict[str, float]]:
+    """What TrackEval computes of every tracker; skips the test where it is not installed."""
     trackeval: Any = pytest.importorskip("trackeval")
     quiet = {"PRINT_CONFIG": False}
     data = {
-        "GT_FOLDER": str(folders / "data-mot"), "TRACKERS_FOLDER": str(folders / "results-mot"),
-        "OUTPUT_FOLDER": str(tmp_path), "BENCHMARK": "pftrack", "SPLIT_TO_EVAL": "train", **quiet,
+        "GT_FOLDER": str(dataset), "TRACKERS_FOLDER": str(results), "OUTPUT_FOLDER": str(out),
+        "BENCHMARK": "pftrack", "SPLIT_TO_EVAL": "train", **quiet,
     }  # fmt: skip
     switched_off = ("PRINT_RESULTS", "PLOT_CURVES", "OUTPUT_SUMMARY", "OUTPUT_DETAILED", "TIME_PROGRESS")
     evaluator = trackeval.Evaluator({**quiet, **dict.fromkeys(switched_off, False), "USE_PARALLEL": False})
@@ -160,7 +161,11 @@ def test_trackeval_computes_our_hota_idf1_and_mota(folders: Path, tmp_path: Path
         clear = found["CLEAR"]
         counts = {"switches": clear["IDSW"], "missed": clear["CLR_FN"], "false_alarms": clear["CLR_FP"]}
         theirs[name] = {**hota, "idf1": found["Identity"]["IDF1"], "mota": clear["MOTA"], **counts}
-    assert_equal(ours(folders, "mot"), theirs)
+    return theirs
+
+
+def test_trackeval_computes_our_hota_idf1_and_mota(folders: Path, tmp_path: Path):
+    assert_equal(ours(folders, "mot"), trackeval_scores(folders / "data-mot", folders / "results-mot", tmp_path))
 
 
 def test_the_vot_toolkit_computes_our_accuracy_and_robustness(folders: Path):

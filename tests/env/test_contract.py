@@ -89,6 +89,10 @@ def test_detections_are_of_everybody_in_the_frame_unless_the_detector_is_stresse
     assert runs == [stressed.step(np.zeros(4))[-1]["detections"] for _ in range(3)]
     assert runs[-1].age_s == pytest.approx(2.0 / 30.0)
     stressed.close()
+    blind = make(overrides={"axes.detector.severity": 0.1, "axes.detector.height_px": 3.0}, image=False)
+    blind.reset(seed=3)
+    assert len(blind.step(np.zeros(4))[-1]["detections"]), "without images contrast does not matter"
+    blind.close()
 
 
 def test_episodes_are_independent(env: gym.Env[Any, Any]):

@@ -31,7 +31,7 @@ from typing import Any, Literal, NoReturn, Protocol, runtime_checkable
 import numpy as np
 
 from pftrack_sim import trackers
-from pftrack_sim.core.records import Tracker
+from pftrack_sim.core.records import Detections, TrackedBoxes, Tracker
 from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
 from pftrack_sim.trackers.isolation.channel import receive, send
@@ -121,7 +121,10 @@ class _Server:
                 self._tracker.reset(seed=seed)
             elif self._tracker is None and self._make is not None:
                 self._tracker = self._make(seed)
-            return {"needs_truth": isinstance(self._tracker, trackers.NeedsTruth)}
+            return {
+                "needs_truth": isinstance(self._tracker, trackers.NeedsTruth),
+                "needs_detections": isinstance(self._tracker, trackers.NeedsDetections),
+            }
 
         self._answer(begin)
         while True:
@@ -138,17 +141,21 @@ class _Server:
         image = original.copy()
         if request["truth"] is not None and isinstance(tracker, trackers.NeedsTruth):
             tracker.receive_truth(np.array(request["truth"]))
+        if request["detections"] is not None and isinstance(tracker, trackers.NeedsDetections):
+            boxes, scores = (np.array(request["detections"][key], dtype=np.float64) for key in ("boxes", "scores"))
+            tracker.receive_detections(Detections(boxes.reshape(-1, 4), scores, float(request["detections"]["age_s"])))
         start_s = time.perf_counter()
         if request["command"] == "init":
             tracker.init(image, np.array(request["box"]))
             ms = (time.perf_counter() - start_s) * 1e3
             check_unmodified(image, original)
-            return {"ms": ms}
+            return {"ms": ms, "tracks": _track_rows(tracker)}
         output = tracker.update(image)
         ms = (time.perf_counter() - start_s) * 1e3
         estimate = checked_estimate(output, image, original)
         return {
             "ms": ms,
+            "tracks": _track_rows(tracker),
             "box": estimate.box.tolist(),
             "confidence": estimate.confidence,
             "occluded": estimate.occluded,
@@ -177,6 +184,14 @@ class _Server:
             send(self._requests, json.dumps(reply).encode())
         except OSError:
             os._exit(0)
+
+
+def _track_rows(tracker: Tracker) -> list[list[float]] | None:
+    """Identity and box of everybody whom a multi-object tracker follows; None for other trackers."""
+    tracks = tracker.tracks if isinstance(tracker, trackers.NeedsDetections) else None
+    if not isinstance(tracks, TrackedBoxes):
+        return None
+    return np.column_stack([tracks.identities, tracks.boxes]).tolist()
 
 
 def _seed_generators(seed: int) -> None:

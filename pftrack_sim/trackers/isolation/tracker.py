@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.core.errors import BoxError, TrackerError
-from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.errors import BoxError, ParameterError, TrackerError
+from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.trackers.isolation.process import Limits, TrackerFault, TrackerProcess, took_ms, unreadable
 from pftrack_sim.trackers.isolation.sandbox import sandbox_command
@@ -132,11 +132,14 @@ class IsolatedTracker:
     ) -> None:
         self.took_ms = 0.0
         self._limits = limits
+        self.tracks: TrackedBoxes | None = None
         self._truth: list[float] | None = None
+        self._detections: dict[str, Any] | None = None
         self._code = TrackerCode(name, preset, json.dumps(params, sort_keys=True), limits, sandboxed)
         self._processes = processes
         self._process = (TrackerProcesses() if processes is None else processes).take(self._code)
         self._needs_truth: bool | None = None
+        self._needs_detections = False
         self._failed = False
         self._printed: str | None = None
         self._open = True
@@ -150,6 +153,12 @@ class IsolatedTracker:
         self.wait_until_made()
         return bool(self._needs_truth)
 
+    @property
+    def needs_detections(self) -> bool:
+        """Whether the tracker implements `NeedsDetections`; as `needs_truth`."""
+        self.wait_until_made()
+        return self._needs_detections
+
     def wait_until_made(self) -> None:
         """Wait until the tracker is made; raises TrackerFault if it fails."""
         if self._needs_truth is not None:
@@ -157,13 +166,20 @@ class IsolatedTracker:
         try:
             if self._process.way is None:
                 self._process.way = str(self._receive(self._limits.make_s).get("way"))
-            self._needs_truth = bool(self._receive(self._limits.make_s).get("needs_truth"))
+            reply = self._receive(self._limits.make_s)
+            self._needs_detections = bool(reply.get("needs_detections"))
+            self._needs_truth = bool(reply.get("needs_truth"))
         except TrackerFault as error:
             raise TrackerFault(f"could not be made: {error}", error.traceback) from None
 
     def receive_truth(self, box: ArrayLike) -> None:
         """Pass on the target's true box in the next frame, for a tracker that `needs_truth`."""
         self._truth = [float(value) for value in np.asarray(box)]
+
+    def receive_detections(self, detections: Detections) -> None:
+        """Pass on the detections in the next frame, for a tracker that `needs_detections`."""
+        boxes, scores = detections.boxes.tolist(), detections.scores.tolist()
+        self._detections = {"boxes": boxes, "scores": scores, "age_s": detections.age_s}
 
     def init(self, image: Image, box: ArrayLike) -> None:
         """As `Tracker.init`; raises TrackerFault."""
@@ -210,6 +226,7 @@ class IsolatedTracker:
         """Send an image and a command, and return the reply."""
         self.wait_until_made()
         request = {"command": command, **arguments, "shape": image.shape, "truth": self._truth}
+        request["detections"] = self._detections
         began_s = time.monotonic()
         try:
             self._process.send(request, self._limits.frame_s, image)
@@ -221,7 +238,17 @@ class IsolatedTracker:
             raise TrackerFault(self._process.exit_reason()) from None
         reply = self._receive(self._limits.frame_s)
         self.took_ms = took_ms(reply, began_s)
+        self.tracks = self._tracks_of(reply) if self._needs_detections else None
         return reply
+
+    def _tracks_of(self, reply: dict[str, Any]) -> TrackedBoxes | None:
+        rows = reply.get("tracks")
+        try:
+            table = np.array(rows, dtype=np.float64).reshape(-1, 5)
+            return None if rows is None else TrackedBoxes(table[:, 1:], table[:, 0].astype(np.int64))
+        except (TypeError, ValueError, OverflowError, ParameterError) as error:
+            self._failed = True
+            raise unreadable(error) from None
 
     def _receive(self, limit_s: float) -> dict[str, Any]:
         try:
