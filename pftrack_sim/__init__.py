@@ -6,7 +6,9 @@ and does nothing else: no graphics, no threads, no environment variables.
 
 from __future__ import annotations
 
+from importlib import import_module as _import_module
 from importlib.metadata import version as _version
+from typing import Any as _Any
 
 import gymnasium as _gym
 
@@ -22,6 +24,13 @@ def register_envs() -> None:
                 entry_point=f"pftrack_sim.env:{name}Env",
                 vector_entry_point=f"pftrack_sim.env.vector:{name}VectorEnv",
             )
+
+
+def __getattr__(name: str) -> _Any:
+    """The package `studio`, which can be called, without an import of its own."""
+    if name == "studio":
+        return _import_module("pftrack_sim.studio")
+    raise AttributeError(f"module 'pftrack_sim' has no attribute {name!r}")
 
 
 register_envs()

@@ -88,6 +88,8 @@ class CameraEnv(gym.Env[Observation, Any]):
             }
         )
         self.simulation = Simulation(self.scenario, backend=backend, image=image)
+        self.episode_seed = 0
+        """Root seed of the episode; 0 before the first reset."""
         self._window = Window(self.scenario.name, camera.rate_hz) if render_mode == "human" else None
         self._frame: Frame | None = None
         self._answered: tuple[Frame, Mapping[str, Estimate]] | None = None

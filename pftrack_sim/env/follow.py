@@ -35,12 +35,15 @@ class FollowEnv(CameraEnv):
 
     Action: `(4,)` command in [-1, 1]: forward speed, turn rate, pan rate, tilt rate, as shares of the robot's limits
     (`robot.max_speed_m_s` and so on); beyond the limits it is clipped, and the frames where it was are counted.
+
     Reward: `following_reward` of the distance on the ground between camera and target against `follow.distance_m`, and
     of the target's bearing off the optical axis, at the frame that the command leads to.
+
     Information: `truth`, `people`, and after a step `distance_m`, `bearing_rad`, `collision` (name of what the robot
     touches, or None), `lost_s` (how long nothing of the target has been seen), `command` (as applied), `clipped` (how
     many commands of the episode went beyond the limits) and `outcome` (`"collision"`, `"lost"`, `"finished"`, or None
     while it goes on).
+
     End: terminated on collision or when the target is lost longer than `follow.lost_after_s`; truncated after the
     duration.
 
@@ -104,6 +107,7 @@ class TrackAndFollowEnv(FollowEnv):
     Action: `{"box": (4,) box [px], "command": (4,) in [-1, 1]}`: the box answers the frame shown, the command drives. A
     third key, `"late_s"`, gives the time from the frame until the command is given; until then the one before stays in
     force, and a command due after the next frame is not given (`policies.LatencyWrapper` charges latency this way).
+
     Reward: mean of the overlap (as in `TrackEnv`) and the following reward (as in `FollowEnv`); `info["overlap"]` and
     `info["following"]` hold the two, `info["scored"]` whether the answered frame counts in a mean overlap.
 

@@ -16,10 +16,13 @@ class TrackEnv(CameraEnv):
     """Track from a moving camera; the robot follows the scenario's script.
 
     Action: `(4,)` box x, y, w, h [px] of the target in the frame of the observation. Boxes may leave the image.
+
     Reward: overlap (intersection over union) of that box with the amodal box of the target in that frame, clipped to
     the image (Ko et al. 2012, eq. 14); 0 while the target is out of view.
+
     Information: `truth` and `people` of the frame in the observation; after a step also `overlap` (the reward) and
     `scored` of the frame that was answered: whether the target could be seen, so that the frame counts in a mean.
+
     End: truncated after the scenario's duration; never terminated.
 
     Raises:

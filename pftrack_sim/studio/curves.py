@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.core.palette import colours_of
-from pftrack_sim.studio.session import Moment
+from pftrack_sim.studio.tracked import Moment
 
 SPAN_S = 12.0
 _TRUTH = "truth"

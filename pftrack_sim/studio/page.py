@@ -18,13 +18,15 @@ import numpy as np
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.core.text import one_line
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.simulation.simulation import LIVE_AXES
 from pftrack_sim.studio.curves import Curves
 from pftrack_sim.studio.player import Player
 from pftrack_sim.studio.scene_view import SceneView
-from pftrack_sim.studio.session import Moment, Session
+from pftrack_sim.studio.session import Session
 from pftrack_sim.studio.settings import HAND, Settings, drivers
+from pftrack_sim.studio.tracked import Moment, TrackedSession
 
 _PICTURES_HZ, _SCENE_HZ, _STATE_HZ = 30.0, 12.0, 4.0
 _SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "as fast as possible": 1e6}
@@ -56,7 +58,7 @@ class Page:
         self._synchronised: Settings | None = player.session.settings
         """Settings that the controls show."""
         self._stop = threading.Event()
-        self._view = SceneView(server, self._track, self._click)
+        self._view = SceneView(server, self._track, self._click, self._select_box)
         gui = self._gui
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
@@ -106,6 +108,10 @@ class Page:
 
     def _show_world(self) -> int:
         """Show the compiled world of the present."""
+        if not self.player.session.simulated:
+            self._view.build_recording(self.player.moment)
+            self._look_at_overview()
+            return self.player.moment.world
 
         def describe(session: Session) -> tuple[Any, ...]:
             path_m = session.simulation.settings.target.path_m
@@ -114,21 +120,25 @@ class Page:
         model, moment, people, path_m = self.player.ask(describe)
         self._view.build(model, moment, people, path_m)
         self._person.options = people
+        self._look_at_overview()
+        return moment.world
+
+    def _look_at_overview(self) -> None:
         place, towards = (tuple(point.tolist()) for point in self._view.overview())
         self._server.initial_camera.position, self._server.initial_camera.look_at = place, towards
-        return moment.world
 
     def _show_state(self) -> None:
         player, session = self.player, self.player.session
         moment, settings = self.shown, session.settings
         history = list(session.history) or [moment]  # it is empty while the session restarts
         speed = f"{player.frames_per_s:.1f} frames/s" if player.playing else "paused"
-        same = "as saved" if session.exact else "changed on the way; restart to see what is saved"
-        self._state.content = f"**{moment.frame.time_s:.2f} s** · {speed} · {same}"
+        same = " · as saved" if session.exact else " · changed on the way; restart to see what is saved"
+        self._state.content = f"**{moment.frame.time_s:.2f} s** · {speed}{same if session.simulated else ''}"
         lines = [one_line(line) for line in (player.status, *session.errors) if line]
         self._status.content = "\n\n".join(lines) or "Drag to orbit; click a person to track that person."
         self._play.label = "Pause" if player.playing else "Play"
-        self._person.value = session.person
+        if session.simulated:
+            self._person.value = session.person
         if player.playing:
             self._past = None
         first_s, last_s = history[0].frame.time_s, history[-1].frame.time_s
@@ -140,7 +150,7 @@ class Page:
             self._synchronised = settings
             for axis, slider in self._sliders.items():
                 slider.value = min(slider.max, settings.physical(axis))
-            for handle, value in zip(self._choices, (settings.name, settings.seed, settings.driver), strict=True):
+            for handle, value in zip(self._choices, (settings.name, settings.seed, settings.driver), strict=False):
                 handle.value = value
             on = [one.label for one in settings.trackers]
             for label, box in self._boxes.items():
@@ -159,25 +169,38 @@ class Page:
         here = gui.add_button("Restart from here", hint="From the time above on, with these settings.")
         _when(here.on_click, lambda: self._restart(self.shown))
         _when(gui.add_button("Restart from the beginning").on_click, lambda: self._restart(None))
+        draw = gui.add_button("Draw a box", hint="Pause, look through the camera, and start all trackers with a box.")
+        draw.on_click(self._look_through)
         speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1")
         _when(speed.on_update, lambda: setattr(self.player, "speed", _SPEEDS[speed.value]))
-        with gui.add_folder("Scenario"):
-            self._add_scenario(settings)
+        simulated = self.player.session.simulated
+        self._choices: tuple[Any, ...] = ()
+        self._sliders: dict[str, Any] = {}
+        if simulated:
+            with gui.add_folder("Scenario"):
+                self._add_scenario(settings)
         with gui.add_folder("Trackers"):
             on = [one.label for one in settings.trackers]
             self._boxes = {label: self._add_tracker(label, label in on) for label in self._offered}
-        with gui.add_folder("Stress axes"):
-            self._sliders = {axis: self._add_axis(axis, settings) for axis in axes_by_name()}
+        if simulated:
+            with gui.add_folder("Stress axes"):
+                self._sliders = {axis: self._add_axis(axis, settings) for axis in axes_by_name()}
         with gui.add_folder("Save as"):
             gui.add_button("Picture").on_click(self._save_picture)
             gui.add_button("Last ten seconds").on_click(self._save_clip)
-            gui.add_button("Scenario (TOML)").on_click(self._save_toml)
-            _when(gui.add_button("Command line").on_click, self._show_command)
+            if simulated:
+                gui.add_button("Scenario (TOML)").on_click(self._save_toml)
+                _when(gui.add_button("Command line").on_click, self._show_command)
+        _when(gui.add_command("Play or pause", hotkey="P").on_trigger, self._toggle)
+        if simulated:
+            self._add_keys()
+
+    def _add_keys(self) -> None:
+        gui = self._gui
         for key, (part, sign) in _KEYS.items():
             command = gui.add_command(f"Drive: {key}", description=_KEYS_HELP, hotkey=key)
             _when(command.on_trigger, partial(self._key, part, sign))
         _when(gui.add_command("Drive: stop", hotkey="X").on_trigger, partial(self._key, None, 0))
-        _when(gui.add_command("Play or pause", hotkey="P").on_trigger, self._toggle)
 
     def _add_scenario(self, settings: Settings) -> None:
         gui, shipped = self._gui, scenarios.names()
@@ -255,7 +278,7 @@ class Page:
     def _restart(self, moment: Moment | None) -> None:
         self._past = None
 
-        def restart(session: Session) -> str:
+        def restart(session: TrackedSession) -> str:
             session.restart(moment)
             return f"Restarted at {session.moment.frame.time_s:.2f} s; trackers start anew."
 
@@ -277,11 +300,26 @@ class Page:
         self.player.request(select)
 
     def _click(self, x: float, y: float) -> None:
-        moment = self.shown
+        moment, session = self.shown, self.player.session
+        if not isinstance(session, Session):
+            return
         height, width = moment.frame.image.shape[:2]
-        person = self.player.session.person_at(moment, x * width, y * height)
+        person = session.person_at(moment, x * width, y * height)
         if person is not None:
             self._track(person)
+
+    def _look_through(self, event: Any) -> None:
+        self._past, self.player.playing = None, False
+        self._view.look_through(event.client)
+        self.player.status = "Hold Shift and drag a box over the picture in the 3D view."
+
+    def _select_box(self, shares: FloatArray) -> None:
+        def select(session: TrackedSession) -> str:
+            height, width = session.moment.frame.image.shape[:2]
+            return session.select_box(shares * (width, height, width, height))
+
+        self._past = None
+        self.player.request(select)
 
     def _key(self, part: int | None, sign: int) -> None:
         def press(session: Session) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.core.text import describe_error
-from pftrack_sim.studio.session import Moment, Session
+from pftrack_sim.studio.tracked import Moment, TrackedSession
 
 _IDLE_S = 0.05
 _RATE_OVER = 20
@@ -29,7 +29,7 @@ class Player:
         PftrackError: As `make`.
     """
 
-    def __init__(self, make: Callable[[], Session]) -> None:
+    def __init__(self, make: Callable[[], TrackedSession]) -> None:
         self.playing = False
         self.speed = 1.0
         """Simulated seconds per second; frames are shown later than that where they take longer."""
@@ -37,7 +37,7 @@ class Player:
         """What happened last."""
         self.frames_per_s = 0.0
         """Of the last frames played; 0 while paused."""
-        self._requests: queue.SimpleQueue[Callable[[Session], Any]] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[Callable[[Any], Any]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._ready = threading.Event()
         self._failure: BaseException | None = None
@@ -53,11 +53,11 @@ class Player:
         """The frame shown last."""
         return self.session.moment
 
-    def request(self, action: Callable[[Session], Any]) -> None:
+    def request(self, action: Callable[[Any], Any]) -> None:
         """Let the session do something before the next frame; a sentence that it returns becomes the status."""
         self._requests.put(action)
 
-    def ask(self, action: Callable[[Session], Any], timeout_s: float = 60.0) -> Any:
+    def ask(self, action: Callable[[Any], Any], timeout_s: float = 60.0) -> Any:
         """As `request`, but wait for the result.
 
         Raises:
@@ -66,7 +66,7 @@ class Player:
         """
         answer: queue.SimpleQueue[tuple[Any, PftrackError | None]] = queue.SimpleQueue()
 
-        def answered(session: Session) -> Any:
+        def answered(session: TrackedSession) -> Any:
             try:
                 result = action(session)
             except PftrackError as error:
@@ -89,7 +89,7 @@ class Player:
         self._stop.set()
         self._thread.join()
 
-    def _run(self, make: Callable[[], Session]) -> None:
+    def _run(self, make: Callable[[], TrackedSession]) -> None:
         try:
             self.session = make()
         except BaseException as error:  # noqa: BLE001 - raised again in the thread that made the player
@@ -115,7 +115,7 @@ class Player:
         except queue.Empty:
             return
 
-    def _do(self, action: Callable[[Session], Any]) -> None:
+    def _do(self, action: Callable[[Any], Any]) -> None:
         try:
             said = action(self.session)
         except PftrackError as error:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.backend import geoms_drawn
 from pftrack_sim.scene.layout import owner_name
-from pftrack_sim.studio.session import Moment
+from pftrack_sim.studio.tracked import Moment
 
 TRACKED, OTHERS, MACHINES = (255, 255, 255), (150, 150, 150), (60, 90, 140)
 """Colours: the truth's of the pictures for people, one for the robot and carts."""
@@ -25,6 +27,9 @@ _OVERHEAD_M = 2.2
 
 _PICTURE_AT_M = 0.8
 """Distance of the picture in front of the robot's camera."""
+
+_MARGIN = 1.08
+"""Of a view through the camera, around the picture."""
 
 _PATH_M = 0.03
 
@@ -46,11 +51,19 @@ class SceneView:
         server: The viser server.
         on_person: Called with the name of a person who is clicked.
         on_picture: Called with the shares of width and height at which the picture is clicked.
+        on_box: Called with the `(4,)` x, y, w, h, in shares of width and height, of a box that is drawn on the picture.
     """
 
-    def __init__(self, server: Any, on_person: Callable[[str], None], on_picture: Callable[[float, float], None]):
+    def __init__(
+        self,
+        server: Any,
+        on_person: Callable[[str], None],
+        on_picture: Callable[[float, float], None],
+        on_box: Callable[[FloatArray], None],
+    ):
         self._scene = server.scene
-        self._on_person, self._on_picture = on_person, on_picture
+        self._on_person, self._on_picture, self._on_box = on_person, on_picture, on_box
+        self._scene.on_rect_select(modifier="shift")(self._drawn)
         self._batches: list[_Batch] = []
         self._people: tuple[str, ...] = ()
         self._tracked = ""
@@ -84,6 +97,16 @@ class SceneView:
                 geoms = np.flatnonzero(drawn & moving & (owners == owner) & chosen)
                 if geoms.size:
                     self._batches.append(self._batch(owner, shape, geoms, boxes[geoms], owner in people))
+        self._build_camera(moment)
+        self._lines("/path", _on_the_ground(path_m), _GREEN)
+        self.show(moment)
+
+    def build_recording(self, moment: Moment) -> None:
+        """Show the picture of a recording alone, before a camera."""
+        self._build_camera(moment)
+        self.show(moment)
+
+    def _build_camera(self, moment: Moment) -> None:
         K, (height, width) = moment.truth.K, moment.frame.image.shape[:2]
         half = np.array([width / K[0, 0], height / K[1, 1]]) * 0.5
         self._half_m = half * _PICTURE_AT_M
@@ -95,8 +118,6 @@ class SceneView:
             "/camera/picture", moment.frame.image, *(2.0 * self._half_m), position=(0.0, 0.0, _PICTURE_AT_M)
         )
         self._picture.on_click(self._clicked)
-        self._lines("/path", _on_the_ground(path_m), _GREEN)
-        self.show(moment)
 
     def show(self, moment: Moment, picture: Any = None) -> None:
         """Show the poses of a moment of this world, and a `(H, W, 3)` picture before the camera."""
@@ -125,11 +146,22 @@ class SceneView:
         self._scene.add_line_segments(name, segments_m, colour, thickness=3.0, thickness_units="screen")
 
     def overview(self) -> tuple[FloatArray, FloatArray]:
-        """A place to look from and a point to look at: behind the robot, above it."""
+        """A place to look from and a point to look at: behind and above the robot, or before a picture."""
         forward = np.array([self._pose[0, 2], self._pose[1, 2], 0.0])
         forward /= max(float(np.linalg.norm(forward)), 1e-6)
         camera = self._pose[:3, 3]
+        if not self._batches:
+            return camera - 0.3 * forward, camera + _PICTURE_AT_M * forward
         return camera - 4.0 * forward + (0.0, 0.0, 3.0), camera + 3.0 * forward - (0.0, 0.0, 0.4)
+
+    def look_through(self, client: Any) -> None:
+        """Let a client look through the robot's camera, so that the picture fills the view."""
+        camera = client.camera
+        half_m = max(self._half_m[1], self._half_m[0] / camera.aspect)
+        camera.up_direction = -self._pose[:3, 1]
+        camera.position = self._pose[:3, 3]
+        camera.look_at = self._pose[:3, 3] + _PICTURE_AT_M * self._pose[:3, 2]
+        camera.fov = 2.0 * math.atan(_MARGIN * half_m / _PICTURE_AT_M)
 
     def _batch(self, owner: str, shape: str, geoms: IntArray, boxes: FloatArray, clickable: bool) -> _Batch:
         trimesh = _trimesh()
@@ -156,13 +188,32 @@ class SceneView:
         return MACHINES if owner not in self._people else TRACKED if owner == self._tracked else OTHERS
 
     def _clicked(self, event: Any) -> None:
+        if (at := self._on_plane(np.array(event.ray_origin), np.array(event.ray_direction))) is not None:
+            self._on_picture(*at.tolist())
+
+    def _drawn(self, event: Any) -> None:
+        """Project a rectangle of a client's view onto the picture."""
+        camera = event.client.camera
+        rotation = Rotation.from_quat(camera.wxyz, scalar_first=True).as_matrix()
+        half = math.tan(0.5 * camera.fov) * np.array([camera.aspect, 1.0])
+        corners: list[FloatArray] = []
+        for screen in itertools.product(*zip(event.screen_min, event.screen_max, strict=True)):
+            direction = rotation @ np.append((2.0 * np.array(screen) - 1.0) * half, 1.0)
+            at = self._on_plane(np.array(camera.position), direction)
+            if at is None:
+                return
+            corners.append(at)
+        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+        self._on_box(np.concatenate([low, high - low]))
+
+    def _on_plane(self, origin: FloatArray, direction: FloatArray) -> FloatArray | None:
+        """`(2,)` shares of width and height at which a ray in the world meets the picture's plane, or None."""
         to_camera = np.linalg.inv(self._pose)
-        origin = to_camera[:3, :3] @ event.ray_origin + to_camera[:3, 3]
-        direction = to_camera[:3, :3] @ event.ray_direction
-        if abs(direction[2]) > 1e-9:
-            hit = origin + direction * ((_PICTURE_AT_M - origin[2]) / direction[2])
-            x, y = 0.5 + 0.5 * hit[:2] / self._half_m
-            self._on_picture(float(x), float(y))
+        start, along = to_camera[:3, :3] @ origin + to_camera[:3, 3], to_camera[:3, :3] @ direction
+        if abs(along[2]) < 1e-9:
+            return None
+        distance = (_PICTURE_AT_M - start[2]) / along[2]
+        return 0.5 + 0.5 * (start + along * distance)[:2] / self._half_m if distance > 0.0 else None
 
 
 def _trimesh() -> Any:

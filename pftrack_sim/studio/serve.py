@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.tracker_runner import Isolation
+from pftrack_sim.studio.recording import RecordedSession, Source
 from pftrack_sim.studio.server import import_viser, open_server
 from pftrack_sim.studio.session import Session
 from pftrack_sim.studio.settings import Settings
+from pftrack_sim.studio.tracked import TrackedSession
 
 PORT = 8765
 MOST_PAGES = 4
@@ -30,6 +32,7 @@ class Studio:
         backend: Renderer, by name.
         isolation: Which trackers run in a process of their own.
         playing: Whether it plays from the start.
+        open_source: Opens recorded frames to show in place of the scenario, which has their name in `settings`.
 
     Raises:
         StudioError: viser is missing, or the address cannot be bound.
@@ -47,13 +50,20 @@ class Studio:
         backend: str | None = None,
         isolation: Isolation = "auto",
         playing: bool = True,
+        open_source: Callable[[], Source] | None = None,
     ) -> None:
         import_viser()
         from pftrack_sim.studio.page import Page
         from pftrack_sim.studio.player import Player
 
         self._closed = threading.Event()
-        self.player = Player(lambda: Session(settings, backend=backend, isolation=isolation))
+
+        def make() -> TrackedSession:
+            if open_source is not None:
+                return RecordedSession(settings, open_source, isolation=isolation)
+            return Session(settings, backend=backend, isolation=isolation)
+
+        self.player = Player(make)
         try:
             self._server, self.gate, self.address = open_server(host, port, most_pages)
         except BaseException:

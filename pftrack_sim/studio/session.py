@@ -5,77 +5,28 @@ A session has no thread and no page; `player.Player` runs it, and `page.Page` sh
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pftrack_sim import controllers, policies
-from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.sinks import video_writer
-from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
+from pftrack_sim.benchmark.tracker_runner import Isolation, check_trackers
 from pftrack_sim.controllers import Controller
-from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
-from pftrack_sim.core.palette import colours_of
 from pftrack_sim.core.proprioception import PROPRIO_HIGH
-from pftrack_sim.core.records import Estimate, Frame, Image, Truth
+from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.overlay import draw_boxes
 from pftrack_sim.simulation.simulation import LIVE_AXES, Simulation
 from pftrack_sim.studio.settings import HAND, SCRIPT, Settings
+from pftrack_sim.studio.tracked import MEMORY_MB, Moment, TrackedSession
 from pftrack_sim.trackers.isolation import Limits
 
-MEMORY_MB = 400
-"""Memory for the frames that are kept."""
 
+class Session(TrackedSession):
+    """A simulated episode with trackers in it, from the first frame on.
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """One frame as it was shown.
-
-    Attributes:
-        frame: The frame.
-        truth: Truth of the person who is tracked.
-        estimates: Of each tracker that has one, by label.
-        ms: Time that each tracker took.
-        periods: Camera periods since the start of the episode.
-        world: Number of the compiled world it belongs to; geoms are the same within one.
-        geom_m: `(ngeom, 3)` float32 positions of all geoms [m].
-        geom_rotation: `(ngeom, 3, 3)` float32 orientations.
-    """
-
-    frame: Frame
-    truth: Truth
-    estimates: Mapping[str, Estimate]
-    ms: Mapping[str, float]
-    periods: int
-    world: int
-    geom_m: Any
-    geom_rotation: Any
-
-    @property
-    def overlaps(self) -> dict[str, float]:
-        """Overlap of each estimate; NaN while nothing of the person is visible."""
-        scored = self.truth.scored
-        return {
-            name: boxes.iou(self.truth.box, one.box) if scored else float("nan") for name, one in self.estimates.items()
-        }
-
-    def picture(self) -> Image:
-        """`(H, W, 3)` uint8: the frame with truth and estimates drawn as in reports."""
-        colours = colours_of(self.ms)
-        return draw_boxes(self.frame.image, self.truth, self.estimates, people=self.frame.people, colours=colours)
-
-
-class Session:
-    """An episode with trackers in it, from the first frame on.
-
-    Every method leaves the session as it was when it raises. The simulation belongs to the thread that made the
-    session, as its graphics context does.
+    The simulation belongs to the thread that made the session, as its graphics context does.
 
     Args:
         settings: What to show.
@@ -96,20 +47,11 @@ class Session:
         isolation: Isolation = "auto",
         memory_mb: float = MEMORY_MB,
     ) -> None:
-        self._backend, self._memory = backend, int(memory_mb * 1e6)
-        self._isolation: Isolation = isolation
-        self.settings = settings
-        self.history: deque[Moment] = deque()
-        """The last frames, oldest first; the last one is the present."""
-        self.moment: Moment
-        """The present; unlike the history, it can be read from any thread."""
-        self.exact = True
-        """Whether the frames from here on are those of `settings.toml()` to the bit."""
+        super().__init__(settings, isolation=isolation, memory_mb=memory_mb)
+        self._backend = backend
         self.hand = np.zeros(4)
         """`(4,)` command of a person who drives: forward, turn, pan, tilt in [-1, 1]."""
         self._world = 0
-        self._person = ""
-        self._runners: list[TrackerRunner] = []
         self._commands: list[FloatArray | None] = []
         self.simulation = Simulation(settings.scenario(), backend=backend)
         self._set_runners(settings.trackers)
@@ -117,14 +59,14 @@ class Session:
         self._show(self._resumed(settings, ()))
 
     @property
+    def rate_hz(self) -> float:
+        """Camera frames per second."""
+        return self.simulation.settings.camera.rate_hz
+
+    @property
     def over(self) -> bool:
         """Whether the last frame of the episode has been shown."""
         return self.moment.frame.index + 1 >= self.simulation.frame_count
-
-    @property
-    def person(self) -> str:
-        """Name of the person who is tracked."""
-        return self._person or self.people[0]
 
     @property
     def people(self) -> tuple[str, ...]:
@@ -204,22 +146,9 @@ class Session:
                 return one.name
         return None
 
-    def save_clip(self, path: Path, last_s: float = 10.0) -> None:
-        """Write the last seconds with what is drawn on them as an MP4.
-
-        Raises:
-            RunError: It cannot be written.
-        """
-        end_s = self.moment.frame.time_s
-        with video_writer(path, self.simulation.settings.camera.rate_hz) as add:
-            for moment in self.history:
-                if moment.world == self.moment.world and moment.frame.time_s >= end_s - last_s:
-                    add(moment.picture(), moment.frame.time_s)
-
     def close(self) -> None:
         """Free the renderer and end the trackers' processes."""
-        for runner in self._runners:
-            runner.close()
+        super().close()
         self.simulation.close()
 
     def _change_scenario(self, settings: Settings) -> str:
@@ -269,12 +198,6 @@ class Session:
             self._controller = controllers.make(settings.driver)
             self._controller.reset(policies.robot_parameters(self.simulation.settings))
 
-    def _set_runners(self, trackers: Sequence[TrackerSpec]) -> None:
-        made = make_runners(trackers, seed=self.settings.seed, isolation=self._isolation)
-        for runner in self._runners:
-            runner.close()
-        self._runners = made
-
     def _command(self) -> FloatArray | None:
         if self.settings.driver == SCRIPT:
             return None
@@ -287,31 +210,20 @@ class Session:
         act = self._controller.act(next(iter(self.moment.estimates.values())), proprio)
         return np.clip(act, -1.0, 1.0)
 
-    def _show(self, frame: Frame) -> None:
-        data = self.simulation.world.data
-        truth = self._truth(frame)
-        for runner in self._runners:
-            runner.step(frame.image, truth.box, truth.scored)
-        latest = {runner.spec.label: runner.estimates[-1] for runner in self._runners}
-        self.moment = Moment(
-            frame,
-            truth,
-            {name: one for name, one in latest.items() if one is not None},
-            {runner.spec.label: runner.ms[-1] for runner in self._runners},
-            self.simulation.periods,
-            self._world,
-            data.geom_xpos.astype(np.float32),
-            data.geom_xmat.reshape(-1, 3, 3).astype(np.float32),
+    def _show(self, frame: Frame, drawn: FloatArray | None = None) -> None:
+        data, truth = self.simulation.world.data, self._truth(frame)
+        self._step_runners(frame, truth, drawn)
+        self._remember(
+            Moment(
+                frame,
+                truth,
+                *self._latest(),
+                self.simulation.periods,
+                self._world,
+                data.geom_xpos.astype(np.float32),
+                data.geom_xmat.reshape(-1, 3, 3).astype(np.float32),
+            )
         )
-        self.history.append(self.moment)
-        each = sum(one.nbytes for one in (frame.image, self.moment.geom_m, self.moment.geom_rotation))
-        while len(self.history) > max(2, self._memory // each):
-            self.history.popleft()
-
-    def _show_again(self) -> None:
-        """Show the present frame to new trackers."""
-        frame = self.history.pop().frame
-        self._show(frame)
 
     def _truth(self, frame: Frame) -> Truth:
         for one in frame.people:
@@ -332,8 +244,3 @@ class Session:
             image_motion_px=float("nan"),
             luminance=float("nan"),
         )
-
-    @property
-    def errors(self) -> list[str]:
-        """Trackers that failed, and why."""
-        return [f"{one.spec.label}: {one.error}" for one in self._runners if one.error is not None]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 from pftrack_sim import controllers
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.core.errors import UnknownNameError
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import Scenario, toml_text
 from pftrack_sim.scenario.axes import Axis, axes_by_name
+from pftrack_sim.scenario.ranges import is_range
 from pftrack_sim.scenario.toml_text import toml_value
 
 SCRIPT, HAND = "script", "hand"
@@ -101,6 +102,32 @@ class Settings:
         by_hand = "# The robot was driven by hand, which no file repeats.\n" if self.driver == HAND else ""
         note = f"# From {self.name!r} at seed {self.seed}. The same frames:\n# {one_line(self.command_line(), 4000)}\n"
         return note + by_hand + toml_text(self.scenario().tree)
+
+
+def settings_of(scenario: Scenario, seed: int, trackers: tuple[TrackerSpec, ...] = ()) -> Settings:
+    """Settings that show a loaded scenario: its name, and the overrides that lead from the file of this name to it.
+
+    Raises:
+        ParameterError: It was made from a dict, which has no name.
+    """
+    if scenario.name == "custom":
+        raise ParameterError(
+            "the studio shows a scenario by its name or file, got one from a dict: write it with "
+            "pftrack_sim.scenario.toml_text to a file"
+        )
+    overrides = dict(_differences(scenarios.load(scenario.name).tree, scenario.tree))
+    return Settings(scenario.name, seed, overrides, trackers)
+
+
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys, and values, of what differs in `new`."""
+    for key, value in new.items():
+        before = old.get(key, {})
+        if isinstance(value, Mapping) and isinstance(before, Mapping) and not is_range(cast("object", value)):
+            tables = cast("Mapping[str, Any]", before), cast("Mapping[str, Any]", value)
+            yield from _differences(*tables, f"{above}{key}.")
+        elif value != before:
+            yield f"{above}{key}", value
 
 
 def _at_severity_1(axis: Axis) -> float:

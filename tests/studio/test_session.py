@@ -6,14 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import av
+import gymnasium as gym
 import numpy as np
 import pytest
 
+import pftrack_sim
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.core.errors import ScenarioError, StudioError, UnknownNameError
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import BoxError, ParameterError, ScenarioError, StudioError, UnknownNameError
+from pftrack_sim.env import TrackEnv
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.studio import Session, Settings, Studio
+from pftrack_sim.studio.settings import settings_of
 
 SMALL = {"camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "duration_s": 6.0}
 PLAIN = Settings("easy/corridor", 1, SMALL, (TrackerSpec(name="stay"), TrackerSpec(name="oracle")))
@@ -97,6 +102,45 @@ def test_another_person_is_tracked_after_a_selection(session: Session):
     assert session.moment.frame.truth.name == "target", "the simulation knows nothing of it"
     with pytest.raises(UnknownNameError, match="unknown person"):
         session.select("nobody")
+
+
+def test_a_drawn_box_starts_the_trackers_and_names_who_is_in_it(session: Session):
+    for _ in range(3):
+        session.advance()
+    x, y, width, height = session.moment.truth.box
+    drawn = np.array([x + 1.0, y - 2.0, width, height])
+    said = session.select_box(drawn)
+    assert "overlap is with target" in said
+    expected = boxes.clip(drawn, 96, 72)
+    assert np.array_equal(session.moment.estimates["stay"].box, expected)
+    assert session.moment.frame.index == 3
+    session.advance()
+    assert np.array_equal(session.moment.estimates["stay"].box, expected), "stay keeps the drawn box"
+    session.select_box([-10.0, 60.0, 40.0, 40.0])
+    assert np.array_equal(session.moment.estimates["stay"].box, [0.0, 60.0, 30.0, 12.0]), "cut at the image"
+    assert session.person == "target", "nobody is there"
+    before = session.moment
+    with pytest.raises(BoxError, match="4 px inside the image"):
+        session.select_box([95.0, 0.0, 40.0, 40.0])
+    assert session.moment is before
+
+
+def test_an_environment_gives_the_settings_of_a_studio():
+    overrides = {**SMALL, "occluders": [], "axes.jitter.severity": 0.5}
+    env = gym.make("pftrack_sim/Track-v0", scenario="easy/corridor", overrides=overrides)
+    base = env.unwrapped
+    assert isinstance(base, TrackEnv)
+    settings = settings_of(base.scenario, 3)
+    assert settings.scenario().digest == base.scenario.digest
+    assert settings.name == "easy/corridor"
+    assert settings.overrides["axes.jitter.severity"] == 0.5
+    assert [key for key in settings.overrides if key not in overrides] == []
+    env.close()
+    tree = scenarios.load("easy/corridor").tree
+    with pytest.raises(ParameterError, match="toml_text"):
+        settings_of(scenarios.load(dict(tree)), 3)
+    with pytest.raises(ParameterError, match="got CartPoleEnv"):
+        pftrack_sim.studio(gym.make("CartPole-v1"))
 
 
 def test_impossible_settings_change_nothing(session: Session):

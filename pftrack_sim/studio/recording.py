@@ -1,0 +1,257 @@
+"""Recorded frames in place of the simulator: a sequence with boxes, a video file, or a camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+
+from pftrack_sim.benchmark.tracker_runner import Isolation, check_trackers
+from pftrack_sim.core.errors import ParameterError, SequenceError, UnknownNameError
+from pftrack_sim.core.palette import colours_of
+from pftrack_sim.core.records import Frame, Image, Truth
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.formats import RecordedSequence
+from pftrack_sim.render.overlay import draw_recorded
+from pftrack_sim.studio.settings import Settings
+from pftrack_sim.studio.tracked import MEMORY_MB, Moment, TrackedSession
+from pftrack_sim.trackers.isolation import Limits
+
+_NO_RATE_HZ = 30.0
+"""Of sequences and cameras that do not tell theirs."""
+
+_FOVY_RAD = math.radians(50.0)
+_NO_BOX = np.full(4, np.nan)
+
+
+class Source(Protocol):
+    """Frames in order."""
+
+    rate_hz: float
+
+    def image(self, index: int) -> Image | None:
+        """`(H, W, 3)` uint8 RGB of a frame, or None after the last one."""
+        ...
+
+    def box(self, index: int) -> FloatArray:
+        """`(4,)` true box of a frame [px]; NaN where none is known."""
+        ...
+
+    def close(self) -> None:
+        """Free what is open."""
+        ...
+
+
+class SequenceSource:
+    """A sequence with a box for its first frame, or for all."""
+
+    def __init__(self, sequence: RecordedSequence) -> None:
+        self._sequence = sequence
+        self.rate_hz = sequence.rate_hz or _NO_RATE_HZ
+
+    def image(self, index: int) -> Image | None:
+        """See `Source`."""
+        return self._sequence.image(index) if index < len(self._sequence) else None
+
+    def box(self, index: int) -> FloatArray:
+        """See `Source`."""
+        return self._sequence.truth[index]
+
+    def close(self) -> None:
+        """See `Source`."""
+
+
+class CaptureSource:
+    """A camera by its number, or a video file or stream without boxes; a camera never goes back.
+
+    Raises:
+        SequenceError: It cannot be opened.
+    """
+
+    def __init__(self, name: int | str) -> None:
+        self._name = name
+        self._open()
+
+    def _open(self) -> None:
+        self._capture, self._next = cv2.VideoCapture(self._name), 0
+        if not self._capture.isOpened():
+            what = f"camera {self._name}" if isinstance(self._name, int) else str(self._name)
+            raise SequenceError(f"{what}: cannot be opened as a camera or a video")
+        self.rate_hz = self._capture.get(cv2.CAP_PROP_FPS) or _NO_RATE_HZ
+
+    def image(self, index: int) -> Image | None:
+        """See `Source`; a camera gives its newest frame for any index."""
+        if not isinstance(self._name, int):
+            if index < self._next:
+                self.close()
+                self._open()
+            while self._next < index and self._capture.grab():
+                self._next += 1
+        read, bgr = self._capture.read()
+        self._next += 1
+        return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8) if read else None
+
+    def box(self, index: int) -> FloatArray:
+        """See `Source`."""
+        return _NO_BOX
+
+    def close(self) -> None:
+        """See `Source`."""
+        self._capture.release()
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedMoment(Moment):
+    """One frame of a recording; without a box nothing is scored."""
+
+    def picture(self) -> Image:
+        """See `Moment`."""
+        return draw_recorded(
+            self.frame.image,
+            self.truth.amodal_box,
+            self.estimates,
+            caption=f"{self.frame.time_s:.2f} s" if self.estimates else "no box yet: draw one",
+            colours=colours_of(self.ms),
+        )
+
+
+class RecordedSession(TrackedSession):
+    """Recorded frames with trackers on them. Trackers start with a frame's true box, or with a box that is drawn.
+
+    Args:
+        settings: The name of the recording, and the trackers.
+        open_source: Opens the source of the frames.
+        isolation: Which trackers run in a process of their own.
+        memory_mb: Memory for the frames that are kept.
+
+    Raises:
+        SequenceError: There is no frame.
+        UnknownNameError: An unknown tracker.
+    """
+
+    simulated = False
+
+    def __init__(
+        self,
+        settings: Settings,
+        open_source: Callable[[], Source],
+        *,
+        isolation: Isolation = "auto",
+        memory_mb: float = MEMORY_MB,
+    ) -> None:
+        super().__init__(settings, isolation=isolation, memory_mb=memory_mb)
+        self._source = open_source()
+        self._ended = False
+        self._set_runners(settings.trackers)
+        first = self._frame(0)
+        if first is None:
+            raise SequenceError(f"{settings.name}: no frame can be read")
+        self._show(first)
+
+    @property
+    def rate_hz(self) -> float:
+        """See `TrackedSession`."""
+        return self._source.rate_hz
+
+    @property
+    def over(self) -> bool:
+        """See `TrackedSession`; it shows when there is no next frame."""
+        return self._ended
+
+    @property
+    def people(self) -> tuple[str, ...]:
+        """The target alone."""
+        return ("target",)
+
+    def advance(self) -> Moment:
+        """See `TrackedSession`.
+
+        Raises:
+            ParameterError: There is no further frame.
+            SequenceError: The next frame is damaged.
+        """
+        frame = self._frame(self.moment.frame.index + 1)
+        if frame is None:
+            self._ended = True
+            raise ParameterError("the recording is over: restart it")
+        self._show(frame)
+        return self.moment
+
+    def change(self, settings: Settings) -> str:
+        """Take other trackers; they start with the next true or drawn box.
+
+        Raises:
+            UnknownNameError: An unknown tracker.
+        """
+        check_trackers(settings.trackers, self._isolation, Limits())
+        last = next((one.box for one in self.moment.estimates.values()), None)
+        self._set_runners(settings.trackers)
+        self.settings = settings
+        frame = self.history.pop().frame
+        self._show(frame, None if frame.truth.scored else last)
+        return "Trackers start with the true box, else with the last box of the first tracker, else with a drawn one."
+
+    def restart(self, moment: Moment | None = None) -> None:
+        """See `TrackedSession`."""
+        index = 0 if moment is None else moment.frame.index
+        frame = self._frame(index)
+        if frame is None:
+            raise ParameterError("a camera does not go back, and this recording has no such frame")
+        while self.history and self.history[-1].frame.index >= index:
+            self.history.pop()
+        self._set_runners(self.settings.trackers)
+        self._ended = False
+        self._show(frame)
+
+    def select(self, person: str) -> None:
+        """Nobody can be selected in a recording."""
+        raise UnknownNameError("person", person, self.people)
+
+    def close(self) -> None:
+        """Close the source, and end the trackers' processes."""
+        super().close()
+        self._source.close()
+
+    def _frame(self, index: int) -> Frame | None:
+        image = self._source.image(index)
+        if image is None:
+            return None
+        truth = _truth(self._source.box(index), image, index / self.rate_hz)
+        return Frame(index, truth.time_s, image, truth, ())
+
+    def _show(self, frame: Frame, drawn: FloatArray | None = None) -> None:
+        self._step_runners(frame, frame.truth, drawn)
+        nothing: Any = np.zeros((0, 3), dtype=np.float32)
+        self._remember(RecordedMoment(frame, frame.truth, *self._latest(), frame.index, 0, nothing, nothing))
+
+
+def _truth(box: FloatArray, image: Image, time_s: float) -> Truth:
+    """What is known of a frame: its box, or nothing. The camera is a level one of 50 degrees, for the 3D view."""
+    height, width = image.shape[:2]
+    known = bool(np.isfinite(box).all())
+    focal = 0.5 * height / math.tan(0.5 * _FOVY_RAD)
+    pose = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.2], [0, 0, 0, 1]], dtype=np.float64)
+    none = np.full(4, np.nan)
+    return Truth(
+        name="target",
+        box=box if known else np.zeros(4),
+        amodal_box=box if known else none,
+        visible_box=box if known else none,
+        swept_box=none,
+        visible_fraction=np.nan,
+        truncation=0.0,
+        state="visible" if known else "out_of_view",
+        occluders=(),
+        distance_m=np.nan,
+        T_world_camera=pose,
+        T_world_target=np.full((4, 4), np.nan),
+        K=np.array([[focal, 0.0, 0.5 * width], [0.0, focal, 0.5 * height], [0.0, 0.0, 1.0]]),
+        distortion=np.zeros(5),
+        time_s=time_s,
+        image_motion_px=np.nan,
+        luminance=np.nan,
+    )
