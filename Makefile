@@ -69,12 +69,9 @@ perf: setup
 docs: setup
 	$(BIN)/mkdocs build --quiet
 
-# The pictures of the README.
+# The pictures of README, gallery, environments and tutorials; PARTS="axes tutorials" draws some.
 pictures: setup
-	@for pair in plaza-walk:7 corridor:9 warehouse:8 street-night:2; do \
-		name=$${pair%:*}; \
-		$(BIN)/pftrack-sim render $$name --seed $${pair#*:} --at-s 4 --truth --image docs/pictures/$$name.jpg || exit 1; \
-	done
+	$(BIN)/python docs/site/pictures.py $(PARTS)
 
 # The wheel as a stranger gets it: built, installed in a clean environment, every scenario stepped once from elsewhere.
 wheel: setup

@@ -1,4 +1,4 @@
-"""The site: its Python blocks run as they stand, and its navigation knows every page."""
+"""The site: its blocks run as they stand, its pictures are there, and its navigation knows every page."""
 
 import re
 import subprocess
@@ -6,17 +6,47 @@ import sys
 from pathlib import Path
 
 import pytest
+from blocks import blocks, run_page
+from pictures import PICTURES, TUTORIALS
+
+from pftrack_sim import scenario
+from pftrack_sim.scenario.axes import axes_by_name
 
 DOCS = Path(__file__).parent.parent / "docs"
-PAGES = [DOCS / "index.md", DOCS / "studio.md", *sorted((DOCS / "environments").glob("*.md"))]
+WITHOUT_PICTURE = ("detector",)
+"""Axes that do not change frames."""
+
+WITH_CODE = [page for page in sorted(DOCS.rglob("*.md")) if blocks(page) and page.stem != "first-tracker"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_python_blocks_run(page: Path, tmp_path: Path):
-    for program in re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
-        done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
-        assert done.returncode == 0, f"{program}\n{done.stderr}"
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
+def test_blocks_run(page: Path, tmp_path: Path):
+    run_page(page, tmp_path)
+    if page.stem in TUTORIALS:
+        assert (tmp_path / TUTORIALS[page.stem]).is_file()
+
+
+def test_every_scenario_axis_and_tutorial_has_its_picture():
+    names = [
+        *(f"scenarios/{name.replace('/', '-')}" for name in scenario.names()),
+        *(f"axes/{name}" for name in axes_by_name() if name not in WITHOUT_PICTURE),
+        *(f"tutorials/{page}" for page in TUTORIALS),
+    ]
+    assert [name for name in names if not (PICTURES / f"{name}.webp").is_file()] == [], "make pictures"
+    assert sum(path.stat().st_size for path in PICTURES.rglob("*")) < 3e6
+    for page in TUTORIALS:
+        assert f"pictures/tutorials/{page}.webp" in (DOCS / f"{page}.md").read_text(encoding="utf-8")
+
+
+def test_code_blocks_are_of_languages_that_are_run():
+    other = {
+        f"{page.name}: {language}"
+        for page in DOCS.rglob("*.md")
+        for language in re.findall(r"^```(\w+)", page.read_text(encoding="utf-8"), re.MULTILINE)
+        if language not in ("sh", "python", "toml", "text")
+    }
+    assert other == set()
 
 
 @pytest.mark.slow

@@ -1,15 +1,18 @@
-"""What the site takes from the package: the help of every command, and the spaces of every environment."""
+"""What the site takes from the package: help of the commands, spaces of the environments, scenarios and axes."""
 
 import re
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import typer
 from mkdocs.structure.files import File, Files
 
-import pftrack_sim  # noqa: F401 - registers the environments
+from pftrack_sim import scenario
 from pftrack_sim.cli.app import app
+from pftrack_sim.scenario.axes import axes_by_name
 
+PICTURES = Path(__file__).parents[1] / "pictures"
 SPACES = re.compile(r"^<!-- spaces of (\S+) -->$", re.MULTILINE)
 
 
@@ -20,7 +23,10 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Write the spaces of an environment where its page asks for them."""
+    """Write spaces, axes and scenarios where a page asks for them."""
+    for kind, written in (("axes", axes), ("scenarios", scenarios)):
+        mark = f"<!-- gallery of {kind} -->"
+        markdown = markdown.replace(mark, written()) if mark in markdown else markdown
     return SPACES.sub(lambda found: spaces(found[1]), markdown)
 
 
@@ -47,4 +53,28 @@ def spaces(env_id: str) -> str:
         rows.append(f"| observation, `{key}` | {type(space).__name__}{shape} |")
     modes = ", ".join(f"`{mode}`" for mode in env.metadata["render_modes"])
     env.close()
-    return "\n".join([*rows, f"| render modes | {modes}; with `gym.make` also `rgb_array_list` |"])
+    rows.append(f"| render modes | {modes}; with `gym.make` also `rgb_array_list` |")
+    rows.append("| arguments | [of all three](index.md) |")
+    return "\n".join(rows)
+
+
+def axes() -> str:
+    """Every stress axis with its picture and its levels in its unit."""
+    parts: list[str] = []
+    for name, axis in axes_by_name().items():
+        values = ", ".join(f"{axis(severity=level).physical:.3g}" for level in (0.0, 1.0, 2.0, 4.0))
+        about = " ".join((axis.__doc__ or "").split("\n\n")[0].split())
+        picture = f"![{name} at severity 0, 1, 2 and 4](pictures/axes/{name}.webp){{ loading=lazy }}\n\n"
+        drawn = picture if (PICTURES / f"axes/{name}.webp").is_file() else ""  # detector: frames do not change
+        parts.append(f"### {name}\n\n{about}\n\n{drawn}{values} {axis.unit}")
+    return "\n\n".join(parts)
+
+
+def scenarios() -> str:
+    """A card for every scenario: its picture, name and title."""
+    cards = [
+        f'<figure markdown="span">\n![{name}](pictures/scenarios/{name.replace("/", "-")}.webp){{ loading=lazy }}\n'
+        f"<figcaption><code>{name}</code> ({tree.get('tier', 'easy')}): {tree['title']}</figcaption>\n</figure>"
+        for name, tree in ((name, scenario.load(name).tree) for name in scenario.names())
+    ]
+    return "\n\n".join(['<div class="gallery" markdown="1">', *cards, "</div>"])
