@@ -107,7 +107,7 @@ class Bodies:
         for part in np.flatnonzero(depths[:, 0] < near_m):
             beyond = depths[part, 1] >= near_m
             local = self.vertices[part] @ axes[part].T + centres[part]
-            extents[part] = _extent_beyond(local, near_m) if beyond else np.nan
+            extents[part] = extent_beyond(local, near_m) if beyond else np.nan
         return extents, depths
 
     def lowest(self, positions: ArrayLike, rotations: ArrayLike) -> FloatArray:
@@ -159,7 +159,7 @@ def _stack(vertices: Sequence[FloatArray]) -> list[tuple[IntArray, FloatArray]]:
     return stacks
 
 
-def _extent_beyond(points: FloatArray, near_m: float) -> FloatArray:
+def extent_beyond(points: FloatArray, near_m: float) -> FloatArray:
     """`(4,)` extent of the part of a hull of `(V, 3)` points [m] in camera axes, one at least, beyond the near plane.
 
     The section with the plane is the hull of its intersections with the segments between vertices on either side.

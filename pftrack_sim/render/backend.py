@@ -108,6 +108,7 @@ class Renderer(ABC):
         near_m: Depth of the near plane.
         visible_geoms: `(ngeom,)` geoms that are drawn at all.
         description: Library, graphics card and version, in one line.
+        draws_color: Whether it draws colours; if not, `color` raises `RenderError`.
 
     Raises:
         ParameterError: An empty image.
@@ -116,6 +117,7 @@ class Renderer(ABC):
     near_m: float
     visible_geoms: BoolArray
     description: str
+    draws_color: bool = True
 
     def __init__(self, width_px: int, height_px: int) -> None:
         if width_px < 1 or height_px < 1:

@@ -23,7 +23,7 @@ _BOUNDED_TYPES = [
 
 _MARGIN_M, _MARGIN_PX = 0.01, 1.0  # OpenGL computes in single precision: a geom outside by less may still touch a pixel
 _FACE_MARGIN_M = 1e-4  # The same, for a person and the camera on the far side of a face
-_GROUND_CONTACT_M = 1e-4  # Soles penetrate the ground by up to this much without being occluded by it
+GROUND_CONTACT_M = 1e-4  # Soles penetrate the ground by up to this much without being occluded by it
 
 
 class Bounds:
@@ -91,7 +91,7 @@ class Bounds:
             boxes = within(self._reaches(data, geoms[near], normals, offsets))
             # From above, a geom below a person's soles occludes nothing of the person.
             from_above = T_world_camera[2, 3] > lowest_m
-            boxes &= (self._top(data, geoms[near])[:, None] > lowest_m + _GROUND_CONTACT_M) | ~from_above
+            boxes &= (self._top(data, geoms[near])[:, None] > lowest_m + GROUND_CONTACT_M) | ~from_above
             some = np.flatnonzero(boxes.any(axis=1))
             if some.size:
                 boxes[some] &= ~self._separated_by_face(data, T_world_camera[:3, 3], geoms[near[some]], limbs)

@@ -72,8 +72,13 @@ class TruthObserver:
         boxed = (
             [np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))] if parts else []
         )
-        bodies = Bodies([[_vertices(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]])
-        self._finder = SilhouetteFinder(model, renderer, geoms, bodies, boxed)
+        bodies = [[_vertices(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]]
+        if renderer.draws_color:
+            self._finder = SilhouetteFinder(model, renderer, geoms, Bodies(bodies), boxed)
+        else:
+            from pftrack_sim.truth.geometric import GeometricFinder  # numba: imported when it is used
+
+            self._finder = GeometricFinder(model, renderer, geoms, bodies, boxed)
         self._centres: FloatArray | None = None
         self.silhouettes: dict[str, Silhouette] = {}
         """Silhouettes in the last frame, by person, of those who have a pixel in it."""

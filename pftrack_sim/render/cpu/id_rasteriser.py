@@ -24,6 +24,7 @@ class IdRasteriser(Renderer):
     """
 
     description = "ids and depths on the processor, no colours"
+    draws_color = False
 
     def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int) -> None:
         super().__init__(width_px, height_px)
@@ -61,14 +62,35 @@ class IdRasteriser(Renderer):
             raise RenderError("this renderer has no model: rebind it")
         geoms, rect = self._geoms_and_rect(geoms, rect)
         ids = np.full((rect.height, rect.width), -1, dtype=np.int32)
-        inverse_depth = np.zeros((rect.height, rect.width), dtype=np.float32)
-        fx, fy, cx, cy = focal_and_centre(camera_matrix(K, self.width_px, self.height_px))
+        found = Segmentation(rect, ids, np.zeros((rect.height, rect.width), dtype=np.float32))
+        matrix = camera_matrix(K, self.width_px, self.height_px)
+        self.draw_into(found, data, checked_poses(T_world_camera), matrix, np.flatnonzero(geoms))
+        return found
+
+    def draw_into(
+        self,
+        found: Segmentation,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        K: FloatArray,
+        geoms: IntArray,
+        *,
+        farthest_m: float = np.inf,
+        above_m: float = -np.inf,
+    ) -> None:
+        """Draw further geoms into a segmentation, which is modified.
+
+        Geoms that lie wholly beyond the depth `farthest_m`, or below the height `above_m`, are left out. Other
+        arguments are as for `ids`, with the ids of the geoms.
+        """
+        if self._triangles is None:
+            raise RenderError("this renderer has no model: rebind it")
+        fx, fy, cx, cy = focal_and_centre(K)
+        intrinsics = fx, fy, cx - found.rect.left, cy - found.rect.top
         _draw(
-            np.flatnonzero(geoms), data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3), *self._triangles,
-            checked_poses(T_world_camera), (fx, fy, cx - rect.left, cy - rect.top), self.near_m, self._projected,
-            ids, inverse_depth,
+            geoms, data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3), *self._triangles, T_world_camera, intrinsics,
+            (self.near_m, farthest_m, above_m), self._projected, found.ids, found.inverse_depth,
         )  # fmt: skip
-        return Segmentation(rect, ids, inverse_depth)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -83,27 +105,43 @@ def _draw(
     radii_m: FloatArray,
     pose: FloatArray,
     intrinsics: tuple[float, float, float, float],
-    near_m: float,
+    limits_m: tuple[float, float, float],
     projected: FloatArray,
     ids: NDArray[np.int32],
     inverse_depth: NDArray[np.float32],
 ) -> None:
-    """Draw geoms into `(h, w)` ids and inverse depths; `projected` is scratch for the vertices of one geom."""
+    """Draw geoms into `(h, w)` ids and inverse depths; `projected` is scratch for the vertices of one geom.
+
+    The limits are the near plane, the depth beyond which and the height below which whole geoms are left out.
+    """
+    near_m, farthest_m, above_m = limits_m
     fx, fy, cx, cy = intrinsics
     height, width = ids.shape
-    to_camera = pose[:3, :3].T.copy()
-    camera = pose[:3, 3].copy()
     clipped = np.empty((4, 3))
+    rotation, centre = np.empty((3, 3)), np.empty(3)
     for geom in geoms:
-        centre = np.dot(to_camera, positions[geom] - camera)
         radius = float(radii_m[geom])
-        if centre[2] + radius < near_m or not _sphere_in_view(centre, radius, intrinsics, width, height):
+        for axis in range(3):
+            centre[axis] = 0.0
+            for along in range(3):
+                centre[axis] += pose[along, axis] * (positions[geom, along] - pose[along, 3])
+        if centre[2] + radius < near_m or centre[2] - radius > farthest_m:
             continue
-        rotation = np.dot(to_camera, rotations[geom])
+        if not _sphere_in_view(centre, radius, intrinsics, width, height):
+            continue
         first, count = vertex_starts[geom], vertex_starts[geom + 1] - vertex_starts[geom]
+        if positions[geom, 2] - radius <= above_m and _top_m(vertices[first : first + count], rotations[geom]) <= (
+            above_m - positions[geom, 2]
+        ):
+            continue
+        for axis in range(3):
+            for column in range(3):
+                rotation[axis, column] = 0.0
+                for along in range(3):
+                    rotation[axis, column] += pose[along, axis] * rotations[geom, along, column]
         cut = centre[2] - radius < near_m
         for index in range(count):
-            x, y, z = vertices[first + index]
+            x, y, z = vertices[first + index, 0], vertices[first + index, 1], vertices[first + index, 2]
             depth = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + centre[2]
             across = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z + centre[0]
             down = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z + centre[1]
@@ -114,7 +152,7 @@ def _draw(
                 projected[index, 0] = fx * across * projected[index, 2] + cx
                 projected[index, 1] = fy * down * projected[index, 2] + cy
         for face in range(face_starts[geom], face_starts[geom + 1]):
-            a, b, c = faces[face]
+            a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
             if not cut:
                 _fill(projected, a, b, c, geom, ids, inverse_depth)
                 continue
@@ -125,6 +163,16 @@ def _draw(
                 clipped[corner, 1] = fy * clipped[corner, 1] * clipped[corner, 2] + cy
             for corner in range(2, corners):
                 _fill(clipped, 0, corner - 1, corner, geom, ids, inverse_depth)
+
+
+@njit(cache=True, nogil=True)
+def _top_m(vertices: FloatArray, rotation: FloatArray) -> float:
+    """Height of the highest of `(V, 3)` vertices above the origin of their frame."""
+    top_m = -np.inf
+    for index in range(len(vertices)):
+        x, y, z = vertices[index, 0], vertices[index, 1], vertices[index, 2]
+        top_m = max(top_m, rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z)
+    return top_m
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -200,7 +248,8 @@ def _fill(
         value = az + per_x * (left + 0.5 - ax) + per_y * (y - ay)
         for column in range(left, right):
             single = np.float32(value)
-            if single >= inverse_depth[row, column]:
+            present = inverse_depth[row, column]
+            if single > present or (single == present and geom > ids[row, column]):
                 inverse_depth[row, column] = single
                 ids[row, column] = geom
             value += per_x
