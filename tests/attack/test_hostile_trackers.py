@@ -20,7 +20,7 @@ pytestmark = [
 
 MODULE = "tests.attack.hostile_trackers:"
 GOOD = ("ko2012", "lee2012")
-LIMITS = Limits(frame_s=2.0, memory_mb=300)
+LIMITS = Limits(frame_s=5.0, memory_mb=300)
 
 ANSWERS = {
     "half_a_reply": "no answer within",

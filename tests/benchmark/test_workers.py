@@ -152,6 +152,7 @@ def test_a_folder_has_one_writer_at_a_time(plan: Plan, tmp_path: Path):
     assert problems
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_and_keeps_what_is_finished(plan: Plan, one: RunStore, tmp_path: Path):
     from pftrack_sim.benchmark import Interrupted
 
@@ -190,6 +191,7 @@ def test_tables_are_written(one: RunStore):
     assert "ko2012 & 5 & " in (one.path / "tables/trackers.tex").read_text()
 
 
+@pytest.mark.slow
 def test_closing_an_executor_ends_its_workers(plan: Plan):
     """Nothing is left running when a pool is closed."""
     pool = LocalExecutor(1)

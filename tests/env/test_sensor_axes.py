@@ -26,7 +26,7 @@ def overrides(axis: str, severity: float) -> dict[str, Any]:
     return {**given, f"axes.{axis}.severity": severity}
 
 
-def episode(changed: dict[str, Any], *, name: str = "street-night", seed: int = 4, runs: int = 1) -> list[Frame]:
+def episode(changed: dict[str, Any], *, name: str = "corridor", seed: int = 4, runs: int = 1) -> list[Frame]:
     """The frames of an episode, the last time it was run."""
     frames: list[Frame] = []
     with Simulation(scenario.load(name, {**SHORT, **changed})) as simulation:
@@ -105,13 +105,13 @@ def test_truth_and_exposure_do_not_depend_on_lost_frames(automatics: bool):
 def test_the_command_is_held_while_frames_are_lost():
     lossy = {"axes.stream.severity": 1, "axes.stream.dropped_share": 0.5, "duration_s": 2.0}
     forward = np.array([0.5, 0.2, 0.0, 0.0])
-    with Simulation(scenario.load("plaza-walk", {**SHORT, "duration_s": 2.0})) as simulation:
+    with Simulation(scenario.load("corridor", {**SHORT, "duration_s": 2.0})) as simulation:
         simulation.reset(4)
         poses = {0.0: simulation.world.robot_pose()}
         for _ in range(12):
             time_s = simulation.advance(forward).time_s
             poses[time_s] = simulation.world.robot_pose()
-    with Simulation(scenario.load("plaza-walk", {**SHORT, **lossy})) as simulation:
+    with Simulation(scenario.load("corridor", {**SHORT, **lossy})) as simulation:
         simulation.reset(4)
         gaps = []
         last_s = 0.0

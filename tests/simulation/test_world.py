@@ -13,6 +13,8 @@ from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.simulation.world import World
 
 BASE: dict[str, Any] = {"duration_s": 3, "lights.shadows": False}
+FREE: dict[str, Any] = {"occluders": []}
+"""Planning occlusions takes half of the time."""
 
 
 def world(overrides: dict[str, Any] | None = None, seed: int = 5, name: str = "plaza-walk") -> World:
@@ -45,7 +47,7 @@ def test_frames_ticks_and_steps_are_nested(rate_hz: float):
 
 
 def test_the_time_of_a_frame_is_its_index_over_the_rate():
-    simulated = world()
+    simulated = world(FREE)
     for _ in range(45):
         simulated.advance()
     assert simulated.time_s == 1.5
@@ -69,7 +71,7 @@ def test_target_and_robot_do_not_depend_on_other_conditions(overrides: dict[str,
 
 
 def test_a_rough_road_shakes_the_robot_and_no_pedestrian():
-    smooth, rough = world(), world({"axes.jitter": {"sources": ["road"], "road_class": "C"}})
+    smooth, rough = world(FREE), world({**FREE, "axes.jitter": {"sources": ["road"], "road_class": "C"}})
     for _ in range(30):
         smooth.advance()
         rough.advance()
@@ -79,7 +81,7 @@ def test_a_rough_road_shakes_the_robot_and_no_pedestrian():
 
 
 def test_distractors_do_not_depend_on_their_number():
-    few, many = world({"distractors.count": 2}), world({"distractors.count": 3})
+    few, many = (world({**FREE, "distractors.count": count}) for count in (2, 3))
 
     def texture_of(of: World, name: str) -> bytes:
         model = of.model
