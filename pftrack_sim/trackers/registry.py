@@ -32,6 +32,7 @@ _BUILTIN = {  # name: (module, description)
     "ko2012-hsv": ("papers.ko2012", "Ko et al. 2012, method 2: HSV histogram"),
     "ko2012-hsv-kernel": ("papers.ko2012", "Ko et al. 2012, method 3: HSV histogram under an Epanechnikov kernel"),
     "ko2012-rgb": ("papers.ko2012", "Ko et al. 2012, method 1: RGB histogram"),
+    "khan2011": ("relatives.khan2011", "Khan et al. 2011: particle filter whose particles climb by mean shift"),
     "klein2010": (
         "relatives.klein2010",
         "Klein et al. 2010: particle filter on a classifier boosted every frame",

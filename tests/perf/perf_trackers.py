@@ -41,6 +41,7 @@ TARGETS = {
     "kwon2005-no-occlusion": 12,
     "deguchi2004": 10,
     "islam2009": 10,
+    "khan2011": 6,
     "klein2010": 4,
     "sidibe2010": 10,
     "yang2005": 6,

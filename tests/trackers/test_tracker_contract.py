@@ -17,7 +17,7 @@ KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-r
 OPENCV = sorted(CLASSES) if hasattr(cv2, "legacy") else ["opencv-mil"]
 LEE2012 = ["lee2012", "lee2012-checked", "lee2012-color", "lee2012-color-hog"]
 KWON2005 = ["kwon2005", "kwon2005-no-occlusion"]
-RELATIVES = ["deguchi2004", "islam2009", "klein2010", "sidibe2010", "yang2005"]
+RELATIVES = ["deguchi2004", "islam2009", "khan2011", "klein2010", "sidibe2010", "yang2005"]
 NAMES = [
     *KO2012,
     *LEE2012,
