@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 import re
 import subprocess
 import sys
@@ -16,7 +17,8 @@ import pytest
 from pftrack_sim import score
 from pftrack_sim.cli import main
 
-SMALL = ["--set", "camera.width_px=96", "--set", "camera.height_px=72", "--set", "duration_s=0.5"]
+SETTINGS = ("camera.width_px=96", "camera.height_px=72", "duration_s=0.5", "lights.shadows=false", "occluders=[]")
+SMALL = [word for setting in SETTINGS for word in ("--set", setting)]
 
 
 @dataclass
@@ -32,6 +34,7 @@ def pftrack_sim(*arguments: str, cwd: Path | None = None) -> Done:
     with (
         patch.object(sys, "argv", ["pftrack-sim", *arguments]),
         patch.object(sys, "path", list(sys.path)),
+        patch.dict(os.environ),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
         contextlib.chdir(cwd or Path.cwd()),
