@@ -25,15 +25,13 @@ Observation = dict[str, Any]
 class CameraEnv(gym.Env[Observation, Any]):
     """Base of the environments; see `TrackEnv`, `FollowEnv` and `TrackAndFollowEnv`.
 
-    Observation (a dict):
-        image: `(H, W, 3)` uint8 RGB; left out with `image=False`.
-        init_box: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, else zeros.
-        first: 1 in the frame in which the target is selected, else 0: the first in which anything of it can be seen.
-            Unless the target starts out of view that is the first frame of the episode.
-        proprio: `(n,)` float32, proprioception (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
+    Observation, a dict:
 
-    Information (a dict): `truth` of the target and of all `people` in view, `detections` of people as a detector gives
-    them (`core.records.Detections`, see the stress axis `detector`), `time_s`, `frame`, `seed`.
+    - `image`: `(H, W, 3)` uint8 RGB; left out with `image=False`.
+    - `init_box`: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, else zeros.
+    - `first`: 1 in the frame in which the target is selected, else 0: the first in which anything of it can be seen.
+      Unless the target starts out of view that is the first frame of the episode.
+    - `proprio`: `(n,)` float32, proprioception (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
