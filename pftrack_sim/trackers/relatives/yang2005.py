@@ -68,6 +68,8 @@ class Yang2005Parameters(BoxFilterParameters):
             "sigma_unit": "box",
             "top_count": 10,
             "redraw": "estimate",
+            "hold_below": 0.4,
+            "held_noise": 2.0,
             "sigma_colour": 0.2,
         }
     )
