@@ -22,18 +22,43 @@ SHADOW_PIXELS = 2048
 _MAX_SHADE = 0.9
 
 
-def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> tuple[mujoco.MjSpec, WalkableArea]:
-    """Build the place with the robot in it, all that the dry run needs; `add_agents` completes the spec."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = step_s
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+def build_stage(
+    settings: ResolvedScenario, seed: int, step_s: float
+) -> tuple[mujoco.MjSpec, mujoco.MjSpec, WalkableArea]:
+    """Build the place with the robot in it.
+
+    Returns:
+        The spec, which `add_agents` completes; the same stage without what is only drawn, for the dry run; and the
+        walkable area.
+    """
+    spec = _empty(step_s)
     _set_graphics(spec, settings)
     rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
     patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
     lights = settings.lights.model_copy(update={"patches": patches})
     layout = places.add_place(spec, settings.place, lights, rng, patch_rng)
-    add_robot(spec, settings.robot, settings.camera)
-    return spec, layout
+    solids = _empty(step_s)
+    for body in spec.worldbody.bodies:
+        twin = solids.worldbody.add_body(name=body.name, pos=body.pos, quat=body.quat)
+        for geom in body.geoms:
+            if geom.contype or geom.conaffinity:
+                _add_solid(twin, geom)
+    for one in (spec, solids):
+        add_robot(one, settings.robot, settings.camera)
+    return spec, solids, layout
+
+
+def _empty(step_s: float) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec()
+    spec.option.timestep = step_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    return spec
+
+
+def _add_solid(body: mujoco.MjsBody, geom: mujoco.MjsGeom) -> None:
+    """Add a copy of a geom that the robot collides with."""
+    solid = body.add_geom(type=geom.type, size=geom.size, pos=geom.pos, quat=geom.quat, friction=geom.friction)
+    solid.contype, solid.conaffinity, solid.group = geom.contype, geom.conaffinity, geom.group
 
 
 def add_agents(

@@ -43,11 +43,11 @@ class World:
         self.clock = Clock.for_rate(settings.camera.rate_hz)
         self._seed = seed
         self._path = Path(settings.target.path_m)
-        spec, layout = build_stage(settings, seed, self.clock.step_s)
+        spec, solids, layout = build_stage(settings, seed, self.clock.step_s)
         self._script = self._robot_script(layout)
 
         def run(until_s: float) -> DryRun:
-            model = spec.copy().compile()
+            model = solids.compile()
             alone = self._crowd(Plan(layout), distractors=0)
             return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m)
 
