@@ -62,8 +62,10 @@ lint: setup
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 
+# The table of what a step and a reset cost, with the change against tests/perf/table.json, then the rest.
 perf: setup
-	@for script in tests/perf/perf_*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	$(BIN)/python tests/perf/perf_table.py
+	@for script in $(filter-out %/perf_table.py,$(wildcard tests/perf/perf_*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 # The site, in build/site; a broken link is an error.
 docs: setup
