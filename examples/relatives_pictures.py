@@ -18,13 +18,18 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from paper_evidence import SMALL, frames
 
-from pftrack_sim import trackers
+from pftrack_sim import scenario, trackers
+from pftrack_sim.benchmark.rollout import detected, simulated
 from pftrack_sim.core import boxes
-from pftrack_sim.core.records import Estimate
+from pftrack_sim.core.records import Estimate, TrackedBoxes
+from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.relatives.islam2009 import SHAPE, Islam2009
 from pftrack_sim.trackers.relatives.yang2005 import STAGES, Yang2005
 
 WALK: Mapping[str, Any] = MappingProxyType({**SMALL, "duration_s": 2.0})
+CROWD: Mapping[str, Any] = MappingProxyType(
+    {**SMALL, "duration_s": 3.0, "camera.rate_hz": 15.0, "axes.detector.severity": 1.0, "axes.detector.height_px": 20.0}
+)
 COVERED: Mapping[str, Any] = MappingProxyType({**SMALL, "duration_s": 8.0})
 
 
@@ -118,7 +123,39 @@ def islam2009(seed: int) -> plt.Figure:
     return figure
 
 
-PICTURES = {"yang2005": yang2005, "deguchi2004": deguchi2004, "islam2009": islam2009}
+def chau2011(seed: int) -> plt.Figure:
+    """Detections, tracks and the target's track before, during and after a cover, and its similarities over time."""
+    with Simulation(scenario.load("plaza-walk", dict(CROWD))) as simulation:
+        shown = list(detected(simulated(simulation, seed), simulation.scenario.resolve(seed), seed))
+    tracker = trackers.make("chau2011")
+    assert isinstance(tracker, trackers.FollowedPerson)
+    tracks: list[TrackedBoxes] = []
+    for index, sample in enumerate(shown):
+        assert sample.detections is not None
+        tracker.receive_detections(sample.detections)
+        tracker.init(sample.image, sample.true_box) if index == 0 else tracker.update(sample.image)
+        assert tracker.tracks is not None
+        tracks.append(tracker.tracks)
+    figure, axes = plt.subplot_mosaic("abc;ddd", figsize=(11.0, 5.4), height_ratios=(3, 2), layout="constrained")
+    chosen = np.linspace(len(shown) // 3, len(shown) - 1, 3).astype(int).tolist()
+    colours = plt.get_cmap("tab20").colors
+    for axis, index in zip("abc", chosen, strict=True):
+        axes[axis].imshow(shown[index].image)
+        for box in shown[index].detections.boxes:
+            outline(axes[axis], box, "white")
+        for identity, box in zip(tracks[index].identities.tolist(), tracks[index].boxes, strict=True):
+            outline(axes[axis], box, colours[identity % 20])
+            axes[axis].text(box[0], box[1] - 3, identity, color=colours[identity % 20], fontsize=8)
+        axes[axis].set_title(f"frame {index}: detections (white) and tracks")
+        axes[axis].set_axis_off()
+    for index, found in enumerate(tracks):
+        for identity in found.identities.tolist():
+            axes["d"].plot(index, identity, "s", markersize=3, color=colours[identity % 20])
+    axes["d"].set(xlabel="frame", ylabel="identity", title="frames in which each track has a box")
+    return figure
+
+
+PICTURES = {"yang2005": yang2005, "deguchi2004": deguchi2004, "islam2009": islam2009, "chau2011": chau2011}
 
 
 def main() -> None:
