@@ -33,6 +33,9 @@ class CameraEnv(gym.Env[Observation, Any]):
       Unless the target starts out of view that is the first frame of the episode.
     - `proprio`: `(n,)` float32, proprioception (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
 
+    Information, a dict: `truth` of the target and of all `people` in view, `detections` of people as a detector gives
+    them (`core.records.Detections`, see the stress axis `detector`), `time_s`, `frame`, `seed`.
+
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
         overrides: Dotted keys and values, `{"duration_s": 5, "axes.jitter.severity": 2.0}`.
