@@ -12,7 +12,7 @@ from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.core.records import Estimate, Tracker
 from pftrack_sim.trackers.opencv import CLASSES
 
-KO2012 = ["ko2012", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-rgb"]
+KO2012 = ["ko2012", "ko2012-classifier", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-rgb"]
 # The others of OpenCV are in its contrib wheel, and are held to the same where that is the one installed.
 OPENCV = sorted(CLASSES) if hasattr(cv2, "legacy") else ["opencv-mil"]
 LEE2012 = ["lee2012", "lee2012-checked", "lee2012-color", "lee2012-color-hog"]

@@ -8,13 +8,15 @@ chosen here, see docs/papers/relatives.md.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from pftrack_sim.core.boxes import Box
@@ -22,8 +24,8 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.boosting import StrongClassifier, train
-from pftrack_sim.trackers.features.centre_surround import CentreSurround, grid_of_regions, opponent_integral
-from pftrack_sim.trackers.features.image_region import ImageRegion, downsample
+from pftrack_sim.trackers.features.centre_surround import grid_of_regions, opponent_integral
+from pftrack_sim.trackers.features.image_region import downsample
 from pftrack_sim.trackers.parameters import NotNegative, Share
 
 POINTS = (24, 48)
@@ -31,15 +33,13 @@ POINTS = (24, 48)
 Samples = Annotated[int, Field(ge=2, le=1000)]
 
 
-class Klein2010Parameters(BoxFilterParameters):
-    """Parameters. Defaults are the preset `paper`; all values are chosen, as none of the publication is known.
+class BoostedParameters(BoxFilterParameters):
+    """Parameters of the filter, the samples and the training.
 
     Attributes:
         sharpness: lambda of the likelihood exp(lambda c), c the classifier's confidence in [-1, 1].
         soft: Whether weak classifiers grow more certain with the distance to their threshold, see `StrongClassifier`.
         rounds: Weak classifiers of the strong one.
-        divisions: Regions have 1/1, 1/2, ... 1/`divisions` of a box's sides.
-        centre: Side of a region's centre as a share of the region's.
         positive_count: Samples of the target: the estimated box and boxes near it.
         positive_spread: Greatest shift and change of size of these, as a share of the box.
         negative_count: Samples of the surround.
@@ -73,8 +73,6 @@ class Klein2010Parameters(BoxFilterParameters):
     sharpness: NotNegative = 10.0
     soft: bool = False
     rounds: Annotated[int, Field(ge=1, le=1000)] = 40
-    divisions: Annotated[int, Field(ge=1, le=8)] = 3
-    centre: Annotated[float, Field(ge=0.1, le=0.9)] = 0.5
     positive_count: Samples = 15
     positive_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.04
     negative_count: Samples = 45
@@ -85,21 +83,34 @@ class Klein2010Parameters(BoxFilterParameters):
     learn_above: Share = 0.0
 
 
+class Klein2010Parameters(BoostedParameters):
+    """Parameters. Defaults are the preset `paper`; all values are chosen, as none of the publication is known.
+
+    Attributes:
+        divisions: Regions have 1/1, 1/2, ... 1/`divisions` of a box's sides.
+        centre: Side of a region's centre as a share of the region's.
+    """
+
+    divisions: Annotated[int, Field(ge=1, le=8)] = 3
+    centre: Annotated[float, Field(ge=0.1, le=0.9)] = 0.5
+
+
+Measure: TypeAlias = Callable[[FloatArray, NDArray[np.intp] | None], FloatArray]
+"""`(N, T)` values of the `(T,)` chosen features, or of all, in `(N, 4)` boxes [px] of one image."""
+
+
 @dataclass(frozen=True, eq=False)
 class FrameFeatures:
-    """The features of one image near the particles, and the classifier of the frames before."""
+    """The features of one image, and the classifier of the frames before."""
 
-    region: ImageRegion
-    integral: FloatArray
-    pool: CentreSurround
+    measure: Measure
     classifier: StrongClassifier
     sharpness: float
     soft: bool
 
     def confidences(self, boxes: FloatArray) -> FloatArray:
         """`(N,)` confidence in [-1, 1] of `(N, 4)` boxes [px]."""
-        values = self.pool.values(self.integral, self.region.to_region(boxes), self.classifier.chosen)
-        return self.classifier.score(values, soft=self.soft)
+        return self.classifier.score(self.measure(boxes, self.classifier.chosen), soft=self.soft)
 
     def log_likelihood(self, particles: FloatArray) -> FloatArray:
         """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]."""
@@ -110,52 +121,55 @@ class FrameFeatures:
         return min(max(0.5 + 0.5 * float(self.confidences(box[None])[0]), 0.0), 1.0)
 
 
-class Klein2010(BoxFilterTracker[Klein2010Parameters, FrameFeatures]):
-    """The tracker; it draws from the stream `"tracker"` of the root seed.
+BoostedT = TypeVar("BoostedT", bound=BoostedParameters)
+
+
+class BoostedTracker(BoxFilterTracker[BoostedT, FrameFeatures]):
+    """A particle filter on the confidence of a classifier that is trained every frame, on any features.
+
+    It draws from the stream `"tracker"` of the root seed.
 
     Attributes:
-        pool: All features.
         classifier: The strong classifier for the next frame.
     """
 
-    def __init__(self, params: Klein2010Parameters, seed: int) -> None:
+    def __init__(self, params: BoostedT, seed: int) -> None:
         super().__init__(params, seed)
-        self.pool = grid_of_regions(params.divisions, params.centre)
         count = params.positive_count + params.negative_count
         self._positive = np.arange(count) < params.positive_count
 
+    @abstractmethod
+    def _measure(self, image: Image, near: FloatArray) -> Measure:
+        """The features of an image where boxes lie in the hull of `(N, 4)` boxes [px], the last of the usual size."""
+
     def _learn_first(self, image: Image, box: Box) -> None:
-        region, integral = self._integral(image, box[None], box)
-        self._first = self.pool.values(integral, region.to_region(self._samples(box)))
+        self._first = self._measure(image, self._with_surround(box[None]))(self._samples(box), None)
         self._past: deque[FloatArray] = deque(maxlen=self.params.memory)
         self.classifier = train(self._first, self._positive, np.ones(len(self._first)), self.params.rounds)
 
     def _observe(self, image: Image, near: FloatArray) -> FrameFeatures:
-        p = self.params
-        region, integral = self._integral(image, near, near[-1])
-        return FrameFeatures(region, integral, self.pool, self.classifier, p.sharpness, p.soft)
+        measure = self._measure(image, self._with_surround(near))
+        return FrameFeatures(measure, self.classifier, self.params.sharpness, self.params.soft)
+
+    def _with_surround(self, near: FloatArray) -> FloatArray:
+        """`(2, 4)` the hull of `(N, 4)` boxes [px] and of the samples around them, and the last box."""
+        reach = self.params.negative_to * near[-1, 2:]
+        low, high = near[:, :2].min(axis=0) - reach, (near[:, :2] + near[:, 2:]).max(axis=0) + reach
+        return np.stack([np.concatenate([low, high - low]), near[-1]])
 
     def _learn(self, image: Image, observation: FrameFeatures, box: Box) -> None:
         p = self.params
         if observation.similarity(box) < p.learn_above:
             return
-        present = self.pool.values(observation.integral, observation.region.to_region(self._samples(box)))
+        present = observation.measure(self._samples(box), None)
         self._past.append(present[0])
-        past = np.array(self._past).reshape(-1, self.pool.size)
+        past = np.array(self._past).reshape(-1, present.shape[1])
         values = np.concatenate([self._first, present, past])
         positive = np.concatenate([self._positive, self._positive, np.ones(len(past), np.bool_)])
         weights = np.full(len(values), 1.0 - p.anchor)
         weights[: len(self._first)] = p.anchor
         weights[len(self._first) + len(present) :] *= p.positive_count / max(len(past), 1)
         self.classifier = train(values, positive, weights, p.rounds)
-
-    def _integral(self, image: Image, near: FloatArray, box: Box) -> tuple[ImageRegion, FloatArray]:
-        """Where `(N, 4)` boxes [px] and samples around them lie, with `POINTS` pixels or more in a box of this size."""
-        reach = self.params.negative_to * box[2:]
-        low, high = near[:, :2].min(axis=0) - reach, (near[:, :2] + near[:, 2:]).max(axis=0) + reach
-        hull = np.concatenate([low, high - low])
-        region = downsample(image, hull[None], (float(box[2]), float(box[3])), POINTS)
-        return region, opponent_integral(region.pixels)
 
     def _samples(self, box: Box) -> FloatArray:
         """`(P + Q, 4)` boxes [px]: first the positive ones, then the negative ones."""
@@ -173,6 +187,27 @@ class Klein2010(BoxFilterTracker[Klein2010Parameters, FrameFeatures]):
         size = box[2:] * np.exp(moves[:, 2:])
         centre = box[:2] + 0.5 * box[2:] + moves[:, :2] * box[2:]
         return np.concatenate([centre - 0.5 * size, size], axis=1)
+
+
+class Klein2010(BoostedTracker[Klein2010Parameters]):
+    """The tracker.
+
+    Attributes:
+        pool: All features.
+    """
+
+    def __init__(self, params: Klein2010Parameters, seed: int) -> None:
+        super().__init__(params, seed)
+        self.pool = grid_of_regions(params.divisions, params.centre)
+
+    def _measure(self, image: Image, near: FloatArray) -> Measure:
+        region = downsample(image, near, (float(near[-1, 2]), float(near[-1, 3])), POINTS)
+        integral = opponent_integral(region.pixels)
+
+        def measure(boxes: FloatArray, chosen: NDArray[np.intp] | None) -> FloatArray:
+            return self.pool.values(integral, region.to_region(boxes), chosen)
+
+        return measure
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Klein2010:
