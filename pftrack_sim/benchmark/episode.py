@@ -42,6 +42,9 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
 # OpenGL contexts belong to threads: a process renders one episode at a time, however many threads a cluster gives it.
+WITHOUT_IMAGES = "none"
+"""The renderer of runs without images."""
+
 _render_lock = threading.Lock()
 
 
@@ -52,6 +55,7 @@ class EpisodeJob:
     Attributes:
         labels: All trackers of the run: they give each its colour in the video.
         logs: Formats of logs to write.
+        backend: Renderer, by name; `WITHOUT_IMAGES` for an episode without images.
         cache: Where frames of open loops are kept, on the worker's machine; None: nowhere.
         scratch: Folder for temporary files, if the worker has it.
         dropped: Labels of trackers that are not run: they ended the process of a worker.
@@ -152,7 +156,9 @@ def _run(
             ]
             sinks.append(lambda step: on_frame())
             if episode.kind == "follow":
-                env = stack.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=job.backend)))
+                images = job.backend != WITHOUT_IMAGES
+                made = TrackAndFollowEnv(episode.scenario, backend=job.backend if images else None, image=images)
+                env = stack.enter_context(contextlib.closing(made))
                 drive(env, episode.seed, _driver(runners[0], settings, episode.latency_ms), [*sinks, course])
                 following = course.scores(settings, env.simulation.frame_count)
                 graphics = env.simulation.graphics

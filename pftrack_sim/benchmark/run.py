@@ -11,7 +11,8 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pftrack_sim.benchmark.episode import EpisodeJob
+from pftrack_sim import trackers
+from pftrack_sim.benchmark.episode import WITHOUT_IMAGES, EpisodeJob
 from pftrack_sim.benchmark.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor
 from pftrack_sim.benchmark.files import slug
 from pftrack_sim.benchmark.filming import film, worst
@@ -71,7 +72,7 @@ def run(
         videos: `"first"`: of the first seed of each scenario and condition; `"all"`; `"none"`; or `"worst:5"`: of the
             five worst episodes of each tracker.
         logs: Formats of logs to write of the first seed of each scenario and condition, with `videos="all"` of all.
-        backend: Renderer, by name.
+        backend: Renderer, by name; `"none"` drives without images or videos, for trackers that read none.
         isolation: Which trackers run in a process of their own: `"auto"` (third-party), `"always"`, `"never"`,
             or `"container"` (third-party, in a sandbox).
         limits: Limits of those.
@@ -104,7 +105,11 @@ def run(
     with contextlib.ExitStack() as ended:
         ended.callback(processes.close)
         check_trackers(plan.trackers, isolated, limits, processes)
-        Simulation(plan.episode(0).scenario, backend=backend)
+        if backend == WITHOUT_IMAGES:
+            _check_without_images(plan, videos, logs)
+            videos = "none"
+        else:
+            Simulation(plan.episode(0).scenario, backend=backend)
         if not workers and scheduler is None:
             ended.pop_all()  # this process runs the episodes too, with what is loaded here
 
@@ -167,6 +172,25 @@ def run(
                 film(store, chosen, backend=backend)
                 store.write_summary()
     return RunStore(path)
+
+
+def _check_without_images(plan: Plan, videos: str, logs: Sequence[str]) -> None:
+    """Raise `ParameterError` for what needs images."""
+    if plan.kind != "follow":
+        raise ParameterError(
+            f"only closed-loop runs (follow) can do without images, got the renderer {WITHOUT_IMAGES!r}"
+        )
+    if videos not in ("first", "none") or logs:
+        raise ParameterError(f"videos and logs need images: leave them out with the renderer {WITHOUT_IMAGES!r}")
+    for tracker in plan.trackers:
+        made = trackers.is_builtin(tracker.name) and trackers.make(
+            tracker.name, preset=tracker.preset, **tracker.params
+        )
+        if not isinstance(made, (trackers.NeedsTruth, trackers.NeedsDetections)):
+            raise ParameterError(
+                f"tracker {tracker.label!r} needs images: without them (renderer {WITHOUT_IMAGES!r}) oracle and the "
+                "built-in trackers of detections can drive"
+            )
 
 
 def _worst_count(videos: str) -> int:

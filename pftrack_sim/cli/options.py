@@ -28,7 +28,11 @@ Params = Annotated[
 ]
 Backend = Annotated[
     str | None,
-    typer.Option("--renderer", "--backend", help="gl, egl, osmesa or warp; default: OpenGL if it loads, else warp."),
+    typer.Option(
+        "--renderer",
+        "--backend",
+        help="gl, egl, osmesa, warp, or none (follow: no images); default: OpenGL if it loads, else warp.",
+    ),
 ]
 BenchTrackers = Annotated[
     str | None,

@@ -113,6 +113,20 @@ def test_sensors_and_people_of_every_drive_are_stored(one: RunStore):
     assert people == [(label, seed, 4) for label in labels for seed in (0, 1)]
 
 
+def test_without_images_the_robot_drives_the_same_way(one: RunStore, tmp_path: Path):
+    bare = run(driving(range(1), ("oracle",)), tmp_path / "bare", backend="none")
+    drive = "after_x_m, after_y_m, after_distance_m, visible_fraction, target_x_m"
+    assert np.abs(frames(bare.path, drive, "oracle") - frames(one.path, drive, "oracle")).max() < 1e-6
+    assert not list(bare.path.rglob("*.mp4"))
+    with pytest.raises(ParameterError, match=r"'stay.*' needs images"):
+        run(driving(), tmp_path / "refused", backend="none")
+    with pytest.raises(ParameterError, match="videos and logs need images"):
+        run(driving(trackers=("oracle",)), tmp_path / "refused", backend="none", videos="all")
+    with pytest.raises(ParameterError, match="only closed-loop runs"):
+        run(make_plan(["corridor"], ["oracle"], [0]), tmp_path / "refused", backend="none")
+    assert not (tmp_path / "refused").exists()
+
+
 @pytest.mark.slow
 def test_two_workers_and_another_order_give_the_same_bits(one: RunStore, tmp_path: Path):
     two = run(one.plan, tmp_path / "two", workers=2, videos="none", shuffle=1)
