@@ -10,7 +10,8 @@ DOCUMENT = Path(__file__).parent.parent / "docs/first-tracker.md"
 
 
 @pytest.mark.slow
-def test_code_and_commands_run_in_order(tmp_path: Path):
+def test_code_and_commands_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     said = run_page(DOCUMENT, tmp_path)
     assert "SCALES = (0.98" in (tmp_path / "my_tracker.py").read_text()
     printed = re.search(r"my_tracker:make in v2 is better than .* by 0\.\d{3} \(.*\), 6 seeds", said)

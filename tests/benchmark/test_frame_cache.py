@@ -7,7 +7,9 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.benchmark import RunStore, frame_cache, run
-from pftrack_sim.benchmark.frame_cache import FrameCache
+from pftrack_sim.benchmark.frame_cache import EntryWriter, FrameCache
+from pftrack_sim.benchmark.rollout import rollout, simulated
+from pftrack_sim.benchmark.sinks import TruthLog
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import contents, small_plan
@@ -44,6 +46,22 @@ def test_a_second_run_takes_the_frames_from_the_cache_until_they_are_damaged(
     (entry / "frames.raw").write_bytes(b"")
     assert cache.open(entry) is None
     assert not entry.exists()
+
+
+def test_two_writers_of_the_same_episode_leave_one_entry(tmp_path: Path):
+    scenario_, cache = next(PLAN.episodes()).scenario, FrameCache(tmp_path / "cache", 10**9)
+    entry = cache.entry(scenario_, 0, None)
+    log = TruthLog()
+    with Simulation(scenario_) as simulation, EntryWriter(cache, entry) as one, EntryWriter(cache, entry) as other:
+        rollout(simulated(simulation, 0), (), [log, one, other])
+        one.finish(log.frames_digest, "test")
+        other.finish(log.frames_digest, "test")
+    assert list(cache.folder.iterdir()) == [entry]
+    cached, again = cache.open(entry), TruthLog()
+    assert cached is not None
+    rollout(cached.samples(), (), [again])
+    assert again.frames_digest == log.frames_digest == cached.frames_digest
+    assert again.truths == log.truths
 
 
 def test_the_entries_not_used_for_longest_go_first(tmp_path: Path):
