@@ -23,14 +23,11 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDA
     Raises:
         ParameterError: The shape differs from the one required, if any.
     """
-    if (
-        isinstance(values, np.ndarray)
-        and values.dtype == np.float64
-        and not values.flags.writeable
-        and values.base is None
-        and values.shape == shape
-    ):
-        return values
+    if isinstance(values, np.ndarray):
+        given = cast("NDArray[Any]", values)
+        is_frozen = not given.flags.writeable and given.base is None
+        if is_frozen and given.dtype == np.float64 and given.shape == shape:
+            return given
     array = np.array(values, dtype=np.float64)
     if shape is not None and array.shape != shape:
         raise ParameterError(f"expected an array of shape {shape}, got {array.shape}")
