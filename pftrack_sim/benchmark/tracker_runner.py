@@ -138,9 +138,12 @@ class TrackerRunner:
 
     @property
     def needs_detections(self) -> bool:
-        """Whether the tracker implements `NeedsDetections`; raises TrackerFault if it cannot be made."""
+        """Whether the tracker implements `NeedsDetections`; False if it cannot be made: its first call reports that."""
         if isinstance(self.tracker, IsolatedTracker):
-            return self.tracker.needs_detections
+            try:
+                return self.tracker.needs_detections
+            except TrackerFault:
+                return False
         return isinstance(self.tracker, trackers.NeedsDetections)
 
     def fail(self, fault: TrackerFault) -> None:

@@ -201,7 +201,7 @@ class _Counting:
         self._renderer = renderer
         self.asked: list[PixelRect | None] = []
         self.width_px, self.height_px, self.near_m = renderer.width_px, renderer.height_px, renderer.near_m
-        self.visible_geoms = renderer.visible_geoms
+        self.visible_geoms, self.draws_color = renderer.visible_geoms, renderer.draws_color
 
     def ids(self, *arguments: Any, rect: PixelRect | None = None, **options: Any) -> Segmentation:
         self.asked.append(rect)

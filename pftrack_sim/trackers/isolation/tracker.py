@@ -140,6 +140,7 @@ class IsolatedTracker:
         self._process = (TrackerProcesses() if processes is None else processes).take(self._code)
         self._needs_truth: bool | None = None
         self._needs_detections = False
+        self._unmade: TrackerFault | None = None
         self._failed = False
         self._printed: str | None = None
         self._open = True
@@ -163,6 +164,8 @@ class IsolatedTracker:
         """Wait until the tracker is made; raises TrackerFault if it fails."""
         if self._needs_truth is not None:
             return
+        if self._unmade is not None:
+            raise self._unmade
         try:
             if self._process.way is None:
                 self._process.way = str(self._receive(self._limits.make_s).get("way"))
@@ -170,7 +173,8 @@ class IsolatedTracker:
             self._needs_detections = bool(reply.get("needs_detections"))
             self._needs_truth = bool(reply.get("needs_truth"))
         except TrackerFault as error:
-            raise TrackerFault(f"could not be made: {error}", error.traceback) from None
+            self._unmade = TrackerFault(f"could not be made: {error}", error.traceback)
+            raise self._unmade from None
 
     def receive_truth(self, box: ArrayLike) -> None:
         """Pass on the target's true box in the next frame, for a tracker that `needs_truth`."""
