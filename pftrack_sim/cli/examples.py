@@ -28,7 +28,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "evaluate": (
         "evaluate dataset --trackers ko2012,ncc --seeds 0:2",
-        "evaluate dataset/corridor-seed-0000 --trackers ncc --seeds 0 --video boxes.mp4",
+        "evaluate dataset/sequences/corridor-0000 --trackers ncc --seeds 0 --video boxes.mp4",
     ),
     "merge": (
         "bench corridor --trackers ncc --seeds 0:4 --part 1/2 --out runs/part1",
