@@ -140,7 +140,7 @@ def test_ctrl_c_leaves_no_process():
     pids = [int(word) for word in program.stdout.readline().split()]
     time.sleep(0.5)
     os.killpg(program.pid, signal.SIGINT)
-    _, errors = program.communicate(timeout=60)
+    _, errors = program.communicate(timeout=240)
     assert errors.strip().endswith("KeyboardInterrupt")
     assert errors.count("Traceback") == 1
     assert len(pids) == 2

@@ -32,7 +32,7 @@ def test_one_click_shows_the_video_at_the_loss(browser: Any, lost: Path):
     page = browser.new_page(viewport={"width": 1400, "height": 900})
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto(report.write_report(lost).as_uri())
+    page.goto(report.write_report(lost).as_uri(), timeout=120_000)
     page.wait_for_selector("body[data-ready=yes]")
     loss = contents(RunStore(lost))["losses"][0]
     line = page.locator("#losses tbody tr").first
@@ -55,7 +55,7 @@ def test_one_click_shows_the_video_at_the_loss(browser: Any, lost: Path):
 def test_no_table_is_cut_at_400_pixels(browser: Any, lost: Path):
     for width in (1400, 400):
         page = browser.new_page(viewport={"width": width, "height": 900})
-        page.goto(report.write_report(lost).as_uri())
+        page.goto(report.write_report(lost).as_uri(), timeout=120_000)
         page.wait_for_selector("body[data-ready=yes]")
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         fits = "(table) => table.parentElement.scrollWidth <= table.parentElement.clientWidth"
