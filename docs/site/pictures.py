@@ -180,7 +180,7 @@ def write_still(name: str, image: Image) -> None:
 
 
 def write_moving(name: str, images: Sequence[Image], rate_hz: float) -> None:
-    """Write an animated picture below `docs/pictures`, which repeats for ever."""
+    """Write an animated picture below `docs/pictures`, in an endless loop."""
     path = PICTURES / name
     path.parent.mkdir(parents=True, exist_ok=True)
     animation = cv2.Animation()

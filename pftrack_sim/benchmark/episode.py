@@ -41,10 +41,10 @@ from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
-# OpenGL contexts belong to threads: a process renders one episode at a time, however many threads a cluster gives it.
 WITHOUT_IMAGES = "none"
 """The renderer of runs without images."""
 
+# OpenGL contexts belong to threads: a process renders one episode at a time, however many threads a cluster gives it.
 _render_lock = threading.Lock()
 
 

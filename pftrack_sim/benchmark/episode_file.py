@@ -330,14 +330,25 @@ def content_digests(database: duckdb.DuckDBPyConnection, source: str) -> dict[st
         `content_sha256`, without the columns of wall-clock time, of people and of sensors; and `extras_sha256`
         of the latter two, where the rows have them.
     """
-    known = [str(row[0]) for row in database.execute(f"DESCRIBE FROM {source}").fetchall()]
-    apart = [name for name in ("people", *SENSORS) if name in known]
-    excluded = f" EXCLUDE ({', '.join(apart)})" if apart else ""
-    digests = {"content_sha256": _query_digest(database, f"SELECT *{excluded} FROM {source}")}
+    apart = _extras(database, source)
+    digests = {"content_sha256": content_digest(database, source)}
     if apart:
         repeated = ", ".join(["label", "frame", *apart[1:]])
         digests["extras_sha256"] = _query_digest(database, _PEOPLE.format(repeated, source))
     return digests
+
+
+def content_digest(database: duckdb.DuckDBPyConnection, source: str) -> str:
+    """The `content_sha256` of `content_digests`."""
+    apart = _extras(database, source)
+    excluded = f" EXCLUDE ({', '.join(apart)})" if apart else ""
+    return _query_digest(database, f"SELECT *{excluded} FROM {source}")
+
+
+def _extras(database: duckdb.DuckDBPyConnection, source: str) -> list[str]:
+    """Columns of people and of sensors in a table or table function."""
+    known = {str(row[0]) for row in database.execute(f"DESCRIBE FROM {source}").fetchall()}
+    return [name for name in ("people", *SENSORS) if name in known]
 
 
 def _query_digest(database: duckdb.DuckDBPyConnection, query: str) -> str:

@@ -8,6 +8,7 @@ import io
 import os
 import re
 import secrets
+import sys
 import threading
 from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
@@ -15,6 +16,9 @@ from pathlib import Path
 import duckdb
 
 from pftrack_sim.core.errors import RunError
+
+LOCK = ".lock"
+"""File that whoever writes to a folder has locked."""
 
 _PART = ".part"
 _LONGEST = 80
@@ -55,6 +59,22 @@ def remove_parts(folder: Path) -> None:
     """Remove the temporary files of writers that were killed."""
     for part in folder.rglob(f".*{_PART}"):
         part.unlink(missing_ok=True)
+
+
+def lock_folder(folder: Path) -> int:
+    """Lock a folder until the descriptor returned is closed; raises RunError while another process holds the lock."""
+    opened = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    if sys.platform != "win32":
+        import fcntl
+
+        try:
+            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(opened)
+            raise RunError(f"another process is writing to {folder}") from None
+        except OSError:
+            pass  # a file system without locks: files are still written atomically
+    return opened
 
 
 def _sync_folder(folder: Path) -> None:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,9 +22,17 @@ from typing import Any, cast
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import content_digests, create_frame_views, join_episodes
+from pftrack_sim.benchmark.episode_file import content_digest, create_frame_views, join_episodes
 from pftrack_sim.benchmark.error_files import errors_folder, remove_errors
-from pftrack_sim.benchmark.files import atomic_write, query_deadline, remove_parts, sql_text, write_bytes
+from pftrack_sim.benchmark.files import (
+    LOCK,
+    atomic_write,
+    lock_folder,
+    query_deadline,
+    remove_parts,
+    sql_text,
+    write_bytes,
+)
 from pftrack_sim.benchmark.growth import grown
 from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums, write_sums
 from pftrack_sim.benchmark.losses import create_loss_views
@@ -46,7 +53,6 @@ from pftrack_sim.core.inputs import is_file
 from pftrack_sim.core.text import one_line
 from pftrack_sim.logs import FORMATS
 
-_LOCK = ".lock"
 SCRATCH = ".scratch"
 """Folder of a run for the temporary files of its workers."""
 
@@ -96,7 +102,7 @@ class RunStore:
         try:
             _check_usable(path)
             path.mkdir(parents=True, exist_ok=True)
-            lock = _lock(path)
+            lock = lock_folder(path)
             # Only under the lock is it certain what the folder holds: another process may have begun it just now.
             _check_usable(path)
             begun = is_run(path)
@@ -327,8 +333,7 @@ class RunStore:
         self._verify([result.file])
         try:
             with duckdb.connect() as database, query_deadline(database):
-                digests = content_digests(database, table) if self.sums is None else {}
-                if digests and digests["content_sha256"] != result.values["content_sha256"]:
+                if self.sums is None and content_digest(database, table) != result.values["content_sha256"]:
                     raise RunError(f"{file}: its rows do not have the digest they were written with")
                 query = f"SELECT {', '.join(names)} FROM {table} ORDER BY frame"
                 return cast("Any", database.execute(query)).fetchnumpy()
@@ -351,7 +356,7 @@ def _check_usable(path: Path) -> None:
     """Raise RunError where a folder holds anything but a run or what is left of one killed before it had begun."""
     if not path.exists() or is_run(path):
         return
-    if not path.is_dir() or any(one.name != _LOCK and not one.name.startswith(".run.json.") for one in path.iterdir()):
+    if not path.is_dir() or any(one.name != LOCK and not one.name.startswith(".run.json.") for one in path.iterdir()):
         raise RunError(f"{path} exists and is not an empty folder: choose another with --out")
 
 
@@ -389,18 +394,3 @@ def _continue(path: Path, plan: Plan, refresh: bool, grow: bool) -> None:
             else:
                 file.unlink(missing_ok=True)
     write_record(path, {**store.record, "finished": None, **plan_record(wanted)})
-
-
-def _lock(path: Path) -> int:
-    opened = os.open(path / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-    if sys.platform != "win32":
-        import fcntl
-
-        try:
-            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(opened)
-            raise RunError(f"another process is writing to {path}") from None
-        except OSError:
-            pass  # a file system without locks: files are still written atomically
-    return opened

@@ -79,7 +79,7 @@ def _source(name: str, box: str | None) -> Callable[[], Source] | None:
     """What opens the recording of a name; None for a scenario.
 
     Raises:
-        ParameterError: `--box` for something without a first frame of its own.
+        ParameterError: No such file, or `--box` for something without a first frame of its own.
         SequenceError: It is damaged, or in no known layout.
     """
     from pftrack_sim.formats import read_sequence
@@ -91,6 +91,8 @@ def _source(name: str, box: str | None) -> Callable[[], Source] | None:
         if box is not None:
             raise ParameterError("--box is for video files: draw the box of a camera's picture on the page")
         return lambda: CaptureSource(int(name[7:]))
+    if path.suffix not in ("", ".toml") and not path.exists():
+        raise ParameterError(f"{name}: no such file; scenarios have names without a suffix, or end in .toml")
     if path.suffix == ".toml" or not path.exists():
         if box is not None:
             raise ParameterError(f"--box is for video files, got {name!r}")

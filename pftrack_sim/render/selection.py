@@ -55,6 +55,13 @@ def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None
     return Rasteriser(model, width_px, height_px, context)
 
 
+def open_id_renderer(model: Any, width_px: int, height_px: int) -> Renderer:
+    """Open a renderer of ids and depths alone, which needs no OpenGL."""
+    from pftrack_sim.render.cpu.id_rasteriser import IdRasteriser  # numba: imported when it is used
+
+    return IdRasteriser(model, width_px, height_px)
+
+
 def _open_raycaster(model: Any, width_px: int, height_px: int) -> Renderer:
     if not warp_installed():
         raise RenderError(

@@ -22,7 +22,7 @@ from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import PixelRect, Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame, FrameCapture, make_frame_capture
-from pftrack_sim.render.selection import check_name, open_renderer
+from pftrack_sim.render.selection import check_name, open_id_renderer, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
 from pftrack_sim.scene.people.person import TRUNK
@@ -217,11 +217,9 @@ class Simulation:
             return self._renderer
         if self._renderer is not None:
             self._renderer.close()
-        if self._draws:
-            return open_renderer(world.model, *size, self._backend)
-        from pftrack_sim.render.cpu.id_rasteriser import IdRasteriser  # numba: imported when it is used
-
-        return IdRasteriser(world.model, *size)
+        if not self._draws:
+            return open_id_renderer(world.model, *size)
+        return open_renderer(world.model, *size, self._backend)
 
     def _advance_period(self, command: FloatArray | None, delay_s: float) -> None:
         """Advance by one camera period with a command that is given after `delay_s`, or not within this period."""

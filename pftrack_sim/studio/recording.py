@@ -208,7 +208,7 @@ class RecordedSession(TrackedSession):
         self._show(frame)
 
     def select(self, person: str) -> None:
-        """Nobody can be selected in a recording."""
+        """Raise `UnknownNameError`: a recording has only its target."""
         raise UnknownNameError("person", person, self.people)
 
     def close(self) -> None:

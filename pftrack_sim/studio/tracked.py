@@ -136,7 +136,7 @@ class TrackedSession(ABC):
     def select_box(self, box: ArrayLike) -> str:
         """Start all trackers with a box on the present frame.
 
-        Whoever that box overlaps by 0.3 or more is the truth from now on; the truth stays as it is otherwise.
+        A person whose true box overlaps it by 0.3 or more becomes the target; otherwise the target stays.
 
         Args:
             box: `(4,)` x, y, w, h [px]; what lies outside the image is cut off.

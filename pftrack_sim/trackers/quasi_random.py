@@ -8,6 +8,9 @@ from scipy.stats import qmc
 
 from pftrack_sim.core.types import FloatArray
 
+_SOBOL_BITS = 64  # The sequence has 2^64 points, so that no tracker comes to its end
+_LEAST_SHARE = 1e-12
+
 
 class SobolNormals:
     """Quasi-random normal noise: a scrambled Sobol sequence through the inverse normal distribution.
@@ -28,7 +31,3 @@ class SobolNormals:
         uniform = self._sequence.random(1 << (count - 1).bit_length())[:count]
         # 0 and 1 lie at infinity.
         return np.asarray(ndtri(np.clip(uniform, _LEAST_SHARE, 1.0 - _LEAST_SHARE)), dtype=np.float64)
-
-
-_SOBOL_BITS = 64  # The sequence has 2^64 points, so that no tracker comes to its end
-_LEAST_SHARE = 1e-12

@@ -157,7 +157,7 @@ class _CorrelatedNoise:
 
 
 class _FalseAlarms:
-    """Boxes where nobody is: they come at a Poisson rate, stay for a geometric time, and do not move in the image."""
+    """False positives: they begin at a Poisson rate, last for a geometric time, and do not move in the image."""
 
     def __init__(self, size: tuple[int, int], per_frame: float, kept: float, seed: int) -> None:
         self._rng, self._size, self._kept, self._births = stream(seed, "detector"), size, kept, per_frame * (1.0 - kept)

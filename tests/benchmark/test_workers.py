@@ -260,14 +260,14 @@ def _state(pid: int) -> str:
 def test_a_run_begun_by_another_process_meanwhile_is_not_overwritten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The other process begins, and ends, just before this one gets the lock."""
     first, second = small_plan(range(1), ["stay"]), small_plan(range(2), ["stay"])
-    lock = store._lock
+    lock = store.lock_folder
 
     def late_lock(path: Path) -> int:
-        monkeypatch.setattr(store, "_lock", lock)
+        monkeypatch.setattr(store, "lock_folder", lock)
         RunStore.begin(path, first).close()
         return lock(path)
 
-    monkeypatch.setattr(store, "_lock", late_lock)
+    monkeypatch.setattr(store, "lock_folder", late_lock)
     with pytest.raises(RunError, match="holds another plan"):
         RunStore.begin(tmp_path / "run", second)
     assert RunStore(tmp_path / "run").plan == first

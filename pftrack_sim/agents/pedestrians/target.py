@@ -66,12 +66,12 @@ class TargetWalk:
         desired, max_step = self._walking_speed_m_s, step
         self._time_s += dt_s
         if self._acts:
-            command = self._command(camera_m)
-            desired, max_step = command.speed_m_s, ACTION_ACCELERATION_M_S2 * dt_s
-            self._facing_rad, running = command.facing_rad, command.posture.running
+            asked = self._command(camera_m)
+            desired, max_step = asked.speed_m_s, ACTION_ACCELERATION_M_S2 * dt_s
+            self._facing_rad, running = asked.facing_rad, asked.posture.running
             # The running posture ends when the target has slowed down to a walk.
             running = running or (self.posture.running and self._speed_m_s > 1.15 * self._walking_speed_m_s)
-            self.posture = replace(command.posture, running=running)
+            self.posture = replace(asked.posture, running=running)
         self._hold()
         speed = min(desired, stopping, self._speed_m_s + max_step)
         if self._acts and speed < self._speed_m_s - max_step:

@@ -19,6 +19,10 @@ _BOX_FACES = np.array(
 """Corners of each triangle of a box with the corners `CORNERS`, counter-clockwise from outside."""
 
 
+_QUAD = np.array([[0, 1, 2], [0, 2, 3]])
+_NOTHING = np.empty((0, 3)), np.empty((0, 3), dtype=np.intp)
+
+
 class Triangles(NamedTuple):
     """Triangles of all drawn geoms; those of geom g are `faces[face_starts[g]:face_starts[g + 1]]`.
 
@@ -47,9 +51,6 @@ def model_triangles(model: Any, drawn: BoolArray) -> Triangles:
         np.cumsum([0, *(len(faces) for _, faces in shapes)]).astype(np.intp),
         np.array([np.linalg.norm(vertices, axis=1).max(initial=0.0) for vertices, _ in shapes]),
     )
-
-
-_NOTHING = np.empty((0, 3)), np.empty((0, 3), dtype=np.intp)
 
 
 def _shape(model: Any, geom: int) -> tuple[FloatArray, IntArray]:
@@ -82,9 +83,6 @@ def _shape(model: Any, geom: int) -> tuple[FloatArray, IntArray]:
             return vertices * size, faces
         case _:
             return _NOTHING
-
-
-_QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 def _revolved(radii: FloatArray, heights: FloatArray, slices: int) -> tuple[FloatArray, IntArray]:

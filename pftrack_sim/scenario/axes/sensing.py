@@ -266,7 +266,7 @@ class DetectorAxis(Axis):
     box_noise: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
         default=0.07, description="Standard deviation of the centre, as a share of width and height, and of log size."
     )
-    false_alarms: NotNegative = Field(default=0.1, description="Boxes per frame where nobody is.")
+    false_alarms: NotNegative = Field(default=0.1, description="False positives per frame: boxes without a person.")
     lowest_score: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
         default=0.3, description="Score of a detection that was nearly missed; 1 is the best."
     )

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.types import BoolArray, FloatArray
 
+_LEAST = 1e-9  # Differences of means below this share of them are rounding errors
+
 
 @dataclass(frozen=True, eq=False)
 class StrongClassifier:
@@ -91,6 +93,3 @@ def _moments(features: FloatArray, weights: FloatArray) -> tuple[FloatArray, Flo
     """`(K,)` weighted means and standard deviations of `(M, K)` features, with `(M,)` weights summing to 1."""
     mean = weights @ features
     return mean, np.sqrt(weights @ np.square(features - mean))
-
-
-_LEAST = 1e-9  # Differences of means below this share of them are rounding errors

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.types import FloatArray
 
+_LEAST_AREA = 1e-6  # Below this area [px^2] the difference of sums is a rounding error
+
 
 def integral_image(image: NDArray[Any]) -> FloatArray:
     """`(H + 1, W + 1, C)` sums over all pixels above and left of each corner, of an `(H, W)` or `(H, W, C)` image."""
@@ -82,6 +84,3 @@ def _lines(near: float, far: float, count: int, out: FloatArray) -> None:
     out[1, 0], out[1, 1] = low + 1, low - near
     out[2, 0], out[2, 1] = high, high + 1.0 - far
     out[3, 0], out[3, 1] = high + 1, far - high
-
-
-_LEAST_AREA = 1e-6  # Below this area [px^2] the difference of sums is a rounding error

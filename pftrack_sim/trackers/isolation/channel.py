@@ -23,7 +23,7 @@ def send(connection: socket.socket, message: Bytes, *, limit_s: float | None = N
     Args:
         connection: A stream socket.
         message: Bytes in one piece of memory.
-        limit_s: Time for the whole message; None waits for ever.
+        limit_s: Time for the whole message; None: no limit.
 
     Raises:
         TimeoutError: The other side does not read.
@@ -41,7 +41,7 @@ def receive(connection: socket.socket, *, limit_bytes: int, limit_s: float | Non
     Args:
         connection: A stream socket.
         limit_bytes: Longest message that is read.
-        limit_s: Time for the whole message; None waits for ever.
+        limit_s: Time for the whole message; None: no limit.
 
     Raises:
         TimeoutError: It did not arrive whole in time.
