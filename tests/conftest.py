@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -41,6 +43,27 @@ def drawing(shared_rasteriser: Rasteriser) -> Callable[[Stage], Rasteriser]:
         return shared_rasteriser
 
     return bind
+
+
+@pytest.fixture(scope="session")
+def launch_chromium() -> Iterator[Callable[..., Any]]:
+    """Starts Debian's Chromium with options; its caller closes it.
+
+    Playwright's loop runs in the test's thread until it is stopped, and refuses a second one: a worker that gets
+    tests of the report and of the studio needs one for both.
+    """
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next((path for name in names if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.skip("no Chromium here: install Debian's package chromium")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+
+        def launch(*options: str) -> Any:
+            return playwright.chromium.launch(executable_path=found, args=["--no-sandbox", *options])
+
+        yield launch
 
 
 @pytest.fixture

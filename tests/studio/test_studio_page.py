@@ -1,7 +1,6 @@
 """The page in headless Chromium."""
 
 import base64
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -61,26 +60,18 @@ def studio() -> Iterator[Studio]:
 
 
 @pytest.fixture(scope="module")
-def page(studio: Studio) -> Iterator[Any]:
-    found = next(
-        (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
-    )
-    if not found:
-        pytest.skip("no Chromium here: install Debian's package chromium")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox", *DRAWS])
-        page = browser.new_page(viewport={"width": 1100, "height": 500})
-        page.set_default_timeout(120_000)
-        complaints: list[str] = []
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.goto(studio.address)
-        page.wait_for_selector('img[src^="blob:"]')
-        until(lambda: studio.page._server.get_clients(), "the page is connected")
-        yield page
-        browser.close()
-        assert complaints == []
+def page(studio: Studio, launch_chromium: Callable[..., Any]) -> Iterator[Any]:
+    browser = launch_chromium(*DRAWS)
+    page = browser.new_page(viewport={"width": 1100, "height": 500})
+    page.set_default_timeout(120_000)
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(studio.address)
+    page.wait_for_selector('img[src^="blob:"]')
+    until(lambda: studio.page._server.get_clients(), "the page is connected")
+    yield page
+    browser.close()
+    assert complaints == []
 
 
 def received(page: Any) -> np.ndarray:
