@@ -35,7 +35,6 @@ from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.render.selection import open_renderer
 from pftrack_sim.scenario import Scenario
 
-DEFAULT_LIMIT_GB = 20.0
 _PACKAGES = ("mujoco", "mujoco-warp", "numpy", "opencv-python-headless", "opencv-contrib-python-headless", "numba")
 _MODEL = "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"
 

@@ -19,10 +19,9 @@ from scipy.signal import savgol_filter
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 
-FOLLOWED_M = 3.0  # EVT-Bench: a step is followed when the target is faced and no farther than this
-
-SUCCESS_M = (1.0, 3.0)
-"""EVT-Bench: an episode that ended early is a success only if the target is faced at a distance within these."""
+FOLLOWED_MARGIN_M = 1.0
+"""EVT-Bench: a step is followed when the target is faced and no farther than 3 m. Its robots keep 1 to 3 m: this margin
+beyond the middle."""
 
 COLLISION_M = 0.5  # EVT-Bench: nearer than this is a collision
 FOUND_S = 0.5  # A lost target that is visible this long without a break is found again
@@ -74,7 +73,7 @@ class Following:
 
     Attributes:
         success: 1 if the episode ended well, else 0. To the end of the task: the target followed in its last frame
-            (faced, no farther than `FOLLOWED_M` plus the slack of the task, see `summarise`).
+            (faced, no farther than the wanted distance and `FOLLOWED_MARGIN_M`).
         tracking_rate: Share of the full episode's frames in which the target was followed.
         collision: 1 if the robot touched something or came within `COLLISION_M` of the target.
         length: Frames driven.
@@ -107,13 +106,10 @@ class Following:
 def summarise(path: DrivenPath, task: FollowTask) -> Following:
     """Measures of one driven episode.
 
-    EVT-Bench's robots keep 1-3 m, so its limit of 3 m is the outer edge of what is wanted. Where the task wants another
-    distance, the limits move along: followed is `distance_m` + 1 m or nearer, success from 1 m to there. With a wanted
-    distance of 2 m they are exactly EVT-Bench's 3 m and 1 to 3 m.
+    Where the task wants another distance than 2 m, the limit of EVT-Bench moves along: see `FOLLOWED_MARGIN_M`.
     """
     distance, bearing, seen = path.distance_m, path.bearing_rad, np.asarray(path.seen, dtype=np.bool_)
-    farthest = task.distance_m + 0.5 * (SUCCESS_M[1] - SUCCESS_M[0])
-    followed = seen & (distance <= farthest)
+    followed = seen & (distance <= task.distance_m + FOLLOWED_MARGIN_M)
     collided = path.outcome == "collision" or bool((distance < COLLISION_M).any())
     finished = path.outcome == "finished" and not collided
     lost_spans = losses(path.time_s, seen)
