@@ -232,8 +232,10 @@ class Simulation:
 
     def _record_poses(self) -> None:
         """Record the poses of a camera frame, delivered or not."""
+        world, renderer = self.world, self._renderer
+        assert renderer is not None
+        world.shake_mount(self._camera_pose(), self._K, (renderer.width_px, renderer.height_px))
         if self._frame_capture is not None:
-            world = self.world
             self._frame_capture.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
 
     def _camera_pose(self) -> FloatArray:
@@ -358,8 +360,7 @@ class Simulation:
         renderer, camera = self._renderer, self.settings.camera
         assert renderer is not None
         rect = PixelRect(0, 0, camera.width_px, camera.height_px)
-        found = renderer.ids(self.world.data, self._camera_pose(), self._K, rect=rect)
-        return renderer.depth_m(found)
+        return renderer.depth_m(renderer.ids(self.world.data, self._camera_pose(), self._K, rect=rect))
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous delivered frame, or None."""

@@ -25,6 +25,7 @@ from pftrack_sim.scene.build import add_agents, build_stage
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
+from pftrack_sim.simulation.camera_mount import CameraMount
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.feasibility import placement_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
@@ -61,6 +62,7 @@ class World:
         carried = self._carried(people[0].anatomy) if settings.target.carries else None
         self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
         rng = random_streams.stream(seed, "lights", "axis")
+        self._mount = CameraMount(self.model)
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         self._ticks = 0
         self._collision: str | None = None
@@ -96,6 +98,7 @@ class World:
         """Go on under settings that differ in stress axes of the camera and the link only: here, the road's."""
         self.settings = settings
         self.robot.set_road(settings, self._seed)
+        self._update_poses()
 
     @property
     def time_s(self) -> float:
@@ -105,6 +108,13 @@ class World:
     def camera_pose(self) -> FloatArray:
         """`(4, 4)` T_world_camera of the camera on its mast, before any vibration of the mount."""
         return self._state.T_world_camera.copy()
+
+    def shake_mount(self, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int]) -> None:
+        """Displace mast and head with the camera, vibrating at `(4, 4)` T_world_camera, where it would see them.
+
+        Arguments are those of `CameraMount.follow`.
+        """
+        self._mount.follow(self.data, self._state.T_world_camera, T_world_camera, K, size)
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
