@@ -18,7 +18,7 @@ from pftrack_sim.benchmark.files import atomic_write, distinct_slugs, write_byte
 from pftrack_sim.benchmark.plan import Episode, Plan
 from pftrack_sim.benchmark.sequence_writer import JPEG_QUALITY, ExportJob, ImageFormat, export_sequence
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
-from pftrack_sim.formats import WRITTEN
+from pftrack_sim.formats import LAYOUTS
 from pftrack_sim.formats.maps import check_maps
 from pftrack_sim.render.capture.frame_capture import is_instantaneous
 from pftrack_sim.simulation.simulation import Simulation
@@ -44,7 +44,7 @@ def export(
     Args:
         plan: Scenarios, conditions and seeds; its trackers do not matter.
         out: Folder of the data set: absent, empty, or begun with the same plan and options.
-        layout: One of `WRITTEN`.
+        layout: One of `LAYOUTS`.
         image: `"png"`, lossless, or `"jpg"`.
         quality: Of JPEG, 1 to 100.
         maps: Of `MAP_KINDS`: what is written beside each image.
@@ -63,8 +63,8 @@ def export(
         ScenarioError: A scenario contradicts itself at a seed, or has effects under which a map or a layout has no
             definition.
     """
-    if layout not in WRITTEN:
-        raise UnknownNameError("layout", layout, WRITTEN)
+    if layout not in LAYOUTS:
+        raise UnknownNameError("layout", layout, LAYOUTS)
     kinds = check_maps(maps)
     if image not in get_args(ImageFormat):
         raise UnknownNameError("image format", image, get_args(ImageFormat))
@@ -75,9 +75,9 @@ def export(
     Simulation(
         next(plan.episodes()).scenario, backend=backend
     )  # A wrong renderer is reported before anything is written.
-    _check_effects(plan, [*kinds, *WRITTEN[layout].needs])
+    _check_effects(plan, [*kinds, *LAYOUTS[layout].needs])
     names = sequence_names(plan)
-    folder = out / WRITTEN[layout].sequences
+    folder = out / LAYOUTS[layout].sequences
     chosen: ImageFormat = "png" if image == "png" else "jpg"
     _begin(out, plan, layout, image, quality, [*kinds, *(["detections"] if detections else [])])
     _remove_parts(folder)
@@ -92,7 +92,7 @@ def export(
 
     for _ in _run_all(jobs(), workers):
         on_sequence()
-    for name, pieces in WRITTEN[layout].index(out, names):
+    for name, pieces in LAYOUTS[layout].index(out, names):
         with atomic_write(out / name) as part, part.open("w", encoding="utf-8") as written:
             written.writelines(pieces)
     return out

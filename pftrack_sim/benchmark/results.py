@@ -123,7 +123,7 @@ class Scored:
     Attributes:
         results: Each tracker on each sequence, with the number of the repetition as the seed.
         benchmark: For each tracker what the scorer of the data set's own benchmark computes; see `score.protocols` and
-            `score.multi_object`.
+            `score.multi_object`. Empty where the layout has none.
         comparisons: Pairs of trackers by the mean overlap of the sequences that both have.
     """
 
@@ -176,7 +176,7 @@ def score_results(
         if known in PROTOCOLS:
             width, height = sizes[file.sequence]
             tracked.setdefault(file.tracker, []).append(TrackedSequence(boxes, truth, (width, height)))
-        else:
+        elif known == "mot":
             estimated = content.rows if content.rows is not None else _single_track(boxes)
             pair = (_tracks(read_people(folders[file.sequence]), file), _tracks(estimated, file))
             people.setdefault(file.tracker, []).append(pair)

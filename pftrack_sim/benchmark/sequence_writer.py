@@ -23,7 +23,7 @@ from pftrack_sim.benchmark.rollout import Step, detected, rollout, simulated
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.records import Detections, Frame, Truth
 from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.formats import WRITTEN, Annotations, PersonBox
+from pftrack_sim.formats import LAYOUTS, Annotations, PersonBox
 from pftrack_sim.formats.maps import MapKind, encode_depth, encode_flow, encode_masks
 from pftrack_sim.formats.webdataset import SHARD, add_member, sample
 from pftrack_sim.simulation.simulation import Simulation
@@ -42,7 +42,7 @@ class ExportJob:
     Attributes:
         episode: What is simulated; the robot follows its script.
         folder: Folder of the sequence.
-        layout: One of `WRITTEN`.
+        layout: One of `LAYOUTS`.
         image: `"png"`, lossless, or `"jpg"`.
         quality: Of JPEG, 1 to 100.
         maps: What is written beside each image.
@@ -75,7 +75,7 @@ def export_sequence(job: ExportJob) -> None:
         part.mkdir(parents=True)
         with ExitStack() as opened:
             put: Callable[[str, bytes], None] = partial(_put_file, part)
-            if WRITTEN[job.layout].packed:
+            if LAYOUTS[job.layout].packed:
                 shard = opened.enter_context(tarfile.open(part / SHARD, "w", format=tarfile.PAX_FORMAT))
                 put = partial(_put_member, shard, job.folder.name)
             simulation = opened.enter_context(Simulation(job.episode.scenario, backend=job.backend))
@@ -137,7 +137,7 @@ class _SequenceWriter:
                 self._hold_map("flow", frame.index - 1, encode_flow(*self.geometry.flow_to(geometry)))
             self.geometry = geometry
         self.flush()
-        layout = WRITTEN[self.job.layout]
+        layout = LAYOUTS[self.job.layout]
         suffix = f".{self.job.image}"
         options = [cv2.IMWRITE_JPEG_QUALITY, self.job.quality] if self.job.image == "jpg" else []
         _, encoded = cv2.imencode(suffix, cv2.cvtColor(frame.image, cv2.COLOR_RGB2BGR), options)
@@ -155,7 +155,7 @@ class _SequenceWriter:
             self._hold_map("masks", frame.index, encode_masks(identities))
 
     def _hold_map(self, kind: MapKind, index: int, content: bytes) -> None:
-        layout = WRITTEN[self.job.layout]
+        layout = LAYOUTS[self.job.layout]
         name = layout.image.format(index + layout.first)
         self.held.append((f"{name}.{kind}.png" if layout.packed else f"{kind}/{Path(name).name}.png", content))
 
@@ -167,7 +167,7 @@ class _SequenceWriter:
 
     def _people(self, frame: Frame) -> tuple[PersonBox, ...]:
         """Everybody in view, with what the layout needs."""
-        needs, size = WRITTEN[self.job.layout].needs, frame.image.shape[:2]
+        needs, size = LAYOUTS[self.job.layout].needs, frame.image.shape[:2]
         extents = self.simulation.extents_m() if "solids" in needs else {}
         self.identities.setdefault(frame.truth.name, 1)
         return tuple(
@@ -194,7 +194,7 @@ class _SequenceWriter:
 
     def finish(self) -> None:
         """Write the annotations and the truth."""
-        WRITTEN[self.job.layout].write(self.folder, self._annotations())
+        LAYOUTS[self.job.layout].write(self.folder, self._annotations())
         people = [(frame, person) for frame in self.frames for person in frame.people]
         columns: dict[str, Any] = truth_columns([person for _, person in people])
         columns["frame"] = np.array([frame.index for frame, _ in people])

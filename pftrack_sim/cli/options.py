@@ -74,7 +74,9 @@ CacheLimit = Annotated[
 ]
 SequenceLayout = Annotated[
     str | None,
-    typer.Option("--format", metavar="LAYOUT", help="otb, lasot, got10k, vot or mot; default: found by its files."),
+    typer.Option(
+        "--format", metavar="LAYOUT", help="otb, lasot, got10k, vot, mot, coco, kitti or webdataset; default: found."
+    ),
 ]
 AxisLevels = Annotated[
     list[str] | None,

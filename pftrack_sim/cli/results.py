@@ -67,12 +67,13 @@ def _print_scored(found: Scored) -> None:
             table.add_row(name, *(f"{sum(run) / len(run):.3f}" if run else "-" for run in runs))
         tables.console.print(table)
     tables.print_groups("frames with a known box", groups, unit="result")
-    heads = list(next(iter(found.benchmark.values())))
-    spaced = [name.replace("_", "\n", 1) for name in heads]
-    table = tables.new_table("As the benchmark's own scorer computes them", ("tracker",), spaced)
-    for tracker, values in found.benchmark.items():
-        table.add_row(tracker, *(_value(values[name]) for name in heads))
-    tables.console.print(table)
+    if found.benchmark:
+        heads = list(next(iter(found.benchmark.values())))
+        spaced = [name.replace("_", "\n", 1) for name in heads]
+        table = tables.new_table("As the benchmark's own scorer computes them", ("tracker",), spaced)
+        for tracker, values in found.benchmark.items():
+            table.add_row(tracker, *(_value(values[name]) for name in heads))
+        tables.console.print(table)
     if found.comparisons:
         table = tables.new_table(
             "Differences of mean overlap over sequences (95% interval, p of the sign-flip test after Holm)",

@@ -3,22 +3,88 @@
 Every person of whom a pixel shows is an annotation: `bbox` and `area` are those of the visible pixels, `segmentation`
 is their run-length code, column by column, as a list of counts. Besides COCO's keys: `track_id`, `amodal_bbox`,
 `visible_fraction`, `truncation`, and `video` and `frame` of an image. Boxes are 0-based.
+
+A sequence that is read is a folder of images: those of the annotations whose `file_name` ends in it, in the order of
+their numbers. The target is `track_id` 1; its box is `amodal_bbox`, or `bbox` where there is none.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 
-from pftrack_sim.formats.sequence import Annotations, PersonBox
+import numpy as np
+from pydantic import BaseModel
 
+from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.formats.files import JsonBox, json_content, numbered_images, present_boxes
+from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
+
+EXPECTS = "a folder images/NAME/ of numbered images and annotations/instances.json"
+TARGET = 1
 IMAGE = "{:08d}"
 IMAGES = "images"
+_INSTANCES = "annotations/instances.json"
+_MAX_INSTANCES_BYTES = 1 << 30
 _IMAGES, _PEOPLE = "images.jsonl", "annotations.jsonl"
 _FRAMES, _PERSONS = 1_000_000, 1_000
 """Most frames of a sequence, and most persons of a frame: numbers of images and annotations are counted in steps."""
+
+
+class _Image(BaseModel):
+    id: int
+    file_name: str
+
+
+class _Person(BaseModel):
+    image_id: int
+    bbox: JsonBox
+    amodal_bbox: JsonBox | None = None
+    track_id: int | None = None
+
+
+class _Instances(BaseModel):
+    images: list[_Image]
+    annotations: list[_Person]
+
+
+def matches(folder: Path) -> bool:
+    """Whether a folder has this layout."""
+    above = folder.absolute().parent
+    return above.name == IMAGES and (above.parent / "annotations").is_dir()
+
+
+def read(folder: Path) -> RecordedSequence:
+    """Read the sequence of the person with `track_id` 1; see `formats.read_sequence`."""
+    paths = numbered_images(folder)
+    source = folder.absolute().parent.parent / _INSTANCES
+    try:
+        changed = source.stat()
+        targets = _targets(source, (changed.st_mtime_ns, changed.st_size))
+    except OSError as error:
+        raise SequenceError(f"{source}: cannot be read: {error.strerror}") from None
+    listed = targets.get(folder.absolute().name) or {}
+    if missing := sorted({path.name for path in paths} ^ listed.keys()):
+        words = "is not listed" if missing[0] not in listed else "is listed, but there is no such image"
+        raise SequenceError(f"{source}: {folder / missing[0]} {words}")
+    rows = [listed[path.name] or (np.nan,) * 4 for path in paths]
+    return RecordedSequence.checked(folder, str(source), paths, present_boxes(np.array(rows, dtype=np.float64)))
+
+
+@lru_cache(maxsize=1)
+def _targets(source: Path, changed: tuple[int, int]) -> Mapping[str, Mapping[str, JsonBox | None]]:
+    """Box of the target by name of the image, by its folder; cached: one file holds all sequences of a data set."""
+    found = json_content(source, read_bytes(source, _MAX_INSTANCES_BYTES), _Instances)
+    boxes = {one.image_id: one.amodal_bbox or one.bbox for one in found.annotations if one.track_id == TARGET}
+    targets: dict[str, dict[str, JsonBox | None]] = {}
+    for image in found.images:
+        path = Path(image.file_name)
+        targets.setdefault(path.parent.name, {})[path.name] = boxes.get(image.id)
+    return targets
 
 
 def write(folder: Path, annotations: Annotations) -> None:
@@ -55,7 +121,7 @@ def _annotation(number: int, image: int, person: PersonBox, size: tuple[int, int
 def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
     """The annotations of all sequences in one file, copied line by line."""
     yield (
-        "annotations/instances.json",
+        _INSTANCES,
         chain(
             ['{"info": {"description": "pftrack-sim"}, "licenses": [],\n'],
             ['"categories": [{"id": 1, "name": "person", "supercategory": "person"}],\n"images": [\n'],

@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from itertools import pairwise
 from pathlib import Path
+from typing import Annotated, TypeAlias, TypeVar
 
 import numpy as np
+from pydantic import BaseModel, Field, ValidationError
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
 
 MAX_TEXT_BYTES = 64 << 20
@@ -88,6 +91,25 @@ def read_text(path: Path) -> str:
         raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise SequenceError(f"{path}: is not a text file") from None
+
+
+JsonNumber: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+JsonBox: TypeAlias = tuple[JsonNumber, JsonNumber, JsonNumber, JsonNumber]
+_Content = TypeVar("_Content", bound=BaseModel)
+
+
+def json_content(where: Path | str, content: bytes, kind: type[_Content]) -> _Content:
+    """JSON as a model; `where` names it in messages.
+
+    Raises:
+        SequenceError: It is no JSON, or lacks something, or holds something else there.
+    """
+    try:
+        return kind.model_validate_json(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise SequenceError(f"{where}: {place}{': ' * bool(place)}{one_line(first['msg'])}") from None
 
 
 def present_boxes(rows: FloatArray, *, first_pixel: float = 0.0) -> FloatArray:

@@ -4,6 +4,9 @@ A line of labels is one person in one frame: frame, track, type, truncated, occl
 height, width, length, x, y, z, rotation_y. Frames and pixels are counted from 0. The 3D box encloses the body and
 stands on its own axes, not on the camera's: x, y, z is the middle of its lower face in the camera's frame [m],
 rotation_y the direction of its x axis about the camera's y axis, which is exact where the camera does not tilt or roll.
+
+Of occluded, 3 (unknown), which KITTI's scorers leave out, is a person of whom nothing shows. A sequence that is read is
+that of track 1.
 """
 
 from __future__ import annotations
@@ -12,14 +15,49 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from pftrack_sim.formats.files import number
-from pftrack_sim.formats.sequence import Annotations, PersonBox
+import numpy as np
 
+from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.formats.files import number, numbered_images, present_boxes, read_text
+from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
+
+EXPECTS = "a folder image_02/NAME/ of numbered images and label_02/NAME.txt"
+TARGET = 1
 IMAGE = "{:06d}"
 IMAGES = "image_02"
 _LABELS, _CALIBRATION = "label.txt", "calib.txt"
-_FULLY, _PARTLY, _LARGELY = 0.95, 0.5, 0.0
+_FULLY, _PARTLY, _LARGELY, _UNKNOWN = 0.95, 0.5, 0.0, 3
 """Visible share above which a person counts as fully visible (0), partly occluded (1), largely occluded (2)."""
+_COLUMNS = (
+    "frame, track, type, truncated, occluded, alpha, left, top, right, bottom, height, width, length, x, y, z, rotation"
+)
+
+
+def matches(folder: Path) -> bool:
+    """Whether a folder has this layout."""
+    above = folder.absolute().parent
+    return above.name == IMAGES and (above.parent / "label_02").is_dir()
+
+
+def read(folder: Path) -> RecordedSequence:
+    """Read the sequence of track 1; see `formats.read_sequence`. Frames in which nothing of it shows have no box."""
+    paths = numbered_images(folder)
+    labels = folder.absolute().parent.parent / "label_02" / f"{folder.absolute().name}.txt"
+    first = int(paths[0].stem)
+    truth = np.full((len(paths), 4), np.nan)
+    for index, line in enumerate(read_text(labels).splitlines(), start=1):
+        fields = line.split()
+        try:
+            frame, track, occluded = (int(fields[column]) for column in (0, 1, 4))
+            left, top, right, bottom = (float(field) for field in fields[6:10])
+        except (ValueError, IndexError):
+            raise SequenceError(f"{labels}, line {index}: expected {_COLUMNS}, got {line.strip()[:60]!r}") from None
+        if not first <= frame < first + len(paths):
+            words = f"frame {frame}, but images are {first} to {first + len(paths) - 1}"
+            raise SequenceError(f"{labels}, line {index}: {words}")
+        if track == TARGET and occluded != _UNKNOWN:
+            truth[frame - first] = left, top, right - left, bottom - top
+    return RecordedSequence.checked(folder, str(labels), paths, present_boxes(truth))
 
 
 def write(folder: Path, annotations: Annotations) -> None:
@@ -41,7 +79,7 @@ def _label(person: PersonBox) -> str:
     x, y, w, h = person.box
     height, width, length, *centre, turn = person.solid
     occluded = next(
-        (level for level, share in enumerate((_FULLY, _PARTLY, _LARGELY)) if person.visible_fraction > share), 2
+        (level for level, share in enumerate((_FULLY, _PARTLY, _LARGELY)) if person.visible_fraction > share), _UNKNOWN
     )
     alpha = turn - math.atan2(centre[0], centre[2])
     alpha = math.remainder(alpha, 2.0 * math.pi)

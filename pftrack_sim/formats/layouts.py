@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
@@ -21,11 +22,14 @@ def _no_index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[
 
 
 @dataclass(frozen=True)
-class WrittenLayout:
-    """How a data set lays out a sequence that is written.
+class Layout:
+    """How a data set lays out its sequences.
 
     Attributes:
         title: The data set.
+        expects: Files of a sequence, for messages.
+        matches: Whether a folder has this layout.
+        read: Reads the sequence in a folder.
         write: Writes the annotations of a sequence into the folder that holds its images.
         image: Path of an image within the folder without its suffix, formatted with its number.
         sequences: Folder of the sequences within the data set.
@@ -37,6 +41,9 @@ class WrittenLayout:
     """
 
     title: str
+    expects: str
+    matches: Callable[[Path], bool]
+    read: Callable[[Path], RecordedSequence]
     write: Callable[[Path, Annotations], None]
     image: str
     sequences: str = "."
@@ -46,47 +53,22 @@ class WrittenLayout:
     packed: bool = False
 
 
-@dataclass(frozen=True)
-class Layout(WrittenLayout):
-    """How a data set lays out a sequence that is written and read.
-
-    Attributes:
-        expects: Files of a sequence, for messages.
-        matches: Whether a folder has this layout.
-        read: Reads the sequence in a folder.
-    """
-
-    expects: str = field(kw_only=True)
-    matches: Callable[[Path], bool] = field(kw_only=True)
-    read: Callable[[Path], RecordedSequence] = field(kw_only=True)
+def _layout(title: str, module: Any, sequences: str = ".", **options: Any) -> Layout:
+    parts = (module.EXPECTS, module.matches, module.read, module.write, module.IMAGE)
+    return Layout(title, *parts, sequences, getattr(module, "index", _no_index), **options)
 
 
 LAYOUTS: dict[str, Layout] = {
-    "otb": Layout("OTB", otb.write, otb.IMAGE, expects=otb.EXPECTS, matches=otb.matches, read=otb.read),
-    "mot": Layout(
-        "MOTChallenge", mot.write, mot.IMAGE, "pftrack-train", mot.index,
-        expects=mot.EXPECTS, matches=mot.matches, read=mot.read,
-    ),
-    "got10k": Layout(
-        "GOT-10k", got10k.write, got10k.IMAGE, "val", got10k.index,
-        expects=got10k.EXPECTS, matches=got10k.matches, read=got10k.read,
-    ),
-    "vot": Layout(
-        "VOT", vot.write, vot.IMAGE, "sequences", vot.index,
-        expects=vot.EXPECTS, matches=vot.matches, read=vot.read,
-    ),
-    "lasot": Layout("LaSOT", lasot.write, lasot.IMAGE, expects=lasot.EXPECTS, matches=lasot.matches, read=lasot.read),
-}  # fmt: skip
-"""In the order in which they are looked for: `groundtruth.txt` alone does not tell GOT-10k, VOT and LaSOT apart."""
-
-
-WRITTEN: dict[str, WrittenLayout] = {
-    **LAYOUTS,
-    "coco": WrittenLayout("COCO", coco.write, coco.IMAGE, coco.IMAGES, coco.index, needs=frozenset({"masks"})),
-    "kitti": WrittenLayout("KITTI", kitti.write, kitti.IMAGE, kitti.IMAGES, kitti.index, 0, frozenset({"solids"})),
-    "webdataset": WrittenLayout("WebDataset", webdataset.write, webdataset.IMAGE, index=webdataset.index, packed=True),
+    "otb": _layout("OTB", otb),
+    "mot": _layout("MOTChallenge", mot, "pftrack-train"),
+    "got10k": _layout("GOT-10k", got10k, "val"),
+    "vot": _layout("VOT", vot, "sequences"),
+    "lasot": _layout("LaSOT", lasot),
+    "coco": _layout("COCO", coco, coco.IMAGES, needs=frozenset({"masks"})),
+    "kitti": _layout("KITTI", kitti, kitti.IMAGES, first=0, needs=frozenset({"solids"})),
+    "webdataset": _layout("WebDataset", webdataset, packed=True),
 }
-"""All layouts that are written, also those for training that hold no sequence to track in."""
+"""In the order in which they are looked for: `groundtruth.txt` alone does not tell GOT-10k, VOT and LaSOT apart."""
 
 
 def find_sequences(root: str | Path, layout: str | None = None) -> list[tuple[Path, str]]:

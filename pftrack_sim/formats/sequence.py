@@ -86,16 +86,22 @@ class RecordedSequence:
             raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
         path = self.paths[index]
         try:
-            data = np.frombuffer(read_bytes(path, MAX_IMAGE_BYTES), dtype=np.uint8)
+            content = read_bytes(path, MAX_IMAGE_BYTES)
         except OSError as error:
             raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
-        try:
-            bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-        except cv2.error:
-            bgr = None
-        if bgr is None:
-            raise SequenceError(f"{path}: is not an image, or it is damaged")
-        return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)  # pyright: ignore[reportReturnType]
+        return decoded_image(path, content)
+
+
+def decoded_image(where: Path | str, content: bytes) -> Image:
+    """`(H, W, 3)` uint8 RGB of the content of an image file; `where` names it in the SequenceError that it raises."""
+    data = np.frombuffer(content, dtype=np.uint8)
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise SequenceError(f"{where}: is not an image, or it is damaged")
+    return np.asarray(image, dtype=np.uint8)
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,16 @@ import duckdb
 import numpy as np
 import pytest
 
+from pftrack_sim import trackers
 from pftrack_sim.benchmark import Plan, make_plan
 from pftrack_sim.benchmark.export import export
+from pftrack_sim.benchmark.recorded import evaluate
 from pftrack_sim.benchmark.sequence_writer import TRUTH
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
 from pftrack_sim.core.records import Frame
 from pftrack_sim.formats import LAYOUTS, read_sequence
 from pftrack_sim.scenario import load
+from pftrack_sim.score import frame_scores, summarise
 from pftrack_sim.simulation.simulation import Simulation
 
 TINY: dict[str, Any] = {
@@ -43,17 +46,32 @@ def episode() -> list[Frame]:
         return frames + [simulation.advance() for _ in range(simulation.frame_count - 1)]
 
 
+@pytest.fixture(scope="module")
+def scores(episode: list[Frame]) -> list[float]:
+    """Mean overlap and centre error of a tracker that is shown the episode itself."""
+    tracker = trackers.make("ncc")
+    truth = np.array([frame.truth.box for frame in episode])
+    tracker.init(episode[0].image, truth[0])
+    found = [truth[0], *(tracker.update(frame.image).box for frame in episode[1:])]
+    summary = summarise(frame_scores(np.array(found), truth), np.ones(len(truth), bool), np.zeros(len(truth)))
+    return [summary.mean_overlap, summary.centre_error_median_px]
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_sequence_has_the_frames_and_boxes_of_the_episode(tmp_path: Path, layout: str, episode: list[Frame]):
+def test_a_sequence_has_the_frames_boxes_and_scores_of_the_episode(
+    tmp_path: Path, layout: str, episode: list[Frame], scores: list[float]
+):
     out = export(plan([3]), tmp_path / "out", layout)
     folder = out / LAYOUTS[layout].sequences / "easy-plaza-walk-0003"
     read = read_sequence(folder)
     assert len(read) == len(episode)
     for index, frame in enumerate(episode):
         np.testing.assert_array_equal(read.image(index), frame.image)
-        np.testing.assert_allclose(read.truth[index], frame.truth.box, atol=6e-6)
-    if layout not in ("otb", "lasot"):
-        assert read.rate_hz == 30.0
+        np.testing.assert_allclose(read.truth[index], frame.truth.box, atol=1.1e-5)
+    if layout not in ("otb", "lasot", "coco", "kitti"):
+        assert read.rate_hz == pytest.approx(30.0)
+    found = evaluate([read], ["ncc"], [0])[0].summary
+    assert [found.mean_overlap, found.centre_error_median_px] == pytest.approx(scores, abs=1e-4)
     sql = "SELECT frame, identity, person, list_extract(box, 1) FROM '{}' WHERE identity = 1 ORDER BY frame"
     rows = duckdb.sql(sql.format(folder / TRUTH)).fetchall()
     assert [row[0] for row in rows] == list(range(len(read)))

@@ -1,6 +1,8 @@
 """Layouts of public data sets: what is written is read back, and each is told apart from the others."""
 
+import os
 import re
+import tarfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +11,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
-from pftrack_sim.formats import LAYOUTS, Annotations, PersonBox, read_sequence
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.formats import LAYOUTS, Annotations, PersonBox, find_sequences, read_sequence, webdataset
 
 SIZE = (64, 48)
 COUNT = 6
@@ -22,26 +25,50 @@ def annotations(seed: int = 0, *, absent: tuple[int, ...] = (2,)) -> Annotations
     boxes[0, :2] = 0.0  # Against the left and upper border, where scorers that take x = 0 for absent would err.
     visible = rng.uniform(0.05, 1.0, COUNT)
     boxes[list(absent)], visible[list(absent)] = np.nan, 0.0
-    out = np.zeros(COUNT, dtype=bool)
-    out[list(absent)[-1:]] = True
+    places = np.where(np.isnan(boxes), 5.0, boxes)  # covered, the target still has a box
     people = tuple(
         tuple(
-            PersonBox(identity, (*(float(v) for v in box),), float(share))
-            for identity, box, share in ((1, boxes[i], visible[i]), (2, np.array([1.0, 2.0, 3.0, 4.0]), 0.5))
-            if np.isfinite(box).all()
+            person(identity, box, float(share))
+            for identity, box, share in ((1, places[i], visible[i]), (2, np.array([1.0, 2.0, 3.0, 4.0]), 0.5))
+            if not (identity == 1 and i == absent[-1])
         )
         for i in range(COUNT)
     )
+    out = np.arange(COUNT) == absent[-1]
     truncation = np.where(np.arange(COUNT) == 1, 0.25, 0.0)
     return Annotations("walk", 25.0, SIZE, boxes, visible, truncation, out, people)
 
 
-def write(folder: Path, layout: str, content: Annotations) -> Path:
+def person(identity: int, box: FloatArray, share: float) -> PersonBox:
+    """A person with everything that a layout writes; what is seen is only there if a share of it is visible."""
+    seen = share > 0.0
+    place = tuple(box.tolist())
+    solid = (1.7, 0.5, 0.4, 0.1, 1.0, 4.0, 0.2)
+    return PersonBox(
+        identity, place, share, 0.0, place if seen else (), (7, 3, SIZE[0] * SIZE[1] - 10) if seen else (), solid
+    )
+
+
+def write(root: Path, layout: str, content: Annotations) -> Path:
+    """Write a data set of one sequence; returns the sequence's folder."""
+    known = LAYOUTS[layout]
+    folder = root / known.sequences / content.name
+    folder.mkdir(parents=True)
     for index in range(len(content)):
-        path = folder / f"{LAYOUTS[layout].image.format(index + 1)}.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(path), np.full((SIZE[1], SIZE[0], 3), index, dtype=np.uint8))
-    LAYOUTS[layout].write(folder, content)
+        _, image = cv2.imencode(".png", np.full((SIZE[1], SIZE[0], 3), index, dtype=np.uint8))
+        name = known.image.format(index + known.first)
+        if known.packed:
+            with tarfile.open(folder / webdataset.SHARD, "a") as shard:
+                text = webdataset.sample(content.name, index, index / content.rate_hz, content.people[index])
+                webdataset.add_member(shard, f"walk/{name}.png", image.tobytes())
+                webdataset.add_member(shard, f"walk/{name}.json", text)
+        else:
+            (folder / f"{name}.png").parent.mkdir(exist_ok=True)
+            (folder / f"{name}.png").write_bytes(image.tobytes())
+    known.write(folder, content)
+    for name, pieces in known.index(root, [content.name]):
+        (root / name).parent.mkdir(exist_ok=True)
+        (root / name).write_text("".join(pieces))
     return folder
 
 
@@ -49,20 +76,21 @@ def write(folder: Path, layout: str, content: Annotations) -> Path:
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_what_is_written_is_read_back_without_naming_the_layout(tmp_path: Path, layout: str, seed: int):
     content = annotations(seed)
-    folder = write(tmp_path / "walk", layout, content)
+    folder = write(tmp_path, layout, content)
+    assert find_sequences(tmp_path) == [(folder, layout)]
     for read in (read_sequence(folder), read_sequence(folder, layout)):
-        np.testing.assert_allclose(read.truth, content.boxes, atol=6e-6)
+        np.testing.assert_allclose(read.truth, content.boxes, atol=1.1e-5)
         assert [int(read.image(index)[0, 0, 0]) for index in range(COUNT)] == list(range(COUNT))
         assert read.name == "walk"
-        assert read.rate_hz == (None if layout in ("otb", "lasot") else 25.0)
+        assert read.rate_hz == (None if layout in ("otb", "lasot", "coco", "kitti") else pytest.approx(25.0))
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_sequence_begins_where_the_target_is_first_seen(tmp_path: Path, layout: str):
     content = annotations(absent=(0, 1))
-    read = read_sequence(write(tmp_path / "walk", layout, content))
+    read = read_sequence(write(tmp_path, layout, content))
     assert len(read) == COUNT - 2
-    np.testing.assert_allclose(read.truth, content.boxes[2:], atol=6e-6)
+    np.testing.assert_allclose(read.truth, content.boxes[2:], atol=1.1e-5)
     assert read.image(0)[0, 0, 0] == 2
 
 
@@ -74,8 +102,8 @@ def test_a_sequence_converted_to_another_layout_has_the_same_boxes(tmp_path: Pat
     again = read_sequence(
         write(tmp_path / "two", second, Annotations(**{**content.__dict__, "boxes": np.array(once)}))
     ).truth
-    # MOT's boxes are those of the people; all others are written from the boxes read.
-    np.testing.assert_allclose(again, once, atol=1.2e-5)
+    # Layouts of many people have theirs; all others are written from the boxes read.
+    np.testing.assert_allclose(again, once, atol=2.2e-5)
 
 
 def test_one_based_layouts_have_no_box_at_zero(tmp_path: Path):
@@ -87,7 +115,7 @@ def test_one_based_layouts_have_no_box_at_zero(tmp_path: Path):
 
 def test_labels_of_got10k(tmp_path: Path):
     content = annotations()
-    folder = write(tmp_path / "walk", "got10k", content)
+    folder = write(tmp_path, "got10k", content)
     cover = [int(line) for line in (folder / "cover.label").read_text().split()]
     assert cover == [0 if v == 0.0 else int(np.ceil(8.0 * v)) for v in content.visible_fraction]
     assert (folder / "absence.label").read_text().split() == ["0", "0", "1", "0", "0", "0"]
@@ -95,13 +123,13 @@ def test_labels_of_got10k(tmp_path: Path):
 
 
 def test_flags_of_lasot_tell_covered_from_out_of_view(tmp_path: Path):
-    folder = write(tmp_path / "walk", "lasot", annotations(absent=(2, 4)))
+    folder = write(tmp_path, "lasot", annotations(absent=(2, 4)))
     assert (folder / "full_occlusion.txt").read_text() == "0,0,1,0,0,0\n"
     assert (folder / "out_of_view.txt").read_text() == "0,0,0,0,1,0\n"
 
 
 def test_polygons_of_vot_become_the_boxes_around_them(tmp_path: Path):
-    folder = write(tmp_path / "walk", "vot", annotations())
+    folder = write(tmp_path, "vot", annotations())
     lines = (folder / "groundtruth.txt").read_text().splitlines()
     lines[1] = "10,20,30,25,28,40,8,35"
     lines[3] = "nan,nan,nan,nan"
@@ -112,11 +140,42 @@ def test_polygons_of_vot_become_the_boxes_around_them(tmp_path: Path):
 
 
 def test_mot_lists_everybody_in_view(tmp_path: Path):
-    folder = write(tmp_path / "walk", "mot", annotations())
+    folder = write(tmp_path, "mot", annotations())
     rows = np.loadtxt(folder / "gt/gt.txt", delimiter=",")
     assert rows.shape == (2 * COUNT - 1, 9)
     assert set(rows[:, 1]) == {1.0, 2.0}
     np.testing.assert_array_equal(rows[rows[:, 1] == 2.0][:, 2:6], np.tile([2.0, 3.0, 3.0, 4.0], (COUNT, 1)))
+
+
+def rewrite(folder: Path, change: Callable[[str, bytes], tuple[str, bytes] | None]) -> None:
+    """Write a shard anew, with each member changed, or left out."""
+    with tarfile.open(folder / webdataset.SHARD) as shard:
+        members = [(one.name, shard.extractfile(one).read()) for one in shard]
+    with tarfile.open(folder / webdataset.SHARD, "w") as shard:
+        for name, content in filter(None, (change(*one) for one in members)):
+            webdataset.add_member(shard, name, content)
+
+
+def without(part: str) -> Callable[[str, bytes], tuple[str, bytes] | None]:
+    return lambda name, content: None if part in name else (name, content)
+
+
+def with_box(text: bytes) -> Callable[[str, bytes], tuple[str, bytes]]:
+    found = rb'"box": (\[[^]]*\]|null)(?=, "people")'
+    return lambda name, content: (name, re.sub(found, text, content) if name.endswith("json") else content)
+
+
+def instances(folder: Path) -> Path:
+    return folder.parent.parent / "annotations/instances.json"
+
+
+def labels(folder: Path) -> Path:
+    return folder.parent.parent / "label_02/walk.txt"
+
+
+def replace_text(path: Path, old: str, new: str) -> None:
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
 
 
 BROKEN: list[tuple[str, Callable[[Path], object], str]] = [
@@ -131,6 +190,33 @@ BROKEN: list[tuple[str, Callable[[Path], object], str]] = [
     ("mot", lambda folder: (folder / "gt/gt.txt").write_text("1,2,1,1,5,5,1,1,1\n"), "no frame has a box"),
     ("mot", lambda folder: (folder / "seqinfo.ini").write_text("frameRate=25\n"), "seqinfo.ini: File contains no"),
     ("mot", lambda folder: (folder / "gt/gt.txt").write_bytes(b"\xff\xfe"), "is not a text file"),
+    ("coco", lambda folder: instances(folder).unlink(), "instances.json: cannot be read: No such file"),
+    ("coco", lambda folder: instances(folder).write_text("{"), "instances.json: Invalid JSON"),
+    ("coco", lambda folder: instances(folder).write_text('{"images": []}'), "annotations: Field required"),
+    ("coco", lambda folder: replace_text(instances(folder), "[1.0, 2.0", '["one", 2.0'), "bbox.0: Input should be a"),
+    (
+        "coco",
+        lambda folder: replace_text(instances(folder), "[1.0, 2.0", "[NaN, 2.0"),
+        "bbox.0: Input should be a finite",
+    ),
+    ("coco", lambda folder: replace_text(instances(folder), '"track_id": 1', '"track_id": 3'), "no frame has a box"),
+    ("coco", lambda folder: (folder / "00000006.png").unlink(), "00000006.png is listed, but there is no such image"),
+    ("coco", lambda folder: (folder / "00000007.png").write_bytes(b""), "00000007.png is not listed"),
+    ("kitti", lambda folder: labels(folder).unlink(), "walk.txt: no such file"),
+    ("kitti", lambda folder: labels(folder).write_text("0 1 Pedestrian 0 0 none\n"), "line 1: expected frame, track"),
+    ("kitti", lambda folder: replace_text(labels(folder), "5 2 Ped", "6 2 Ped"), "frame 6, but images are 0 to 5"),
+    ("kitti", lambda folder: (folder / "000005.png").unlink(), "frame 5, but images are 0 to 4"),
+    ("kitti", lambda folder: (folder / "000003.png").unlink(), "image 3 is missing"),
+    ("kitti", lambda folder: labels(folder).write_text(""), "no frame has a box"),
+    ("webdataset", lambda folder: (folder / "frames.tar").write_bytes(b"text" * 500), "is no tar file"),
+    ("webdataset", lambda folder: (folder / "frames.tar").write_bytes(b""), "is no tar file"),
+    ("webdataset", lambda folder: os.truncate(folder / "frames.tar", 4000), "is no tar file, or it is damaged"),
+    ("webdataset", lambda folder: rewrite(folder, without("02.json")), "00000002 has no json"),
+    ("webdataset", lambda folder: rewrite(folder, without("02.png")), "00000002 has no image"),
+    ("webdataset", lambda folder: rewrite(folder, without("00000002")), "has frame 2, expected 1"),
+    ("webdataset", lambda folder: rewrite(folder, with_box(b'"box": [1, 2, 3]')), "box.3: Field required"),
+    ("webdataset", lambda folder: rewrite(folder, with_box(b'"box": "none"')), "box: Input should be a valid"),
+    ("webdataset", lambda folder: rewrite(folder, with_box(b'"box": null')), "no frame has a box"),
 ]
 
 
@@ -138,11 +224,11 @@ BROKEN: list[tuple[str, Callable[[Path], object], str]] = [
 def test_a_broken_sequence_gives_one_clear_line(
     tmp_path: Path, layout: str, harm: Callable[[Path], object], words: str
 ):
-    folder = write(tmp_path / "walk", layout, annotations())
+    folder = write(tmp_path, layout, annotations())
     harm(folder)
     with pytest.raises(SequenceError, match=re.escape(words)) as caught:
         read_sequence(folder)
-    assert str(folder) in str(caught.value)
+    assert str(tmp_path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -153,8 +239,11 @@ def test_an_unknown_layout_is_named(tmp_path: Path):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_missing_file_is_named_when_the_layout_is_given(tmp_path: Path, layout: str):
-    folder = write(tmp_path / "walk", layout, annotations())
-    truth = {"otb": "groundtruth_rect.txt", "mot": "gt/gt.txt"}.get(layout, "groundtruth.txt")
+    folder = write(tmp_path, layout, annotations())
+    truth = {
+        "otb": "groundtruth_rect.txt", "mot": "gt/gt.txt", "coco": "../../annotations/instances.json",
+        "kitti": "../../label_02/walk.txt", "webdataset": "frames.tar",
+    }.get(layout, "groundtruth.txt")  # fmt: skip
     (folder / truth).unlink()
-    with pytest.raises(SequenceError, match=f"{truth}: no such file"):
+    with pytest.raises(SequenceError, match=rf"{Path(truth).name}: (no such|cannot be read: No such)"):
         read_sequence(folder, layout)
