@@ -1,11 +1,12 @@
 """Downsampled regions of an image."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pftrack_sim.trackers.features.image_region import block_means, block_size
+from pftrack_sim.trackers.features.image_region import block_means, block_size, shrink
 
 
 @pytest.mark.parametrize("block", [(3.0, 3.0), (1.0, 2.0), (1.0, 1.0)])
@@ -61,3 +62,12 @@ def test_a_box_has_about_as_many_blocks_as_points():
         assert width == height
     small = np.array([3.0, 4])
     assert block_size(small, small, (16, 24)) == (1, 1)
+
+
+@given(st.integers(1, 90), st.integers(1, 90), st.integers(1, 60), st.integers(1, 60))
+def test_a_shrunk_image_equals_that_of_opencv(width: int, height: int, columns: int, rows: int):
+    image = np.random.default_rng(0).integers(0, 256, (height, width, 3), dtype=np.uint8)
+    found = shrink(image, (columns, rows))
+    expected = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
+    # One level, where a processor rounds products and sums together.
+    assert np.abs(found.astype(int) - expected.astype(int)).max() <= 1

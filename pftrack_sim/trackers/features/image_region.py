@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -100,6 +101,72 @@ def block_means(image: Image, boxes: FloatArray, block: tuple[float, float]) -> 
         _block_means(rows, first, left, top, width, height, row_sums, pixels)
     step = np.array([width, height])
     return ImageRegion(pixels, np.array([left, top]) * step, step)
+
+
+def shrink(image: Image, size: tuple[int, int]) -> Image:
+    """An `(H, W, 3)` image reduced to `size` = (width, height) [px], each pixel the mean of its part of the image.
+
+    The values are those of OpenCV's `INTER_AREA`, in a third of its time where the factor is not whole.
+    """
+    height, width = image.shape[:2]
+    enlarged = size[0] > width or size[1] > height
+    if enlarged or (width % size[0] == 0 and height % size[1] == 0):
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    out = np.empty((size[1], 3 * size[0]), np.uint8)
+    _shrink(image.reshape(height, -1), *_shares(width, size[0]), *_shares(height, size[1]), out)
+    return out.reshape(size[1], size[0], 3)
+
+
+@lru_cache(maxsize=16)
+def _shares(length: int, count: int) -> tuple[NDArray[np.uintp], NDArray[np.float32]]:
+    """First pixel `(count,)` of each of the equal parts of a line, and `(count, K)` shares that K pixels have in it."""
+    step = length / count
+    low = np.arange(count) * step
+    high = np.minimum(low + step, length)
+    most = min(math.ceil(step) + 1, length)
+    first = np.minimum(low.astype(np.int64), length - most)
+    pixel = first[:, None] + np.arange(most)
+    inside = np.minimum(high[:, None], pixel + 1) - np.maximum(low[:, None], pixel)
+    # OpenCV leaves out slivers.
+    shares = np.where(inside > 1e-3, inside, 0.0) / np.minimum(step, length - low)[:, None]
+    return first.astype(np.uintp), shares.astype(np.float32)
+
+
+@njit(nogil=True, cache=True)
+def _shrink(
+    rows: NDArray[np.uint8],
+    first_columns: NDArray[np.uintp],
+    column_shares: NDArray[np.float32],
+    first_rows: NDArray[np.uintp],
+    row_shares: NDArray[np.float32],
+    out: NDArray[np.uint8],
+) -> None:
+    """Fill `(h, 3 w)` with the weighted means of the red, green and blue of `(H, 3 W)`."""
+    one, three = np.uintp(1), np.uintp(3)
+    line = np.empty(rows.shape[1], np.float32)
+    along, total = np.empty(out.shape[1], np.float32), np.empty(out.shape[1], np.float32)
+    for i in range(out.shape[0]):
+        total[:] = np.float32(0)
+        for k in range(row_shares.shape[1]):
+            if row_shares[i, k] == 0:
+                continue
+            row = rows[first_rows[i] + np.uintp(k)]
+            for u in range(line.size):
+                line[u] = np.float32(row[u])
+            for j in range(first_columns.size):
+                at = three * first_columns[j]
+                red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+                for c in range(column_shares.shape[1]):
+                    share = column_shares[j, c]
+                    red += line[at] * share
+                    green += line[at + one] * share
+                    blue += line[at + one + one] * share
+                    at += three
+                along[3 * j], along[3 * j + 1], along[3 * j + 2] = red, green, blue
+            for j in range(total.size):
+                total[j] += row_shares[i, k] * along[j]
+        for j in range(total.size):
+            out[i, j] = np.uint8(np.rint(total[j]))
 
 
 def _blocks_touched(boxes: FloatArray, axis: int, step: float, count: int) -> tuple[int, int]:

@@ -27,10 +27,19 @@ def hsv_joint_codes(image: Image, bin_counts: tuple[int, int, int]) -> NDArray[n
 
     The numbers of bins are powers of two whose product is at most 256.
     """
-    shifts = np.array([_shift(count) for count in bin_counts], dtype=np.uint8)
-    strides = np.array([bin_counts[1] * bin_counts[2], bin_counts[2], 1.0])
-    summed = cv2.transform(_hsv(image) >> shifts, strides[None])
-    return np.asarray(summed, dtype=np.uint8).reshape(*image.shape[:2], 1)
+    out = np.empty((*image.shape[:2], 1), np.uint8)
+    _join(_hsv(image).reshape(-1, 3), bin_counts, tuple(_shift(count) for count in bin_counts), out.reshape(-1))
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _join(
+    hsv: NDArray[np.uint8], counts: tuple[int, int, int], shifts: tuple[np.uint8, ...], out: NDArray[np.uint8]
+) -> None:
+    """Fill `(N,)` with the joint bins of `(N, 3)` pixels."""
+    for i in range(out.size):
+        hue, saturation, value = hsv[i, 0] >> shifts[0], hsv[i, 1] >> shifts[1], hsv[i, 2] >> shifts[2]
+        out[i] = np.uint8((hue * counts[1] + saturation) * counts[2] + value)
 
 
 def _hsv(image: Image) -> NDArray[np.uint8]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from scipy.fft import irfft2, rfft2
 
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.features.image_region import shrink
 
 AVERAGE_SIZE = 3
 """Side of the mean filter that gives the expected log spectrum; Hou & Zhang: 3."""
@@ -25,7 +28,7 @@ def spectral_residual(image: Image, size: tuple[int, int], blur_px: float) -> Fl
     in a uniform image. Before, the image is freed from its jumps at the borders, which would be salient: the spectrum
     takes it for periodic.
     """
-    reduced = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+    reduced = shrink(image, size).astype(np.float32)
     channels = np.moveaxis(np.asarray(cv2.transform(reduced, _OPPONENTS)), 2, 0)
     spectrum = rfft2(channels) - _smooth_spectrum(channels)
     least = _LEAST * float(reduced.mean()) * reduced[..., 0].size
@@ -62,10 +65,18 @@ def _smooth_spectrum(channels: NDArray[np.float32]) -> NDArray[np.complex64]:
     along = channels[:, :, 0] - channels[:, :, -1]
     jumps[:, :, 0] += along
     jumps[:, :, -1] -= along
+    smooth = rfft2(jumps) / _negative_laplacian(height, width)
+    smooth[:, 0, 0] = 0.0
+    return smooth
+
+
+@lru_cache(maxsize=4)
+def _negative_laplacian(height: int, width: int) -> NDArray[np.float32]:
+    """Half spectrum of the negative discrete Laplace operator, -1 at the mean."""
     rows = 2.0 * np.cos(2.0 * np.pi / height * np.arange(height, dtype=np.float64))
     columns = 2.0 * np.cos(2.0 * np.pi / width * np.arange(width // 2 + 1, dtype=np.float64))
     laplacian = rows[:, None] + columns[None] - 4.0
     laplacian[0, 0] = 1.0
-    smooth = rfft2(jumps) / (-laplacian).astype(np.float32)
-    smooth[:, 0, 0] = 0.0
-    return smooth
+    out = (-laplacian).astype(np.float32)
+    out.flags.writeable = False
+    return out
