@@ -12,7 +12,10 @@ from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.target import places_alone
+from pftrack_sim.agents.robot.drive import Equilibrium
+from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M
 from pftrack_sim.agents.robot.robot import Robot, SceneState
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.traffic import Traffic
@@ -21,7 +24,7 @@ from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.carried import Item, grips_s
-from pftrack_sim.scene.build import add_agents, build_stage
+from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone, solid_stage
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
@@ -44,13 +47,22 @@ class World:
         self.clock = Clock.for_rate(settings.camera.rate_hz)
         self._seed = seed
         self._path = Path(settings.target.path_m)
-        spec, solids, layout = build_stage(settings, seed, self.clock.step_s)
+        spec, layout = build_stage(settings, seed, self.clock.step_s)
         self._script = self._robot_script(layout)
+        robot_alone = compile_robot_alone(settings, self.clock.step_s)
+        self._equilibrium = Equilibrium(robot_alone)
 
-        def run(until_s: float) -> DryRun:
-            model = solids.compile()
+        def run_in(model: mujoco.MjModel, until_s: float) -> DryRun:
             alone = self._crowd(Plan(layout), distractors=0)
             return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m)
+
+        def run(until_s: float) -> DryRun:
+            found = run_in(robot_alone, until_s)
+            reach_m = ROBOT_RADIUS_M + settings.robot.max_speed_m_s * self.clock.tick_s
+            if ObstacleMap(layout).clearance_m(found.robot_m).min() > reach_m:
+                return found
+            # It may touch something: with everything that it collides with.
+            return run_in(solid_stage(settings, spec).compile(), until_s)
 
         plan = make_plan(settings, seed, layout, self._path, run)
         people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)
@@ -145,7 +157,7 @@ class World:
         mujoco.mj_camlight(self.model, self.data)
 
     def _robot(self, model: mujoco.MjModel) -> Robot:
-        return Robot(model, self.settings, self.clock, self._script, self._seed)
+        return Robot(model, self.settings, self.clock, self._script, self._seed, self._equilibrium)
 
     def _robot_script(self, layout: WalkableArea) -> Script:
         settings = self.settings

@@ -25,6 +25,8 @@ WHEEL_UNLOADING_SHARE = 0.35
 WINDUP_RAD = 0.3  # Limit of the distance between the head and its servo's reference
 _SETTLE_S = 1.5
 _FAR_M = 1000.0
+_JOINTS = ("robot/axle-left", "robot/axle-right", "robot/pan", "robot/tilt")
+_MOTORS = ("robot/drive-left", "robot/drive-right", "robot/pan", "robot/tilt")
 _OPENCV_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
 _GROUND = "ground"
 
@@ -35,6 +37,7 @@ class Drive:
     Args:
         model: Compiled from a spec that went through `add_robot` with the same `robot` and `camera`.
         calibration: Wheel radii and track that the odometry assumes; None for the true ones.
+        equilibrium: Of the same robot; None computes it in this model, in more time.
     """
 
     def __init__(
@@ -43,8 +46,10 @@ class Drive:
         robot: scenario.Robot,
         camera: scenario.Camera,
         calibration: OdometryCalibration | None = None,
+        equilibrium: Equilibrium | None = None,
     ) -> None:
         self._model = model
+        self._equilibrium = equilibrium or Equilibrium(model)
         self._calibration = calibration if calibration is not None else OdometryCalibration()
         self._range_finder = RangeFinder(model)
         degrees = (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s)
@@ -54,20 +59,18 @@ class Drive:
         self._rest_rad = (REST_YAW_RAD[camera.mount], math.radians(camera.tilt_deg))
         self._base = model.body(BASE).id
         self._camera = model.camera(CAMERA).id
-        joints = [model.joint(f"robot/{name}") for name in ("axle-left", "axle-right", "pan", "tilt")]
+        joints = [model.joint(name) for name in _JOINTS]
         self._joints = np.array([joint.qposadr[0] for joint in joints])
         self._head_low, self._head_high = np.array([joint.range for joint in joints[2:]]).T
-        motors = ("drive-left", "drive-right", "pan", "tilt")
-        self._motors = np.array([model.actuator(f"robot/{name}").id for name in motors])
+        self._motors = np.array([model.actuator(name).id for name in _MOTORS])
         names = ("wheel-speed-left", "wheel-speed-right", "gyro", "accelerometer", "pan", "tilt")
         sensors = [int(model.sensor(f"robot/{name}").id) for name in names]
         first, size = model.sensor_adr, model.sensor_dim
         self._sensors = np.array([int(first[i]) + k for i in sensors for k in range(int(size[i]))])
         self._sensor_scale = np.ones(len(self._sensors))
         self._sensor_scale[:2] = self._calibration.left_radius_m, self._calibration.right_radius_m
-        self._free = int(model.joint("robot/free").qposadr[0])
-        owned = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == self._base)
-        self._qpos = slice(self._free, int(model.jnt_qposadr[owned[-1]]) + 1)
+        self._qpos = _robot_qpos(model)
+        self._free = self._qpos.start
         self._dofs = np.flatnonzero(model.body_rootid[model.dof_bodyid] == self._base)
         self._owners: list[str] = [owner_name(model.body(body).name) for body in model.geom_bodyid]
         self._own_geoms = model.body_rootid[model.geom_bodyid] == self._base
@@ -75,7 +78,6 @@ class Drive:
         # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.
         share = WHEEL_UNLOADING_SHARE * GRAVITY_M_S2 * (0.5 - CASTER_SHARE)
         self._max_lateral_m_s2 = share * TRACK_M / self._centre_of_mass_m()
-        self._rest: tuple[float, FloatArray] | None = None
         self._reset_references()
 
     def _reset_references(self) -> None:
@@ -94,7 +96,7 @@ class Drive:
         self._reset_references()
         if pan_rad is not None:
             self._head[0] = np.clip(math.remainder(pan_rad, 2.0 * math.pi), self._head_low[0], self._head_high[0])
-        rest = self._equilibrium()
+        rest = self._equilibrium.at(self._head)
         data.qpos[self._qpos] = rest
         base = data.qpos[self._free : self._free + 7]
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
@@ -195,17 +197,38 @@ class Drive:
         mujoco.mj_comPos(self._model, scratch)
         return float(scratch.subtree_com[self._base, 2])
 
-    def _equilibrium(self) -> FloatArray:
-        """Joint positions of the robot at rest at the origin with the head as it is, simulated far from everything."""
-        pan = float(self._head[0])
-        if self._rest is None or self._rest[0] != pan:
-            scratch = mujoco.MjData(self._model)
-            scratch.qpos[self._free : self._free + 2] = _FAR_M
-            scratch.qpos[self._joints[2:]] = self._head
-            scratch.ctrl[self._motors[2:]] = self._head
+
+class Equilibrium:
+    """Joint positions of the robot at rest, simulated far from everything.
+
+    Args:
+        model: With the robot on the ground, and whatever else.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._qpos = _robot_qpos(model)
+        self._joints = np.array([model.joint(name).qposadr[0] for name in _JOINTS])
+        self._head_motors = np.array([model.actuator(name).id for name in _MOTORS[2:]])
+        self._last: tuple[bytes, FloatArray] | None = None
+
+    def at(self, head_rad: FloatArray) -> FloatArray:
+        """Joint positions, with the middle of the axle about the origin, for `(2,)` pan and tilt."""
+        key = head_rad.tobytes()
+        if self._last is None or self._last[0] != key:
+            scratch, free = mujoco.MjData(self._model), self._qpos.start
+            scratch.qpos[free : free + 2] = _FAR_M
+            scratch.qpos[self._joints[2:]] = head_rad
+            scratch.ctrl[self._head_motors] = head_rad
             mujoco.mj_step(self._model, scratch, round(_SETTLE_S / self._model.opt.timestep))
             rest = scratch.qpos[self._qpos].copy()
             rest[:2] -= _FAR_M
-            rest[self._joints[:2] - self._free] = 0.0
-            self._rest = (pan, rest)
-        return self._rest[1]
+            rest[self._joints[:2] - free] = 0.0
+            self._last = (key, rest)
+        return self._last[1]
+
+
+def _robot_qpos(model: mujoco.MjModel) -> slice:
+    """Positions of the robot's joints in `qpos`, its free joint first."""
+    owned = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == model.body(BASE).id)
+    return slice(int(model.joint("robot/free").qposadr[0]), int(model.jnt_qposadr[owned[-1]]) + 1)

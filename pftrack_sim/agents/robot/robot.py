@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.pedestrians.crowd import Crowd
-from pftrack_sim.agents.robot.drive import Drive
+from pftrack_sim.agents.robot.drive import Drive, Equilibrium
 from pftrack_sim.agents.robot.road import RoadExcitation
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.robot.sensors import OdometryCalibration
@@ -41,15 +41,21 @@ class SceneState:
 
 
 class Robot:
-    """Follows its script or external commands."""
+    """Follows its script or external commands; `equilibrium` is that of the same robot, perhaps in another model."""
 
     def __init__(
-        self, model: mujoco.MjModel, settings: ResolvedScenario, clock: Clock, script: Script, seed: int
+        self,
+        model: mujoco.MjModel,
+        settings: ResolvedScenario,
+        clock: Clock,
+        script: Script,
+        seed: int,
+        equilibrium: Equilibrium,
     ) -> None:
         self._model = model
         self._clock = clock
         calibration = OdometryCalibration.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
-        self.drive = Drive(model, settings.robot, settings.camera, calibration)
+        self.drive = Drive(model, settings.robot, settings.camera, calibration, equilibrium)
         self._delay = CommandDelay(clock, settings.robot.latency_ms)
         self._script = script
         self.set_road(settings, seed)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pftrack_sim.scenario.model import Lights, Place
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.places.builder import PlaceBuilder
+from pftrack_sim.scene.places.builder import PlaceBuilder, add_ground_plane
 from pftrack_sim.scene.places.corridor import build_corridor
 from pftrack_sim.scene.places.plaza import build_plaza
 from pftrack_sim.scene.places.street import build_street
@@ -36,5 +36,5 @@ def add_place(
     goods on shelves are drawn from `rng`, the patches of light from `patch_rng` (by default the same for every seed).
     """
     builder = PlaceBuilder(spec, rng, place.clutter, lights, patch_rng or np.random.default_rng(0))
-    builder.add_ground_plane()
+    add_ground_plane(spec)
     return _BUILDERS[place.kind](builder, lights)

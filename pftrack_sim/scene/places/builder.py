@@ -92,13 +92,6 @@ class PlaceBuilder:
             dx, dy, turn = (*offsets[index], 0.0)[:3]
             self.add(f"{kind}-{index + 1}", prop, (x + dx, y + dy), yaw + turn, collider or bounding_box(prop))
 
-    def add_ground_plane(self) -> None:
-        """Add the flat plane that wheels roll on. It is not drawn."""
-        body = self.spec.worldbody.add_body(name="ground")
-        plane = body.add_geom(name="ground/plane", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
-        plane.friction = [1.0, 0.005, 0.0001]
-        plane.group, plane.contype, plane.conaffinity = HIDDEN_GROUP, 1, 2
-
     def set_ambient_light(self, rgb: ArrayLike) -> None:
         """Set light that reaches everything equally: the ambient part of the headlight, whose other parts are off."""
         headlight = self.spec.visual.headlight
@@ -214,6 +207,14 @@ class PlaceBuilder:
         light.castshadow = casts_shadow
         light.active = True
         return light
+
+
+def add_ground_plane(spec: mujoco.MjSpec) -> None:
+    """Add the flat plane that wheels roll on. It is not drawn."""
+    body = spec.worldbody.add_body(name="ground")
+    plane = body.add_geom(name="ground/plane", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
+    plane.friction = [1.0, 0.005, 0.0001]
+    plane.group, plane.contype, plane.conaffinity = HIDDEN_GROUP, 1, 2
 
 
 def _add_collider(body: mujoco.MjsBody, name: str, collider: Collider, z_m: float) -> None:
