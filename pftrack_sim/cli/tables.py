@@ -61,6 +61,8 @@ def print_bench(results: Sequence[Result]) -> None:
 
 def _print_people(results: Sequence[Result]) -> None:
     """Print how everybody in view was tracked, by trackers of several people; nothing without one."""
+    from pftrack_sim.score import PEOPLE_DEFINITIONS
+
     groups: dict[tuple[str, str, str], list[Result]] = {}
     for one in results:
         if not math.isnan(one.number("hota")):
@@ -72,6 +74,7 @@ def _print_people(results: Sequence[Result]) -> None:
             means = [float(np.mean([one.number(head.lower()) for one in found])) for head in heads]
             table.add_row(*names, *(_number(mean) for mean in means[:3]), f"{means[3]:.1f}")
         console.print(table)
+        print_lines(f"{name}: {PEOPLE_DEFINITIONS[name]}" for name in heads)
 
 
 def _where(one: Result) -> str:

@@ -63,6 +63,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         data=Markup(_script_json(data)),
         definitions=score.DEFINITIONS,
         following=score.FOLLOWING_DEFINITIONS,
+        people=score.PEOPLE_DEFINITIONS if data["people"] else {},
         loss=data["loss"],
         tags=data["tags"],
         strips=[asdict(one) for one in strips(store)],

@@ -63,8 +63,11 @@ GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
 )
 """Columns of the leader board, in the groups that are shown together: names in the summary, and heads."""
 
+PEOPLE: Mapping[str, str] = MappingProxyType({head.lower(): head for head in score.PEOPLE_DEFINITIONS})
+"""Columns of the table of everybody in view, of which the first orders the trackers."""
+
 MEASURES: Mapping[str, str] = MappingProxyType(
-    {name: head for group in GROUPS.values() for name, head in group.items()}
+    {name: head for group in (*GROUPS.values(), PEOPLE) for name, head in group.items()}
 )
 
 COVERED_BELOW = 0.5
@@ -122,7 +125,7 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
     trackers = list(dict.fromkeys(result.label for result in results))
     scenarios = list(dict.fromkeys(result.scenario for result in results))
     conditions = list(dict.fromkeys(result.condition for result in results))
-    measures = [name for name in MEASURES if any(name in result.values for result in results)]
+    measures = [name for name in MEASURES if any(result.values.get(name) is not None for result in results)]
     rows: list[list[Any]] = []
     curves: dict[tuple[int, int, int], _Counts] = {}
     episodes: list[dict[str, Any]] = []
@@ -169,6 +172,7 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
         "groups": [
             [title, known] for title, group in GROUPS.items() if (known := [one for one in group if one in measures])
         ],
+        "people": [name for name in PEOPLE if name in measures],
         "rows": rows,
         "curves": [[*at, *counts.as_lists()] for at, counts in curves.items()],
         "success_thresholds": score.SUCCESS_THRESHOLDS.tolist(),

@@ -93,7 +93,7 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
 
 
 def tables(store: RunStore) -> str:
-    """Tables of a run: of its suites with their claims, else mean overlaps; and of following in closed loop."""
+    """Tables of a run: of its suites with their claims, else mean overlaps; of following; and of everybody in view."""
     results, parts = store.results, list[str]()
     columns = {_column(result) for result in results}
     if len(columns) <= _MOST_COLUMNS and not any(suite.table for suite in store.plan.suites):
@@ -102,6 +102,8 @@ def tables(store: RunStore) -> str:
     parts += _axes(store)
     if any(result.following for result in results):
         parts.append(_following(results))
+    if any(not math.isnan(result.number("hota")) for result in results):
+        parts.append(_people(results))
     for suite in store.plan.suites:
         parts += _suite(suite, results)
     return "\n".join(parts)
@@ -188,6 +190,27 @@ def _following(results: Sequence[Result]) -> str:
         rows.append([f"{column}, `{label}`", str(len(own)), *cells])
     words = "; ".join(f"{name}: {meaning}" for name, meaning in score.FOLLOWING_DEFINITIONS.items())
     return f"{_table(['Following', 'seeds', *_FOLLOWING], rows)}\n{words}.\n"
+
+
+def _people(results: Sequence[Result]) -> str:
+    """Scores of everybody in view by scenario, condition and tracker of several people."""
+    groups: dict[tuple[str, str], list[Result]] = {}
+    for result in results:
+        if not math.isnan(result.number("hota")):
+            groups.setdefault((_column(result), result.label), []).append(result)
+    rows = [
+        [
+            f"{column}, `{label}`",
+            str(len(own)),
+            *(
+                _ranged(_interval(name.lower(), own), 1 if name == "switches" else 3)
+                for name in score.PEOPLE_DEFINITIONS
+            ),
+        ]
+        for (column, label), own in groups.items()
+    ]
+    words = "; ".join(f"{name}: {meaning}" for name, meaning in score.PEOPLE_DEFINITIONS.items())
+    return f"{_table(['Everybody in view', 'seeds', *score.PEOPLE_DEFINITIONS], rows)}\n{words}.\n"
 
 
 def _column(result: Result) -> str:

@@ -13,7 +13,7 @@ from pftrack_sim.score.curves import (
     precision_curve,
     success_curve,
 )
-from pftrack_sim.score.definitions import DEFINITIONS, FOLLOWING_DEFINITIONS, MEASURE_DEFINITIONS
+from pftrack_sim.score.definitions import DEFINITIONS, FOLLOWING_DEFINITIONS, MEASURE_DEFINITIONS, PEOPLE_DEFINITIONS
 from pftrack_sim.score.episode import Measures, Summary, mean_summary, measure, summarise
 from pftrack_sim.score.frames import frame_scores
 from pftrack_sim.score.paired import Arm, overlaps_on_common_frames
@@ -32,6 +32,7 @@ __all__ = [
     "DEFINITIONS",
     "FOLLOWING_DEFINITIONS",
     "MEASURE_DEFINITIONS",
+    "PEOPLE_DEFINITIONS",
     "PRECISION_THRESHOLDS_PX",
     "SUCCESS_THRESHOLDS",
     "Arm",

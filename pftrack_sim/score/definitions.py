@@ -33,6 +33,18 @@ FOLLOWING_DEFINITIONS: Mapping[str, str] = MappingProxyType(
 )
 """Columns of the tables of following."""
 
+PEOPLE_DEFINITIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "HOTA": "geometric mean of DetA and AssA, mean over overlap thresholds of 0.05 to 0.95 (Luiten et al. 2021)",
+        "DetA": "share of the true and the estimated boxes that are matched",
+        "AssA": "over the matched boxes, the share of both tracks' boxes that are matched to each other",
+        "IDF1": "F1 score of boxes with the right identity, one for each person (Ristani et al. 2016)",
+        "MOTA": "1 - (missed + false + switches) / true boxes (Bernardin & Stiefelhagen 2008)",
+        "switches": "times per episode that a person gets another identity",
+    }
+)
+"""Columns of the tables of everybody in view; in lower case, those of the summary."""
+
 MEASURE_DEFINITIONS: Mapping[str, str] = MappingProxyType(
     {
         "mean_overlap": "intersection over union of estimate and true box, mean over the frames in which the target is "

@@ -116,19 +116,27 @@ function measured(name, rows) {
   return { values, text: held.length && values.length ? `${text} (never in ${held.length} of ${rows.length})` : text };
 }
 
-function drawBoard() {
-  const [, shown] = DATA.groups[state.group], names = ["tracker", "seeds"];
+function drawBoards() {
+  drawBoard("board", DATA.groups[state.group][1], OVERLAP, () => true);
+  if (!DATA.people.length) return;
+  const first = measureAt(DATA.people[0]);
+  drawBoard("people", DATA.people, first, (row) => row[first] !== null);
+}
+
+// Trackers in the order of the column `by`; `counts` says which of their rows are meant.
+function drawBoard(id, shown, by, counts) {
+  const names = ["tracker", "seeds"], ranged = DATA.measures[by - FIRST][0];
   for (const name of shown) {
     names.push(DATA.measures.find(([key]) => key === name)[1]);
     if (name === "stay") names.push("skill");
   }
   const groups = [...state.trackers].map((tracker) => {
-    const rows = DATA.rows.filter((row) => row[0] === tracker && chosen(row));
-    const seeds = perSeed(rows, OVERLAP);
+    const rows = DATA.rows.filter((row) => row[0] === tracker && chosen(row) && counts(row));
+    const seeds = perSeed(rows, by);
     return { tracker, rows, seeds, mean: seeds.length ? mean(seeds) : -1 };
   }).filter((group) => group.rows.length);
   groups.sort((a, b) => b.mean - a.mean);
-  fillTable(byId("board"), names, groups.map((group) => {
+  fillTable(byId(id), names, groups.map((group) => {
     const head = trackerHead(group.tracker);
     head.append(document.createElement("br"), linkTo("worst episode", "Show its episode with the lowest overlap", () => showWorst(group.rows)));
     const cells = [head, element("td", group.seeds.length)];
@@ -136,7 +144,7 @@ function drawBoard() {
       const { values, text } = measured(name, group.rows);
       const cell = element("td"), value = element("span", text);
       cell.append(value);
-      const range = name === "mean_overlap" ? interval(values) : null;
+      const range = name === ranged ? interval(values) : null;
       if (range) value.append(document.createElement("br"), element("small", `[${number(range[0])}, ${number(range[1])}]`));
       cells.push(cell);
       if (name === "stay") cells.push(element("td", number(values.length ? (group.mean - mean(values)) / (1 - mean(values)) : null)));
@@ -281,7 +289,7 @@ function drawSpeed() {
   layout("ms per frame", "", { xaxis: { rangemode: "tozero" }, yaxis: { automargin: true } }), CONFIG);
 }
 
-function drawAll() { drawBoard(); drawCurves(); drawAxes(); drawLosses(); drawEpisode(); drawSpeed(); }
+function drawAll() { drawBoards(); drawCurves(); drawAxes(); drawLosses(); drawEpisode(); drawSpeed(); }
 
 function fill(select, names, all) {
   if (all) select.append(element("option", all, { value: -1 }));
@@ -312,7 +320,7 @@ function start() {
   fill(byId("group"), DATA.groups.map(([title]) => title));
   state.group = DATA.drives.length ? Math.max(DATA.groups.findIndex(([title]) => title === "following"), 0) : 0;
   byId("group").value = state.group;
-  byId("group").addEventListener("change", (event) => { state.group = Number(event.target.value); drawBoard(); });
+  byId("group").addEventListener("change", (event) => { state.group = Number(event.target.value); drawBoards(); });
   fill(byId("tag"), DATA.tags.map(([name]) => name), "anything");
   byId("tag").addEventListener("change", (event) => { state.tag = Number(event.target.value); drawLosses(); });
   fill(byId("episode"), DATA.episodes.map((episode) =>
