@@ -86,7 +86,10 @@ def report(
     run: Annotated[Path, typer.Argument(help="Run folder that bench wrote.")],
     figure: Annotated[
         Path | None,
-        typer.Option(help="Write one figure for a paper instead: success.pdf, precision.pdf or axis.pdf (.svg, .png)."),
+        typer.Option(
+            help="Write one figure for a paper instead: success.pdf, precision.pdf, axis.pdf, or cost.pdf, the overlap "
+            "against the time per frame (.svg, .png)."
+        ),
     ] = None,
 ) -> None:
     """Write report.html, a page with all results of a run."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import importlib.util
+import itertools
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
@@ -21,7 +22,7 @@ from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import by_episode, read_frames
-from pftrack_sim.report.markdown import number_text
+from pftrack_sim.report.markdown import interval, number_text
 
 LINES = ("-", "--", ":", "-.")
 """Dashes of trackers that share a colour, in this order."""
@@ -35,7 +36,7 @@ def write_figure(path: Path, target: Path) -> Path:
 
     Args:
         path: The run folder.
-        target: `success.pdf`, `precision.pdf` or `axis.pdf`, in any folder; `.svg` and `.png` too.
+        target: `success.pdf`, `precision.pdf`, `axis.pdf` or `cost.pdf`, in any folder; `.svg` and `.png` too.
 
     Raises:
         UnknownNameError: No such figure.
@@ -187,7 +188,69 @@ def _map(own: Sequence[Crossing], axes: Any) -> Any:
     return shown
 
 
+def _cost(store: RunStore, figure: Any) -> None:
+    """The mean overlap of each tracker, with its interval over episodes, against its time per frame."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    axes = _plot(figure)
+    axes.set(xscale="log", xlabel="median time per frame [ms], logarithmic axis", ylabel="mean overlap", ylim=(0, 1))
+    axes.margins(x=0.2)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_locator(NullLocator())
+    points: dict[str, tuple[float, float]] = {}
+    for label in dict.fromkeys(result.label for result in store.results):
+        own = [result for result in store.results if result.label == label]
+        ms = [value for one in own if (value := one.number("ms_median")) > 0.0]
+        mean, *ends = interval("mean_overlap", own)
+        if ms and not math.isnan(mean):
+            points[label] = (float(np.median(ms)), mean)
+            colour = _style(store, label)["color"]
+            axes.plot(*points[label], "o", ms=4, color=colour)
+            if not math.isnan(ends[0]):
+                axes.plot([points[label][0]] * 2, ends, "-", lw=1.0, color=colour)
+    if not points:
+        raise ParameterError("no tracker of this run has both an overlap and a time per frame")
+    _write_names(points, {label: _style(store, label)["color"] for label in points}, axes)
+
+
+def _write_names(points: Mapping[str, tuple[float, float]], colours: Mapping[str, str], axes: Any) -> None:
+    """Write names beside their points, each at the nearest place that covers no other name, point or interval."""
+    from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
+
+    axes.figure.draw_without_rendering()  # positions in pixels are known only then
+    unit = axes.figure.dpi / 72.0
+    lines = [axes.transData.transform(line.get_xydata()) for line in axes.lines]
+    taken = [Bbox([line.min(axis=0), line.max(axis=0)]).padded(3.0 * unit) for line in lines]
+    for label, point in points.items():
+        note = axes.annotate(
+            label,
+            point,
+            (0, 0),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=7,
+            color=colours[label],
+            parse_math=False,
+            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colours[label], "shrinkA": 1, "shrinkB": 2},
+        )
+        note.set_in_layout(False)
+        half = 0.5 * Text.get_window_extent(note).size
+        for distance, turn in itertools.product(range(5, 150, 5), range(0, 360, 30)):
+            direction = np.array([math.cos(math.radians(turn)), math.sin(math.radians(turn))])
+            offset = direction * (half + distance * unit)
+            middle = axes.transData.transform(point) + offset
+            box = Bbox([middle - half, middle + half])
+            inside = (box.min > axes.bbox.min).all() and (box.max < axes.bbox.max).all()
+            if inside and not any(box.overlaps(other) for other in taken):
+                note.set_position(offset / unit)
+                taken.append(box)
+                break
+
+
 FIGURES: Mapping[str, Callable[[RunStore, Any], None]] = MappingProxyType(
-    {"axis": _degradation, "precision": _precision, "success": _success}
+    {"axis": _degradation, "cost": _cost, "precision": _precision, "success": _success}
 )
-"""What can be drawn, by the file's name: success and precision plots, and the degradation over the first axis."""
+"""What can be drawn, by the file's name."""

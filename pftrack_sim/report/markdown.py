@@ -137,13 +137,13 @@ def _overlaps(results: Sequence[Result]) -> str:
     rows: list[tuple[float, list[str]]] = []
     for label in dict.fromkeys(result.label for result in results):
         own = [result for result in results if result.label == label]
-        means = [_interval("mean_overlap", [one for one in own if _column(one) == name])[0] for name in columns]
-        overall = _interval("mean_overlap", own)
+        means = [interval("mean_overlap", [one for one in own if _column(one) == name])[0] for name in columns]
+        overall = interval("mean_overlap", own)
         rows.append((overall[0], [f"`{label}`", *(number_text(mean, 3) for mean in means), _ranged(overall, 3)]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
     for name in REFERENCES if results[0].following is None else ():
-        means = [_interval(name, [one for one in results if _column(one) == column])[0] for column in columns]
-        overall = _interval(name, results)[0]
+        means = [interval(name, [one for one in results if _column(one) == column])[0] for column in columns]
+        overall = interval(name, results)[0]
         rows.append((math.nan, [name, *(number_text(mean, 3) for mean in [*means, overall])]))
     return _table(["Mean overlap", *columns, "mean"], [cells for _, cells in rows])
 
@@ -155,7 +155,7 @@ def _summary(results: Sequence[Result]) -> str:
         own = [result for result in results if result.label == label]
         mean = score.mean_summary([result.measures for result in own])
         beside = [number_text(getattr(mean, name), 3) for name in _BESIDE_OVERLAP.values()]
-        rows.append((mean.mean_overlap, [f"`{label}`", _ranged(_interval("mean_overlap", own), 3), *beside]))
+        rows.append((mean.mean_overlap, [f"`{label}`", _ranged(interval("mean_overlap", own), 3), *beside]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
     heads = ["All episodes", "mean overlap", *_BESIDE_OVERLAP]
     words = "; ".join(f"{name}: {meaning}" for name, meaning in score.DEFINITIONS.items())
@@ -186,7 +186,7 @@ def _following(results: Sequence[Result]) -> str:
     rows: list[list[str]] = []
     for column, label in dict.fromkeys((_column(result), result.label) for result in results):
         own = [result for result in results if (_column(result), result.label) == (column, label)]
-        cells = [_ranged(_interval(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in _FOLLOWING.values()]
+        cells = [_ranged(interval(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in _FOLLOWING.values()]
         rows.append([f"{column}, `{label}`", str(len(own)), *cells])
     words = "; ".join(f"{name}: {meaning}" for name, meaning in score.FOLLOWING_DEFINITIONS.items())
     return f"{_table(['Following', 'seeds', *_FOLLOWING], rows)}\n{words}.\n"
@@ -203,7 +203,7 @@ def _people(results: Sequence[Result]) -> str:
             f"{column}, `{label}`",
             str(len(own)),
             *(
-                _ranged(_interval(name.lower(), own), 1 if name == "switches" else 3)
+                _ranged(interval(name.lower(), own), 1 if name == "switches" else 3)
                 for name in score.PEOPLE_DEFINITIONS
             ),
         ]
@@ -217,7 +217,8 @@ def _column(result: Result) -> str:
     return result.scenario if not result.condition.levels else f"{result.scenario} {result.condition.name}"
 
 
-def _interval(measure: str, results: Sequence[Result], proportion: bool = False) -> Interval:
+def interval(measure: str, results: Sequence[Result], proportion: bool = False) -> Interval:
+    """Mean of a measure over results that have it, and its 95 % interval; NaN where none has."""
     values = [value for result in results if not math.isnan(value := result.number(measure))]
     if not values:
         return math.nan, math.nan, math.nan

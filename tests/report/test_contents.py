@@ -90,7 +90,7 @@ def test_a_summary_cannot_name_files_elsewhere(finished: Path, tmp_path: Path):
         report.write_report(path)
 
 
-@pytest.mark.parametrize("name", ["success.pdf", "precision.svg", "axis.png"])
+@pytest.mark.parametrize("name", ["success.pdf", "precision.svg", "axis.png", "cost.png"])
 def test_figures_for_papers(finished: Path, tmp_path: Path, name: str):
     target = report.write_figure(finished, tmp_path / "figures" / name)
     head = target.read_bytes()[:8]
