@@ -16,7 +16,8 @@ from pftrack_sim.score import PEOPLE_DEFINITIONS
 
 @pytest.fixture(scope="module")
 def crowd(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
-    overrides = {**SMALL, "camera.rate_hz": 10.0, "distractors.count": 2, "axes.detector.severity": 1.0}
+    detector = {"axes.detector.severity": 1.0, "axes.detector.height_px": 6.0}
+    overrides = {**SMALL, **detector, "camera.rate_hz": 10.0, "distractors.count": 2}
     plan = make_plan(["corridor"], ["stay", "chau2011"], [0, 1], overrides=overrides)
     return run(plan, tmp_path_factory.mktemp("crowd") / "run", videos="none", workers=0)
 
@@ -24,6 +25,7 @@ def crowd(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
 def test_the_page_has_a_table_of_everybody_in_view(browser: Any, crowd: RunStore):
     scores = [one.number("hota") for one in crowd.results if one.label == "chau2011"]
     assert len(scores) == 2
+    assert min(scores) > 0.0
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
