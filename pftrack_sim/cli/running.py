@@ -157,7 +157,7 @@ def film(
 
 def evaluate(
     sequences: Annotated[
-        list[Path], typer.Argument(help="Sequences: folders, see --format, or of data sets; MCAP or video files.")
+        list[Path], typer.Argument(help="Sequences: folders, see --format, or of data sets; ROS 2 bags or video files.")
     ],
     tracker: Trackers = "ko2012",
     seeds: Seeds = "0:5",
@@ -169,7 +169,10 @@ def evaluate(
     ] = None,
     layout: SequenceLayout = None,
     topics: Annotated[
-        str, typer.Option(metavar="IMAGES,BOXES", help="Topics of an MCAP file, where it has several of a kind.")
+        str,
+        typer.Option(
+            metavar="IMAGES,BOXES", help="Topics of a ROS 2 bag or MCAP file, where it has several of a kind."
+        ),
     ] = "",
     box: Annotated[
         str | None,

@@ -82,7 +82,7 @@ def _source(name: str, box: str | None) -> Callable[[], Source] | None:
         ParameterError: No such file, or `--box` for something without a first frame of its own.
         SequenceError: It is damaged, or in no known layout.
     """
-    from pftrack_sim.formats import read_sequence
+    from pftrack_sim.formats import read_sequence, ros2
     from pftrack_sim.formats.video import given_boxes
     from pftrack_sim.studio.recording import CaptureSource, SequenceSource
 
@@ -97,7 +97,7 @@ def _source(name: str, box: str | None) -> Callable[[], Source] | None:
         if box is not None:
             raise ParameterError(f"--box is for video files, got {name!r}")
         return None
-    if box is None and path.is_file() and path.suffix != ".mcap":
+    if box is None and path.is_file() and ros2.find(path) is None:
         return lambda: CaptureSource(name)
     sequence = read_sequence(path, boxes=None if box is None else given_boxes(box))
     return lambda: SequenceSource(sequence)

@@ -10,7 +10,7 @@ from typing import Any
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats import coco, got10k, kitti, lasot, mcap, mot, otb, video, vot, webdataset
+from pftrack_sim.formats import coco, got10k, kitti, lasot, mot, otb, ros2, video, vot, webdataset
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
 _DEPTH = 3
@@ -117,19 +117,19 @@ def read_sequence(
     """Read a recorded sequence, from its first frame with a true box on.
 
     Args:
-        path: Its folder; or an MCAP file, the folder of a ROS 2 bag, or a video file.
+        path: Its folder; or an MCAP file, a ROS 2 bag or its folder, or a video file.
         layout: One of `LAYOUTS`; None finds out by the files that are there.
-        topics: Of images and of boxes in an MCAP file, where there are several.
+        topics: Of images and of boxes in an MCAP file or a bag, where there are several.
         boxes: `(1, 4)` box of a video's first frame [px], or `(N, 4)` boxes of all its frames.
 
     Raises:
         UnknownNameError: No such layout.
-        RunError: The library for MCAP files is missing.
+        RunError: The library for MCAP files and bags is missing.
         SequenceError: The folder is missing or has another layout; images or boxes are missing, damaged, or differ in
             number.
     """
-    if layout is None and (file := mcap.find(Path(path))) is not None:
-        return mcap.read(file, topics)
+    if layout is None and (file := ros2.find(Path(path))) is not None:
+        return ros2.read(file, topics)
     if layout is None and Path(path).is_file():
         if boxes is None:
             words = "is not a folder, and a video needs the box of its first frame: --box x,y,w,h or a file of boxes"
@@ -149,7 +149,7 @@ def read_sequences(
 ) -> list[RecordedSequence]:
     """Read a sequence, or all of a data set's; arguments and errors are those of `read_sequence`."""
     top = Path(path)
-    if not top.is_dir() or mcap.find(top) is not None or not any(entry.is_dir() for entry in top.iterdir()):
+    if not top.is_dir() or ros2.find(top) is not None or not any(entry.is_dir() for entry in top.iterdir()):
         return [read_sequence(path, layout, topics, boxes)]
     try:
         found = find_sequences(path, layout)

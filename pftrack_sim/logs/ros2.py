@@ -22,9 +22,9 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.records import Truth
+from pftrack_sim.core.ros2_messages import definition
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg
-from pftrack_sim.logs.messages import definition
 from pftrack_sim.logs.topics import topics_of
 
 HALF_PIXEL = 0.5

@@ -1,6 +1,8 @@
 """Logs are read back with the official readers: types, counts and values."""
 
 import math
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from pftrack_sim.benchmark.planning import make_plan
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError, UnknownNameError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_M, RANGES
 from pftrack_sim.core.records import Estimate, Frame, Truth
+from pftrack_sim.core.ros2_messages import definition
 from pftrack_sim.formats import read_sequence
 from pftrack_sim.logs import LogFrame, LogInfo, check_formats, log_format, log_writer
 from tests.benchmark.small import SMALL
@@ -135,10 +138,99 @@ def test_a_log_is_read_as_a_sequence(bag: Path, frames: list[LogFrame], tmp_path
         assert abs(difference).mean() < 6.0  # JPEG
     assert abs(read_sequence(bag, topics=["/trackers/stay"]).truth[5] - [10.25, 4.5, 8.0, 20.0]).max() < 1e-9
     (tmp_path / "metadata.yaml").write_text("")
-    with pytest.raises(SequenceError, match=r"must hold one .mcap file, has 0"):
+    with pytest.raises(SequenceError, match=r"must hold one .mcap or .db3 file, has 0"):
         read_sequence(tmp_path)
     (tmp_path / "bag_0.mcap").write_bytes(bag.read_bytes())
     assert len(read_sequence(tmp_path)) == COUNT
+
+
+def sqlite_bag(path: Path, source: Path, definitions: bool) -> Path:
+    """The messages of an MCAP file as rosbag2 stores them in SQLite."""
+    from mcap.reader import make_reader
+
+    with source.open("rb") as opened, closing(sqlite3.connect(path)) as bag:
+        bag.execute("CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
+        bag.execute("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+        bag.execute(
+            "CREATE TABLE message_definitions (topic_type TEXT, encoding TEXT, encoded_message_definition TEXT)"
+        )
+        for schema, channel, message in make_reader(opened).iter_messages():
+            row = (channel.id, channel.topic, schema.name, "cdr")
+            if bag.execute("INSERT OR IGNORE INTO topics VALUES (?, ?, ?, ?)", row).rowcount and definitions:
+                given = (schema.name, "ros2msg", schema.data.decode())
+                bag.execute("INSERT INTO message_definitions VALUES (?, ?, ?)", given)
+            row = (channel.id, message.log_time, message.data)
+            bag.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", row)
+        if not definitions:
+            bag.execute("DROP TABLE message_definitions")
+        bag.commit()
+    return path
+
+
+@pytest.mark.parametrize("definitions", [True, False])
+def test_a_bag_in_sqlite_is_the_same_sequence(bag: Path, tmp_path: Path, definitions: bool):
+    source = read_sequence(bag)
+    path = sqlite_bag(tmp_path / "bag #1_0.db3", bag, definitions)
+    (tmp_path / "metadata.yaml").write_text("")
+    for found in (read_sequence(path), read_sequence(tmp_path)):
+        assert found.rate_hz == source.rate_hz
+        np.testing.assert_array_equal(found.truth, source.truth)
+        for index in range(COUNT):
+            np.testing.assert_array_equal(found.image(index), source.image(index))
+    with pytest.raises(SequenceError, match="no topic /nowhere"):
+        read_sequence(path, topics=["/nowhere"])
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["bag #1_0.db3", "metadata.yaml"]
+
+
+def test_damaged_bags_in_sqlite_are_one_clear_error(bag: Path, tmp_path: Path):
+    path = sqlite_bag(tmp_path / "bag_0.db3", bag, definitions=False)
+    whole = path.read_bytes()
+    for content in (b"", b"text" * 300, whole[: len(whole) // 2]):
+        path.write_bytes(content)
+        with pytest.raises(SequenceError, match=r"is no ROS 2 bag, or it is damaged: \w+"):
+            [read_sequence(path).image(index) for index in range(COUNT)]
+    for change, words in (
+        ("UPDATE messages SET data = substr(data, 1, 30)", "damaged"),
+        ("UPDATE messages SET data = x'28b52ffd00'", "messages are compressed; see ros2 bag convert"),
+        ("DELETE FROM messages", "no image on /camera/image/compressed"),
+        ("DELETE FROM topics", "needs one image topic"),
+    ):
+        path.write_bytes(whole)
+        with closing(sqlite3.connect(path)) as database, database:
+            database.execute(change)
+        with pytest.raises(SequenceError, match=words):
+            read_sequence(path)
+
+
+@pytest.mark.parametrize("version", [8, 9])
+def test_a_bag_of_an_independent_writer_is_read(tmp_path: Path, version: Any):
+    """Raw images and boxes, written by `rosbags` in the format of Humble (8) and with definitions (9)."""
+    rosbag2: Any = pytest.importorskip("rosbags.rosbag2")
+    typesys: Any = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    boxes_kind = "vision_msgs/msg/Detection2DArray"
+    store.register(typesys.get_types_from_msg(definition("vision_msgs/Detection2DArray"), boxes_kind))
+    kinds = store.types
+    stamps = [kinds["builtin_interfaces/msg/Time"](0, number * 10**8) for number in range(3)]
+    pixels = np.random.default_rng(0).integers(0, 256, (3, 12, 16, 3), dtype=np.uint8)
+    with rosbag2.Writer(tmp_path / "bag", version=version, storage_plugin=rosbag2.StoragePlugin.SQLITE3) as written:
+        names = {"/image": "sensor_msgs/msg/Image", "/boxes": boxes_kind}
+        topics = {name: written.add_connection(name, kind, typestore=store) for name, kind in names.items()}
+        for number, stamp in enumerate(stamps):
+            header = kinds["std_msgs/msg/Header"](stamp, "camera")
+            image = kinds[names["/image"]](header, 12, 16, "rgb8", 0, 48, pixels[number].ravel())
+            centre = kinds["vision_msgs/msg/Pose2D"](kinds["vision_msgs/msg/Point2D"](4.5 + number, 5.5), 0.0)
+            box = kinds["vision_msgs/msg/BoundingBox2D"](centre, 4.0, 6.0)
+            found = kinds["vision_msgs/msg/Detection2D"](header, [], box, "target")
+            boxes = kinds[names["/boxes"]](header, [found])
+            for name, message in (("/image", image), ("/boxes", boxes)):
+                content = store.serialize_cdr(message, names[name])
+                written.write(topics[name], 10**9 + number * 10**8, content)
+    read = read_sequence(tmp_path / "bag")
+    np.testing.assert_array_equal(read.truth, [[3.0 + number, 3.0, 4.0, 6.0] for number in range(3)])
+    assert read.rate_hz == pytest.approx(10.0)
+    for number in range(3):
+        np.testing.assert_array_equal(read.image(number), pixels[number])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Sequences in MCAP files of ROS 2 messages, and in ROS 2 bags of them; library: `mcap-ros2-support`.
+"""Sequences in ROS 2 bags: MCAP files and SQLite files (`.db3`) of messages, or folders of one of them.
 
 Images are messages `sensor_msgs/CompressedImage` or `Image` (rgb8, bgr8, mono8), boxes `vision_msgs/Detection2DArray`.
 A box belongs to the image with its time stamp; it is the one with the id `target`, or the only one. In ROS the
@@ -8,9 +8,8 @@ centre of the first pixel is 0, where it is 0.5 in the rest of this package.
 from __future__ import annotations
 
 import contextlib
-import importlib
 import importlib.util
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,10 +21,11 @@ from pftrack_sim.core.boxes import NO_BOX, Box
 from pftrack_sim.core.errors import RunError, SequenceError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import one_line
+from pftrack_sim.formats import mcap_file, sqlite_file
 from pftrack_sim.formats.files import present_boxes
 from pftrack_sim.formats.sequence import RecordedSequence
 
-SUFFIX = ".mcap"
+_STORAGES = {".mcap": mcap_file.Messages, ".db3": sqlite_file.Messages}
 _IMAGES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 _BOXES = ("vision_msgs/msg/Detection2DArray",)
 _TRUTH, _TARGET = "/truth", "target"
@@ -34,7 +34,7 @@ _CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1}
 
 
 @dataclass(frozen=True, eq=False)
-class _McapSequence(RecordedSequence):
+class _BagSequence(RecordedSequence):
     """Images are read from the file when they are asked for."""
 
     topic: str = ""
@@ -46,8 +46,8 @@ class _McapSequence(RecordedSequence):
             raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
         path, time_ns = self.paths[index], self.times_ns[index]
         repeated = self.times_ns[:index].count(time_ns)  # images logged at the same time keep their order
-        with _reader(path) as reader:
-            found = _messages(reader, self.topic, starting_at=time_ns, ending_at=time_ns)
+        with _opened(path) as bag:
+            found = bag.read(self.topic, time_ns)
             for place, (_, message) in enumerate(found):
                 if place == repeated:
                     return _decoded(path, message)
@@ -55,18 +55,19 @@ class _McapSequence(RecordedSequence):
 
 
 def find(path: Path) -> Path | None:
-    """The MCAP file that a path names: itself, or the only one in the folder of a ROS 2 bag; None if it is neither.
+    """The file of messages that a path names: itself, or the only one in a bag's folder; None if it is neither.
 
     Raises:
         SequenceError: A bag of several files, or of another storage.
     """
-    if path.suffix.lower() == SUFFIX and path.is_file():
+    if path.suffix.lower() in _STORAGES and path.is_file():
         return path
     if not (path / "metadata.yaml").is_file():
         return None
-    found = sorted(one for one in path.iterdir() if one.suffix.lower() == SUFFIX)
+    found = sorted(one for one in path.iterdir() if one.suffix.lower() in _STORAGES)
     if len(found) != 1:
-        raise SequenceError(f"{path}: a ROS 2 bag must hold one {SUFFIX} file, has {len(found)}; see ros2 bag convert")
+        kinds = " or ".join(_STORAGES)
+        raise SequenceError(f"{path}: a ROS 2 bag must hold one {kinds} file, has {len(found)}; see ros2 bag convert")
     return found[0]
 
 
@@ -81,18 +82,19 @@ def read(path: Path, topics: Sequence[str] = ()) -> RecordedSequence:
         RunError: The library is missing.
         SequenceError: The file is damaged; a topic is missing or not the only one; there is no image or box.
     """
-    kinds = _topics(path)
+    with _opened(path) as bag:
+        kinds = bag.topics()
     images = _chosen(path, kinds, _IMAGES, topics, "image")
     given = _chosen(path, kinds, _BOXES, topics, "box", preferred=_TRUTH)
     stamps: list[int] = []
     times_ns: list[int] = []
-    with _reader(path) as reader:
-        for time_ns, message in _messages(reader, images):
+    with _opened(path) as bag:
+        for time_ns, message in bag.read(images):
             stamps.append(_stamp(message))
             times_ns.append(time_ns)
-        detections = {_stamp(message): list(message.detections) for _, message in _messages(reader, given)}
-    named = any(one.id == _TARGET for found in detections.values() for one in found)
-    by_stamp = {stamp: _target(found, named) for stamp, found in detections.items()}
+        detections = {_stamp(message): list(message.detections) for _, message in bag.read(given)}
+        named = any(one.id == _TARGET for found in detections.values() for one in found)
+        by_stamp = {stamp: _target(found, named) for stamp, found in detections.items()}
     if not stamps:
         raise SequenceError(f"{path}: no image on {images}")
     truth = np.array([by_stamp.get(stamp, NO_BOX) for stamp in stamps])
@@ -100,40 +102,24 @@ def read(path: Path, topics: Sequence[str] = ()) -> RecordedSequence:
     rate_hz = (len(stamps) - 1) / span_s if span_s > 0.0 else None
     whole = RecordedSequence.checked(path, given, [path] * len(stamps), present_boxes(truth), rate_hz)
     times = tuple(times_ns[whole.start :])
-    return _McapSequence(path.stem, whole.paths, whole.truth, rate_hz, whole.start, topic=images, times_ns=times)
+    return _BagSequence(path.stem, whole.paths, whole.truth, rate_hz, whole.start, topic=images, times_ns=times)
 
 
 @contextlib.contextmanager
-def _reader(path: Path) -> Generator[Any]:
+def _opened(path: Path) -> Generator[mcap_file.Messages | sqlite_file.Messages]:
+    """The messages of a file; whatever goes wrong with them becomes a SequenceError."""
     if importlib.util.find_spec("mcap_ros2") is None:
-        raise RunError("MCAP files need the extra: pip install 'pftrack-sim[mcap]'")
-    make_reader: Any = importlib.import_module("mcap.reader").make_reader
-    decoder: Any = importlib.import_module("mcap_ros2.decoder").DecoderFactory()
+        raise RunError("ROS 2 messages need the extra: pip install 'pftrack-sim[mcap]'")
     try:
-        with path.open("rb") as opened:
-            yield make_reader(opened, validate_crcs=True, decoder_factories=[decoder])
+        with _STORAGES[path.suffix.lower()](path) as bag:
+            yield bag
     except (SequenceError, GeneratorExit):
         raise
     except OSError as error:
         raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
     except Exception as error:  # noqa: BLE001 - each decompressor has error types of its own
         text = one_line(f"{type(error).__name__} {error}", 80)
-        raise SequenceError(f"{path}: is no MCAP file, or it is damaged: {text}") from None
-
-
-def _messages(reader: Any, topic: str, **span: int) -> Iterator[tuple[int, Any]]:
-    """Log time [ns] and content of the messages on a topic."""
-    for _, _, message, decoded in reader.iter_decoded_messages([topic], **span):
-        yield message.log_time, decoded
-
-
-def _topics(path: Path) -> dict[str, str]:
-    """Names of messages by topic."""
-    with _reader(path) as reader:
-        summary = reader.get_summary()
-        if summary is None:
-            raise SequenceError(f"{path}: damaged MCAP file: no summary")
-        return {one.topic: summary.schemas[one.schema_id].name for one in summary.channels.values() if one.schema_id}
+        raise SequenceError(f"{path}: is no ROS 2 bag, or it is damaged: {text}") from None
 
 
 def _chosen(

@@ -1,4 +1,4 @@
-"""Definitions of the ROS 2 messages in logs (common_interfaces, geometry2 and vision_msgs, of ROS 2 Humble on)."""
+"""Definitions of ROS 2 messages that are written and read (common_interfaces, geometry2, vision_msgs; Humble on)."""
 
 from __future__ import annotations
 
@@ -24,6 +24,10 @@ _FIELDS = {
         "geometry_msgs/TwistWithCovariance twist"
     ),
     "sensor_msgs/CompressedImage": "std_msgs/Header header; string format; uint8[] data",
+    "sensor_msgs/Image": (
+        "std_msgs/Header header; uint32 height; uint32 width; string encoding; uint8 is_bigendian; uint32 step; "
+        "uint8[] data"
+    ),
     "sensor_msgs/RegionOfInterest": "uint32 x_offset; uint32 y_offset; uint32 height; uint32 width; bool do_rectify",
     "sensor_msgs/CameraInfo": (
         "std_msgs/Header header; uint32 height; uint32 width; string distortion_model; float64[] d; float64[9] k; "
