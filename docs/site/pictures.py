@@ -1,4 +1,4 @@
-"""Draw the pictures of the documentation: `make pictures`; its parts: scenarios, axes, moving, tutorials."""
+"""Draw the pictures of the documentation: `make pictures`; its parts: scenarios, axes, moving, tutorials, studio."""
 
 from __future__ import annotations
 
@@ -55,7 +55,13 @@ AXES: dict[str, tuple[str, int, float, float, float, dict[str, Any]]] = {
 
 def main(parts: Sequence[str]) -> None:
     """Draw some of the pictures, or all."""
-    known = {"scenarios": draw_scenarios, "axes": draw_axes, "moving": draw_moving, "tutorials": draw_tutorials}
+    known = {
+        "scenarios": draw_scenarios,
+        "axes": draw_axes,
+        "moving": draw_moving,
+        "tutorials": draw_tutorials,
+        "studio": draw_studio,
+    }
     if unknown := set(parts) - set(known):
         sys.exit(f"unknown pictures {sorted(unknown)}; there are {', '.join(known)}")
     for name in parts or known:
@@ -168,6 +174,15 @@ def draw_tutorials() -> None:
         scale = min(1.0, 840.0 / drawn.shape[1])
         drawn = cv2.resize(drawn, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         write_still(f"tutorials/{page}.webp", drawn[..., ::-1])
+
+
+def draw_studio() -> None:
+    """The studio's page in its states, in Chromium."""
+    from studio_pictures import shots
+
+    for name, image in shots():
+        height = image.shape[0] * 960 // image.shape[1]
+        write_still(f"studio/{name}.webp", cv2.resize(image, (960, height), interpolation=cv2.INTER_AREA))
 
 
 def write_still(name: str, image: Image) -> None:

@@ -14,7 +14,9 @@ from pftrack_sim.studio.tracked import Moment
 
 SPAN_S = 12.0
 _TRUTH = "truth"
-_HEIGHT_PX = 130
+_HEIGHT_PX = 110
+_SHARE = (-0.05, 1.2)
+"""Limits of what lies in [0, 1], with room for a line at either end and for the label above."""
 
 
 @dataclass(frozen=True)
@@ -26,15 +28,21 @@ class _Quantity:
 
 
 _QUANTITIES = (
-    _Quantity("overlap", lambda moment: moment.overlaps, (0.0, 1.0)),
-    _Quantity("visible fraction", lambda moment: {_TRUTH: moment.truth.visible_fraction}, (0.0, 1.0)),
-    _Quantity("time per frame [ms]", lambda moment: {name: ms or math.nan for name, ms in moment.ms.items()}, log=True),
+    _Quantity("overlap", lambda moment: moment.overlaps, _SHARE),
+    _Quantity("confidence", lambda moment: {name: one.confidence for name, one in moment.estimates.items()}, _SHARE),
+    _Quantity("visible fraction", lambda moment: {_TRUTH: moment.truth.visible_fraction}, _SHARE),
+    _Quantity(
+        "time per frame [ms]",
+        lambda moment: {name: ms or math.nan for name, ms in moment.ms.items()},
+        (0.1, 1000.0),
+        log=True,
+    ),
     _Quantity("distance [m]", lambda moment: {_TRUTH: moment.truth.distance_m}),
 )
 
 
 class Curves:
-    """Plots of overlap, visible fraction, time per frame and distance.
+    """Plots of overlap, confidence, visible fraction, time per frame and distance.
 
     Args:
         gui: The viser server's GUI.
@@ -82,7 +90,10 @@ class Curves:
 
 def _scale(quantity: _Quantity) -> dict[str, Any]:
     """UPlot's options: 3 is its logarithmic scale."""
-    return {"distr": 3} if quantity.log else {"range": quantity.limits} if quantity.limits else {}
+    return {
+        **({"distr": 3} if quantity.log else {}),
+        **({"range": quantity.limits} if quantity.limits else {}),
+    }
 
 
 def _line(name: str, colour: tuple[int, int, int]) -> dict[str, Any]:

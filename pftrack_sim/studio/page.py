@@ -86,22 +86,23 @@ class Page:
         self._thread.join()
 
     def _publish(self) -> None:
-        shown: Moment | None = None
+        shown = self.shown
+        picture = shown.picture()
+        placed: Moment | None = None  # shown in the scene, which is updated less often
         world, scene_s, state_s = -1, 0.0, 0.0
         while not self._stop.wait(1.0 / _PICTURES_HZ):
             moment, now_s = self.shown, time.monotonic()
             if self.player.moment.world != world:
                 with contextlib.suppress(TimeoutError):  # the session is busy: next time
-                    world, shown = self._show_world(), None
+                    world, placed = self._show_world(), None
                 moment = self.shown
             if moment is not shown:
-                picture = moment.picture()
+                shown, picture = moment, moment.picture()
                 self._picture.image = picture
-                if moment.world == world and now_s - scene_s > 1.0 / _SCENE_HZ:
-                    with self._server.atomic():
-                        self._view.show(moment, picture)
-                    scene_s = now_s
-                shown = moment
+            if shown is not placed and shown.world == world and now_s - scene_s > 1.0 / _SCENE_HZ:
+                with self._server.atomic():
+                    self._view.show(shown, picture)
+                placed, scene_s = shown, now_s
             if now_s - state_s > 1.0 / _STATE_HZ:
                 self._show_state()
                 state_s = now_s
@@ -141,7 +142,7 @@ class Page:
             self._person.value = session.person
         if player.playing:
             self._past = None
-        first_s, last_s = history[0].frame.time_s, history[-1].frame.time_s
+        first_s, last_s = (round(one.frame.time_s, 3) for one in (history[0], history[-1]))
         # Also after the last frame, which ends the playing.
         if self._past is None and last_s > first_s and self._scrub.max != last_s:
             self._scrub.min, self._scrub.max, self._scrub.value = first_s, last_s, last_s
@@ -250,12 +251,20 @@ class Page:
         """Apply the newest values of all sliders that were moved: those in between are skipped."""
         with self._lock:
             wanted, settings = dict(self._wanted), session.settings
-            self._wanted.clear()
         for name, value in wanted.items():
             settings = settings.with_axis(name, value)
-        self._synchronised = None
-        said = session.change(settings)
-        self._synchronised = settings
+        try:
+            said = session.change(settings)
+            self._synchronised = settings
+        except BaseException:
+            self._synchronised = None
+            raise
+        finally:
+            # Only now, so that no slider jumps back to what the session had before.
+            with self._lock:
+                self._wanted = {name: value for name, value in self._wanted.items() if wanted.get(name) != value}
+            if self._wanted:
+                self.player.request(self._take_axes)
         return said
 
     def _change(self, changed: Callable[[Settings], Settings]) -> None:

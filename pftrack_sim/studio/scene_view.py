@@ -18,10 +18,10 @@ from pftrack_sim.render.backend import geoms_drawn
 from pftrack_sim.scene.layout import owner_name
 from pftrack_sim.studio.tracked import Moment
 
-TRACKED, OTHERS, MACHINES = (255, 255, 255), (150, 150, 150), (60, 90, 140)
-"""Colours: the truth's of the pictures for people, one for the robot and carts."""
+TRACKED, OTHERS, MACHINES = (40, 190, 90), (120, 120, 120), (60, 90, 140)
+"""Colours of people, and of the robot and carts; the target's path has the target's."""
 
-_YELLOW, _GREEN = (255, 200, 0), (90, 200, 120)
+_YELLOW = (255, 200, 0)
 _OVERHEAD_M = 2.2
 """What begins above is left out, so that one can look into a room from above."""
 
@@ -31,7 +31,10 @@ _PICTURE_AT_M = 0.8
 _MARGIN = 1.08
 """Of a view through the camera, around the picture."""
 
+_FIELD_RAD = math.radians(75.0)
 _PATH_M = 0.03
+_PATTERNED = 0.5
+"""Share of a texture on a face, from which on the face has the texture's mean colour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +101,7 @@ class SceneView:
                 if geoms.size:
                     self._batches.append(self._batch(owner, shape, geoms, boxes[geoms], owner in people))
         self._build_camera(moment)
-        self._lines("/path", _on_the_ground(path_m), _GREEN)
+        self._lines("/path", _on_the_ground(path_m), TRACKED)
         self.show(moment)
 
     def build_recording(self, moment: Moment) -> None:
@@ -163,6 +166,12 @@ class SceneView:
         camera.look_at = self._pose[:3, 3] + _PICTURE_AT_M * self._pose[:3, 2]
         camera.fov = 2.0 * math.atan(_MARGIN * half_m / _PICTURE_AT_M)
 
+    def _look_over(self, client: Any) -> None:
+        """Let a client look from behind the robot, as at the start."""
+        place, towards = self.overview()
+        client.camera.up_direction, client.camera.fov = (0.0, 0.0, 1.0), _FIELD_RAD
+        client.camera.position, client.camera.look_at = place, towards
+
     def _batch(self, owner: str, shape: str, geoms: IntArray, boxes: FloatArray, clickable: bool) -> _Batch:
         trimesh = _trimesh()
         unit = trimesh.creation.box((2.0, 2.0, 2.0)) if shape == "boxes" else trimesh.creation.icosphere(2, 1.0)
@@ -205,6 +214,8 @@ class SceneView:
             corners.append(at)
         low, high = np.min(corners, axis=0), np.max(corners, axis=0)
         self._on_box(np.concatenate([low, high - low]))
+        if self._batches and np.linalg.norm(np.array(camera.position) - self._pose[:3, 3]) < _PICTURE_AT_M:
+            self._look_over(event.client)  # the robot's head will be in the way
 
     def _on_plane(self, origin: FloatArray, direction: FloatArray) -> FloatArray | None:
         """`(2,)` shares of width and height at which a ray in the world meets the picture's plane, or None."""
@@ -297,11 +308,11 @@ def _face_colours(model: mujoco.MjModel, geom: int, count: int) -> Any:
         return plain
     face, first = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
     uv = model.mesh_texcoord[first + model.mesh_facetexcoord[face : face + count]]
-    spread = np.ptp(uv, axis=1).max(axis=1)
+    spread = (np.ptp(uv, axis=1) * model.mat_texrepeat[material]).max(axis=1)
     middle = np.mod(uv.mean(axis=1) * model.mat_texrepeat[material], 1.0)
     columns = np.minimum((middle[:, 0] * width).astype(np.intp), width - 1)
     rows = np.minimum((middle[:, 1] * height).astype(np.intp), height - 1)
     plain[:, :3] = pixels[rows, columns]
-    # A face that repeats the texture has its mean colour.
-    plain[spread >= 1.0, :3] = pixels.reshape(-1, 3).mean(axis=0).astype(np.uint8)
+    # One place of a pattern says nothing about a large face.
+    plain[spread >= _PATTERNED, :3] = pixels.reshape(-1, 3).mean(axis=0).astype(np.uint8)
     return plain

@@ -162,6 +162,20 @@ def test_a_page_too_many_is_refused_and_those_that_are_open_go_on(page: Any, stu
     until(lambda: f"at seed {2}" in page.content(), "the status on the page")
 
 
+def test_the_scene_catches_up_with_frames_that_follow_quickly(studio: Studio, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("pftrack_sim.studio.page._SCENE_HZ", 1.0)
+    until(lambda: studio.page._view._batches, "the scene")
+    moments = [studio.player.ask(lambda session: session.advance()) for _ in range(8)]
+    target = next(one for one in studio.page._view._batches if one.owner == studio.player.session.people[0])
+    for moment in moments[::7]:
+        studio.page._past = moment
+        time.sleep(0.2)
+    turned = np.einsum("nij,nj->ni", moment.geom_rotation[target.geoms], target.centres_m)
+    expected = moment.geom_m[target.geoms] + turned
+    until(lambda: np.allclose(target.handle.batched_positions, expected, atol=1e-5), "the poses of the last frame")
+    studio.page._past = None
+
+
 def test_the_frame_of_a_notebook_shows_the_address(studio: Studio):
     assert f'src="{studio.address}"' in studio._repr_html_()
 
@@ -171,4 +185,4 @@ def test_the_last_frame_of_an_episode_can_be_looked_at():
     with Studio(replace(PLAIN, overrides={**STILL, "duration_s": 0.6}), port=0) as opened:
         until(lambda: opened.player.session.over and not opened.player.playing, "the end of the episode")
         last_s = opened.player.session.history[-1].frame.time_s
-        until(lambda: abs(opened.page._scrub.max - last_s) < 1e-6, "the slider reaches the last frame")
+        until(lambda: abs(opened.page._scrub.max - last_s) < 1e-3, "the slider reaches the last frame")

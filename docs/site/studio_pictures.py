@@ -1,0 +1,120 @@
+"""Draw the pictures of the studio's page in headless Chromium: what `pictures.py studio` runs."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import cv2
+import numpy as np
+from playwright.sync_api import Locator, Page, sync_playwright
+
+from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.core.records import Image
+from pftrack_sim.studio import Settings, Studio
+
+SIZE = {"width": 1280, "height": 800}
+WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+CAMERA = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 15}
+
+
+@contextmanager
+def opened(settings: Settings, **options: Any) -> Iterator[tuple[Studio, Page]]:
+    """A studio that is paused, and its page in Chromium."""
+    chromium = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("there is no Chromium here")
+    with Studio(settings, port=0, playing=False, **options) as studio, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", *WEBGL])
+        page = browser.new_page(viewport=SIZE)  # type: ignore[arg-type]
+        page.set_default_timeout(120_000)
+        page.goto(studio.address)
+        page.wait_for_selector('img[src^="blob:"]')
+        yield studio, page
+        browser.close()
+
+
+def slider(page: Page, label: str) -> Locator:
+    """The handle of a slider, which takes keys."""
+    name = page.locator("label", has_text=label).get_attribute("for")
+    return page.locator(f"[id='{name}'] [role=slider]")
+
+
+def until(true: Callable[[], Any], what: str) -> None:
+    """Wait at most two minutes."""
+    for _ in range(1200):
+        if true():
+            return
+        time.sleep(0.1)
+    sys.exit(f"not within two minutes: {what}")
+
+
+def advance(studio: Studio, seconds: float) -> None:
+    """Move on by simulated time."""
+
+    def move(session: Any) -> None:
+        end_s = session.moment.frame.time_s + seconds
+        while session.moment.frame.time_s < end_s and not session.over:
+            session.advance()
+
+    studio.player.ask(move, timeout_s=300.0)
+
+
+def screenshot(page: Page) -> Image:
+    """`(H, W, 3)` uint8 RGB: the page, once it does not change any more."""
+    coded, before = page.screenshot(), b""
+    for _ in range(60):
+        if coded == before:
+            break
+        page.wait_for_timeout(1500)
+        coded, before = page.screenshot(), coded
+    return decoded(coded)
+
+
+def decoded(coded: bytes) -> Image:
+    """A screenshot as an RGB image."""
+    return cv2.cvtColor(cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+
+
+def shots() -> Iterator[tuple[str, Image]]:
+    """The page in three states: it plays; the camera shakes and both trackers are lost; a box is drawn."""
+    trackers = TrackerSpec(name="ko2012"), TrackerSpec(name="pftrack")
+    with opened(Settings("corridor", 3, CAMERA, trackers)) as (studio, page):
+        page.locator(".mantine-Notification-closeButton").first.click()  # Chromium draws without a GPU here
+        advance(studio, 4.0)
+        screenshot(page)
+        studio.player.playing = True
+        page.wait_for_timeout(2000)
+        yield "running", decoded(page.screenshot())
+        studio.player.playing = False
+        handle = slider(page, "jitter [deg RMS]")
+        handle.focus()
+        for _ in range(40):
+            handle.press("ArrowRight")
+        until(lambda: studio.player.session.settings.physical("jitter") > 2.5, "the slider's value")
+        handle.blur()
+        for client in studio.page._server.get_clients().values():
+            studio.page._view._look_over(client)  # the keys have turned it
+        advance(studio, 4.0)
+        yield "lost", screenshot(page)
+    with opened(Settings("plaza-walk", 7, CAMERA, trackers)) as (studio, page):
+        page.locator(".mantine-Notification-closeButton").first.click()
+        advance(studio, 4.0)
+        screenshot(page)
+        page.get_by_role("button", name="Draw a box").click()
+        screenshot(page)
+        x, y = middle_of_view(page)
+        page.keyboard.down("Shift")
+        page.mouse.move(x + 68, y - 55)
+        page.mouse.down()
+        page.mouse.move(x + 158, y + 90, steps=8)
+        yield "drawing", screenshot(page)
+
+
+def middle_of_view(page: Page) -> tuple[float, float]:
+    """Middle of the 3D view [px]."""
+    boxes = [box for one in page.locator("canvas").all() if (box := one.bounding_box())]
+    largest = max(boxes, key=lambda box: box["width"] * box["height"])
+    return largest["x"] + 0.5 * largest["width"], largest["y"] + 0.5 * largest["height"]
