@@ -15,7 +15,7 @@ from pftrack_sim.benchmark.export import sequence_names
 from pftrack_sim.benchmark.files import distinct_slugs, write_bytes
 from pftrack_sim.benchmark.people_scores import table_of
 from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.recorded import RecordedResult
+from pftrack_sim.benchmark.recorded import RecordedResult, rate_of
 from pftrack_sim.benchmark.store import RunStore
 from pftrack_sim.core.boxes import pairwise_iou
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError
@@ -31,6 +31,8 @@ from pftrack_sim.formats.results import (
     read_result,
     result_files,
 )
+from pftrack_sim.score.episode import Measures
+from pftrack_sim.score.frames import FrameScores
 from pftrack_sim.score.multi_object import Tracks, multi_object
 from pftrack_sim.score.protocols import PROTOCOLS, TrackedSequence
 from pftrack_sim.score.statistics import Comparison
@@ -116,6 +118,21 @@ def _objects(values: Any) -> list[Any]:
     return [None if masked else value for value, masked in pairs]
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ScoredResult(RecordedResult):
+    """Scores of one result file.
+
+    Attributes:
+        summary: All measures; an occlusion is a span of frames without a true box.
+        frames: Scores of the frames.
+        rate_hz: Frames per second of the sequence; 25 where its layout does not tell.
+    """
+
+    summary: Measures
+    frames: FrameScores
+    rate_hz: float
+
+
 @dataclass(frozen=True)
 class Scored:
     """Scores of result files.
@@ -127,7 +144,7 @@ class Scored:
         comparisons: Pairs of trackers by the mean overlap of the sequences that both have.
     """
 
-    results: list[RecordedResult]
+    results: list[ScoredResult]
     benchmark: dict[str, dict[str, float]]
     comparisons: list[Comparison]
 
@@ -164,7 +181,7 @@ def score_results(
     files = find_results(results, folders, chosen)
     sequences = {name: read_sequence(folders[name], known) for name in {file.sequence for file in files}}
     sizes = {name: sequence.image(0).shape[1::-1] for name, sequence in sequences.items()}
-    scored: list[RecordedResult] = []
+    scored: list[ScoredResult] = []
     tracked: dict[str, list[TrackedSequence]] = {}
     people: dict[str, list[tuple[Tracks, Tracks]]] = {}
     for file in files:
@@ -172,7 +189,7 @@ def score_results(
         content = read_result(file, sequence.start + len(sequence), known)
         truth = np.concatenate([np.full((sequence.start, 4), np.nan), sequence.truth])
         boxes = content.boxes if content.rows is None else _target_boxes(content.rows, content.boxes, truth)
-        scored.append(_summary(file, boxes, truth, content.ms))
+        scored.append(_scored(file, boxes, truth, content.ms, rate_of(sequence)))
         if known in PROTOCOLS:
             width, height = sizes[file.sequence]
             tracked.setdefault(file.tracker, []).append(TrackedSequence(boxes, truth, (width, height)))
@@ -186,9 +203,18 @@ def score_results(
     return Scored(scored, benchmark, _compare(scored, list(sequences)))
 
 
-def _summary(file: ResultFile, boxes: FloatArray, truth: FloatArray, ms: FloatArray) -> RecordedResult:
-    summary = score.summarise(score.frame_scores(boxes, truth), np.isfinite(truth[:, 0]), ms)
-    return RecordedResult(file.sequence, TrackerSpec(name=file.tracker), file.repetition, summary, None)
+def _scored(file: ResultFile, boxes: FloatArray, truth: FloatArray, ms: FloatArray, rate_hz: float) -> ScoredResult:
+    frames, seen = score.frame_scores(boxes, truth), np.isfinite(truth[:, 0])
+    found = score.measure(frames, seen, seen.astype(np.float64), ms, np.arange(len(truth)) / rate_hz)
+    return ScoredResult(
+        sequence=file.sequence,
+        tracker=TrackerSpec(name=file.tracker),
+        seed=file.repetition,
+        summary=found,
+        error=None,
+        frames=frames,
+        rate_hz=rate_hz,
+    )
 
 
 def _target_boxes(rows: FloatArray, single: FloatArray, truth: FloatArray) -> FloatArray:
@@ -230,3 +256,12 @@ def _compare(results: Sequence[RecordedResult], sequences: Sequence[str]) -> lis
         for tracker, by_sequence in overlaps.items()
     }
     return score.compare(rows, np.random.default_rng(0))
+
+
+def score_text(value: float) -> str:
+    """A score of a benchmark as people read it: a share with four decimals, or a count.
+
+    >>> score_text(0.5), score_text(12.0)
+    ('0.5000', '12')
+    """
+    return f"{value:.0f}" if value.is_integer() and abs(value) > 1.0 else f"{value:.4f}"

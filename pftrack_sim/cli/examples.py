@@ -41,7 +41,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "score": (
         "score results --dataset dataset",
-        "score results --dataset dataset --results-format vot",
+        "score results --dataset dataset --results-format vot --out scored",
     ),
     "compare": (
         "compare runs/first --trackers stay,ko2012",

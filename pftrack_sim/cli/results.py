@@ -44,15 +44,26 @@ def score(
     form: Annotated[
         str | None, typer.Option("--results-format", help="otb, got10k, vot or mot; default: found by the files.")
     ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder to write report.html and results.csv into.")] = None,
 ) -> None:
-    """Score result files of other tools against a data set."""
-    from pftrack_sim.benchmark.results import score_results
+    """Score result files of other tools against a data set.
 
-    _print_scored(score_results(results, dataset, layout=layout, form=form))
+    With --out, report.html has leader board, curves, overlap frame by frame and paired differences, and results.csv
+    all measures of every file.
+    """
+    from pftrack_sim.benchmark.results import score_results
+    from pftrack_sim.report import write_scored
+
+    found = score_results(results, dataset, layout=layout, form=form)
+    _print_scored(found)
+    if out is not None:
+        tables.print_folder(write_scored(found, out, {"results": str(results), "data set": str(dataset)}))
 
 
 def _print_scored(found: Scored) -> None:
     """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
+    from pftrack_sim.benchmark.results import score_text
+
     overlaps: dict[str, dict[str, list[float]]] = {}
     groups: dict[tuple[str, str], list[Summary]] = {}
     for one in found.results:
@@ -72,7 +83,7 @@ def _print_scored(found: Scored) -> None:
         spaced = [name.replace("_", "\n", 1) for name in heads]
         table = tables.new_table("As the benchmark's own scorer computes them", ("tracker",), spaced)
         for tracker, values in found.benchmark.items():
-            table.add_row(tracker, *(_value(values[name]) for name in heads))
+            table.add_row(tracker, *(score_text(values[name]) for name in heads))
         tables.console.print(table)
     if found.comparisons:
         table = tables.new_table(
@@ -85,8 +96,3 @@ def _print_scored(found: Scored) -> None:
             p = "-" if math.isnan(pair.p_corrected) else f"{pair.p_corrected:.3f}"
             table.add_row(pair.first, pair.second, str(pair.seeds), f"{pair.difference:+.3f}{ends}", p)
         tables.console.print(table)
-
-
-def _value(value: float) -> str:
-    """A share with four decimals, or a count."""
-    return f"{value:.0f}" if value.is_integer() and abs(value) > 1.0 else f"{value:.4f}"

@@ -3,5 +3,6 @@
 from pftrack_sim.report.build import write_report
 from pftrack_sim.report.comparison import write_comparison
 from pftrack_sim.report.figure import FIGURES, write_figure
+from pftrack_sim.report.scored import write_scored
 
-__all__ = ["FIGURES", "write_comparison", "write_figure", "write_report"]
+__all__ = ["FIGURES", "write_comparison", "write_figure", "write_report", "write_scored"]

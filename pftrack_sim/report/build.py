@@ -17,6 +17,7 @@ from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper, evaluate_claims
 from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.integrity import update_sum
+from pftrack_sim.benchmark.results import score_text
 from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.markdown import number_text
@@ -51,14 +52,49 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
 
 
 def _page(store: RunStore, data: Mapping[str, Any]) -> str:
+    return render_page(
+        store.path.resolve().name,
+        data,
+        strips=[asdict(one) for one in strips(store)],
+        suites=[_suite(suite, store.results) for suite in store.plan.suites],
+        how=_provenance(store),
+        scenarios=_hashes(store),
+        errors=[result for result in store.results if result.error],
+    )
+
+
+def render_page(
+    title: str,
+    data: Mapping[str, Any],
+    *,
+    how: Sequence[tuple[str, str]],
+    strips: Sequence[Mapping[str, Any]] = (),
+    suites: Sequence[Mapping[str, Any]] = (),
+    scenarios: Sequence[tuple[str, str]] = (),
+    errors: Sequence[Result] = (),
+    benchmark: Mapping[str, Mapping[str, float]] | None = None,
+) -> str:
+    """The page as HTML.
+
+    Args:
+        title: Of the page.
+        data: What the page's scripts draw; see `contents`.
+        how: Names and words of the provenance.
+        strips: Film strips.
+        suites: Tables and claims of papers.
+        scenarios: Scenarios with their hashes.
+        errors: Results of trackers that failed.
+        benchmark: For each tracker what the scorer of a data set's own benchmark computes.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_PAGE), autoescape=True, undefined=jinja2.StrictUndefined
     )
     return environment.get_template("report.html.j2").render(
-        title=store.path.resolve().name,
+        title=title,
         style=Markup((_PAGE / "report.css").read_text(encoding="utf-8")),
         scripts=[Markup((_PAGE / f"{name}.js").read_text(encoding="utf-8")) for name in ("report", "viewer", "drives")],
         has_drives=bool(data["drives"]),
+        of_run=data["unit"] == "seed",
         plotly=Markup(plotly.offline.get_plotlyjs()),
         data=Markup(_script_json(data)),
         definitions=score.DEFINITIONS,
@@ -66,11 +102,15 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         people=score.PEOPLE_DEFINITIONS if data["people"] else {},
         loss=data["loss"],
         tags=data["tags"],
-        strips=[asdict(one) for one in strips(store)],
-        suites=[_suite(suite, store.results) for suite in store.plan.suites],
-        how=_provenance(store),
-        scenarios=_hashes(store),
-        errors=[result for result in store.results if result.error],
+        strips=strips,
+        suites=suites,
+        how=how,
+        scenarios=scenarios,
+        errors=errors,
+        benchmark={
+            tracker: {name: score_text(value) for name, value in values.items()}
+            for tracker, values in (benchmark or {}).items()
+        },
     )
 
 

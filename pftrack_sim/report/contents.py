@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -18,6 +18,7 @@ from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link
 from pftrack_sim.report.losses import losses_of
+from pftrack_sim.score.statistics import Comparison
 
 GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
@@ -77,7 +78,7 @@ _FRAME_COLUMNS = ("label", "time_s", "overlap", "centre_error_px", "visible_frac
 
 
 @dataclass(frozen=True, eq=False)
-class _Frames:
+class TrackerFrames:
     """One tracker's frames of an episode, `(N,)` each."""
 
     time_s: FloatArray
@@ -94,20 +95,20 @@ class _Frames:
         return counted
 
 
-def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, _Frames]:
+def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, TrackerFrames]:
     """The frames of the trackers in an episode, by label, from the episode's results.
 
     Raises:
         RunError: A file is missing, broken, or outside the run folder.
     """
-    frames: dict[str, _Frames] = {}
+    frames: dict[str, TrackerFrames] = {}
     for result in {result.file: result for result in results}.values():
         table = store.frame_columns(result, _FRAME_COLUMNS)
         for label in dict.fromkeys(table["label"]):
             rows = table["label"] == label
             numbers = [np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)[rows]
                        for name in _FRAME_COLUMNS[1:-1]]  # fmt: skip
-            frames[str(label)] = _Frames(*numbers, scored=np.asarray(table["scored"], dtype=np.bool_)[rows])
+            frames[str(label)] = TrackerFrames(*numbers, scored=np.asarray(table["scored"], dtype=np.bool_)[rows])
     return frames
 
 
@@ -119,38 +120,45 @@ def by_episode(results: Iterable[Result]) -> dict[tuple[str, str, int], list[Res
     return grouped
 
 
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One tracker in an episode of the page.
+
+    Attributes:
+        label: The tracker.
+        values: Its measures by name; NaN or None where there is none.
+        error: The tracker's first error.
+        frames: Its frames.
+    """
+
+    label: str
+    values: Mapping[str, Any]
+    error: str | None
+    frames: TrackerFrames
+
+
 def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> dict[str, Any]:
-    """The page's data; `on_episode` is called after every episode that was read."""
+    """The page's data of a run; `on_episode` is called after every episode that was read."""
     results = store.results
     trackers = list(dict.fromkeys(result.label for result in results))
     scenarios = list(dict.fromkeys(result.scenario for result in results))
     conditions = list(dict.fromkeys(result.condition for result in results))
-    measures = [name for name in MEASURES if any(result.values.get(name) is not None for result in results)]
-    rows: list[list[Any]] = []
-    curves: dict[tuple[int, int, int], _Counts] = {}
-    episodes: list[dict[str, Any]] = []
     grouped = by_episode(results)
-    for number, its_results in enumerate(grouped.values()):
-        frames = read_frames(store, its_results)
-        first = its_results[0]
-        episode = _episode(store, first, frames[first.label])
-        episode |= {"scenario": scenarios.index(first.scenario), "condition": conditions.index(first.condition)}
-        for result in its_results:
-            tracker = trackers.index(result.label)
-            rows.append([tracker, number, *(_json(result.number(name)) for name in measures), result.error])
-            at = (tracker, episode["scenario"], episode["condition"])
-            curves.setdefault(at, _Counts()).add(frames[result.label])
-            episode["overlap"][tracker] = _packed(frames[result.label].overlap)
-        episodes.append(episode)
-        on_episode()
+
+    def episodes() -> Iterator[tuple[dict[str, Any], list[Shown]]]:
+        for its_results in grouped.values():
+            frames = read_frames(store, its_results)
+            first = its_results[0]
+            episode = _episode(store, first, frames[first.label])
+            episode |= {"scenario": scenarios.index(first.scenario), "condition": conditions.index(first.condition)}
+            yield episode, [Shown(one.label, one.values, one.error, frames[one.label]) for one in its_results]
+            on_episode()
+
     numbers = {key: number for number, key in enumerate(grouped)}
     swept = degradation(store)
-    places = palette.places_of(store.plan.labels)
     return {
-        "trackers": trackers,
-        "colours": [palette.hexadecimal(palette.colours_of(store.plan.labels)[label]) for label in trackers],
-        "dashes": [(places[label] or 0) // len(palette.TRACKERS) for label in trackers],
-        "neutral": palette.hexadecimal(palette.ORACLE),
+        **board(trackers, store.plan.labels, episodes()),
+        "unit": "seed",
         "scenarios": scenarios,
         "conditions": [condition.name for condition in conditions],
         "levels": [{at.label: at.x for at in levels_of(condition)} for condition in conditions],
@@ -168,19 +176,53 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
             ]
             for one in swept.maps
         ],
+        "drives": following_episodes(store, numbers),
+        "matrix": _matrix(results, trackers),
+        **losses_of(store, trackers, numbers),
+    }
+
+
+def board(
+    trackers: Sequence[str], labels: Sequence[str], episodes: Iterable[tuple[dict[str, Any], Sequence[Shown]]]
+) -> dict[str, Any]:
+    """What the leader board, the curves and the episodes frame by frame show.
+
+    Args:
+        trackers: Labels in the order of the page.
+        labels: All labels among which colours are chosen.
+        episodes: Each with what the page tells of it, and its trackers.
+    """
+    rows: list[tuple[int, int, Mapping[str, Any], str | None]] = []
+    curves: dict[tuple[int, int, int], _Counts] = {}
+    told: list[dict[str, Any]] = []
+    for number, (episode, its_trackers) in enumerate(episodes):
+        for one in its_trackers:
+            tracker = trackers.index(one.label)
+            rows.append((tracker, number, one.values, one.error))
+            at = (tracker, episode["scenario"], episode["condition"])
+            curves.setdefault(at, _Counts()).add(one.frames)
+            episode["overlap"][tracker] = _packed(one.frames.overlap)
+        told.append(episode)
+    measures = [name for name in MEASURES if any(values.get(name) is not None for _, _, values, _ in rows)]
+    places, colours = palette.places_of(labels), palette.colours_of(labels)
+    return {
+        "trackers": list(trackers),
+        "colours": [palette.hexadecimal(colours[label]) for label in trackers],
+        "dashes": [(places[label] or 0) // len(palette.TRACKERS) for label in trackers],
+        "neutral": palette.hexadecimal(palette.ORACLE),
         "measures": [[name, MEASURES[name]] for name in measures],
         "groups": [
             [title, known] for title, group in GROUPS.items() if (known := [one for one in group if one in measures])
         ],
         "people": [name for name in PEOPLE if name in measures],
-        "rows": rows,
+        "rows": [
+            [tracker, number, *(_json(values.get(name)) for name in measures), error]
+            for tracker, number, values, error in rows
+        ],
         "curves": [[*at, *counts.as_lists()] for at, counts in curves.items()],
         "success_thresholds": score.SUCCESS_THRESHOLDS.tolist(),
         "precision_thresholds": score.PRECISION_THRESHOLDS_PX.tolist(),
-        "episodes": episodes,
-        "drives": following_episodes(store, numbers),
-        "matrix": _matrix(results, trackers),
-        **losses_of(store, trackers, numbers),
+        "episodes": told,
     }
 
 
@@ -192,7 +234,7 @@ class _Counts:
         self.success = np.zeros(score.SUCCESS_THRESHOLDS.size)
         self.precision = np.zeros(score.PRECISION_THRESHOLDS_PX.size)
 
-    def add(self, frames: _Frames) -> None:
+    def add(self, frames: TrackerFrames) -> None:
         counted = frames.counted
         count = int(counted.sum())
         if not count:
@@ -205,17 +247,25 @@ class _Counts:
         return [self.frames, np.rint(self.success).astype(int).tolist(), np.rint(self.precision).astype(int).tolist()]
 
 
-def _episode(store: RunStore, result: Result, frames: _Frames) -> dict[str, Any]:
+def _episode(store: RunStore, result: Result, frames: TrackerFrames) -> dict[str, Any]:
     rate_hz = result.number("rate_hz")
     time_s: FloatArray = frames.time_s - frames.time_s[0]
     regular = np.allclose(time_s, np.arange(len(time_s)) / rate_hz, rtol=0.0, atol=1e-3)
-    return {
-        "seed": result.seed,
-        "rate_hz": _json(rate_hz),
+    return episode_entry(result.seed, rate_hz, frames) | {
         "time": None if regular else [round(float(time), 3) for time in time_s],
+        "video": video_link(store, result) if store.plan.kind == "open" else None,
+    }
+
+
+def episode_entry(seed: int, rate_hz: float, frames: TrackerFrames) -> dict[str, Any]:
+    """What the page tells of an episode without a video, whose frames come at a fixed rate."""
+    return {
+        "seed": seed,
+        "rate_hz": _json(rate_hz),
+        "time": None,
         "overlap": {},
         "occluded": spans(frames.visible_fraction < COVERED_BELOW),
-        "video": video_link(store, result) if store.plan.kind == "open" else None,
+        "video": None,
     }
 
 
@@ -229,7 +279,11 @@ def _matrix(results: Iterable[Result], trackers: Sequence[str]) -> dict[str, Any
         name: np.array([np.mean(found[seed]) if seed in found else math.nan for seed in seeds])
         for name, found in by_seed.items()
     }
-    compared = score.compare(scores, random_streams.stream(0, "bootstrap"))
+    return matrix(score.compare(scores, random_streams.stream(0, "bootstrap")), trackers)
+
+
+def matrix(compared: Sequence[Comparison], trackers: Sequence[str]) -> dict[str, Any]:
+    """Wins and differences of pairs of trackers."""
     return {
         "wins": score.win_matrix(compared, trackers).tolist(),
         "pairs": [
@@ -258,5 +312,5 @@ def spans(covered: BoolArray) -> list[list[int]]:
     return [[int(first), int(end)] for first, end in edges.reshape(-1, 2)]
 
 
-def _json(value: float) -> float | None:
-    return round(value, 6) if math.isfinite(value) else None
+def _json(value: float | None) -> float | None:
+    return round(float(value), 6) if value is not None and math.isfinite(value) else None

@@ -47,8 +47,10 @@ def test_scores_of_the_files_are_those_of_the_run(tmp_path: Path, finished: RunS
     means = {label: np.mean([scores[label, seed].mean_overlap for seed in seeds]) for label in names.values()}
     assert abs(pair.difference) == pytest.approx(abs(means["ncc"] - means["ko2012[particle_count=20]"]))
     if form == "got10k":
-        done = pftrack_sim("score", str(tmp_path / "results"), "--dataset", str(dataset))
+        out = tmp_path / "scored"
+        done = pftrack_sim("score", str(tmp_path / "results"), "--dataset", str(dataset), "--out", str(out))
         assert done.returncode == 0, done.stderr
+        assert {one.name for one in out.iterdir()} == {"report.html", "results.csv"}
         assert f"{found.benchmark['ncc']['ao']:.4f}" in done.stdout
 
 

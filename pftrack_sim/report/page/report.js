@@ -45,13 +45,16 @@ function chosen(row) {
     && (state.condition < 0 || episode.condition === state.condition);
 }
 
-// One number per seed: episodes of one seed are averaged, as seeds are what is repeated.
+const titleOf = (episode) => DATA.unit === "seed" ? `${DATA.scenarios[episode.scenario]}, ${DATA.conditions[episode.condition]}, seed ${episode.seed}`
+  : `${DATA.scenarios[episode.scenario]}, run ${episode.seed}`;
+
+// One number per seed, as seeds are what is repeated; of result files, one per sequence. Episodes with the same are averaged.
 function perSeed(rows, column) {
   const bySeed = new Map();
   for (const row of rows) {
     const value = row[column];
     if (value === null) continue;
-    const seed = DATA.episodes[row[1]].seed;
+    const seed = DATA.episodes[row[1]][DATA.unit === "seed" ? "seed" : "scenario"];
     if (!bySeed.has(seed)) bySeed.set(seed, []);
     bySeed.get(seed).push(value);
   }
@@ -125,7 +128,7 @@ function drawBoards() {
 
 // Trackers in the order of the column `by`; `counts` says which of their rows are meant.
 function drawBoard(id, shown, by, counts) {
-  const names = ["tracker", "seeds"], ranged = DATA.measures[by - FIRST][0];
+  const names = ["tracker", `${DATA.unit}s`], ranged = DATA.measures[by - FIRST][0];
   for (const name of shown) {
     names.push(DATA.measures.find(([key]) => key === name)[1]);
     if (name === "stay") names.push("skill");
@@ -269,7 +272,7 @@ function drawMatrix() {
       const pair = cells[one][other];
       const cell = element("td", one === other || !pair || pair.difference === null ? "" : number(pair.sign * pair.difference));
       if (pair && DATA.matrix.wins[one][other] !== 0) cell.style.fontWeight = "700";
-      if (pair && pair.difference !== null) cell.title = `p = ${number(pair.p, 4)}, ${pair.seeds} seeds`;
+      if (pair && pair.difference !== null) cell.title = `p = ${number(pair.p, 4)}, ${pair.seeds} ${DATA.unit}s`;
       line.append(cell);
     });
     table.append(line);
@@ -298,8 +301,9 @@ function fill(select, names, all) {
 
 function start() {
   const seeds = new Set(DATA.episodes.map((episode) => episode.seed));
-  const parts = [["tracker", DATA.trackers.length], ["scenario", DATA.scenarios.length], ["condition", DATA.conditions.length],
-    ["seed", seeds.size], ["episode", DATA.episodes.length]];
+  const parts = DATA.unit === "seed" ? [["tracker", DATA.trackers.length], ["scenario", DATA.scenarios.length],
+    ["condition", DATA.conditions.length], ["seed", seeds.size], ["episode", DATA.episodes.length]]
+    : [["tracker", DATA.trackers.length], ["sequence", DATA.scenarios.length], ["result", DATA.rows.length]];
   byId("extent").textContent = parts.map(([name, count]) => `${count} ${name}${count === 1 ? "" : "s"}`).join(", ");
   DATA.trackers.forEach((name, index) => {
     const label = element("label"), box = element("input", null, { type: "checkbox", checked: "" });
@@ -323,8 +327,7 @@ function start() {
   byId("group").addEventListener("change", (event) => { state.group = Number(event.target.value); drawBoards(); });
   fill(byId("tag"), DATA.tags.map(([name]) => name), "anything");
   byId("tag").addEventListener("change", (event) => { state.tag = Number(event.target.value); drawLosses(); });
-  fill(byId("episode"), DATA.episodes.map((episode) =>
-    `${DATA.scenarios[episode.scenario]}, ${DATA.conditions[episode.condition]}, seed ${episode.seed}`));
+  fill(byId("episode"), DATA.episodes.map(titleOf));
   const filmed = DATA.episodes.findIndex((episode) => episode.video);
   state.episode = Math.max(filmed, 0);
   byId("episode").value = state.episode;

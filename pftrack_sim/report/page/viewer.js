@@ -21,7 +21,7 @@ function drawEpisode() {
   const video = byId("video");
   onClick(byId("overlap"), ({ x }) => { video.pause(); seek(Math.round(x)); });
   video.hidden = !episode.video;
-  byId("film-note").textContent = episode.video ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
+  byId("film-note").textContent = episode.video || DATA.unit !== "seed" ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
     : "No video of this episode: the same command with --videos all (or worst:3) films it into this folder.";
   if (episode.video) { video.src = linked(episode.video); } else { video.removeAttribute("src"); }
 }
@@ -134,7 +134,7 @@ function drawLosses() {
     when.append(linkTo(`${at.toFixed(2)} s${video ? " \u25b6" : ""}`, "Show this moment", () => showAtTime(tracker, number, from),
       video ? `${linked(video)}#t=${from.toFixed(2)}` : undefined));
     const what = DATA.tags.filter((_, tag) => has(loss, tag)).map(([name]) => name).join(", ");
-    return [trackerHead(tracker), `${DATA.scenarios[episode.scenario]}, ${DATA.conditions[episode.condition]}, seed ${episode.seed}`, when,
+    return [trackerHead(tracker), titleOf(episode), when,
       found === null ? "never" : `after ${(found - at).toFixed(2)} s`, what || "none of these"];
   }));
 }
