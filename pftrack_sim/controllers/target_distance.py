@@ -126,15 +126,26 @@ class TargetDistance:
             # The body is at least as high as what the image shows of it.
             farthest = self._farthest_m(view) * math.exp(float(self._state[2]) + GATE * HEIGHT_SIGMA)
             self._state[0] = min(float(self._state[0]), farthest)
+        self._update_range(view)
+        self._state[1] = min(max(float(self._state[1]), -MAX_SPEED_M_S), MAX_SPEED_M_S)
+
+    def _update_range(self, view: View) -> None:
+        """Correct by the beams in the width of a body."""
+        assert self._state is not None
         distance = float(self._state[0])
-        ends = self._beam_ends_m(view, distance)
         low, high = LEG_GATE_M
         gate = min(max(2.0 * math.sqrt(self._covariance[0, 0]), low), high)
-        legs = ends[np.abs(ends - distance) < gate] + LEG_M
-        self.legs_m = float(legs[np.argmin(np.abs(legs - distance))]) if legs.size else math.inf
-        if legs.size:
-            self._correct(self.legs_m, np.array([1.0, 0.0, 0.0]), RANGE_SIGMA_M)
-        self._state[1] = min(max(float(self._state[1]), -MAX_SPEED_M_S), MAX_SPEED_M_S)
+        ends = self._beam_ends_m(view, distance)
+        ends = ends[ends < distance + gate]
+        fills_image = self._cut_above(view) and self._cut_below(view)
+        if not fills_image:
+            ends = ends[ends > distance - gate]
+        # Nobody fits between the camera and a target that fills the image: the nearest is the target.
+        order = ends if fills_image else np.abs(ends + LEG_M - distance)
+        self.legs_m = float(ends[np.argmin(order)]) + LEG_M if ends.size else math.inf
+        passed = not ends.size or self._correct(self.legs_m, np.array([1.0, 0.0, 0.0]), RANGE_SIGMA_M)
+        if fills_image and not passed:
+            self._state[:2] = self.legs_m, 0.0
 
     def body_elevation_rad(self) -> float:
         """Elevation of the middle of the body above the horizon, as the camera sees it."""
@@ -189,7 +200,9 @@ class TargetDistance:
     def _farthest_m(self, view: View) -> float:
         """Distance at which an average person is as high as the box; a body that the image cuts is nearer."""
         _, y, _, height = view.box
-        return self._person_m / max(self._tangent(y, view) - self._tangent(y + height, view), _LEAST_SLOPE)
+        # A tracker guesses what lies beyond the image.
+        top, bottom = max(y, 0.0), min(y + height, float(self._robot.image_size[1]))
+        return self._person_m / max(self._tangent(top, view) - self._tangent(bottom, view), _LEAST_SLOPE)
 
     def _cut_above(self, view: View) -> bool:
         return view.box[1] < EDGE_PX

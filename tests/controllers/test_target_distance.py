@@ -55,6 +55,22 @@ def test_where_the_image_cuts_the_box_the_scan_gives_the_distance():
     assert abs(watch(estimator(), world, 2.0) - 1.2) < 0.15
 
 
+def test_what_a_box_says_beyond_the_image_does_not_count():
+    world = Playground((0.9, 0.0), legs=True)
+    seen, guessed = world.box(), world.box() + np.array([0.0, -900.0, 0.0, 5000.0])
+    assert watch(estimator(), world, 2.0, guessed) == watch(estimator(), world, 2.0, seen)
+
+
+def test_a_target_that_fills_the_image_is_never_nearer_than_the_estimate_for_long():
+    world, distance = Playground((1.5, 0.0), legs=True), estimator()
+    watch(distance, world, 1.0)
+    world.target = np.array([0.7, 0.0])
+    box = np.array([200.0, 0.0, 240.0, SIZE[1]])
+    assert abs(watch(distance, world, 0.1, box) - 0.7) < 0.25
+    assert abs(watch(distance, world, 1.0, box) - 0.7) < 0.1
+    assert abs(distance.speed_m_s) < 0.2
+
+
 def test_a_box_that_keeps_its_size_does_not_fool_it_where_the_scan_sees_the_legs():
     world = Playground((2.9, 0.0), legs=True)
     distance, box = estimator(), world.box()
