@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.gait.joint_trajectories import heel_strike_pitch, rolled_ankle, stance_pitch, toe_off_pitch
-from pftrack_sim.agents.gait.kinematics import MAX_EXTENSION
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 
+MAX_EXTENSION = 0.9982  # longest reach of a leg relative to the sum of its links: knees never lock
 _MAX_SPEED_M_S = 2.6
 _STEP_M_S = 0.04
 _SPEEDS_M_S = np.arange(0.0, _MAX_SPEED_M_S + 1.5 * _STEP_M_S, _STEP_M_S)
@@ -96,12 +97,21 @@ def walking_table(anatomy: Anatomy) -> FloatArray:
 
 def walking_parameters(tables: FloatArray, speed_m_s: FloatArray) -> GaitParameters:
     """Parameters of walking at speeds `(P,)`, interpolated in `(P, S, 9)` tables."""
-    position = np.minimum(speed_m_s, _MAX_SPEED_M_S) / _STEP_M_S
-    below = position.astype(np.intp)
-    share = (position - below)[:, None]
-    rows = np.arange(len(below))
-    values = (1.0 - share) * tables[rows, below] + share * tables[rows, below + 1]
-    return GaitParameters(*values.T, mid_stance=np.full(len(below), _MID_STANCE))
+    values = _interpolated(tables, np.minimum(speed_m_s, _MAX_SPEED_M_S) / _STEP_M_S)
+    return GaitParameters(*values, mid_stance=np.full(len(speed_m_s), _MID_STANCE))
+
+
+@njit(cache=True, nogil=True)
+def _interpolated(tables: FloatArray, places: FloatArray) -> FloatArray:
+    """`(9, P)` values of `(P, S, 9)` tables at places `(P,)` between their rows."""
+    values = np.empty((tables.shape[2], len(places)))
+    for person in range(len(places)):
+        below = int(places[person])
+        share = places[person] - below
+        for column in range(len(values)):
+            low, high = tables[person, below, column], tables[person, below + 1, column]
+            values[column, person] = (1.0 - share) * low + share * high
+    return values
 
 
 def running_parameters(anatomies: Sequence[Anatomy], speed_m_s: FloatArray) -> GaitParameters:
