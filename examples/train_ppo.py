@@ -1,6 +1,6 @@
 """Learn to follow by reinforcement: proximal policy optimisation on the oracle's boxes, unchanged Stable-Baselines3.
 
-    pip install 'pftrack-sim[rl]'
+    pip install 'pftrack-sim[learn]'
     python examples/train_ppo.py --minutes 8 --out ppo
 
 Minutes are those of the processor: the environments run without images, all in this process. Writes the policy,

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -99,6 +100,22 @@ def test_osmesa_is_tried_after_egl(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(RenderError):
         open_context()
     assert tried == ["egl", "osmesa"]
+
+
+@pytest.mark.parametrize("torch", [True, False])
+def test_triton_is_imported_before_mesa_where_pytorch_is(torch: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "triton.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "modules", {name: one for name, one in sys.modules.items() if name != "torch"})
+    if torch:
+        sys.modules["torch"] = sys
+    seen: list[bool] = []
+    monkeypatch.setattr(context, "_process", context._Process())
+    monkeypatch.setattr(context, "_backend_module", lambda _: seen.append("triton" in sys.modules))
+    with pytest.raises(RenderError):
+        open_context("egl")
+    sys.modules.pop("triton", None)
+    assert seen == [torch]
 
 
 def test_drawing_in_a_forked_child_raises_and_names_spawn(monkeypatch: pytest.MonkeyPatch):

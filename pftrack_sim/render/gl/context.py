@@ -15,7 +15,7 @@ import os
 import sys
 import threading
 from collections.abc import Generator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -185,6 +185,8 @@ def _open(backend: str, size: tuple[int, int]) -> GLContext:
         # PyOpenGL would report a missing library only as an attribute that None lacks.
         if not any(_loads(file) for file in files):
             raise RenderError(f"{files[0]} is not installed")
+    if _process.backend is None:
+        _import_triton()
     # `mujoco.egl` and `mujoco.osmesa` set PYOPENGL_PLATFORM for the whole process. MuJoCo needs MUJOCO_GL where both
     # libraries are loaded: after an EGL without a device it would otherwise not find OSMesa.
     # The lock keeps threads from restoring each other's values.
@@ -204,6 +206,16 @@ def _open(backend: str, size: tuple[int, int]) -> GLContext:
         if backend == "egl":
             os.register_at_fork(after_in_child=_forget_egl_display)
     return GLContext(context, info)
+
+
+def _import_triton() -> None:
+    """Import Triton before Mesa where PyTorch is loaded, which imports it when it makes an optimiser.
+
+    Both bring an LLVM; Triton's, loaded as the second, ends the process with a segmentation fault.
+    """
+    if "torch" in sys.modules:
+        with suppress(ImportError):
+            importlib.import_module("triton")
 
 
 def _forget_egl_display() -> None:
