@@ -17,7 +17,7 @@ from pftrack_sim.core import random_streams
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.person import Person, part_meshes, part_mocap_ids
 
-_PHASES = np.arange(48) / 48
+PHASES = np.arange(48) / 48
 _NEAR_M = 0.05
 
 
@@ -52,8 +52,8 @@ class Traffic:
         """Right after `reset`: let the target's box have its median width over a stride in a `(4, 4)` camera pose."""
         crowd = self.crowd
         start = crowd.positions_m[0], float(crowd.headings_rad[0]), float(crowd.speeds_m_s[0])
-        alone = self._gait_of([self._target])
-        self._gait.feet.start_phase[0] = median_width_phase(self._target, alone, *start, T_world_camera)
+        gait = self._gait_of([self._target] * len(PHASES))
+        self._gait.feet.start_phase[0] = median_width_phase(self._target, gait, *start, T_world_camera)
         self._reset_gait(data)
 
     def update(self, dt_s: float, state: SceneState) -> None:
@@ -97,19 +97,18 @@ def median_width_phase(
 
     Args:
         person: The person.
-        gait: That of this person alone; it is reset.
+        gait: That of this person, once for each of the `PHASES`; it is reset.
         position_m: `(2,)` x, y on the ground.
         heading_rad: Direction of the walk.
         speed_m_s: Walking speed.
         T_world_camera: `(4, 4)` camera pose.
     """
     bodies = Bodies([[mesh.vertices for mesh in part_meshes(person).values()]])
-    drawn, widths = float(gait.feet.start_phase[0]), np.empty(len(_PHASES))
-    for index, phase in enumerate(_PHASES):
-        gait.feet.start_phase[:] = phase
-        gait.reset(position_m[None], [heading_rad], [speed_m_s])
-        positions, rotations = gait.part_poses()
-        extents, _ = bodies.extents(positions[0], rotations[0], T_world_camera, _NEAR_M)
+    drawn, widths = float(gait.feet.start_phase[0]), np.empty(len(PHASES))
+    gait.feet.start_phase[:] = PHASES
+    gait.reset(np.tile(position_m, (len(PHASES), 1)), [heading_rad] * len(PHASES), [speed_m_s] * len(PHASES))
+    for index, (positions, rotations) in enumerate(zip(*gait.part_poses(), strict=True)):
+        extents, _ = bodies.extents(positions, rotations, T_world_camera, _NEAR_M)
         widths[index] = extents[:, 2].max() - extents[:, 0].min()
     excess = widths - np.median(widths)
     following = np.roll(excess, -1)
@@ -117,5 +116,5 @@ def median_width_phase(
     if not crossing.size:
         return drawn
     share = excess[crossing] / (excess[crossing] - following[crossing])
-    found = (_PHASES[crossing] + share / len(_PHASES)) % 1.0
+    found = (PHASES[crossing] + share / len(PHASES)) % 1.0
     return float(found[np.abs((found - drawn + 0.5) % 1.0 - 0.5).argmin()])

@@ -8,11 +8,11 @@ Survey of U.S. Army Personnel" (2014); the spread of girths was chosen by eye.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pftrack_sim.core.data_files import asset_table
 
@@ -20,9 +20,9 @@ Colour: TypeAlias = tuple[int, int, int]  # RGB, 0..255
 HairStyle: TypeAlias = Literal["short", "medium", "long", "bun", "cap", "bald"]
 
 
-def rgb(values: ArrayLike) -> Colour:
+def rgb(values: Iterable[float]) -> Colour:
     """Colour from three channel values, rounded and clipped to 0..255."""
-    red, green, blue = np.clip(np.rint(values), 0, 255).astype(int).tolist()
+    red, green, blue = (min(max(round(float(value)), 0), 255) for value in values)
     return (red, green, blue)
 
 

@@ -8,11 +8,13 @@ from the reference.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.types import FloatArray
@@ -100,20 +102,36 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
 
 
 def _sample_garment(rng: np.random.Generator, name: str, contrast: float) -> Garment:
-    palette = asset_table("people")["garments"][name]
-    colours: list[tuple[Colour, float]] = palette["colours"]
-    patterns: list[tuple[Pattern, float]] = palette["patterns"]
-    weights = np.array([weight for _, weight in colours])
-    main, *others = [colours[int(index)][0] for index in rng.choice(len(colours), size=8, p=weights / weights.sum())]
-    tints = rng.normal(0.0, 7.0, (2, 3))
-    shares = np.array([share for _, share in patterns])
-    pattern = patterns[int(rng.choice(len(patterns), p=shares / shares.sum()))][0]
+    colours, colour_shares, patterns, pattern_shares = _palette(name)
+    # Draws as `rng.choice(..., p=...)`, to the bit, in a third of its time.
+    indices: list[int] = colour_shares.searchsorted(rng.random(8), side="right").tolist()
+    main, *others = [colours[index] for index in indices]
+    tints = rng.normal(0.0, 7.0, (2, 3)).tolist()
+    pattern = patterns[int(pattern_shares.searchsorted(rng.random(), side="right"))]
     scale = float(rng.uniform(0.045, 0.11))
     texture_seed = int(rng.integers(2**31))
     # The first colour with enough contrast for the pattern to be visible, else a light or dark grey.
-    grey = (225, 225, 225) if np.mean(main) < 128 else (35, 35, 35)
+    grey: Colour = (225, 225, 225) if sum(main) < 3 * 128 else (35, 35, 35)
     accent = next((other for other in others if _distance(other, main) > contrast), grey)
-    return Garment(rgb(main + tints[0]), rgb(accent + tints[1]), pattern, scale, texture_seed)
+    return Garment(_tinted(main, tints[0]), _tinted(accent, tints[1]), pattern, scale, texture_seed)
+
+
+def _tinted(colour: Colour, tint: Sequence[float]) -> Colour:
+    return rgb(channel + shift for channel, shift in zip(colour, tint, strict=True))
+
+
+@cache
+def _palette(name: str) -> tuple[list[Colour], FloatArray, list[Pattern], FloatArray]:
+    """Colours and patterns of a kind of garment, each with the cumulative shares in which they are worn."""
+    palette = asset_table("people")["garments"][name]
+    colours: list[tuple[Colour, float]] = palette["colours"]
+    patterns: list[tuple[Pattern, float]] = palette["patterns"]
+    cumulative: list[FloatArray] = []
+    for table in (colours, patterns):
+        weights = np.array([weight for _, weight in table])
+        shares = np.cumsum(weights / weights.sum())
+        cumulative.append(shares / shares[-1])
+    return [colour for colour, _ in colours], cumulative[0], [pattern for pattern, _ in patterns], cumulative[1]
 
 
 def _similar_garment(other: Garment, reference: Garment, similarity: float, same_pattern: bool) -> Garment:
@@ -143,6 +161,6 @@ def _dissimilarity(first: Outfit, second: Outfit) -> float:
     )
 
 
-def _distance(first: ArrayLike, second: ArrayLike) -> float:
-    difference: FloatArray = np.subtract(first, second, dtype=np.float64)
-    return float(np.sqrt((difference * difference).sum()))
+def _distance(first: Colour, second: Colour) -> float:
+    red, green, blue = (a - b for a, b in zip(first, second, strict=True))
+    return math.sqrt(red * red + green * green + blue * blue)

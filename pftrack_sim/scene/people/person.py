@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
 
 import mujoco
 import numpy as np
@@ -97,8 +99,9 @@ def _similar_person(seed: int, name: str, target: Person, similarity: float) -> 
     return Person(name, replace(sample_anatomy(stream(seed, "anatomy", name), height), girth=girth), outfit)
 
 
-def part_meshes(person: Person) -> dict[str, TriangleMesh]:
-    """The mesh of every part in its own frame, in the order of `PARTS`."""
+@lru_cache(maxsize=16)
+def part_meshes(person: Person) -> Mapping[str, TriangleMesh]:
+    """The mesh of every part in its own frame, in the order of `PARTS`; read-only."""
     anatomy, outfit = person.anatomy, person.outfit
     meshes = {
         "pelvis": body_meshes.pelvis_mesh(anatomy, outfit),
@@ -108,7 +111,7 @@ def part_meshes(person: Person) -> dict[str, TriangleMesh]:
     for part, build in _PAIRED_PARTS.items():
         left = build(anatomy, outfit)
         meshes |= {f"left-{part}": left, f"right-{part}": mirrored(left)}
-    return meshes
+    return MappingProxyType(meshes)
 
 
 def add_person(spec: mujoco.MjSpec, person: Person) -> None:

@@ -5,6 +5,7 @@ Cloth, face, hair, skin and shoes of a person share one texture and one material
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import cv2
@@ -42,7 +43,8 @@ CAP = Region(332, 452, 64, 58)
 def paint_atlas(anatomy: Anatomy, outfit: Outfit) -> NDArray[np.uint8]:
     """`(ATLAS_SIZE, ATLAS_SIZE, 3)` RGB texture of a person."""
     # The gaps are skin-coloured, so that coarse mipmap levels of small regions blend into a plausible colour.
-    atlas = np.full((ATLAS_SIZE, ATLAS_SIZE, 3), anatomy.skin, np.uint8)
+    row = np.tile(np.array(anatomy.skin, np.uint8), ATLAS_SIZE)
+    atlas = np.tile(row, (ATLAS_SIZE, 1)).reshape(ATLAS_SIZE, ATLAS_SIZE, 3)
     cap = outfit.shoes.colour if outfit.shoes.colour != outfit.top.colour else (40, 44, 60)
     for region, image in (
         (TOP, cloth_texture(outfit, "top")),
@@ -60,10 +62,18 @@ def paint_atlas(anatomy: Anatomy, outfit: Outfit) -> NDArray[np.uint8]:
 
 def _hair_texture(colour: Colour, contrast: float) -> NDArray[np.uint8]:
     """Vertical streaks of varying brightness."""
-    noise = np.random.default_rng(5).normal(size=(HAIR.height, HAIR.width))
-    streaks = cv2.GaussianBlur(noise, (0, 0), sigmaX=0.8, sigmaY=7.0)
-    brightness = 1.0 + contrast * streaks / streaks.std()
+    streaks, deviation = _streaks()
+    brightness = 1.0 + contrast * streaks / deviation
     return np.clip(np.array(colour, float) * brightness[..., None], 0, 255).astype(np.uint8)
+
+
+@cache
+def _streaks() -> tuple[FloatArray, float]:
+    """`(h, w)` noise that is stretched along the hair, read-only, and its standard deviation."""
+    noise = np.random.default_rng(5).normal(size=(HAIR.height, HAIR.width))
+    streaks = np.asarray(cv2.GaussianBlur(noise, (0, 0), sigmaX=0.8, sigmaY=7.0), dtype=np.float64)
+    streaks.setflags(write=False)
+    return streaks, float(streaks.std())
 
 
 def cloth_mesh(
@@ -87,12 +97,21 @@ def cloth_mesh(
     share = np.where(girth > 1e-9, arc / np.maximum(girth, 1e-9), np.linspace(0.0, 1.0, arc.shape[1]))
     front = rings.shape[1] // 2
     # All rings share one girth, so that vertical lines of a pattern run straight from ring to ring.
-    columns = front_column + (share - share[:, front : front + 1]) * float(np.quantile(girth, 0.7)) / PIXEL_M
+    columns = front_column + (share - share[:, front : front + 1]) * _quantile(girth.ravel(), 0.7) / PIXEL_M
     columns = np.clip(columns, 1.0, region.width - 1.0)
     pixel_m = PIXEL_M if length_m is None else length_m / region.height
     rows = np.clip(first_row + (top_m - rings[..., 2]) / pixel_m, 1.0, region.height - 1.0)
     rows = np.concatenate([rows, rows[:, :1]], axis=1)
     return lofted_mesh(rings, np.stack([region.column + columns, region.row + rows], axis=-1))
+
+
+def _quantile(values: FloatArray, share: float) -> float:
+    """`np.quantile` of a few `(N,)` values, to the bit, in a tenth of its time."""
+    ordered: list[float] = np.sort(values).tolist()
+    index = share * (len(ordered) - 1)
+    low = min(int(index), len(ordered) - 2)
+    t, step = index - low, ordered[low + 1] - ordered[low]
+    return ordered[low] + step * t if t < 0.5 else ordered[low + 1] - step * (1.0 - t)
 
 
 def region_mesh(rings: FloatArray, region: Region, margin_px: float = 3.0) -> TriangleMesh:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.traffic import median_width_phase
+from pftrack_sim.agents.traffic import PHASES, median_width_phase
 from pftrack_sim.scene.people.person import Person, part_meshes, sample_people
 
 (PERSON,) = sample_people(3, 1.75, 0, 0.0, [])
@@ -20,8 +20,8 @@ def camera(heading_rad: float) -> np.ndarray:
     return pose
 
 
-def gait(seed: int) -> Gait:
-    return Gait([PERSON.anatomy], [np.random.default_rng(seed)])
+def gait(seed: int, people: int = 1) -> Gait:
+    return Gait([PERSON.anatomy] * people, [np.random.default_rng(seed) for _ in range(people)])
 
 
 def widths(person: Person, one: Gait, heading_rad: float, count: int) -> np.ndarray:
@@ -42,7 +42,7 @@ def widths(person: Person, one: Gait, heading_rad: float, count: int) -> np.ndar
 def test_the_width_at_the_phase_is_the_median_over_a_stride(heading_rad: float, seed: int):
     one = gait(seed)
     drawn = float(one.feet.start_phase[0])
-    phase = median_width_phase(PERSON, one, START, heading_rad, 1.3, camera(0.0))
+    phase = median_width_phase(PERSON, gait(seed, len(PHASES)), START, heading_rad, 1.3, camera(0.0))
     over_stride = widths(PERSON, one, heading_rad, 100)
     assert np.interp(phase, np.arange(100) / 100, over_stride) == pytest.approx(np.median(over_stride), rel=0.02)
     # Four such phases in a stride are at most some quarter of it away.
@@ -50,7 +50,7 @@ def test_the_width_at_the_phase_is_the_median_over_a_stride(heading_rad: float, 
 
 
 def test_a_person_at_rest_keeps_the_drawn_phase():
-    one = gait(2)
-    drawn = float(one.feet.start_phase[0])
-    assert median_width_phase(PERSON, one, START, 0.0, 0.0, camera(0.0)) == drawn
-    assert median_width_phase(PERSON, gait(2), START, 0.0, 1.3, camera(np.pi)) == drawn
+    drawn = float(gait(2).feet.start_phase[0])
+    people = len(PHASES)
+    assert median_width_phase(PERSON, gait(2, people), START, 0.0, 0.0, camera(0.0)) == drawn
+    assert median_width_phase(PERSON, gait(2, people), START, 0.0, 1.3, camera(np.pi)) == drawn

@@ -8,8 +8,12 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.agents.gait.gait import Gait
+from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.scene.build import add_agents
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
+from pftrack_sim.scene.people import mesh as mesh_module
+from pftrack_sim.scene.people import outfit as outfit_module
+from pftrack_sim.scene.people import texture_atlas
 from pftrack_sim.scene.people.anatomy import sample_anatomy
 from pftrack_sim.scene.people.cloth_texture import GarmentName, cloth_texture
 from pftrack_sim.scene.people.outfit import Outfit, sample_outfit, similar_outfit
@@ -191,3 +195,22 @@ def test_a_wardrobe_is_an_independent_set_of_people() -> None:
     assert target == sample_people(3, target.anatomy.height_m, 0, 0.0, ())[0]
     assert cast(2) == cast(2)
     assert len({person.outfit.top for wardrobe in range(3) for person in cast(wardrobe)}) == 6
+
+
+def test_normals_and_quantiles_are_those_of_numpy_to_the_bit():
+    first, second = rng(0).normal(size=(2, 50, 3))
+    np.testing.assert_array_equal(mesh_module._cross(first, second), np.cross(first, second))
+    for count in (2, 3, 17, 40):
+        values = rng(count).random(count)
+        for share in (0.0, 0.3, 0.7, 1.0):
+            assert texture_atlas._quantile(values, share) == np.quantile(values, share)
+
+
+def test_garments_are_drawn_as_by_the_choice_of_numpy():
+    palette = asset_table("people")["garments"]["top"]
+    weights = np.array([weight for _, weight in palette["colours"]])
+    chosen = rng(3).choice(len(weights), size=8, p=weights / weights.sum())
+    colours, shares, *_ = outfit_module._palette("top")
+    drawn = shares.searchsorted(rng(3).random(8), side="right")
+    np.testing.assert_array_equal(drawn, chosen)
+    assert [tuple(colour) for colour in colours] == [tuple(colour) for colour, _ in palette["colours"]]
