@@ -22,6 +22,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.simulation.simulation import LIVE_AXES
 from pftrack_sim.studio.curves import Curves
+from pftrack_sim.studio.game_pad import GamePad
 from pftrack_sim.studio.player import Player
 from pftrack_sim.studio.scene_view import SceneView
 from pftrack_sim.studio.session import Session
@@ -34,7 +35,7 @@ _STEP = 0.25
 _KEYS = {"W": (0, 1), "S": (0, -1), "A": (1, 1), "D": (1, -1), "Q": (2, 1), "E": (2, -1), "R": (3, 1), "F": (3, -1)}
 """Which part of the command (forward, turn, pan, tilt) a key raises or lowers by `_STEP`."""
 
-_KEYS_HELP = "W/S forward, A/D turn, Q/E pan, R/F tilt, X stop."
+_KEYS_HELP = "W/S forward, A/D turn, Q/E pan, R/F tilt, X stop; or a game pad."
 
 
 class Page:
@@ -52,6 +53,7 @@ class Page:
         self.player, self._server, self._gui = player, server, server.gui
         self._offered = {one.label: one for one in (*player.session.settings.trackers, *offered)}
         self._past: Moment | None = None
+        self._pad = GamePad()
         self._wanted: dict[str, float] = {}
         """Values of sliders that the session has not taken yet."""
         self._lock = threading.Lock()
@@ -91,6 +93,7 @@ class Page:
         placed: Moment | None = None  # shown in the scene, which is updated less often
         world, scene_s, state_s = -1, 0.0, 0.0
         while not self._stop.wait(1.0 / _PICTURES_HZ):
+            self._read_pad()
             moment, now_s = self.shown, time.monotonic()
             if self.player.moment.world != world:
                 with contextlib.suppress(TimeoutError):  # the session is busy: next time
@@ -337,10 +340,22 @@ class Page:
             session.hand = np.zeros(4) if part is None else session.hand.copy()
             if part is not None:
                 session.hand[part] = min(1.0, max(-1.0, session.hand[part] + sign * _STEP))
-            forward, turn, pan, tilt = session.hand
-            return f"By hand: forward {forward:+.2f}, turn {turn:+.2f}, pan {pan:+.2f}, tilt {tilt:+.2f}."
+            return _by_hand(session)
 
         self.player.request(press)
+
+    def _read_pad(self) -> None:
+        if self.player.session.settings.driver != HAND:
+            return
+        command = self._pad.read()
+        if command is None:
+            return
+
+        def drive(session: Session) -> str:
+            session.hand = command
+            return _by_hand(session)
+
+        self.player.request(drive)
 
     def _save_picture(self, event: Any) -> None:
         coded = cv2.imencode(".png", cv2.cvtColor(self.shown.picture(), cv2.COLOR_RGB2BGR))[1]
@@ -368,6 +383,11 @@ def _when(register: Any, action: Callable[[], object]) -> None:
             action()
 
     register(happened)
+
+
+def _by_hand(session: Session) -> str:
+    forward, turn, pan, tilt = session.hand
+    return f"By hand: forward {forward:+.2f}, turn {turn:+.2f}, pan {pan:+.2f}, tilt {tilt:+.2f}."
 
 
 def _shared(settings: Settings) -> dict[str, Any]:

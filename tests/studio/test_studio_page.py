@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -186,3 +187,13 @@ def test_the_last_frame_of_an_episode_can_be_looked_at():
         until(lambda: opened.player.session.over and not opened.player.playing, "the end of the episode")
         last_s = opened.player.session.history[-1].frame.time_s
         until(lambda: abs(opened.page._scrub.max - last_s) < 1e-3, "the slider reaches the last frame")
+
+
+def test_a_game_pad_drives_the_robot_that_is_driven_by_hand(studio: Studio, monkeypatch: pytest.MonkeyPatch):
+    command = np.array([0.5, 0.0, -1.0, 0.0])
+    monkeypatch.setattr(studio.page, "_pad", SimpleNamespace(read=lambda: command))
+    before = studio.player.session.settings
+    studio.player.ask(lambda session: session.change(replace(before, driver="hand")))
+    until(lambda: np.array_equal(studio.player.session.hand, command), "the command")
+    assert "forward +0.50, turn +0.00, pan -1.00" in studio.player.status
+    studio.player.ask(lambda session: session.change(before))
