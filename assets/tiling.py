@@ -63,6 +63,25 @@ def asphalt(rng: np.random.Generator) -> Canvas:
     return image
 
 
+def grass(rng: np.random.Generator) -> Canvas:
+    """4 m of a mown lawn: blades, worn and lush patches, clover and a few dry leaves."""
+    blades = cloud(rng, 512, 512, 0.25)
+    patches = cloud(rng, 512, 512, 1.5)[..., None]
+    lush, worn = np.array([74, 104, 42], np.float32), np.array([122, 124, 64], np.float32)
+    image = (lush + (worn - lush) * patches) * (0.62 + 0.76 * blades)[..., None]
+    for _ in range(90):
+        x, y, dry = rng.integers(6, 506), rng.integers(6, 506), rng.random() < 0.35
+        colour = (138, 108, 58) if dry else (96, 132, 66)
+        cv2.ellipse(image, (int(x), int(y)), (4, 2), float(rng.uniform(0, 180)), 0, 360, colour, -1, cv2.LINE_AA)
+    return image
+
+
+def gravel(rng: np.random.Generator) -> Canvas:
+    """2 m of a gravel walk, grey: stones, wheel marks."""
+    stones = 0.55 * cloud(rng, 512, 512, 0.35) + 0.45 * cloud(rng, 512, 512, 0.9)
+    return 205.0 * (0.62 + 0.5 * stones) * (0.86 + 0.24 * cloud(rng, 512, 512, 1.6))
+
+
 def concrete(rng: np.random.Generator) -> Canvas:
     """6 m of an industrial floor, grey: blotches, scuffs, joints."""
     image = 150.0 * (0.74 + 0.4 * cloud(rng, 512, 512, 1.5)) * (0.93 + 0.12 * cloud(rng, 512, 512, 0.5))

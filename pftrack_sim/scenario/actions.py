@@ -99,6 +99,18 @@ class Gesture(Section):
     duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(default=4.0, description="Slowing down included.")
 
 
+class Sit(Section):
+    """Stops, turns its back on a seat beside its path, sits down and rests; then rises, turns and walks on."""
+
+    kind: Literal["sit"]
+    at_s: _At
+    duration_s: Annotated[float, Field(ge=6.6, le=3600.0)] = Field(
+        default=9.0, description="Slowing down, turns, sitting down and rising included."
+    )
+    side: Literal["left", "right"] = Field(default="left", description="Side of its path on which the seat stands.")
+    seat: Literal["bench", "couch"] = Field(default="bench", description="Seat that is put there.")
+
+
 class Run(Section):
     """Runs."""
 
@@ -127,7 +139,7 @@ class WalkOff(Section):
 
 
 Action: TypeAlias = Annotated[
-    Stop | Turn | Approach | Face | Lowering | Gesture | Run | Pace | WalkOff, Field(discriminator="kind")
+    Stop | Turn | Approach | Face | Lowering | Sit | Gesture | Run | Pace | WalkOff, Field(discriminator="kind")
 ]
 """An action of the target; one at a time."""
 

@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from pftrack_sim.scenario.actions import Action, end_s, overlap_problem, title
 from pftrack_sim.scenario.axes import Axes
 from pftrack_sim.scenario.carried import Carried, carrying_problem
+from pftrack_sim.scenario.groups import Group
 from pftrack_sim.scenario.section import Angle, Coordinate, NotNegative, Point, Positive, Seconds, Section, Share
 from pftrack_sim.scenario.teleoperation import Operator, Sills
 
@@ -22,7 +23,7 @@ from pftrack_sim.scenario.teleoperation import Operator, Sills
 class Place(Section):
     """The place and its loose furniture."""
 
-    kind: Literal["plaza", "corridor", "warehouse", "street"] = Field(description="Kind of place.")
+    kind: Literal["plaza", "corridor", "warehouse", "street", "hall", "park"] = Field(description="Kind of place.")
     clutter: Share = Field(default=1.0, description="Share of the place's loose furniture that is present.")
 
 
@@ -304,6 +305,7 @@ class ResolvedScenario(Section):
     lights: Lights = Lights()
     target: Target
     distractors: Distractors = Distractors()
+    groups: tuple[Group, ...] = Field(default=(), max_length=6, description="People who belong together.")
     occluders: tuple[Occluder, ...] = Field(default=(), max_length=32, description="Occlusions, each at its time.")
     follow: Follow = Follow()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 
@@ -16,6 +16,7 @@ from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.people.person import Person, add_person, sample_people
 from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.places.builder import add_ground_plane
+from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import PREFIX, add_robot
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
@@ -23,8 +24,10 @@ SHADOW_PIXELS = 2048
 _MAX_SHADE = 0.9
 
 
-def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> tuple[mujoco.MjSpec, WalkableArea]:
-    """Build the place with the robot in it.
+def build_stage(
+    settings: ResolvedScenario, seed: int, step_s: float, seats: Sequence[Seat] = ()
+) -> tuple[mujoco.MjSpec, WalkableArea]:
+    """Build the place with the robot in it, and the seats that people sit on.
 
     Returns:
         The spec, which `add_agents` completes, and the walkable area.
@@ -34,7 +37,7 @@ def build_stage(settings: ResolvedScenario, seed: int, step_s: float) -> tuple[m
     rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
     patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
     lights = settings.lights.model_copy(update={"patches": patches})
-    layout = places.add_place(spec, settings.place, lights, rng, patch_rng)
+    layout = places.add_place(spec, settings.place, lights, rng, patch_rng, seats)
     add_robot(spec, settings.robot, settings.camera)
     return spec, layout
 
@@ -106,6 +109,7 @@ def add_agents(
         settings.distractors.similarity,
         [walker.similarity for walker in _walkers(settings)],
         [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
+        [group.similarity for group in settings.groups for _ in range(group.count)],
     )
     for person in people:
         add_person(spec, person)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,9 +18,11 @@ from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.occluders.carts import CartSize, axis_occluders, cart_names, distractor_crossings
 from pftrack_sim.scene.occluders.static import Placement, occluder_names
+from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, plan_axis_crossing, plan_crossing
 from pftrack_sim.simulation.occlusion.static import plan_static
+from pftrack_sim.simulation.seating import meeting_problems
 
 AFTER_S = 3.0  # The dry run continues for this time after the last planned event
 _DEPTH_GAP = 0.25
@@ -45,7 +47,12 @@ class Plan:
 
 
 def make_plan(
-    settings: ResolvedScenario, seed: int, layout: WalkableArea, path: Path, dry_run: Callable[[float], DryRun]
+    settings: ResolvedScenario,
+    seed: int,
+    layout: WalkableArea,
+    path: Path,
+    seats: Sequence[Seat],
+    dry_run: Callable[[float], DryRun],
 ) -> Plan:
     """Plan an episode; there is no dry run where nothing is to be planned.
 
@@ -62,11 +69,15 @@ def make_plan(
     occluders_s = max((occluder.at_s + occluder.duration_s for occluder in occluders), default=0.0) + AFTER_S
     covers = (*axes.occlusion.spans_s, *axes.distractors.crossings_s)
     axes_s = [*(at_s + length_s for at_s, length_s in covers), *axes.distractors.passings_s]
-    until_s = max([occluders_s, *(time_s + AFTER_S for time_s in axes_s)])
+    # Groups and seats are met on the whole way.
+    meetings_s = settings.duration_s if settings.groups or seats else 0.0
+    until_s = max([occluders_s, meetings_s, *(time_s + AFTER_S for time_s in axes_s)])
     plan = Plan(layout)
     if until_s == AFTER_S:
         return plan
     run = dry_run(until_s)
+    if meetings_s:
+        problems += meeting_problems(settings, path, seats, run)
     if occluders:
         plan = _plan_occluders(settings, plan, run.until(occluders_s), problems)
     plan = _plan_axis_occlusions(settings, plan, run, problems)

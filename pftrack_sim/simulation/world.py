@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -24,6 +25,7 @@ from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.carried import Item, grips_s
+from pftrack_sim.scenario.groups import Group
 from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone, solid_stage
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
@@ -32,6 +34,7 @@ from pftrack_sim.simulation.camera_mount import CameraMount
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.feasibility import placement_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
+from pftrack_sim.simulation.seating import planned_seats, seat_problems
 
 
 class World:
@@ -47,13 +50,16 @@ class World:
         self.clock = Clock.for_rate(settings.camera.rate_hz)
         self._seed = seed
         self._path = Path(settings.target.path_m)
-        spec, layout = build_stage(settings, seed, self.clock.step_s)
+        seats = planned_seats(settings, self._path)
+        spec, layout = build_stage(settings, seed, self.clock.step_s, seats)
+        if problems := seat_problems(seats, layout):
+            raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
         self._script = self._robot_script(layout)
         robot_alone = compile_robot_alone(settings, self.clock.step_s)
         self._equilibrium = Equilibrium(robot_alone)
 
         def run_in(model: mujoco.MjModel, until_s: float) -> DryRun:
-            alone = self._crowd(Plan(layout), distractors=0)
+            alone = self._crowd(Plan(layout), distractors=0, groups=())
             return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m)
 
         def run(until_s: float) -> DryRun:
@@ -64,13 +70,13 @@ class World:
             # It may touch something: with everything that it collides with.
             return run_in(solid_stage(settings, spec).compile(), until_s)
 
-        plan = make_plan(settings, seed, layout, self._path, run)
+        plan = make_plan(settings, seed, layout, self._path, seats, run)
         people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.people = tuple(person.name for person in people)
         self.robot = self._robot(self.model)
-        crowd = self._crowd(plan, settings.distractors.count)
+        crowd = self._crowd(plan, settings.distractors.count, settings.groups)
         carried = self._carried(people[0].anatomy) if settings.target.carries else None
         self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
         rng = random_streams.stream(seed, "lights", "axis")
@@ -187,7 +193,7 @@ class World:
             places[one.item] = place
         return CarriedItems(self.model, target, anatomy, places)
 
-    def _crowd(self, plan: Plan, distractors: int) -> Crowd:
+    def _crowd(self, plan: Plan, distractors: int, groups: Sequence[Group]) -> Crowd:
         settings = self.settings
         return Crowd(
             plan.layout,
@@ -200,4 +206,5 @@ class World:
             oncoming=plan.oncoming,
             carts=plan.carts,
             target_axis=settings.axes.target,
+            groups=groups,
         )

@@ -15,7 +15,7 @@ from pftrack_sim.scene import places
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
 
 KINDS = get_args(Place.model_fields["kind"].annotation)
-SHIPPED = ("plaza-walk", "corridor", "warehouse", "street-night")
+SHIPPED = ("plaza-walk", "corridor", "warehouse", "street-night", "hall", "park")
 
 
 @cache
@@ -230,7 +230,7 @@ def test_number_of_lights_and_shadows(kind: str) -> None:
     assert head.diffuse.max() == 0.0
     assert head.ambient.min() > 0.0
     assert head.ambient.max() < 0.7
-    assert ("light/sun" in names) == (kind == "plaza")
+    assert ("light/sun" in names) == (kind in ("plaza", "park"))
 
 
 def test_sun_direction_follows_the_scenario() -> None:

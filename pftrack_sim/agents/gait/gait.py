@@ -18,13 +18,15 @@ from pftrack_sim.agents.gait.kinematics import quaternions, rotation_matrices
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
+from pftrack_sim.scene.places.seats import SEAT_M
 
 _BEND_ELBOW = 0.7  # share by which a full bend extends the elbow of an arm that holds something
+_SIT_HIP = 0.071  # hip joints above a seat, in statures: thighs and buttocks press 5 mm into it
 _SHOULDERS_BACK = 0.008  # shoulder joints behind the base of the neck, in statures
 
 
 class Gait:
-    """Walking, running, turning, crouching, bending and standing of `P` people.
+    """Walking, running, turning, crouching, bending, sitting and standing of `P` people.
 
     Args:
         rngs: One generator per person, for individual step width, arm swing, posture and start phase.
@@ -44,6 +46,7 @@ class Gait:
             stand_half_m=hip_half * (1.02 + 0.08 * normal[2]),
             start_phase=uniform[0],
         )
+        self._seated_m = SEAT_M + _SIT_HIP * height
         self._arm_swing = 1.0 + 0.18 * normal[3]
         self._lean = np.radians(1.5 + 1.2 * normal[4])
         self._idle_rate = 2.0 * np.pi * np.stack([0.24 + 0.08 * uniform[1], 0.10 + 0.06 * uniform[2]])
@@ -96,8 +99,9 @@ class Gait:
         self._pose = None
 
     def _set_postures(self, postures: Sequence[Posture]) -> None:
-        # Rows crouch, bend and look.
-        self._posture = np.array([(one.crouch, one.bend, one.look_rad) for one in postures]).reshape(-1, 3).T.copy()
+        # Rows crouch, bend, look and sit.
+        rows = [(one.crouch, one.bend, one.look_rad, one.sit) for one in postures]
+        self._posture = np.array(rows).reshape(-1, 4).T.copy()
         self._arms = [
             (person, side, arm)
             for person, one in enumerate(postures)
@@ -132,8 +136,8 @@ class Gait:
         upper_arms = part_rotations[:, 1, None] @ part_rotations[:, 5:7]
         positions, rotations = assemble(
             part_rotations, upper_arms, upper_arms @ part_rotations[:, 7:9], self._offsets, self._spine, self._legs,
-            self._positions, self._headings, self._posture, feet.parameters, feet.phase, feet.running, feet.ankles,
-            feet.yaw,
+            self._positions, self._headings, self._posture, self._seated_m, feet.parameters, feet.phase, feet.running,
+            feet.ankles, feet.yaw,
         )  # fmt: skip
         positions.setflags(write=False)
         return positions, rotations
@@ -148,7 +152,7 @@ class Gait:
             feet.parameters, feet.phase, feet.running, feet.speed, feet.turn, feet.yaw, feet.pitch,
         )  # fmt: skip
         yaw, roll, pitch = self._angles
-        crouch, bend, _ = self._posture
+        crouch, bend, _, _ = self._posture
         for person, side, arm in self._arms:
             upper, fore, outward = 5 + side, 7 + side, SIDES[side]
             # What is held before the chest hangs below it in a bend, and is held above the knees in a crouch.

@@ -28,6 +28,9 @@ _CROUCH_LEAN, CROUCH_SHOULDER, _CROUCH_ELBOW = 0.55, 0.7, 0.35
 _BEND_BACK, _BEND_DEPTH = 0.40, 0.06  # the same of a full bend
 _BEND_PELVIS, _BEND_TRUNK, _BEND_HEAD = math.radians(48.0), math.radians(82.0), math.radians(62.0)
 BEND_ARMS = math.radians(88.0)  # forward
+_SIT_BACK = 0.95  # backward shift of the pelvis on a seat, in thigh lengths
+_SIT_PELVIS, _SIT_TRUNK = math.radians(-12.0), math.radians(3.0)  # on a seat
+_SIT_LEAN = math.radians(38.0)  # forward lean half way down or up, which keeps the weight above the feet
 _LOOK_TRUNK = 0.35  # share of the head's turn by which the trunk follows
 _RUNNING_ELBOW = math.radians(62.0)
 
@@ -57,12 +60,13 @@ def body_angles(
 ) -> None:
     """Set `(3, P, 9)` yaw, roll and pitch of pelvis, torso, head, feet, upper arms and forearms.
 
-    `posture` `(3, P)` holds crouch, bend and look; shoulders and elbows `(P, 2)` the flexion of swinging arms.
+    `posture` `(4, P)` holds crouch, bend, look and sit; shoulders and elbows `(P, 2)` the flexion of swinging arms.
     """
     yaw, roll, pitch = angles
     for person in range(len(headings)):
         heading, amplitude = headings[person], parameters.amplitude[person]
-        crouch, bend, look = posture[:, person]
+        crouch, bend, look, sit = posture[:, person]
+        sit_lean = _SIT_LEAN * 4.0 * sit * (1.0 - sit)
         # The pelvis turns with the advancing leg and drops on the side of the leg in swing; the torso counter-rotates.
         stride = _TURN * phase[person]
         twist = _PELVIS_YAW * amplitude * math.cos(stride)
@@ -78,8 +82,8 @@ def body_angles(
         roll[person, 0] = drop + bank
         roll[person, 1] = bank - 0.35 * drop
         roll[person, 2] = 0.5 * bank
-        pitch[person, 0] = 0.4 * lean + _BEND_PELVIS * bend
-        pitch[person, 1] = lean + breath + _BEND_TRUNK * bend
+        pitch[person, 0] = 0.4 * lean + _BEND_PELVIS * bend + (_SIT_PELVIS * sit + sit_lean)
+        pitch[person, 1] = lean + breath + _BEND_TRUNK * bend + (_SIT_TRUNK * sit + sit_lean)
         pitch[person, 2] = 0.3 * lean + _HEAD_PITCH + _BEND_HEAD * bend
         for side in range(2):
             yaw[person, 3 + side] = feet_yaw[person, side]
@@ -144,6 +148,7 @@ def assemble(
     places: FloatArray,
     headings: FloatArray,
     posture: FloatArray,
+    seated_m: FloatArray,
     parameters: GaitParameters,
     phase: FloatArray,
     running: FloatArray,
@@ -161,7 +166,8 @@ def assemble(
         legs_m: `(2, P)` lengths of thighs and shanks.
         places: `(P, 2)` of the people on the ground [m].
         headings: `(P,)`.
-        posture: `(3, P)` crouch, bend and look.
+        posture: `(4, P)` crouch, bend, look and sit.
+        seated_m: `(P,)` height of the hip joints on a seat.
         parameters: Of the gait.
         phase: `(P,)`.
         running: `(P,)` share.
@@ -176,18 +182,19 @@ def assemble(
         axes[:3], axes[_FEET:] = part_rotations[person, :3], part_rotations[person, 3:5]
         axes[_UPPER_ARMS:_FOREARMS], axes[_FOREARMS:_THIGHS] = upper_arms[person], forearms[person]
         thigh_m, shank_m, heading = legs_m[0, person], legs_m[1, person], headings[person]
-        crouch, bend = posture[0, person], posture[1, person]
+        crouch, bend, sit = posture[0, person], posture[1, person], posture[3, person]
         for side in range(2):
             _rotate(axes[0], offsets[0, person, side], turned[side])
         sway = parameters.sway_m[person] * math.cos(_TURN * (phase[person] - 0.30))
         # A crouching person's pelvis moves back as the chest leans forward: the weight stays above the feet.
-        back = _CROUCH_BACK * thigh_m * crouch + _BEND_BACK * thigh_m * bend
+        back = _CROUCH_BACK * thigh_m * crouch + _BEND_BACK * thigh_m * bend + _SIT_BACK * thigh_m * sit
         cos, sin = math.cos(heading), math.sin(heading)
         here[0, 0] = places[person, 0] - sway * sin - back * cos
         here[0, 1] = places[person, 1] + sway * cos - back * sin
         wanted = _wanted_height(parameters, person, phase[person], running[person])
         leg_m = thigh_m + shank_m
         wanted = wanted - _CROUCH_DEPTH * leg_m * crouch - _BEND_DEPTH * leg_m * bend
+        wanted = wanted + sit * (seated_m[person] - wanted)
         here[0, 2] = _pelvis_height(wanted, MAX_EXTENSION * leg_m, here[0], turned, ankles[person])
         for part in range(2):
             axis = axes[part]

@@ -30,6 +30,7 @@ class Posture:
     Attributes:
         crouch: 0 upright, 1 a full squat.
         bend: 0 upright, 1 bent forward at the hips, hands towards the ground.
+        sit: 0 upright, 1 seated on a bench.
         running: Whether the person runs instead of walking.
         look_rad: Turn of the head to the left; the trunk follows by a part of it.
         arms: Left and right arm; None swings.
@@ -37,6 +38,7 @@ class Posture:
 
     crouch: float = 0.0
     bend: float = 0.0
+    sit: float = 0.0
     running: bool = False
     look_rad: float = 0.0
     arms: tuple[Arm | None, Arm | None] = (None, None)

@@ -17,6 +17,7 @@ from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.goal_manager import GoalManager, PaceChanges
 from pftrack_sim.agents.pedestrians.goal_sampler import PREDICTION_TIMES_S, GoalSampler
+from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph, Xy
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, at_different_depths
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass
@@ -27,6 +28,7 @@ from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import TargetAxis
+from pftrack_sim.scenario.groups import Group
 from pftrack_sim.scene.layout import WalkableArea
 
 _Scripted: TypeAlias = CrossingPedestrian | OncomingPedestrian
@@ -36,7 +38,9 @@ _ROBOT_VELOCITY_TIME_CONSTANT_S = 0.1
 
 
 class Crowd:
-    """The `P` pedestrians of one episode, in the order target, distractor-1.., crosser-1.., passer-1.., and the carts.
+    """The `P` pedestrians of one episode, and the carts.
+
+    Their order is target, distractor-1.., crosser-1.., passer-1.., member-1.. (of groups).
 
     Args:
         seed: Root seed of the episode; every pedestrian has a random stream.
@@ -56,6 +60,7 @@ class Crowd:
         oncoming: Sequence[OncomingPass] = (),
         carts: Sequence[Crossing] = (),
         target_axis: TargetAxis | None = None,
+        groups: Sequence[Group] = (),
     ) -> None:
         self._obstacles = obstacles = ObstacleMap(layout)
         self._graph = VisibilityGraph(obstacles)
@@ -68,6 +73,8 @@ class Crowd:
         self.carts = tuple(Cart(one, obstacles) for one in carts)
         self._counts = {"distractor": distractors.count, "crosser": len(crossings), "passer": len(oncoming)}
         self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in self._counts.items() for i in range(count)))
+        self._members = dict(enumerate(group_members(groups, target_path), start=len(self.names)))
+        self.names += tuple(f"member-{i + 1}" for i in range(len(self._members)))
         self._robot_column = len(self.names)
         self.reset()
 
@@ -94,7 +101,8 @@ class Crowd:
     @property
     def postures(self) -> tuple[Posture, ...]:
         """Posture of each pedestrian."""
-        return (self._target.posture, *[PLAIN] * (len(self.names) - 1))
+        others = len(self.names) - 1 - len(self._members)
+        return (self._target.posture, *[PLAIN] * others, *(member.posture for member in self._members.values()))
 
     def reset(self) -> None:
         """Return everything to the start of the episode."""
@@ -110,6 +118,9 @@ class Crowd:
         self._target.reset()
         self._store_target()
         occupied = [self._state[:2, 0].copy()]
+        for person, member in self._members.items():
+            self._headings[person] = member.reset(self._state[:, person], self.target_s_m, self._state[:2, 0])
+            occupied.append(self._state[:2, person].copy())
         if self._robot_start_m is not None:
             occupied.append(np.asarray(self._robot_start_m, dtype=np.float64))
         for person in range(1, 1 + self._distractors.count):
@@ -156,12 +167,16 @@ class Crowd:
         self._update_robot(dt_s, _xy(robot_m))
         self._target.update(dt_s, self._state[:, self._robot_column], _xy(camera_m))
         self._store_target()
+        for person, member in self._members.items():
+            state, heading = self._state[:, person], float(self._headings[person])
+            self._headings[person] = member.update(dt_s, time_s, self.target_s_m, self._state[:2, 0], state, heading)
         around = Surroundings(_xy(camera_m), _xy(self._state[:2, 0]), _xy(robot_m))
         self._update_scripted(dt_s, time_s, around)
         for cart in self.carts:
             cart.update(dt_s, time_s, around)
         self._update_reactive(dt_s, time_s)
-        turn(dt_s, self._state[2:, 1 : self._robot_column], self._headings[1:])
+        walkers = self._robot_column - len(self._members)
+        turn(dt_s, self._state[2:, 1:walkers], self._headings[1:walkers])
 
     def _update_robot(self, dt_s: float, robot_m: Xy) -> None:
         """Store the robot's position and its velocity (differences, low-pass filtered)."""
@@ -213,6 +228,7 @@ class Crowd:
         """Divide the pedestrians into reactive and scripted ones, after a phase has changed."""
         phases = {person: pedestrian.phase for person, pedestrian in self._scripted.items()}
         scripted = [person for person, phase in phases.items() if phase is Phase.SCRIPTED]
+        scripted += self._members
         reactive = [person for person in range(1, self._robot_column) if person not in scripted]
         waiting = [phases.get(person) is Phase.WAITING for person in reactive]
         vehicles = range(self._robot_column, self._state.shape[1])

@@ -19,6 +19,8 @@ _PAUSE_S = 0.6  # Least time of walking before and after a manoeuvre of the axis
 _STANDING_S, _TURN_S, _RISE_S = 0.8, 1.1, 0.7
 _LOOK_RAD, _LOOK_S = 1.1, 2.4  # Amplitude and period of looking to the left and right
 _WAVES_HZ = 1.6
+_SIT_AFTER_S, _SIT_DOWN_S, _SIT_UP_S = 2.1, 1.4, 1.3  # Begins to sit down when it has turned
+SITTING_FROM_S = _SIT_AFTER_S + _SIT_DOWN_S  # When a person who sits down is seated
 
 _BOX_ARM = Arm(1.0, shoulder=0.30, elbow=1.35)
 _HOLDING: dict[Item, tuple[Arm | None, Arm | None]] = {
@@ -26,6 +28,9 @@ _HOLDING: dict[Item, tuple[Arm | None, Arm | None]] = {
     "box": (_BOX_ARM, _BOX_ARM),
     "umbrella": (None, Arm(1.0, shoulder=0.45, elbow=1.75)),
 }
+
+SEAT_FACING_RAD = {"left": -0.5 * math.pi, "right": 0.5 * math.pi}
+"""Heading, relative to the path, of a person on a seat on this side of it."""
 
 
 class Command(NamedTuple):
@@ -76,6 +81,10 @@ def command(action: Action, since_s: float, facing_rad: float) -> Command:
         case actions.Lowering():
             share = _lowered(since_s, left_s)
             return Command(0.0, posture=Posture(crouch=share) if action.kind == "crouch" else Posture(bend=share))
+        case actions.Sit():
+            share = _smoothstep((since_s - _SIT_AFTER_S) / _SIT_DOWN_S) - _smoothstep((3.0 - left_s) / _SIT_UP_S)
+            posture = Posture(sit=share, arms=hands_on_thighs(share))
+            return Command(0.0, SEAT_FACING_RAD[action.side] * _turned(since_s, left_s), posture)
         case actions.Gesture():
             share = _lowered(since_s, left_s)
             if action.kind == "look_around":
@@ -84,6 +93,12 @@ def command(action: Action, since_s: float, facing_rad: float) -> Command:
             swing = math.sin(2.0 * math.pi * _WAVES_HZ * since_s)
             right = Arm(share, shoulder=2.6, elbow=0.5, outward=-0.35, forearm=0.4 * swing)
             return Command(0.0, posture=Posture(arms=(None, right)))
+
+
+def hands_on_thighs(share: float) -> tuple[Arm, Arm]:
+    """Arms of a person who sits."""
+    arm = Arm(share, shoulder=0.32, elbow=0.85, outward=0.06)
+    return arm, arm
 
 
 def arms(target: Target, time_s: float, free: tuple[Arm | None, Arm | None]) -> tuple[Arm | None, Arm | None]:

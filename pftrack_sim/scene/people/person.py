@@ -64,12 +64,13 @@ def sample_people(
     distractor_similarity: float,
     crosser_similarities: Sequence[float],
     passer_similarities: Sequence[float] = (),
+    member_similarities: Sequence[float] = (),
 ) -> tuple[Person, ...]:
-    """Sample `target`, `distractor-1`.., `crosser-1`.., `passer-1`..; adding a person changes no other.
+    """Sample `target`, `distractor-1`.., `crosser-1`.., `passer-1`.., `member-1`..; adding a person changes no other.
 
     A similarity is that of the appearance to the target, in clothes, height and girth, from 0 to 1 (the same clothes
     and body): one for all distractors, one for each pedestrian that crosses the line of sight, and one for each that
-    passes close by the target.
+    passes close by the target or belongs to a group.
     """
     target = Person(
         "target",
@@ -80,6 +81,7 @@ def sample_people(
         "distractor": [distractor_similarity] * distractor_count,
         "crosser": crosser_similarities,
         "passer": passer_similarities,
+        "member": member_similarities,
     }
     others = [
         _similar_person(seed, f"{role}-{number}", target, similarity)

@@ -25,18 +25,26 @@ from pftrack_sim.scene.places.meshes import (
 )
 
 
-def tree(rng: np.random.Generator, height: float, leaves: str = "leaves-dark", lobes: int = 3) -> Prop:
-    """A street tree in a pit with a stone rim; its crown is a large ellipsoid with `lobes` smaller ones around it."""
+def tree(
+    rng: np.random.Generator, height: float, leaves: str = "leaves-dark", lobes: int = 3, pit: bool = True
+) -> Prop:
+    """A tree whose crown is a large ellipsoid with `lobes` smaller ones around it.
+
+    By default it is a street tree in a `pit` with a stone rim.
+    """
     stone, bark, spread = texture("stone"), texture("bark"), 0.27 * height
     crown = [(0.0, 0.0, 0.68 * height, 1.0)]
     start = rng.uniform(0.0, 2.0 * np.pi)
     for k in range(lobes):
         angle = start + 2.0 * np.pi * k / lobes
         crown.append((0.55 * spread * np.cos(angle), 0.55 * spread * np.sin(angle), 0.56 * height, 0.72))
-    return (
+    planted = (
         *(box(stone, (0, s * 0.62, 0.06), (1.36, 0.12, 0.12)) for s in (-1, 1)),
         *(box(stone, (s * 0.62, 0, 0.06), (0.12, 1.12, 0.12)) for s in (-1, 1)),
         quad(texture("soil"), (-0.56, -0.56, 0.05), (1.12, 0, 0), (0, 1.12, 0)),
+    )
+    return (
+        *(planted if pit else ()),
         cylinder(bark, (0, 0, 0), 0.024 * height + 0.03, 0.62 * height, 8, 0.012 * height),
         cylinder(bark, (0, 0, 0.36 * height), 0.05, 0.2, 6),
         *(
