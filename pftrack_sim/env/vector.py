@@ -39,7 +39,7 @@ class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
         kwargs: Arguments of the environment.
 
     Raises:
-        ParameterError: No environment, or an unknown autoreset mode.
+        ParameterError: No environment, an unknown autoreset mode, or a program without the line above.
         UnknownNameError, ScenarioError: As the environment; also at `reset` and `step`.
     """
 
@@ -59,9 +59,16 @@ class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
         if num_envs < 1:
             raise ParameterError(f"a vector environment needs 1 environment or more, got num_envs={num_envs}")
         make = _Maker(self.environment, wrapper, kwargs, os.getpid())
-        super().__init__(  # pyright: ignore[reportUnknownMemberType]
-            [make] * num_envs, context="forkserver", autoreset_mode=autoreset_mode
-        )
+        try:
+            super().__init__(  # pyright: ignore[reportUnknownMemberType]
+                [make] * num_envs, context="forkserver", autoreset_mode=autoreset_mode
+            )
+        except (EOFError, ConnectionError):
+            raise ParameterError(
+                "a process of the vector environment ended while it started; processes import the program afresh: "
+                "what makes the environments must be below `if __name__ == '__main__':`, or use "
+                "vectorization_mode='sync'"
+            ) from None
 
     def close_extras(self, timeout: float | None = _CLOSE_S, terminate: bool = False) -> None:
         """End all processes, whatever they are doing: those that do not answer within the timeout [s] are killed."""

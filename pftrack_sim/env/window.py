@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,12 @@ class Window:
             raise _no_window(f"pip install 'pftrack-sim[human]' ({error})") from None
         except self._pygame.error as error:
             raise _no_window(f"there is no display ({error})") from None
+        # SDL falls back to a driver without a window; whoever asks for one by name gets it.
+        driver = self._pygame.display.get_driver()
+        asked = os.environ.get("SDL_VIDEODRIVER") or os.environ.get("SDL_VIDEO_DRIVER")
+        if driver in ("offscreen", "dummy") and driver != asked:
+            self._pygame.display.quit()
+            raise _no_window(f"there is no display (SDL has only its driver {driver!r})")
         self._clock = self._pygame.time.Clock()
 
     def show(self, picture: Image) -> None:

@@ -68,6 +68,16 @@ def test_a_missing_display_is_named(monkeypatch: pytest.MonkeyPatch):
         make("human")
 
 
+def test_a_driver_without_a_window_is_no_display(monkeypatch: pytest.MonkeyPatch):
+    pygame = pytest.importorskip("pygame")
+    for variable in ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER", "DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(pygame.display, "init", lambda: None)
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+    with pytest.raises(ParameterError, match=r"there is no display \(SDL has only its driver 'offscreen'\).*studio"):
+        make("human")
+
+
 def test_an_unknown_render_mode_names_those_that_are_known():
     from pftrack_sim.env import TrackEnv
 

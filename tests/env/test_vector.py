@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -93,6 +94,15 @@ def test_wrong_arguments_are_errors_before_a_process_starts():
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_a_program_without_its_guard_is_told_so(tmp_path: Path):
+    program = tmp_path / "program.py"
+    program.write_text("import gymnasium, pftrack_sim\ngymnasium.make_vec('pftrack_sim/Follow-v0', 1, image=False)\n")
+    done = subprocess.run([sys.executable, program], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert "must be below `if __name__ == '__main__':`" in done.stderr.splitlines()[-1]
+
+
 def test_an_error_in_one_environment_is_raised_as_it_was_and_ends_all():
     envs = make_vec(overrides={**SMALL, "camera.width_px": {"choice": [64, 96]}})
     assert [envs.env_fns[0]().scenario.resolve(seed).camera.width_px for seed in (0, 1, 3)] == [64, 64, 96]
