@@ -1,7 +1,9 @@
 """Cached frames are those that were drawn, whatever happens to the cache."""
 
+import multiprocessing
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,6 +17,12 @@ from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import contents, small_plan
 
 PLAN = small_plan(range(1), ["oracle", "stay"], **{"distractors.count": 1})
+
+
+def fill(started: Any, path: Path, cache: FrameCache) -> None:
+    """Run two episodes as soon as another process is about to do so too."""
+    started.wait(200)
+    run(small_plan(range(2)), path, videos="none", cache=cache)
 
 
 def test_a_second_run_takes_the_frames_from_the_cache_until_they_are_damaged(
@@ -62,6 +70,25 @@ def test_two_writers_of_the_same_episode_leave_one_entry(tmp_path: Path):
     rollout(cached.samples(), (), [again])
     assert again.frames_digest == log.frames_digest == cached.frames_digest
     assert again.truths == log.truths
+
+
+@pytest.mark.slow
+def test_two_processes_fill_one_cache_at_once(tmp_path: Path):
+    plan, cache = small_plan(range(2)), FrameCache(tmp_path / "cache", 10**9)
+    drawn = contents(run(plan, tmp_path / "drawn", videos="none").path)
+    processes = multiprocessing.get_context("spawn")
+    started = processes.Barrier(2)
+    names = ("one", "other")
+    fillers = [processes.Process(target=fill, args=(started, tmp_path / name, cache)) for name in names]
+    for filler in fillers:
+        filler.start()
+    for filler in fillers:
+        filler.join(200)
+    assert [filler.exitcode for filler in fillers] == [0, 0]
+    assert len(list(cache.folder.iterdir())) == 2, "one entry for each seed, and nothing half written"
+    for name in names:
+        assert contents(tmp_path / name) == drawn
+    assert contents(run(plan, tmp_path / "cached", videos="none", cache=cache).path) == drawn
 
 
 def test_the_entries_not_used_for_longest_go_first(tmp_path: Path):
