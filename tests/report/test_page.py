@@ -55,6 +55,13 @@ def test_plots_of_several_axes_stand_beside_each_other(opened: Any):
     assert drawn["width"] <= first["width"]
 
 
+def test_one_tracker_has_no_table_of_pairs(opened: Any):
+    pairs = opened.locator("section:has(#matrix)")
+    assert pairs.is_visible()
+    opened.evaluate("() => { DATA.trackers.splice(1); DATA.matrix.pairs = []; drawMatrix(); }")
+    assert not pairs.is_visible()
+
+
 def test_filters_change_the_board(opened: Any):
     everywhere = board(opened)["stay"][1]
     opened.select_option("#filter-scenario", label="corridor")

@@ -255,6 +255,7 @@ function drawAxes() {
 
 function drawMatrix() {
   const table = byId("matrix"), count = DATA.trackers.length;
+  table.closest("section").hidden = count < 2;
   const cells = Array.from({ length: count }, () => Array(count).fill(null));
   for (const pair of DATA.matrix.pairs) {
     cells[pair.one][pair.other] = { ...pair, sign: 1 };
