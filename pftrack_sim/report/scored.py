@@ -46,8 +46,8 @@ def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
         benchmark=found.benchmark,
         how=[*sources.items(), ("version", pftrack_sim.__version__)],
     )
-    write_bytes(out / _TABLE, csv_text(list(rows[0]), [list(row.values()) for row in rows]).encode())
     write_bytes(out / "report.html", page.encode())
+    write_bytes(out / _TABLE, csv_text(list(rows[0]), [list(row.values()) for row in rows]).encode())
     return out / "report.html"
 
 
