@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,10 +66,10 @@ class Path:
         self._starts = np.concatenate([[-_FAR_M], self._origin[1:]])
         table: FloatArray = np.array([(p.x, p.y, p.heading, p.length, p.curvature) for p in pieces]).T
         self._x, self._y, self._heading, self._length, self._curvature = table
-        self._cos, self._sin = np.cos(self._heading), np.sin(self._heading)
-        self._bends = np.where(self._curvature != 0.0, self._curvature, 1.0)
         # The same by piece, for the place of one arc length.
+        self._directions: list[list[float]] = np.stack([np.cos(self._heading), np.sin(self._heading)], axis=1).tolist()
         self._first_m: list[float] = self._starts.tolist()
+        self._ends_m: list[float] = (self._starts + self._length).tolist()
         self._rows: list[list[float]] = np.stack([self._origin, *table[[0, 1, 2, 4]]], axis=1).tolist()
 
     def pose(self, s_m: float) -> tuple[float, float, float]:
@@ -97,17 +97,18 @@ class Path:
         """Curvature [1/m] at arc lengths, of the shape of `s_m`; positive turns left."""
         return self._curvature[self._locate(s_m)[1]]
 
-    def project(self, xy_m: ArrayLike, near_s_m: float, within_m: float = 2.0) -> float:
+    def project(self, xy_m: Sequence[float] | FloatArray, near_s_m: float, within_m: float = 2.0) -> float:
         """Arc length of the point nearest to `(2,)` x, y [m] among those within `within_m` of `near_s_m`."""
-        x, y = (float(v) for v in np.asarray(xy_m, dtype=np.float64))
-        starts = np.maximum(self._starts, near_s_m - within_m)
-        ends = np.minimum(self._starts + self._length, near_s_m + within_m)
-        kept = np.flatnonzero(starts <= ends)
-        s = np.clip(self._nearest(x, y)[kept], starts[kept], ends[kept])
-        # On an arc, the nearer end is not always the one to which s was clipped.
-        s = np.concatenate([s, starts[kept], ends[kept]])
-        px, py, _ = self.at(s)
-        return float(s[np.argmin((px - x) ** 2 + (py - y) ** 2)])
+        x, y = float(xy_m[0]), float(xy_m[1])
+        low, high = near_s_m - within_m, near_s_m + within_m
+        reached = range(bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high))
+        ends = [(max(self._first_m[piece], low), min(self._ends_m[piece], high)) for piece in reached]
+        nearest = [
+            min(max(self._nearest(piece, x, y), start), end) for piece, (start, end) in zip(reached, ends, strict=True)
+        ]
+        # On an arc, the nearer end is not always the one to which the nearest point was clipped.
+        candidates = [*nearest, *(start for start, _ in ends), *(end for _, end in ends)]
+        return min(candidates, key=lambda s_m: _squared(x, y, *self.pose(s_m)))
 
     def offset(self, left_m: float) -> Path:
         """The parallel path `left_m` to the left (negative: right), with mitred, then rounded corners."""
@@ -129,13 +130,20 @@ class Path:
         s = np.asarray(s_m, dtype=np.float64)
         return s, np.maximum(np.searchsorted(self._starts, s, side="right") - 1, 0)
 
-    def _nearest(self, x: float, y: float) -> FloatArray:
-        """Arc length of the nearest point of each piece, extended to a line or a full circle."""
-        dx, dy = x - self._x, y - self._y
-        ahead, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
+    def _nearest(self, piece: int, x: float, y: float) -> float:
+        """Arc length of the nearest point of a piece, extended to a line or a full circle."""
+        origin, start_x, start_y, _, bend = self._rows[piece]
+        cos, sin = self._directions[piece]
+        dx, dy = x - start_x, y - start_y
+        ahead = cos * dx + sin * dy
+        if bend == 0.0:
+            return origin + ahead
         # Angle about the centre of the circle (0, 1 / bend), from the start of the arc.
-        turned: FloatArray = np.arctan2(self._bends * ahead, 1.0 - self._bends * left)
-        return self._origin + np.where(self._curvature != 0.0, turned / self._bends, ahead)
+        return origin + float(np.arctan2(bend * ahead, 1.0 - bend * (cos * dy - sin * dx))) / bend
+
+
+def _squared(x: float, y: float, px: float, py: float, _: float) -> float:
+    return (px - x) * (px - x) + (py - y) * (py - y)
 
 
 def _sinc(half_turn: float) -> float:
