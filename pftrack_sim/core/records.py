@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, Protocol, TypeAlias, cast, runtime_checkable
 
@@ -241,7 +241,7 @@ class Frame:
     time_s: float
     image: Image
     truth: Truth
-    people: tuple[Truth, ...]
+    people: Sequence[Truth]
     extras: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 

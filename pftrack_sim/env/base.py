@@ -44,7 +44,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         image: False leaves out the pixels, for learning controllers on boxes and for many episodes of following: no
             OpenGL library is loaded, and the truth comes from the geometry, equal up to pixels on edges. Every stress
             axis is accepted; those that only change pixels (`light`, `noise`, the compression of `stream`) change
-            nothing.
+            nothing. Of the people only the target is found in every step, the others when `people` is read.
 
     Raises:
         UnknownNameError: No such scenario or backend.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -49,6 +50,18 @@ class GeometricBodies(Bodies):
         return _gather(extents, ranges, self._ends, focal_and_centre(K))
 
 
+class GeomPoses(NamedTuple):
+    """Copies of the poses of all geoms in an `MjData`, under its names."""
+
+    geom_xpos: FloatArray
+    geom_xmat: FloatArray
+
+    @classmethod
+    def of(cls, data: mujoco.MjData) -> GeomPoses:
+        """Those of this instant."""
+        return cls(data.geom_xpos.copy(), data.geom_xmat.copy())
+
+
 class GeometricFinder(SilhouetteFinder):
     """Finds people person by person: it costs by the triangles of those in view and of what may occlude them."""
 
@@ -63,17 +76,22 @@ class GeometricFinder(SilhouetteFinder):
         measured = GeometricBodies(bodies)
         super().__init__(model, renderer, geoms, measured, boxed)
         assert isinstance(renderer, IdRasteriser)
-        self._rasteriser, self._measured = renderer, measured
+        # Those of this model: what is found later may be asked for after the renderer has the next one.
+        self._shapes, self._measured = renderer.shapes, measured
         drawn = renderer.visible_geoms
         others = [np.flatnonzero(drawn & ~mask[:-1]) for mask in self._masks]
         self._own, self._own_ends = _joined([np.flatnonzero(drawn & mask[:-1]) for mask in self._masks])
         self._others, self._other_ends = _joined(others)
 
     def find(
-        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, people: Container[int] | None = None
+        self,
+        data: mujoco.MjData | GeomPoses,
+        T_world_camera: FloatArray,
+        K: FloatArray,
+        people: Container[int] | None = None,
     ) -> tuple[FloatArray, dict[int, Silhouette]]:
         """See `SilhouetteFinder.find`."""
-        renderer, (triangles, projected) = self._rasteriser, self._rasteriser.shapes
+        renderer, (triangles, projected) = self.renderer, self._shapes
         positions, rotations = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3)
         boxes, depths, lowest = self._measured.measure(
             positions[self.geoms], rotations[self.geoms], T_world_camera, K, renderer.near_m

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import cv2
 import mujoco
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.camera.extents import CORNERS, Bodies
 from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core import boxes
+from pftrack_sim.core.deferred import DeferredPeople
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.records import Image, State, Truth, frozen_array
@@ -20,7 +21,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.scene.layout import PEOPLE_GROUP, owner_name
-from pftrack_sim.truth.projection import Projection, project_people
+from pftrack_sim.truth.projection import project_people
 from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder
 
 _SPHERE_POINTS, _RIM_POINTS = 2000, 96
@@ -28,6 +29,19 @@ _SPHERE_POINTS, _RIM_POINTS = 2000, 96
 
 _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
+
+
+class _FrameGeometry(NamedTuple):
+    """Boxes [px], image motion, distances and root poses of all people in one frame, by person; its camera and time."""
+
+    amodal: FloatArray
+    swept: FloatArray
+    motion_px: list[float]
+    distance_m: list[float]
+    roots: FloatArray
+    pose: FloatArray
+    distortion: FloatArray
+    time_s: float
 
 
 class TruthObserver:
@@ -62,9 +76,11 @@ class TruthObserver:
         self._K = camera_matrix(K, *self._size)
         self._people = tuple(people)
         owners = np.array([owner_name(model.body(body).name) for body in range(model.nbody)])
-        self._owners = owners[model.geom_bodyid]
+        geom_owners = owners[model.geom_bodyid]
+        names, self._owner_ids = np.unique(geom_owners, return_inverse=True)
+        self._owner_names: list[str] = names.tolist()
         in_group = (np.asarray(model.geom_group) == PEOPLE_GROUP) & renderer.visible_geoms
-        geoms = [np.flatnonzero(in_group & (self._owners == name)) for name in self._people]
+        geoms = [np.flatnonzero(in_group & (geom_owners == name)) for name in self._people]
         self._pelvis = np.array([_pelvis(model, name) for name in self._people], dtype=np.intp)
         for name, ids in zip(self._people, geoms, strict=True):
             if ids.size == 0:
@@ -73,15 +89,23 @@ class TruthObserver:
             [np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))] if parts else []
         )
         bodies = [[_vertices(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]]
+        self._poses_of: Callable[[mujoco.MjData], Any] | None = None
         if renderer.draws_color:
             self._finder = SilhouetteFinder(model, renderer, geoms, Bodies(bodies), boxed)
         else:
-            from pftrack_sim.truth.geometric import GeometricFinder  # numba: imported when it is used
+            from pftrack_sim.truth.geometric import GeometricFinder, GeomPoses  # numba: imported when it is used
 
             self._finder = GeometricFinder(model, renderer, geoms, bodies, boxed)
+            self._poses_of = GeomPoses.of
         self._centres: FloatArray | None = None
-        self.silhouettes: dict[str, Silhouette] = {}
+        self._silhouettes: dict[str, Silhouette] = {}
+        self._last: Sequence[Truth] = ()
+
+    @property
+    def silhouettes(self) -> dict[str, Silhouette]:
         """Silhouettes in the last frame, by person, of those who have a pixel in it."""
+        len(self._last)  # Finds everybody.
+        return self._silhouettes
 
     def observe(
         self,
@@ -90,7 +114,7 @@ class TruthObserver:
         image: Image | None,
         time_s: float,
         T_world_people: ArrayLike,
-    ) -> tuple[Truth, ...]:
+    ) -> Sequence[Truth]:
         """Truth of the next frame, taken at an instant through a pinhole.
 
         Args:
@@ -102,18 +126,31 @@ class TruthObserver:
                 x forward, z up.
 
         Returns:
-            The target, then all others with an amodal pixel in the image, in the order of the people.
+            The target, then all others with an amodal pixel in the image, in the order of the people. Without images
+            the others are found when they are first asked for.
 
         Raises:
             ParameterError: Poses or an image of the wrong shape.
         """
         pose = np.asarray(T_world_camera, dtype=np.float64)
         self._check(image, T_world_people)
-        amodal, silhouettes = self._finder.find(data, pose, self._K)
-        projection = Projection(amodal, amodal, silhouettes)
-        return self._truths(projection, image, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
+        everybody = range(len(self._people))
+        first = everybody if self._poses_of is None else everybody[:1]
+        amodal, silhouettes = self._finder.find(data, pose, self._K, None if self._poses_of is None else first)
+        frame = self._frame(amodal, amodal, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
+        self._silhouettes = {}
+        self._last = people = self._truths(frame, silhouettes, image, first, self._silhouettes)
+        if self._poses_of is not None:
+            poses, shown = self._poses_of(data), self._silhouettes
 
-    def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> tuple[Truth, ...]:
+            def others() -> tuple[Truth, ...]:
+                found = self._finder.find(poses, frame.pose, self._K, everybody[1:])[1]
+                return self._truths(frame, found, None, everybody[1:], shown)
+
+            self._last = DeferredPeople(people[0], others)
+        return self._last
+
+    def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> Sequence[Truth]:
         """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
 
         Image, time, result and errors are those of `observe`.
@@ -122,7 +159,11 @@ class TruthObserver:
         self._check(image, roots)
         projection = project_people(captured, self._finder)
         pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
-        return self._truths(projection, image, time_s, pose, roots, captured.body_positions, distortion)
+        boxes_of = projection.amodal_boxes, projection.swept_boxes
+        frame = self._frame(*boxes_of, time_s, pose, roots, captured.body_positions, distortion)
+        self._silhouettes = {}
+        self._last = self._truths(frame, projection.silhouettes, image, range(len(self._people)), self._silhouettes)
+        return self._last
 
     def extents_m(self, data: mujoco.MjData, T_world_people: ArrayLike) -> FloatArray:
         """`(P, 2, 3)` smallest and largest coordinates of each person's body in its own frame.
@@ -150,29 +191,47 @@ class TruthObserver:
         if image is not None and image.shape != (height, width, 3):
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
 
-    def _truths(
+    def _frame(
         self,
-        projection: Projection,
-        image: Image | None,
+        amodal: FloatArray,
+        swept: FloatArray,
         time_s: float,
         pose: FloatArray,
         T_world_people: ArrayLike,
         body_positions: FloatArray,
         distortion: FloatArray,
-    ) -> tuple[Truth, ...]:
-        """Truth of all people from their boxes and silhouettes."""
-        width, height = self._size
-        roots = np.asarray(T_world_people, dtype=np.float64)
-        amodal_boxes, swept_boxes = (
-            self._of_people(found) for found in (projection.amodal_boxes, projection.swept_boxes)
+    ) -> _FrameGeometry:
+        """What is known of everybody before silhouettes are looked at; keeps the boxes for the image motion."""
+        pose, boxes_of = frozen_array(pose, (4, 4)), self._of_people(amodal)
+        return _FrameGeometry(
+            boxes_of,
+            boxes_of if swept is amodal else self._of_people(swept),
+            self._image_motion(boxes_of).tolist(),
+            np.linalg.norm(body_positions[self._pelvis] - pose[:3, 3], axis=1).tolist(),
+            np.asarray(T_world_people, dtype=np.float64),
+            pose,
+            distortion,
+            float(time_s),
         )
-        pose = frozen_array(pose, (4, 4))
-        motion = self._image_motion(amodal_boxes)
-        distance = np.linalg.norm(body_positions[self._pelvis] - pose[:3, 3], axis=1)
-        self.silhouettes = {self._people[person]: found for person, found in projection.silhouettes.items()}
+
+    def _truths(
+        self,
+        frame: _FrameGeometry,
+        silhouettes: Mapping[int, Silhouette],
+        image: Image | None,
+        people: Iterable[int],
+        shown: dict[str, Silhouette],
+    ) -> tuple[Truth, ...]:
+        """Truth of some of the people; of others than the target, only of those with an amodal pixel in the image.
+
+        The silhouettes are added to those that are `shown`, by name.
+        """
+        width, height = self._size
+        shown.update((self._people[person], found) for person, found in silhouettes.items())
         truths: list[Truth] = []
-        for person, (name, amodal) in enumerate(zip(self._people, amodal_boxes, strict=True)):
-            silhouette = projection.silhouettes.get(person)
+        for person in people:
+            name, amodal = self._people[person], frame.amodal[person]
+            silhouette = silhouettes.get(person)
             box, truncation = _clipped(amodal, width, height)
             inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
             if person and not inside:
@@ -196,18 +255,18 @@ class TruthObserver:
                     box=box,
                     amodal_box=amodal,
                     visible_box=visible_box,
-                    swept_box=swept_boxes[person],
+                    swept_box=frame.swept[person],
                     visible_fraction=fraction,
                     truncation=truncation,
                     state=state,
                     occluders=() if silhouette is None or (inside and seen == inside) else self._occluders(silhouette),
-                    distance_m=float(distance[person]),
-                    T_world_camera=pose,
-                    T_world_target=roots[person],
+                    distance_m=frame.distance_m[person],
+                    T_world_camera=frame.pose,
+                    T_world_target=frame.roots[person],
                     K=self._K,
-                    distortion=distortion,
-                    time_s=float(time_s),
-                    image_motion_px=float(motion[person]),
+                    distortion=frame.distortion,
+                    time_s=frame.time_s,
+                    image_motion_px=frame.motion_px[person],
                     luminance=luminance,
                 )
             )
@@ -226,8 +285,9 @@ class TruthObserver:
 
     def _occluders(self, silhouette: Silhouette) -> tuple[str, ...]:
         """Names of what occludes a person, by number of pixels, then by name."""
-        counts = Counter[str](self._owners[silhouette.occluding_geoms()].tolist())
-        return tuple(sorted(counts, key=lambda owner: (-counts[owner], owner)))
+        counts = np.bincount(self._owner_ids[silhouette.occluding_geoms()], minlength=len(self._owner_names)).tolist()
+        names = ((-count, name) for count, name in zip(counts, self._owner_names, strict=True) if count)
+        return tuple(name for _, name in sorted(names))
 
 
 def _bodies(model: mujoco.MjModel, name: str, parts: Sequence[str]) -> list[int]:

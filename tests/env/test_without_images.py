@@ -131,3 +131,24 @@ def test_no_opengl_library_is_loaded():
     )
     hidden = os.pathsep.join([str(ROOT / "tests" / "without_opengl"), str(ROOT)])
     subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, "PYTHONPATH": hidden})
+
+
+def test_others_are_those_of_their_frame_whenever_they_are_asked_for():
+    detected = {**SMALL, "axes.detector.severity": 1.0}
+    late, now = (
+        gym.make("pftrack_sim/Follow-v0", scenario="plaza-walk", overrides=detected, image=False) for _ in "12"
+    )
+    kept, expected = [late.reset(seed=3)[1]], [now.reset(seed=3)[1]]
+    for _ in range(6):
+        kept.append(late.step(np.zeros(4))[4])
+        expected.append(now.step(np.zeros(4))[4])
+        assert len(expected[-1]["people"]) > 1
+        expected[-1]["detections"].boxes  # noqa: B018 - read while the frame is the last
+    # A later episode, in another model, does not change what an earlier frame shows.
+    late.reset(seed=5)
+    for mine, theirs in zip(kept[::-1], expected[::-1], strict=True):
+        assert mine["people"] == theirs["people"]
+        assert mine["detections"] == theirs["detections"]
+    assert {one.name for one in kept[-1]["people"]} == set(now.unwrapped.simulation.silhouettes) | {"target"}
+    late.close()
+    now.close()
