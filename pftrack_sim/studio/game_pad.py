@@ -45,25 +45,26 @@ class GamePad:
         return command.copy()
 
     def _connected(self) -> bool:
-        if self._pygame is None and not self._open():
+        pygame = self._pygame or self._open()
+        if pygame is None:
             return False
-        self._pygame.event.pump()
-        if self._pygame.joystick.get_count() == 0:
+        pygame.event.pump()
+        if pygame.joystick.get_count() == 0:
             self._stick = None
         elif self._stick is None:
-            self._stick = self._pygame.joystick.Joystick(0)
+            self._stick = pygame.joystick.Joystick(0)
         return self._stick is not None
 
-    def _open(self) -> bool:
+    def _open(self) -> Any:
         try:
-            pygame = importlib.import_module("pygame")
+            pygame: Any = importlib.import_module("pygame")
         except ImportError:
             self._missing = True
-            return False
+            return None
         # SDL reads pads with the events of a display, and without a window in front only where it is told to.
         with mock.patch.dict(os.environ, {"SDL_VIDEODRIVER": "dummy", "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1"}):
             if not pygame.display.get_init():
                 pygame.display.init()
             pygame.joystick.init()
         self._pygame = pygame
-        return True
+        return pygame
