@@ -17,7 +17,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -148,7 +148,7 @@ class EntryWriter:
         cache_.folder.mkdir(parents=True, exist_ok=True)
         self._part = Path(tempfile.mkdtemp(prefix=".part-", dir=cache_.folder))
         self._file = open(self._part / "frames.raw", "wb")  # noqa: SIM115 - closed in close
-        self._people: list[tuple[Truth, ...]] = []
+        self._people: list[Sequence[Truth]] = []
         self._times_s: list[float] = []
         self._shape: tuple[int, ...] = ()
         self._whole = True
