@@ -70,6 +70,7 @@ class Player:
             try:
                 result = action(session)
             except PftrackError as error:
+                self.status = str(error)
                 answer.put((None, error))
                 raise
             answer.put((result, None))

@@ -44,9 +44,9 @@ def build_hall(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
 def _add_floor_and_roof(builder: PlaceBuilder) -> None:
     dark, yellow = texture("steel-dark"), texture("paint-yellow")
     floor = [quad(tiling("terrazzo"), (_LEFT, _LOW, 0), (_LENGTH, 0, 0), (0, _WIDTH, 0), (44, 26))]
-    floor += [quad(dark, (_LEFT, y - 0.2, 0.003), (_LENGTH, 0, 0), (0, 0.4, 0)) for y in _COLUMNS_Y]
-    floor += [quad(dark, (x - 0.15, _COLUMNS_Y[0], 0.003), (0.3, 0, 0), (0, 12.4, 0)) for x in _COLUMNS_X]
-    floor += [quad(yellow, (_LEFT, -0.2, 0.004), (_LENGTH, 0, 0), (0, 0.3, 0))]
+    floor += [quad(dark, (_LEFT, y - 0.2, 0.003), (_LENGTH, 0, 0), (0, 0.4, 0), (44, 1)) for y in _COLUMNS_Y]
+    floor += [quad(dark, (x - 0.15, _COLUMNS_Y[0], 0.003), (0.3, 0, 0), (0, 12.4, 0), (1, 13)) for x in _COLUMNS_X]
+    floor += [quad(yellow, (_LEFT, -0.2, 0.004), (_LENGTH, 0, 0), (0, 0.3, 0), (44, 1))]
     builder.add("floor", floor, casts_shadow=False)
     steel = texture("steel")
     roof = [

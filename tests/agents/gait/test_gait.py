@@ -308,7 +308,7 @@ def test_reset_clears_the_state():
     gait.reset(*start)
     fresh = gait.poses()
     for tick in range(50):
-        everything = Posture(1.0, 1.0, True, 1.0, (None, Arm(1.0, 2.0, 1.0)))
+        everything = Posture(1.0, 1.0, 1.0, True, 1.0, (None, Arm(1.0, 2.0, 1.0)))
         gait.advance(DT, np.full((COUNT, 2), 0.02 * tick), np.full(COUNT, 0.01 * tick), [everything] * COUNT)
     gait.reset(*start)
     for before, after in zip(fresh, gait.poses(), strict=True):
