@@ -79,7 +79,7 @@ def decoded(coded: bytes) -> Image:
 
 
 def shots() -> Iterator[tuple[str, Image]]:
-    """The page in three states: it plays; the camera shakes and both trackers are lost; a box is drawn."""
+    """The page in three states: it plays; the camera shakes and one tracker is lost; a box is drawn."""
     trackers = TrackerSpec(name="ko2012"), TrackerSpec(name="pftrack")
     with opened(Settings("corridor", 3, CAMERA, trackers)) as (studio, page):
         page.locator(".mantine-Notification-closeButton").first.click()  # Chromium draws without a GPU here
