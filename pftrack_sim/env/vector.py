@@ -7,6 +7,7 @@ errors of this package as they were raised.
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 from collections.abc import Callable, Iterable
@@ -22,6 +23,19 @@ from pftrack_sim.env.follow import FollowEnv, TrackAndFollowEnv
 from pftrack_sim.env.track import TrackEnv
 
 _CLOSE_S = 30.0  # A reset may run when the environments are closed; then they are ended.
+
+
+def _whole(exchange: Callable[..., Any]) -> Callable[..., Any]:
+    """Mark the processes as cut off until an exchange is whole: Ctrl-C may end it in the middle of a message."""
+
+    @functools.wraps(exchange)
+    def marked(self: ProcessVectorEnv, *args: Any, **kwargs: Any) -> Any:
+        self.cut_off = True
+        answer = exchange(self, *args, **kwargs)
+        self.cut_off = False
+        return answer
+
+    return marked
 
 
 class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
@@ -44,6 +58,11 @@ class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
     """
 
     environment: type[CameraEnv] = TrackEnv
+    cut_off = False  # An exchange with the processes was not finished: nothing more can be read from them
+
+    reset_async, reset_wait = _whole(AsyncVectorEnv.reset_async), _whole(AsyncVectorEnv.reset_wait)
+    step_async, step_wait = _whole(AsyncVectorEnv.step_async), _whole(AsyncVectorEnv.step_wait)
+    call_async, call_wait = _whole(AsyncVectorEnv.call_async), _whole(AsyncVectorEnv.call_wait)
 
     def __init__(
         self,
@@ -72,6 +91,8 @@ class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
 
     def close_extras(self, timeout: float | None = _CLOSE_S, terminate: bool = False) -> None:
         """End all processes, whatever they are doing: those that do not answer within the timeout [s] are killed."""
+        if self.cut_off:
+            self._state, terminate = AsyncState.DEFAULT, True
         try:
             super().close_extras(timeout, terminate)
         except (EOFError, OSError, ValueError):  # a process has died, or its pipe is closed

@@ -130,6 +130,24 @@ def test_closing_after_the_death_of_a_process_ends_the_others():
 
 
 @pytest.mark.slow
+def test_an_answer_that_was_cut_in_the_middle_is_not_waited_for(monkeypatch: pytest.MonkeyPatch):
+    envs = make_vec()
+    envs.reset(seed=1)
+    envs.step_async(np.zeros((2, 4)))
+
+    def cut(timeout: float | None = None) -> bool:
+        os.read(envs.parent_pipes[0].fileno(), 2)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(envs, "_poll_pipe_envs", cut)
+    with pytest.raises(KeyboardInterrupt):
+        envs.step_wait()
+    monkeypatch.undo()
+    envs.close()
+    assert not any(process.is_alive() for process in envs.processes)
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_ctrl_c_leaves_no_process():
     code = (
