@@ -18,7 +18,7 @@ import duckdb
 from pftrack_sim.core.errors import RunError
 
 LOCK = ".lock"
-"""File that whoever writes to a folder has locked."""
+"""Name of the file that a process locks while it writes to a folder."""
 
 _PART = ".part"
 _LONGEST = 80

@@ -140,7 +140,7 @@ class TargetDistance:
         fills_image = self._cut_above(view) and self._cut_below(view)
         if not fills_image:
             ends = ends[ends > distance - gate]
-        # Nobody fits between the camera and a target that fills the image: the nearest is the target.
+        # No one has room between the camera and a target that fills the image: the nearest beam ends at the target.
         order = ends if fills_image else np.abs(ends + LEG_M - distance)
         self.legs_m = float(ends[np.argmin(order)]) + LEG_M if ends.size else math.inf
         passed = not ends.size or self._correct(self.legs_m, np.array([1.0, 0.0, 0.0]), RANGE_SIGMA_M)

@@ -33,7 +33,7 @@ class Window:
             raise _no_window(f"pip install 'pftrack-sim[human]' ({error})") from None
         except self._pygame.error as error:
             raise _no_window(f"there is no display ({error})") from None
-        # SDL falls back to a driver without a window; whoever asks for one by name gets it.
+        # Without a display SDL falls back to a driver that opens no window. Named in the environment, it was wanted.
         driver = self._pygame.display.get_driver()
         asked = os.environ.get("SDL_VIDEODRIVER") or os.environ.get("SDL_VIDEO_DRIVER")
         if driver in ("offscreen", "dummy") and driver != asked:

@@ -33,7 +33,7 @@ class Seated(_Group):
 
 
 class Walking(_Group):
-    """Walk side by side along a path, and stop at its end; they avoid nobody."""
+    """Walk side by side along a path, and stop at its end; they do not avoid other people."""
 
     kind: Literal["walk"]
     path_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=100)] = Field(description="Points of the path.")

@@ -37,7 +37,7 @@ Place: TypeAlias = Callable[[float, float], Stance]
 
 
 class GroupMember:
-    """One member of a group. It avoids nobody; others avoid it.
+    """One member of a group. It does not avoid other people; they avoid it.
 
     Args:
         place: Where it is.
@@ -59,7 +59,7 @@ class GroupMember:
         return math.atan2(state[3], state[2]) if moves else _bearing(state, target_m)
 
     def track(self, times_s: FloatArray) -> FloatArray:
-        """`(T, 2)` positions [m] at `(T,)` times, of one who does not depend on the target."""
+        """`(T, 2)` positions [m] at `(T,)` times, of a member whose motion does not depend on the target."""
         return np.array([self._place(time_s, 0.0)[:2] for time_s in times_s.tolist()])
 
     def update(
