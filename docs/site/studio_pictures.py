@@ -23,13 +23,14 @@ CAMERA = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 15}
 
 
 @contextmanager
-def opened(settings: Settings, **options: Any) -> Iterator[tuple[Studio, Page]]:
-    """A studio that is paused, and its page in Chromium."""
+def opened(settings: Settings, *, script: str = "", **options: Any) -> Iterator[tuple[Studio, Page]]:
+    """A studio that is paused, and its page in Chromium, which runs a script before those of the page."""
     chromium = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("there is no Chromium here")
     with Studio(settings, port=0, playing=False, **options) as studio, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", *WEBGL])
         page = browser.new_page(viewport=SIZE)  # type: ignore[arg-type]
         page.set_default_timeout(120_000)
+        page.add_init_script(script)
         page.goto(studio.address)
         page.wait_for_selector('img[src^="blob:"]')
         yield studio, page
@@ -93,7 +94,7 @@ def shots() -> Iterator[tuple[str, Image]]:
         handle.focus()
         for _ in range(40):
             handle.press("ArrowRight")
-        until(lambda: studio.player.session.settings.physical("jitter") > 2.5, "the slider's value")
+        until(lambda: studio.player.session.settings.physical("jitter") > 2.99, "the slider's value")
         handle.blur()
         for client in studio.page._server.get_clients().values():
             studio.page._view._look_over(client)  # the keys have turned it

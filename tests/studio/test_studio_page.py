@@ -169,12 +169,23 @@ def test_the_scene_catches_up_with_frames_that_follow_quickly(studio: Studio, mo
     moments = [studio.player.ask(lambda session: session.advance()) for _ in range(8)]
     target = next(one for one in studio.page._view._batches if one.owner == studio.player.session.people[0])
     for moment in moments[::7]:
-        studio.page._past = moment
+        studio.page.controls.past = moment
         time.sleep(0.2)
     turned = np.einsum("nij,nj->ni", moment.geom_rotation[target.geoms], target.centres_m)
     expected = moment.geom_m[target.geoms] + turned
     until(lambda: np.allclose(target.handle.batched_positions, expected, atol=1e-5), "the poses of the last frame")
-    studio.page._past = None
+    studio.page.controls.past = None
+
+
+def test_a_slider_says_what_it_did_once(studio: Studio):
+    controls, before = studio.page.controls, studio.player.session.settings
+    time_s = studio.player.moment.frame.time_s
+    said = []
+    for value in (12.0, 12.0):
+        controls._wanted = {"noise": value}
+        said.append(studio.player.ask(controls._take_axes))
+    assert said == [f"noise 12 x analogue gain: applied from {time_s:.2f} s on.", None]
+    studio.player.ask(lambda session: session.change(before))
 
 
 def test_the_frame_of_a_notebook_shows_the_address(studio: Studio):
@@ -186,12 +197,12 @@ def test_the_last_frame_of_an_episode_can_be_looked_at():
     with Studio(replace(PLAIN, overrides={**STILL, "duration_s": 0.6}), port=0) as opened:
         until(lambda: opened.player.session.over and not opened.player.playing, "the end of the episode")
         last_s = opened.player.session.history[-1].frame.time_s
-        until(lambda: abs(opened.page._scrub.max - last_s) < 1e-3, "the slider reaches the last frame")
+        until(lambda: abs(opened.page.controls._scrub.max - last_s) < 1e-3, "the slider reaches the last frame")
 
 
 def test_a_game_pad_drives_the_robot_that_is_driven_by_hand(studio: Studio, monkeypatch: pytest.MonkeyPatch):
     command = np.array([0.5, 0.0, -1.0, 0.0])
-    monkeypatch.setattr(studio.page, "_pad", SimpleNamespace(read=lambda: command))
+    monkeypatch.setattr(studio.page.controls, "_pad", SimpleNamespace(read=lambda: command))
     before = studio.player.session.settings
     studio.player.ask(lambda session: session.change(replace(before, driver="hand")))
     until(lambda: np.array_equal(studio.player.session.hand, command), "the command")

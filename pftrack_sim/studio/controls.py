@@ -1,0 +1,336 @@
+"""The controls of a studio's page: what a client changes is passed on to the player, and what is set is shown."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from pftrack_sim import scenario as scenarios
+from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.core.text import one_line
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario.axes import axes_by_name
+from pftrack_sim.simulation.simulation import LIVE_AXES
+from pftrack_sim.studio.game_pad import GamePad
+from pftrack_sim.studio.player import Player
+from pftrack_sim.studio.session import Session
+from pftrack_sim.studio.settings import HAND, Settings, drivers
+from pftrack_sim.studio.tracked import Moment, TrackedSession
+
+_SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "as fast as possible": 1e6}
+_STEP = 0.25
+_KEYS = {"W": (0, 1), "S": (0, -1), "A": (1, 1), "D": (1, -1), "Q": (2, 1), "E": (2, -1), "R": (3, 1), "F": (3, -1)}
+"""Which part of the command (forward, turn, pan, tilt) a key raises or lowers by `_STEP`."""
+
+_KEYS_HELP = "W/S forward, A/D turn, Q/E pan, R/F tilt, X stop; or a game pad."
+
+
+class Controls:
+    """Widgets of the main panel, and what they do.
+
+    Args:
+        gui: The viser server's GUI.
+        player: The player.
+        offered: Trackers that can be switched on.
+        look_through: Lets a client look through the robot's camera.
+    """
+
+    def __init__(
+        self, gui: Any, player: Player, offered: Sequence[TrackerSpec], look_through: Callable[[Any], None]
+    ) -> None:
+        self._gui, self._player, self._look_through = gui, player, look_through
+        self._offered = {one.label: one for one in (*player.session.settings.trackers, *offered)}
+        self.past: Moment | None = None
+        """A moment of the past that is looked at while paused."""
+        self._pad = GamePad()
+        self._wanted: dict[str, float] = {}
+        """Values of sliders that the session has not taken yet."""
+        self._lock = threading.Lock()
+        self._synchronised: Settings | None = player.session.settings
+        """Settings that the controls show."""
+        self._add_controls()
+
+    @property
+    def shown(self) -> Moment:
+        """The moment on the page: the present, or one of the past while paused."""
+        return self.past or self._player.moment
+
+    def set_people(self, people: Sequence[str]) -> None:
+        """Offer these people as the one who is tracked."""
+        self._person.options = people
+
+    def show(self, history: Sequence[Moment]) -> None:
+        """Show the state of the player, the span of its history, and the settings if they changed."""
+        player, session, settings = self._player, self._player.session, self._player.session.settings
+        lines = [one_line(line) for line in (player.status, *session.errors) if line]
+        self._status.content = "\n\n".join(lines) or "Drag to orbit; click a person to track that person."
+        self._play.label = "Pause" if player.playing else "Play"
+        if session.simulated:
+            self._person.value = session.person
+        if player.playing:
+            self.past = None
+        first_s, last_s = (round(one.frame.time_s, 3) for one in (history[0], history[-1]))
+        # Also after the last frame, which ends the playing.
+        if self.past is None and last_s > first_s and self._scrub.max != last_s:
+            self._scrub.min, self._scrub.max, self._scrub.value = first_s, last_s, last_s
+        if settings is not self._synchronised and not self._wanted:
+            # Not after a slider was moved: it may have moved on since.
+            self._synchronised = settings
+            for axis, slider in self._sliders.items():
+                slider.value = min(slider.max, settings.physical(axis))
+            for handle, value in zip(self._choices, (settings.name, settings.seed, settings.driver), strict=False):
+                handle.value = value
+            on = [one.label for one in settings.trackers]
+            for label, box in self._boxes.items():
+                box.value = label in on
+
+    def track(self, person: str) -> None:
+        """Track this person from now on."""
+
+        def select(session: Session) -> str:
+            session.select(person)
+            return f"Tracking {person}."
+
+        self.past = None
+        self._player.request(select)
+
+    def click(self, x: float, y: float) -> None:
+        """Track the person, if any, at these shares of the picture's width and height."""
+        moment, session = self.shown, self._player.session
+        if not isinstance(session, Session):
+            return
+        height, width = moment.frame.image.shape[:2]
+        person = session.person_at(moment, x * width, y * height)
+        if person is not None:
+            self.track(person)
+
+    def select_box(self, shares: FloatArray) -> None:
+        """Start all trackers with a `(4,)` box x, y, w, h in shares of the picture's width and height."""
+
+        def select(session: TrackedSession) -> str:
+            height, width = session.moment.frame.image.shape[:2]
+            return session.select_box(shares * (width, height, width, height))
+
+        self.past = None
+        self._player.request(select)
+
+    def read_pad(self) -> None:
+        """Take the command of the game pad, if there is one and the robot is driven by hand."""
+        if self._player.session.settings.driver != HAND:
+            return
+        command = self._pad.read()
+        if command is None:
+            return
+
+        def drive(session: Session) -> str:
+            session.hand = command
+            return _by_hand(session)
+
+        self._player.request(drive)
+
+    def _add_controls(self) -> None:
+        gui, settings = self._gui, self._player.session.settings
+        self._status = gui.add_markdown("")
+        self._play = gui.add_button("Play")
+        _when(self._play.on_click, self._toggle)
+        _when(gui.add_button("Step").on_click, self._step)
+        self._scrub = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, hint="Look back while paused.")
+        _when(self._scrub.on_update, self._look_back)
+        here = gui.add_button("Restart from here", hint="From the time above on, with these settings.")
+        _when(here.on_click, lambda: self._restart(self.shown))
+        _when(gui.add_button("Restart from the beginning").on_click, lambda: self._restart(None))
+        draw = gui.add_button("Draw a box", hint="Pause, look through the camera, and start all trackers with a box.")
+        draw.on_click(self._draw)
+        speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1")
+        _when(speed.on_update, lambda: setattr(self._player, "speed", _SPEEDS[speed.value]))
+        simulated = self._player.session.simulated
+        self._choices: tuple[Any, ...] = ()
+        self._sliders: dict[str, Any] = {}
+        if simulated:
+            with gui.add_folder("Scenario"):
+                self._add_scenario(settings)
+        with gui.add_folder("Trackers"):
+            on = [one.label for one in settings.trackers]
+            self._boxes = {label: self._add_tracker(label, label in on) for label in self._offered}
+        if simulated:
+            with gui.add_folder("Stress axes"):
+                self._sliders = {axis: self._add_axis(axis, settings) for axis in axes_by_name()}
+        with gui.add_folder("Save as"):
+            gui.add_button("Picture").on_click(self._save_picture)
+            gui.add_button("Last ten seconds").on_click(self._save_clip)
+            if simulated:
+                gui.add_button("Scenario (TOML)").on_click(self._save_toml)
+                _when(gui.add_button("Command line").on_click, self._show_command)
+        _when(gui.add_command("Play or pause", hotkey="P").on_trigger, self._toggle)
+        if simulated:
+            self._add_keys()
+
+    def _add_keys(self) -> None:
+        gui = self._gui
+        for key, (part, sign) in _KEYS.items():
+            command = gui.add_command(f"Drive: {key}", description=_KEYS_HELP, hotkey=key)
+            _when(command.on_trigger, partial(self._key, part, sign))
+        _when(gui.add_command("Drive: stop", hotkey="X").on_trigger, partial(self._key, None, 0))
+
+    def _add_scenario(self, settings: Settings) -> None:
+        gui, shipped = self._gui, scenarios.names()
+        names = shipped if settings.name in shipped else [settings.name, *shipped]
+        name = gui.add_dropdown("Scenario", names, initial_value=settings.name)
+        seed = gui.add_number("Seed", settings.seed, min=0, max=2**31 - 1, step=1)
+        driver = gui.add_dropdown("Robot", drivers(), initial_value=settings.driver, hint=f"hand: {_KEYS_HELP}")
+        self._person = gui.add_dropdown("Tracked", self._player.session.people)
+
+        def other(old: Settings) -> Settings:
+            kept = old.overrides if name.value == old.name else _shared(old)
+            return replace(old, name=name.value, seed=int(seed.value), overrides=kept, driver=driver.value)
+
+        self._choices = (name, seed, driver)
+        for handle in self._choices:
+            _when(handle.on_update, lambda: self._change(other))
+        _when(self._person.on_update, lambda: self.track(self._person.value))
+
+    def _add_tracker(self, label: str, on: bool) -> Any:
+        box = self._gui.add_checkbox(label, on)
+
+        def switched(old: Settings) -> Settings:
+            others = tuple(one for one in old.trackers if one.label != label)
+            return replace(old, trackers=(*others, self._offered[label]) if box.value else others)
+
+        _when(box.on_update, lambda: self._change(switched))
+        return box
+
+    def _add_axis(self, name: str, settings: Settings) -> Any:
+        axis, top = axes_by_name()[name], float(f"{settings.strongest(name):.3g}")
+        acts = "Acts from the next frame on." if name in LIVE_AXES else "Restarts the episode at the same time."
+        slider = self._gui.add_slider(
+            f"{name} [{axis.unit}]", 0.0, top, top / 80, min(top, settings.physical(name)), hint=f"{acts} {axis.law}."
+        )
+
+        def moved() -> None:
+            with self._lock:
+                first = not self._wanted
+                self._wanted[name] = float(slider.value)
+            if first:
+                self._player.request(self._take_axes)
+
+        _when(slider.on_update, moved)
+        return slider
+
+    def _take_axes(self, session: Session) -> str | None:
+        """Apply the newest values of all sliders that were moved; those in between are skipped.
+
+        Returns:
+            What was done, in a sentence; None if the session has these values already.
+        """
+        with self._lock:
+            wanted, settings = dict(self._wanted), session.settings
+        for name, value in wanted.items():
+            settings = settings.with_axis(name, value)
+        try:
+            said = None if settings == session.settings else session.change(settings)
+            self._synchronised = settings
+        except BaseException:
+            self._synchronised = None
+            raise
+        finally:
+            # Only now, so that no slider jumps back to what the session had before.
+            with self._lock:
+                self._wanted = {name: value for name, value in self._wanted.items() if wanted.get(name) != value}
+            if self._wanted:
+                self._player.request(self._take_axes)
+        moved = ", ".join(f"{name} {value:.3g} {axes_by_name()[name].unit}" for name, value in wanted.items())
+        return said and f"{moved}: {said[0].lower()}{said[1:]}"
+
+    def _change(self, changed: Callable[[Settings], Settings]) -> None:
+        def change(session: Session) -> str:
+            try:
+                return session.change(changed(session.settings))
+            finally:
+                self._synchronised = None  # the page shows what was taken, which may be nothing
+
+        self._player.request(change)
+
+    def _toggle(self) -> None:
+        self.past = None
+        self._player.playing = not self._player.playing
+
+    def _step(self) -> None:
+        self.past, self._player.playing = None, False
+        self._player.request(lambda session: session.advance() and None)
+
+    def _restart(self, moment: Moment | None) -> None:
+        self.past = None
+
+        def restart(session: TrackedSession) -> str:
+            session.restart(moment)
+            return f"Restarted at {session.moment.frame.time_s:.2f} s; trackers start anew."
+
+        self._player.request(restart)
+
+    def _look_back(self) -> None:
+        if self._player.playing:
+            return
+        time_s = float(self._scrub.value)
+        history = list(self._player.session.history) or [self._player.moment]
+        self.past = min(history, key=lambda one: abs(one.frame.time_s - time_s))
+
+    def _draw(self, event: Any) -> None:
+        self.past, self._player.playing = None, False
+        self._look_through(event.client)
+        self._player.status = "Hold Shift and drag a box over the picture in the 3D view."
+
+    def _key(self, part: int | None, sign: int) -> None:
+        def press(session: Session) -> str:
+            if session.settings.driver != HAND:
+                return "Keys drive the robot while it is driven by hand."
+            session.hand = np.zeros(4) if part is None else session.hand.copy()
+            if part is not None:
+                session.hand[part] = min(1.0, max(-1.0, session.hand[part] + sign * _STEP))
+            return _by_hand(session)
+
+        self._player.request(press)
+
+    def _save_picture(self, event: Any) -> None:
+        coded = cv2.imencode(".png", cv2.cvtColor(self.shown.picture(), cv2.COLOR_RGB2BGR))[1]
+        event.client.send_file_download("studio.png", coded.tobytes(), save_immediately=True)
+
+    def _save_clip(self, event: Any) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "studio.mp4"
+            self._player.ask(lambda session: session.save_clip(path))
+            event.client.send_file_download("studio.mp4", path.read_bytes(), save_immediately=True)
+
+    def _save_toml(self, event: Any) -> None:
+        text = self._player.session.settings.toml()
+        event.client.send_file_download("studio.toml", text.encode(), save_immediately=True)
+
+    def _show_command(self) -> None:
+        self._player.status = f"`{self._player.session.settings.command_line()}`"
+
+
+def _when(register: Any, action: Callable[[], object]) -> None:
+    """Call an action when a client does something, and not when this side sets a value."""
+
+    def happened(event: Any) -> None:
+        if event.client_id is not None:
+            action()
+
+    register(happened)
+
+
+def _by_hand(session: Session) -> str:
+    forward, turn, pan, tilt = session.hand
+    return f"By hand: forward {forward:+.2f}, turn {turn:+.2f}, pan {pan:+.2f}, tilt {tilt:+.2f}."
+
+
+def _shared(settings: Settings) -> dict[str, Any]:
+    """Overrides that go on in another scenario: the camera's size and the stress axes."""
+    return {key: value for key, value in settings.overrides.items() if key.split(".")[0] in ("camera", "axes")}
