@@ -32,6 +32,25 @@ def grown(stored: Plan, asked: Plan) -> Plan:
     return stored if trackers == stored.trackers and _cells(united) == _cells(stored) else united
 
 
+def held_besides(stored: Plan, asked: Plan) -> str:
+    """What a stored plan has that is not asked for: `"trackers ncc; seeds 3:8"`; empty where they contradict."""
+    if any(_contradictions(stored, asked)):
+        return ""
+    held, wanted = _cells(stored), _cells(asked)
+    scenarios, conditions = (dict.fromkeys(key[part] for key in held) for part in (0, 1))
+    more = Seeds(())
+    for key, (_, _, seeds) in held.items():
+        if key in wanted:
+            more = more.joined(seeds.without(wanted[key][2]))
+    lacking = {
+        "scenarios": ", ".join(name for name in scenarios if name not in {key[0] for key in wanted}),
+        "conditions": ", ".join(name for name in conditions if name not in {key[1] for key in wanted}),
+        "trackers": ", ".join(label for label in stored.labels if label not in asked.labels),
+        "seeds": str(more),
+    }
+    return "; ".join(f"{kind} {names}" for kind, names in lacking.items() if names)
+
+
 def _contradictions(stored: Plan, asked: Plan) -> Iterator[str]:
     if stored.kind != asked.kind:
         yield f"  loop: {stored.kind} there, {asked.kind} asked for"

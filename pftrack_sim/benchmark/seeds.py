@@ -71,17 +71,21 @@ class Seeds:
             before += len(part)
         return None
 
-    def joined(self, other: Seeds) -> Seeds:
-        """These seeds, then those of the other that are not among them."""
-        parts: list[range] = list(self._ranges)
-        for given in other._ranges:
+    def without(self, other: Seeds) -> Seeds:
+        """These seeds but those of the other."""
+        parts: list[range] = []
+        for given in self._ranges:
             left = [given]
-            for known in self._ranges:
+            for known in other._ranges:
                 below = (range(part.start, min(part.stop, known.start)) for part in left)
                 above = (range(max(part.start, known.stop), part.stop) for part in left)
                 left = sorted((part for part in (*below, *above) if part), key=lambda part: part.start)
             parts += left
         return Seeds(parts)
+
+    def joined(self, other: Seeds) -> Seeds:
+        """These seeds, then those of the other that are not among them."""
+        return Seeds([*self._ranges, *other.without(self)._ranges])
 
     def __str__(self) -> str:
         return ",".join(f"{part.start}:{part.stop}" if len(part) > 1 else str(part.start) for part in self._ranges)

@@ -53,11 +53,16 @@ def bench(
 
 def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> None:
     """Run a plan, print its results, and write the report."""
-    from pftrack_sim.benchmark import new_run_path, run
+    from pftrack_sim.benchmark import RunStore, new_run_path, run
+    from pftrack_sim.benchmark.growth import held_besides
     from pftrack_sim.benchmark.planning import late_events
+    from pftrack_sim.benchmark.store import is_run
 
     tables.print_warnings(late_events(plan))
     path = options.out if options.out is not None else new_run_path(plan)
+    more = held_besides(RunStore(path).plan, plan) if is_run(path) else ""
+    if more:
+        tables.print_warnings([f"{path} holds more than is asked for, and all of it is run and shown: {more}"])
     with show_run(options.progress, path) as on_progress:
         finished = run(
             plan,

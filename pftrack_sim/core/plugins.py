@@ -10,11 +10,13 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from pftrack_sim.core.code_digest import code_digest
 from pftrack_sim.core.errors import ParameterError, PftrackError, UnknownNameError, did_you_mean
-from pftrack_sim.core.text import describe_error
+from pftrack_sim.core.inputs import is_file
+from pftrack_sim.core.text import describe_error, locate_error
 
 T = TypeVar("T")
 
@@ -80,10 +82,12 @@ class Registry(Generic[T]):
         except PftrackError:
             raise
         except Exception as error:
-            raise self.error_type(f"{self.kind} {name!r} could not be made: {describe_error(error)}") from error
+            raise self.error_type(
+                f"{self.kind} {name!r} could not be made: {describe_error(error)}{locate_error(error)}"
+            ) from error
         if not isinstance(product, self.interface):
             methods, made = " and ".join(self.methods), type(product).__name__
-            raise self.error_type(f"{self.kind} {name!r}: its factory made a {made} without {methods}")
+            raise self.error_type(f"{self.kind} {name!r}: its factory must make an object with {methods}, got {made}")
         return product
 
     def factory(self, name: str) -> Callable[..., T]:
@@ -106,7 +110,10 @@ class Registry(Generic[T]):
             raise self._unknown(name)
         return installed[name].value if name in installed else name
 
-    def _unknown(self, name: str) -> UnknownNameError:
+    def _unknown(self, name: str) -> PftrackError:
+        if name.endswith(".py") or is_file(Path(f"{name}.py")):
+            example = f"{_module_of(name)}:make"
+            return self.error_type(f"{self.kind} {name!r}: expected module:factory, for example {example}")
         return UnknownNameError(self.kind, name, self.names(), hint="; one of your own: package.module:factory")
 
     def _installed(self) -> dict[str, EntryPoint]:
@@ -118,12 +125,13 @@ class Registry(Generic[T]):
         failure = f"{self.kind} {name!r} cannot be loaded"
         module_name, _, attribute = path.partition(":")
         module_name, attribute = module_name.strip(), attribute.partition("[")[0].strip()
+        near = f"; did you mean '{_module_of(module_name)}:{attribute}'?" if module_name.endswith(".py") else ""
         if not module_name or not attribute:
             raise self.error_type(f"{failure}: expected package.module:factory")
         try:
             target: Any = importlib.import_module(module_name)
         except Exception as error:
-            raise self.error_type(f"{failure}: {describe_error(error)}") from error
+            raise self.error_type(f"{failure}: {describe_error(error)}{locate_error(error)}{near}") from error
         for part in attribute.split("."):
             if not hasattr(target, part):
                 near = did_you_mean(part, [key for key in dir(target) if not key.startswith("_")])
@@ -155,3 +163,8 @@ class Registry(Generic[T]):
                 raise ParameterError(
                     f"{self.kind} {name!r} has no parameter {key!r}{did_you_mean(key, allowed)} (allowed: {listed})"
                 )
+
+
+def _module_of(file: str) -> str:
+    """The module that a file holds, seen from the working folder."""
+    return file.removesuffix(".py").replace("/", ".").strip(".")

@@ -8,7 +8,7 @@ import pytest
 from pftrack_sim.benchmark import Plan, RunStore, make_plan, parse_seeds, run
 from pftrack_sim.benchmark.check import check
 from pftrack_sim.benchmark.filming import film, worst
-from pftrack_sim.benchmark.growth import grown
+from pftrack_sim.benchmark.growth import grown, held_besides
 from pftrack_sim.core.errors import ParameterError, RunError
 from tests.benchmark.small import SMALL
 
@@ -69,6 +69,14 @@ def test_a_run_grows_and_what_was_there_stays(tmp_path: Path):
     run(grown(plan_of("0:2", ["oracle"], jitter), RunStore(out).plan), at_once, videos="none")
     everything = "SELECT * EXCLUDE (ms) FROM frames ORDER BY condition, seed, label, frame"
     assert str(RunStore(at_once).query(everything)) == str(RunStore(out).query(everything))
+
+
+def test_what_a_folder_holds_besides_is_named():
+    stored = plan_of("0:8", ["stay", "ncc"], {"jitter": [0.0, 2.0]})
+    assert held_besides(stored, stored) == ""
+    assert held_besides(stored, plan_of("0:9", ["oracle", "ncc", "stay"], {"jitter": [2.0, 0.0, 1.0]})) == ""
+    named = held_besides(stored, plan_of("2:4,9", ["ncc"], {"jitter": [0.0]}))
+    assert named == "conditions jitter=2; trackers stay; seeds 0:2,4:8"
 
 
 def test_a_plan_that_contradicts_the_folder_is_refused(tmp_path: Path):

@@ -24,7 +24,7 @@ def test_a_factory_by_its_path():
         ("no_such_module:x", "ModuleNotFoundError"),
         (f"{THIS}:NUMBER", "cannot be called"),
         (f"{THIS}:broken", "RuntimeError: no motor"),
-        (f"{THIS}:nothing", "made a dict without reset and act"),
+        (f"{THIS}:nothing", "must make an object with reset and act, got dict"),
     ],
 )
 def test_errors_of_third_party_factories_are_reported(name: str, says: str):

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,7 +156,7 @@ def test_a_factory_is_found_by_its_path():
         (f"{__name__}:", "package.module:factory"),
         (":mine", "package.module:factory"),
         (f"{__name__}:breaks", "RuntimeError: no licence"),
-        (f"{__name__}:makes_a_string", "made a str without init and update"),
+        (f"{__name__}:makes_a_string", "must make an object with init and update, got str"),
         (f"{__name__}:no_seed", "unexpected keyword argument 'seed'"),
     ],
 )
@@ -167,6 +168,19 @@ def test_a_failing_factory_is_named(spelled: str, words: str, installed: Any):
     with pytest.raises(TrackerError, match="'theirs'"):
         trackers.make("theirs")
     assert "theirs" in trackers.names(), "a broken one must not hide the others"
+
+
+def test_a_file_in_place_of_a_factory_says_how_it_is_spelled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "my_tracker.py").write_text("def make(*, seed, preset):\n    return torch.Tracker()\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    for spelled in ("my_tracker", "my_tracker.py"):
+        with pytest.raises(TrackerError, match="expected module:factory, for example my_tracker:make"):
+            trackers.make(spelled)
+    with pytest.raises(TrackerError, match="did you mean 'my_tracker:make'"):
+        trackers.make("my_tracker.py:make")
+    with pytest.raises(TrackerError, match=r"'torch' is not defined.* \(my_tracker.py, line 2, in make\)"):
+        trackers.make("my_tracker:make")
 
 
 def test_unknown_parameters_of_a_third_party_factory_are_refused():
