@@ -16,7 +16,7 @@ import pftrack_sim
 from pftrack_sim.benchmark.executor import prepare_worker
 from pftrack_sim.benchmark.files import atomic_write, distinct_slugs, write_bytes
 from pftrack_sim.benchmark.plan import Episode, Plan
-from pftrack_sim.benchmark.sequence_writer import JPEG_QUALITY, ExportJob, ImageFormat, export_sequence
+from pftrack_sim.benchmark.sequence_writer import QUALITIES, ExportJob, ImageFormat, export_sequence
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
 from pftrack_sim.formats import LAYOUTS
 from pftrack_sim.formats.maps import check_maps
@@ -24,6 +24,11 @@ from pftrack_sim.render.capture.frame_capture import is_instantaneous
 from pftrack_sim.simulation.simulation import Simulation
 
 _RECORD = "dataset.json"
+_IMAGES: dict[ImageFormat, str] = {
+    "png": "png",
+    "jpg": "jpg, quality {}",
+    "mp4": "mp4, H.264, constant rate factor {}",
+}
 
 
 def export(
@@ -32,7 +37,7 @@ def export(
     layout: str,
     *,
     image: str = "png",
-    quality: int = JPEG_QUALITY,
+    quality: int | None = None,
     maps: Sequence[str] = (),
     detections: bool = False,
     workers: int = 0,
@@ -45,8 +50,8 @@ def export(
         plan: Scenarios, conditions and seeds; its trackers do not matter.
         out: Folder of the data set: absent, empty, or begun with the same plan and options.
         layout: One of `LAYOUTS`.
-        image: `"png"`, lossless, or `"jpg"`.
-        quality: Of JPEG, 1 to 100.
+        image: `"png"`, lossless, `"jpg"`, or `"mp4"`, one video in the place of the images.
+        quality: Of JPEG, 1 to 100 (95); of a video H.264's constant rate factor, 0 to 51 (18). PNG has none.
         maps: Of `MAP_KINDS`: what is written beside each image.
         detections: Write what each scenario's detector finds, see the axis `detector`; layout `mot` only.
         workers: Processes; 0 works in this one.
@@ -58,28 +63,37 @@ def export(
 
     Raises:
         UnknownNameError: No such layout, image format or map.
-        ParameterError: The quality or the number of workers is out of range, or the layout has no detections.
+        ParameterError: The quality or the number of workers is out of range, or the layout has no detections or no
+            video.
         RunError: The folder holds something else, or cannot be written.
-        ScenarioError: A scenario contradicts itself at a seed, or has effects under which a map or a layout has no
-            definition.
+        ScenarioError: A scenario contradicts itself at a seed, has effects under which a map or a layout has no
+            definition, or an odd image size, which a video cannot have.
     """
     if layout not in LAYOUTS:
         raise UnknownNameError("layout", layout, LAYOUTS)
     kinds = check_maps(maps)
-    if image not in get_args(ImageFormat):
-        raise UnknownNameError("image format", image, get_args(ImageFormat))
-    if not 1 <= quality <= 100 or workers < 0:
-        raise ParameterError(f"quality must be 1 to 100 and workers >= 0, got {quality} and {workers}")
+    form = _image_format(image)
+    usual, allowed = QUALITIES.get(form, (0, range(1)))
+    chosen = usual if quality is None else quality
+    if chosen not in allowed:
+        words = f"must be {allowed[0]} to {allowed[-1]}, got {quality}" if usual else "has no meaning: it is lossless"
+        raise ParameterError(f"the quality of {form} {words}")
+    if workers < 0:
+        raise ParameterError(f"workers must be >= 0, got {workers}")
+    if form == "mp4" and not LAYOUTS[layout].video:
+        able = " and ".join(name for name, known in LAYOUTS.items() if known.video)
+        raise ParameterError(f"tools that read {layout} need single images, png or jpg; mp4 is written for {able}")
     if detections and layout != "mot":
         raise ParameterError(f"the layout mot holds detections, {layout} does not")
     Simulation(
         next(plan.episodes()).scenario, backend=backend
     )  # A wrong renderer is reported before anything is written.
     _check_effects(plan, [*kinds, *LAYOUTS[layout].needs])
+    if form == "mp4":
+        _check_sizes(plan)
     names = sequence_names(plan)
     folder = out / LAYOUTS[layout].sequences
-    chosen: ImageFormat = "png" if image == "png" else "jpg"
-    _begin(out, plan, layout, image, quality, [*kinds, *(["detections"] if detections else [])])
+    _begin(out, plan, layout, _IMAGES[form].format(chosen), [*kinds, *(["detections"] if detections else [])])
     _remove_parts(folder)
 
     def jobs() -> Iterator[ExportJob]:
@@ -88,7 +102,7 @@ def export(
             if path.exists():
                 on_sequence()
             else:
-                yield ExportJob(episode, path, layout, chosen, quality, kinds, backend, number, detections)
+                yield ExportJob(episode, path, layout, form, chosen, kinds, backend, number, detections)
 
     for _ in _run_all(jobs(), workers):
         on_sequence()
@@ -108,6 +122,22 @@ def _check_effects(plan: Plan, needs: Sequence[str]) -> None:
             raise ScenarioError(episode.scenario.name, [words])
 
 
+def _image_format(name: str) -> ImageFormat:
+    for known in get_args(ImageFormat):
+        if name == known:
+            return known
+    raise UnknownNameError("image format", name, get_args(ImageFormat))
+
+
+def _check_sizes(plan: Plan) -> None:
+    """Refuse images of which H.264 with its usual pixel format would lose a row or column."""
+    for episode in (one for one in plan.episodes() if one.is_first_seed):
+        camera = episode.scenario.resolve(episode.seed).camera
+        if camera.width_px % 2 or camera.height_px % 2:
+            size = f"{camera.width_px} x {camera.height_px}"
+            raise ScenarioError(episode.scenario.name, [f"mp4 needs images of even width and height, got {size} px"])
+
+
 def sequence_names(plan: Plan) -> list[str]:
     """Names of the sequences of a plan's episodes, in their order: `plaza-walk-0003`, `corridor-jitter-2-0000`."""
 
@@ -118,11 +148,11 @@ def sequence_names(plan: Plan) -> list[str]:
     return list(distinct_slugs(name(episode) for episode in plan.episodes()).values())
 
 
-def _begin(out: Path, plan: Plan, layout: str, image: str, quality: int, maps: Sequence[str]) -> None:
+def _begin(out: Path, plan: Plan, layout: str, image: str, maps: Sequence[str]) -> None:
     """Write what the data set is, or check that the folder holds the same."""
     record = {
         "format": layout,
-        "image": image if image == "png" else f"jpg, quality {quality}",
+        "image": image,
         "maps": list(maps),
         "version": pftrack_sim.__version__,
         "versions": {name: importlib.metadata.version(name) for name in ("mujoco", "opencv-python-headless", "numpy")},

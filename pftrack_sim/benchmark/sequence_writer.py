@@ -20,17 +20,20 @@ from pftrack_sim.benchmark.episode_file import truth_columns
 from pftrack_sim.benchmark.files import sql_text
 from pftrack_sim.benchmark.plan import Episode
 from pftrack_sim.benchmark.rollout import Step, detected, rollout, simulated
+from pftrack_sim.benchmark.sinks import video_writer
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.core.records import Detections, Frame, Truth
+from pftrack_sim.core.records import Detections, Frame, Image, Truth
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.formats import LAYOUTS, Annotations, PersonBox
+from pftrack_sim.formats.files import VIDEO
 from pftrack_sim.formats.maps import MapKind, encode_depth, encode_flow, encode_masks
 from pftrack_sim.formats.webdataset import SHARD, add_member, sample
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.geometry import SceneGeometry
 
-ImageFormat: TypeAlias = Literal["png", "jpg"]
-JPEG_QUALITY = 95
+ImageFormat: TypeAlias = Literal["png", "jpg", "mp4"]
+QUALITIES: dict[ImageFormat, tuple[int, range]] = {"jpg": (95, range(1, 101)), "mp4": (18, range(52))}
+"""Quality unless another is asked for, and all that are allowed: of JPEG, and H.264's constant rate factor."""
 TRUTH = "truth.parquet"
 """Truth of everybody in view, a row per person and frame, beside the images of a sequence."""
 
@@ -43,8 +46,8 @@ class ExportJob:
         episode: What is simulated; the robot follows its script.
         folder: Folder of the sequence.
         layout: One of `LAYOUTS`.
-        image: `"png"`, lossless, or `"jpg"`.
-        quality: Of JPEG, 1 to 100.
+        image: `"png"`, lossless, `"jpg"`, or `"mp4"`: one video in the place of the images.
+        quality: Of `QUALITIES`; PNG has none.
         maps: What is written beside each image.
         backend: Renderer, by name.
         number: Place of the sequence in the data set, from 0.
@@ -55,7 +58,7 @@ class ExportJob:
     folder: Path
     layout: str
     image: ImageFormat = "png"
-    quality: int = JPEG_QUALITY
+    quality: int = 0
     maps: tuple[MapKind, ...] = ()
     backend: str | None = None
     number: int = 0
@@ -79,10 +82,14 @@ def export_sequence(job: ExportJob) -> None:
                 shard = opened.enter_context(tarfile.open(part / SHARD, "w", format=tarfile.PAX_FORMAT))
                 put = partial(_put_member, shard, job.folder.name)
             simulation = opened.enter_context(Simulation(job.episode.scenario, backend=job.backend))
-            writer = _SequenceWriter(job, part, simulation, put)
+            settings, film = job.episode.scenario.resolve(job.episode.seed), None
+            if job.image == "mp4":
+                path = (part / LAYOUTS[job.layout].image).with_name(VIDEO)
+                film = opened.enter_context(video_writer(path, settings.camera.rate_hz, job.quality))
+            writer = _SequenceWriter(job, part, simulation, put, film)
             samples = simulated(simulation, job.episode.seed)
             if job.detections:
-                samples = detected(samples, job.episode.scenario.resolve(job.episode.seed), job.episode.seed)
+                samples = detected(samples, settings, job.episode.seed)
             rollout(samples, (), [writer.add])
             writer.flush()
         writer.finish()
@@ -114,6 +121,7 @@ class _SequenceWriter:
     folder: Path
     simulation: Simulation
     put: Callable[[str, bytes], None]
+    film: Callable[[Image, float], None] | None = None
     frames: list[Frame] = field(default_factory=list[Frame])
     people: list[tuple[PersonBox, ...]] = field(default_factory=list[tuple[PersonBox, ...]])
     detections: list[Detections] = field(default_factory=list[Detections])
@@ -138,11 +146,14 @@ class _SequenceWriter:
             self.geometry = geometry
         self.flush()
         layout = LAYOUTS[self.job.layout]
-        suffix = f".{self.job.image}"
-        options = [cv2.IMWRITE_JPEG_QUALITY, self.job.quality] if self.job.image == "jpg" else []
-        _, encoded = cv2.imencode(suffix, cv2.cvtColor(frame.image, cv2.COLOR_RGB2BGR), options)
         name = layout.image.format(frame.index + layout.first)
-        self.held.append((name + suffix, encoded.tobytes()))
+        if self.film is not None:
+            self.film(frame.image, frame.time_s)
+        else:
+            suffix = f".{self.job.image}"
+            options = [cv2.IMWRITE_JPEG_QUALITY, self.job.quality] if self.job.image == "jpg" else []
+            _, encoded = cv2.imencode(suffix, cv2.cvtColor(frame.image, cv2.COLOR_RGB2BGR), options)
+            self.held.append((name + suffix, encoded.tobytes()))
         if layout.packed:
             text = sample(self.job.folder.name, frame.index, frame.time_s, self.people[-1])
             self.held.append((f"{name}.json", text))

@@ -22,8 +22,11 @@ def export(
     seeds: BenchSeeds = None,
     axis: AxisLevels = None,
     settings: Settings = None,
-    image: Annotated[str, typer.Option(help="png, lossless, or jpg.")] = "png",
-    quality: Annotated[int, typer.Option(help="Quality of JPEG, 1 to 100.")] = 95,
+    image: Annotated[str, typer.Option(help="png, lossless, jpg, or mp4, a video (--format mot or lasot).")] = "png",
+    quality: Annotated[
+        int | None,
+        typer.Option(help="Of jpg, 1 to 100 (default 95); of mp4 the constant rate factor, 0 to 51 (default 18)."),
+    ] = None,
     maps: Annotated[
         str | None, typer.Option("--with", metavar="A,B", help="Beside each image: depth, masks (who is seen), flow.")
     ] = None,

@@ -14,17 +14,22 @@ from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.formats.video_file import probe
 
 MAX_TEXT_BYTES = 64 << 20
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
+VIDEO = "frames.mp4"
+"""Name of the video that an exported sequence may have in the folder of its images."""
 
 
 def numbered_images(folder: Path) -> list[Path]:
-    """Images of a folder in the order of their numbers, without gaps.
+    """Images of a folder in the order of their numbers, without gaps; the file `VIDEO`, once for each of its frames.
 
     Raises:
         SequenceError: The folder is missing or has no images; a name is no number; a number is missing or twice there.
     """
+    if (folder / VIDEO).is_file():
+        return [folder / VIDEO] * probe(folder / VIDEO)[0]
     try:
         found = [
             entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and not entry.name.startswith(".")

@@ -25,7 +25,7 @@ EXPECTS = "a folder image_02/NAME/ of numbered images and label_02/NAME.txt"
 TARGET = 1
 IMAGE = "{:06d}"
 IMAGES = "image_02"
-_LABELS, _CALIBRATION = "label.txt", "calib.txt"
+_LABELS, _CALIBRATION, _LIST = "label.txt", "calib.txt", "evaluate_tracking.seqmap.training"
 _FULLY, _PARTLY, _LARGELY, _UNKNOWN = 0.95, 0.5, 0.0, 3
 """Visible share above which a person counts as fully visible (0), partly occluded (1), largely occluded (2)."""
 _COLUMNS = (
@@ -88,7 +88,8 @@ def _label(person: PersonBox) -> str:
 
 
 def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
-    """Labels and calibrations of all sequences where KITTI has them."""
+    """Labels and calibrations of all sequences where KITTI has them, and their list, which TrackEval reads."""
+    yield _LIST, (f"{name} empty {0:06d} {len(numbered_images(root / IMAGES / name)):06d}\n" for name in names)
     for name in names:
         for folder, file in (("label_02", _LABELS), ("calib", _CALIBRATION)):
             yield f"{folder}/{name}.txt", iter([(root / IMAGES / name / file).read_text()])

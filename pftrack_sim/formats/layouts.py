@@ -38,6 +38,7 @@ class Layout:
         first: Number of the first image.
         needs: `"masks"` and `"solids"`: what of `PersonBox` it writes besides boxes.
         packed: Whether a sequence is a shard: an archive with a text for each image.
+        video: Whether a video may stand for the images: no public tool that reads the layout opens or counts them.
     """
 
     title: str
@@ -51,6 +52,7 @@ class Layout:
     first: int = 1
     needs: frozenset[str] = frozenset()
     packed: bool = False
+    video: bool = False
 
 
 def _layout(title: str, module: Any, sequences: str = ".", **options: Any) -> Layout:
@@ -60,10 +62,10 @@ def _layout(title: str, module: Any, sequences: str = ".", **options: Any) -> La
 
 LAYOUTS: dict[str, Layout] = {
     "otb": _layout("OTB", otb),
-    "mot": _layout("MOTChallenge", mot, "pftrack-train"),
+    "mot": _layout("MOTChallenge", mot, "pftrack-train", video=True),
     "got10k": _layout("GOT-10k", got10k, "val"),
     "vot": _layout("VOT", vot, "sequences"),
-    "lasot": _layout("LaSOT", lasot),
+    "lasot": _layout("LaSOT", lasot, video=True),
     "coco": _layout("COCO", coco, coco.IMAGES, needs=frozenset({"masks"})),
     "kitti": _layout("KITTI", kitti, kitti.IMAGES, first=0, needs=frozenset({"solids"})),
     "webdataset": _layout("WebDataset", webdataset, packed=True),
@@ -137,10 +139,10 @@ def read_sequence(
         return video.read(Path(path), boxes)
     folder = _checked_folder(path, layout)
     if layout is not None:
-        return LAYOUTS[layout].read(folder)
+        return video.decoded(LAYOUTS[layout].read(folder))
     for known in LAYOUTS.values():
         if known.matches(folder):
-            return known.read(folder)
+            return video.decoded(known.read(folder))
     raise SequenceError(f"{folder}: not a sequence in a known layout ({_expected(LAYOUTS.values())})")
 
 

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
 
-import av
 import numpy as np
-from av.error import FFmpegError
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats.files import number_rows, present_boxes
+from pftrack_sim.formats.files import VIDEO, number_rows, present_boxes
 from pftrack_sim.formats.sequence import RecordedSequence
+from pftrack_sim.formats.video_file import decode, probe
 
 
 @dataclass(frozen=True, eq=False)
 class _VideoSequence(RecordedSequence):
-    """Frames are decoded one after the other; going back begins anew."""
+    """Frames of one file, decoded one after the other; going back begins anew."""
 
     decoder: list[tuple[int, Generator[Image]]] = field(default_factory=list[tuple[int, Generator[Image]]])
 
@@ -29,10 +26,10 @@ class _VideoSequence(RecordedSequence):
         """See `RecordedSequence`."""
         if not 0 <= index < len(self):
             raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
-        at, frames = self.decoder.pop() if self.decoder else (0, _frames(self.paths[0]))
+        at, frames = self.decoder.pop() if self.decoder else (0, decode(self.paths[0]))
         if at > self.start + index:
             frames.close()
-            at, frames = 0, _frames(self.paths[0])
+            at, frames = 0, decode(self.paths[0])
         for number, image in enumerate(frames, start=at):
             if number == self.start + index:
                 self.decoder.append((number + 1, frames))
@@ -46,9 +43,9 @@ def given_boxes(text: str) -> FloatArray:
     Raises:
         SequenceError: The file is missing or holds something else.
     """
-    fields = text.split(",")
+    numbers = text.split(",")
     try:
-        box = [float(one) for one in fields]
+        box = [float(one) for one in numbers]
     except ValueError:
         return present_boxes(number_rows(Path(text), "four numbers x, y, w, h", 4))
     if len(box) != 4 or not np.isfinite(box).all() or min(box[2:]) <= 0.0:
@@ -67,15 +64,7 @@ def read(path: Path, boxes: FloatArray) -> RecordedSequence:
     Raises:
         SequenceError: It is no video, or the boxes are neither one nor as many as its frames.
     """
-    try:
-        with av.open(str(path)) as opened:
-            container: Any = opened
-            stream = container.streams.video[0]
-            rate = stream.average_rate
-            count = sum(1 for packet in container.demux(stream) if packet.size)
-    except (FFmpegError, OSError, IndexError) as error:
-        problem = getattr(error, "strerror", None) or "it has no video stream"
-        raise SequenceError(f"{path}: cannot be read as a video: {one_line(str(problem))}") from None
+    count, rate_hz = probe(path)
     if len(boxes) not in (1, count):
         raise SequenceError(f"{path}: {count} frames but {len(boxes)} boxes; give one for the first frame, or all")
     truth = np.full((count, 4), np.nan)
@@ -84,13 +73,11 @@ def read(path: Path, boxes: FloatArray) -> RecordedSequence:
     if not known.size:
         raise SequenceError(f"{path}: no frame has a box")
     first = int(known[0])
-    return _VideoSequence(path.stem, (path,) * (count - first), truth[first:], float(rate) if rate else None, first)
+    return _VideoSequence(path.stem, (path,) * (count - first), truth[first:], rate_hz, first)
 
 
-def _frames(path: Path) -> Generator[Image]:
-    try:
-        with av.open(str(path)) as container:
-            for frame in container.decode(video=0):
-                yield np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
-    except (FFmpegError, OSError) as error:
-        raise SequenceError(f"{path}: is damaged: {one_line(str(error.strerror or error))}") from None
+def decoded(sequence: RecordedSequence) -> RecordedSequence:
+    """The sequence of a layout; where its images are in a video, one that decodes it."""
+    if sequence.paths[0].name != VIDEO:
+        return sequence
+    return _VideoSequence(**{one.name: getattr(sequence, one.name) for one in fields(sequence)})

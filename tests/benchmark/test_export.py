@@ -15,9 +15,9 @@ from pftrack_sim.benchmark import Plan, make_plan
 from pftrack_sim.benchmark.export import export
 from pftrack_sim.benchmark.recorded import evaluate
 from pftrack_sim.benchmark.sequence_writer import TRUTH
-from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, ScenarioError, UnknownNameError
 from pftrack_sim.core.records import Frame
-from pftrack_sim.formats import LAYOUTS, read_sequence
+from pftrack_sim.formats import LAYOUTS, read_sequence, read_sequences
 from pftrack_sim.scenario import load
 from pftrack_sim.score import frame_scores, summarise
 from pftrack_sim.simulation.simulation import Simulation
@@ -82,6 +82,39 @@ def test_a_sequence_has_the_frames_boxes_and_scores_of_the_episode(
         assert (out / name).read_text() == "".join(pieces)
 
 
+@pytest.mark.parametrize("layout", ["mot", pytest.param("lasot", marks=pytest.mark.slow)])
+def test_a_video_stands_for_the_images_and_is_read_back(tmp_path: Path, layout: str, episode: list[Frame]):
+    names = ["easy-plaza-walk-0003", "easy-plaza-walk-0004"]
+    out = export(plan([3, 4]), tmp_path / "out", layout, image="mp4", quality=5, maps=["masks"])
+    whole = files(out)
+    assert json.loads(whole["dataset.json"])["image"] == "mp4, H.264, constant rate factor 5"
+    folder = out / LAYOUTS[layout].sequences / names[0]
+    video = (folder / LAYOUTS[layout].image).with_name("frames.mp4")
+    assert [path.name for path in video.parent.iterdir()] == ["frames.mp4"]
+    assert len(list((folder / "masks").iterdir())) == len(episode)
+    if layout == "mot":
+        assert "imExt=.mp4" in (folder / "seqinfo.ini").read_text()
+    read = read_sequence(folder)
+    assert (len(read), read.name) == (len(episode), names[0])
+    for index in (0, len(episode) - 1, 5):
+        difference = read.image(index).astype(float) - episode[index].image
+        assert 0.0 < np.sqrt((difference**2).mean()) < 6.0
+        np.testing.assert_allclose(read.truth[index], episode[index].truth.box, atol=1.1e-5)
+    assert [one.error for one in evaluate(read_sequences(out), ["ncc"], [0])] == [None, None]
+    # Resumed after a kill that left half a video.
+    video.rename(video.with_name(".frames.mp4.part"))
+    folder.rename(folder.with_name(f".{names[0]}.part"))
+    export(plan([3, 4]), out, layout, image="mp4", quality=5, maps=["masks"])
+    assert files(out) == whole
+
+
+def test_a_video_of_odd_images_is_refused(tmp_path: Path):
+    odd = plan([0], **{"camera.height_px": 71})
+    with pytest.raises(ScenarioError, match="mp4 needs images of even width and height, got 96 x 71 px"):
+        export(odd, tmp_path / "out", "mot", image="mp4")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.slow
 def test_a_resumed_export_has_the_bytes_of_an_uninterrupted_one(tmp_path: Path):
     whole = export(plan([0, 1, 2]), tmp_path / "whole", "got10k", image="jpg", quality=80)
@@ -114,8 +147,12 @@ def test_another_plan_or_foreign_files_are_not_touched(tmp_path: Path):
     ("changes", "error", "words"),
     [
         ({"layout": "otbb"}, UnknownNameError, "did you mean 'otb'"),
-        ({"image": "gif"}, UnknownNameError, "known: jpg, png"),
-        ({"quality": 0}, ParameterError, "quality must be 1 to 100"),
+        ({"image": "gif"}, UnknownNameError, "known: jpg, mp4, png"),
+        ({"image": "jpg", "quality": 0}, ParameterError, "quality of jpg must be 1 to 100, got 0"),
+        ({"image": "mp4", "quality": 52, "layout": "mot"}, ParameterError, "quality of mp4 must be 0 to 51, got 52"),
+        ({"quality": 90}, ParameterError, "quality of png has no meaning: it is lossless"),
+        ({"workers": -1}, ParameterError, "workers must be >= 0, got -1"),
+        ({"image": "mp4"}, ParameterError, "tools that read otb need single images, png or jpg"),
         ({"backend": "vulkan"}, PftrackError, "vulkan"),
     ],
 )

@@ -84,6 +84,6 @@ def test_what_is_wrong_is_said_in_one_line(film: Path, tmp_path: Path):
 
 def test_a_video_that_breaks_off_is_an_error(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     sequence = read_sequence(film, boxes=given_boxes("10,20,24,24"))
-    monkeypatch.setattr("pftrack_sim.formats.video._frames", lambda path: (np.zeros((4, 4, 3), np.uint8) for _ in "ab"))
+    monkeypatch.setattr("pftrack_sim.formats.video.decode", lambda path: (np.zeros((4, 4, 3), np.uint8) for _ in "ab"))
     with pytest.raises(SequenceError, match="frame 5 cannot be decoded"):
         sequence.image(4)
