@@ -6,6 +6,8 @@ STAMP := $(VENV)/.installed
 # What draws without a display or a GPU on Debian and Ubuntu.
 GL_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libosmesa6
 WHEEL_VENV := build/wheel-venv
+# They ask for opencv-python, which must not be beside opencv-python-headless; what else they need is in .[dev].
+SCORERS := trackeval==1.3.0 vot-toolkit==0.9.0
 
 WITHOUT_GL := PYTHONPATH=tests/without_opengl
 
@@ -18,6 +20,7 @@ $(STAMP): pyproject.toml
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || $(call install,python3-venv,"Python's venv module is missing")
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps $(SCORERS)
 	@$(BIN)/pftrack-sim doctor --check || $(call install,$(GL_PACKAGES),"nothing here can draw off-screen")
 	@$(BIN)/pftrack-sim doctor --check
 	@touch $(STAMP)

@@ -16,7 +16,7 @@ from pftrack_sim.benchmark.results import export_results, score_results
 from pftrack_sim.core.errors import ParameterError, SequenceError, TrackerError
 from pftrack_sim.formats import read_sequence
 from tests.benchmark.small import SMALL
-from tests.benchmark.test_toolkits import assert_equal, trackeval_scores
+from tests.benchmark.test_toolkits import assert_equal, mot_challenge, trackeval_scores
 
 CROWD: dict[str, Any] = {
     **SMALL, "distractors.count": 3, "duration_s": 1.5, "axes.detector.severity": 1.0, "axes.detector.height_px": 6.0,
@@ -102,7 +102,8 @@ def test_trackeval_computes_the_same_of_multi_object_trackers(tmp_path: Path):
     export(plan, tmp_path / "data", "mot", image="jpg", detections=True)
     export_results(run(plan, tmp_path / "run", videos="none"), tmp_path / "results", "mot")
     found = score_results(tmp_path / "results", tmp_path / "data").benchmark
-    theirs = trackeval_scores(tmp_path / "data", tmp_path / "results", tmp_path / "out")
+    asked = mot_challenge(tmp_path / "data")
+    theirs = trackeval_scores("MotChallenge2DBox", tmp_path / "results", tmp_path / "out", asked)
     assert sorted(theirs) == sorted(names)
     assert_equal(found, theirs)
 
