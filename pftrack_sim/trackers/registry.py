@@ -1,7 +1,8 @@
-"""Trackers by name: built-in ones, those of installed packages, any `package.module:factory`, and `trax:COMMAND`.
+"""Trackers by name: built-in and installed ones, any `package.module:factory`, `mot:MODULE:CLASS`, and `trax:COMMAND`.
 
 A factory is called as `factory(seed=..., preset=..., **params)` and returns a `records.Tracker`. Installed packages
-announce theirs in the entry-point group `pftrack_sim.trackers`. `trax:` is followed by the command of another program.
+announce theirs in the entry-point group `pftrack_sim.trackers`. `trax:` is followed by the command of another program,
+`mot:` by a class or function that makes a multi-object tracker from its parameters alone.
 `isolation.child` says how often a factory is called.
 """
 
@@ -10,6 +11,7 @@ from __future__ import annotations
 import importlib
 import operator
 import shlex
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -17,8 +19,10 @@ from pftrack_sim.core.code_digest import command_digest
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.core.plugins import BuiltIn, Registry
 from pftrack_sim.core.records import Tracker
+from pftrack_sim.trackers.multi_object.followed import FollowedPerson, MultiObjectTracker
 from pftrack_sim.trackers.trax import PREFIX as TRAX
 
+MOT = "mot:"
 GROUP = "pftrack_sim.trackers"
 _CONTRIB, _FILES = "needs opencv-contrib-python-headless", "needs model files"
 _MOT = "follows detections; needs the extra mot"
@@ -82,9 +86,23 @@ _REGISTRY = Registry[Tracker](
     methods=("init", "update"),
     builtin={name: BuiltIn(partial(_make_builtin, module, name), text) for name, (module, text) in _BUILTIN.items()},
 )
+_MULTI_OBJECT = Registry[MultiObjectTracker](
+    kind="multi-object tracker",
+    group="pftrack_sim.multi_object_trackers",
+    error_type=TrackerError,
+    interface=MultiObjectTracker,
+    methods=("update",),
+    builtin={},
+)
 names = _REGISTRY.names
 describe = _REGISTRY.describe
-factory = _REGISTRY.factory
+
+
+def factory(name: str) -> Callable[..., Any]:
+    """The factory of a tracker in Python, imported; errors are those of `make`."""
+    if name.startswith(MOT):
+        return _MULTI_OBJECT.factory(name.removeprefix(MOT))
+    return _REGISTRY.factory(name)
 
 
 def code_digest(name: str) -> str:
@@ -94,6 +112,8 @@ def code_digest(name: str) -> str:
         UnknownNameError: No such tracker.
         TrackerError: The command of a TraX tracker cannot be split into words.
     """
+    if name.startswith(MOT):
+        return _MULTI_OBJECT.code_digest(name.removeprefix(MOT))
     if not name.startswith(TRAX):
         return _REGISTRY.code_digest(name)
     try:
@@ -111,7 +131,8 @@ def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) ->
     """Make a tracker.
 
     Args:
-        name: One of `names()`, `package.module:factory`, or `trax:COMMAND`.
+        name: One of `names()`, `package.module:factory`, `mot:package.module:factory` of a multi-object tracker, of
+            which one person is followed, or `trax:COMMAND`.
         seed: Root seed, >= 0. The tracker draws from its stream `"tracker"` only.
         preset: `"default"` or `"paper"`; equal for trackers with one set of values.
         params: Parameters of the tracker.
@@ -131,4 +152,8 @@ def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) ->
         raise ParameterError(f"seed must be a whole number >= 0, got {seed!r}")
     if name.startswith(TRAX):
         return importlib.import_module("pftrack_sim.trackers.trax.client").make(name, root, preset, params)
+    if name.startswith(MOT):
+        make_one = partial(_MULTI_OBJECT.make, name.removeprefix(MOT), params)
+        make_one()  # What is wrong is said now, not in the first frame.
+        return FollowedPerson(make_one)
     return _REGISTRY.make(name, params, seed=root, preset=preset)

@@ -155,3 +155,38 @@ def test_tracks_are_checked():
     for boxes, identities in [(np.zeros((2, 4)), [1, 1]), (np.zeros((1, 4)), [1, 2]), ([[np.nan] * 4], [1])]:
         with pytest.raises(ParameterError, match="tracks"):
             TrackedBoxes(np.array(boxes), np.array(identities))
+
+
+class FromTheLeft:
+    """Numbers people from the left."""
+
+    def __init__(self, first: int = 1) -> None:
+        self.first = first
+
+    def update(self, found: Detections, image: Any) -> Any:
+        order = np.argsort(found.boxes[:, 0])
+        return TrackedBoxes(found.boxes[order], self.first + np.arange(len(order))) if self.first else [found]
+
+
+def test_a_multi_object_tracker_of_ones_own_runs_by_its_class():
+    tracker = trackers.make(f"mot:{__name__}:FromTheLeft", first=5)
+    shown = [detections(boxes_at(index)) for index in range(3)]
+    estimates, tracks = follow(tracker, shown, boxes_at(0)[1])
+    assert [one.identities.tolist() for one in tracks] == [[5, 6]] * 3
+    assert [one.box.tolist() for one in estimates] == [boxes_at(index)[1].tolist() for index in range(3)]
+    assert trackers.code_digest(f"mot:{__name__}:FromTheLeft")
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "words"),
+    [
+        ("FromTheLef", {}, "has no 'FromTheLef'; did you mean 'FromTheLeft'"),
+        ("FromTheLeft", {"last": 1}, r"has no parameter 'last' \(allowed: first\)"),
+        ("COUNT", {}, "is no factory, it cannot be called"),
+        ("LIBRARIES.keys", {}, "must make an object with update, got dict_keys"),
+        ("FromTheLeft", {"first": 0}, "must return TrackedBoxes, got list"),
+    ],
+)
+def test_a_wrong_multi_object_tracker_is_one_clear_error(name: str, params: dict[str, Any], words: str):
+    with pytest.raises((ParameterError, TrackerError), match=words):
+        follow(trackers.make(f"mot:{__name__}:{name}", **params), [detections([])], boxes_at(0)[0])

@@ -71,9 +71,11 @@ class FollowedPerson(BaseTracker):
     def _update(self, image: Image) -> TrackedBoxes:
         if self._detections is None:
             raise TrackerError("this tracker follows detections and got none")
-        self.tracks = self._tracker.update(self._detections, image)
-        self._detections = None
-        return self.tracks
+        tracks: object = self._tracker.update(self._detections, image)
+        if not isinstance(tracks, TrackedBoxes):
+            raise TrackerError(f"a multi-object tracker must return TrackedBoxes, got {type(tracks).__name__}")
+        self.tracks, self._detections = tracks, None
+        return tracks
 
     def _remember(self, tracks: TrackedBoxes) -> None:
         """Note who is there beside the person."""
