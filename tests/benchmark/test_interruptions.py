@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,8 +14,11 @@ import pytest
 
 from pftrack_sim.benchmark import run
 from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.export import export
 from pftrack_sim.benchmark.progress import RunProgress
+from pftrack_sim.benchmark.results import export_results
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.formats.results import RESULT_FORMATS
 from tests.benchmark.kills import children, command, survive
 from tests.benchmark.small import contents, small_plan
 
@@ -121,6 +125,34 @@ def test_a_report_for_which_there_is_no_space_is_one_error(little_disk: Path):
         write_report(little_disk / "run")
     assert not list(little_disk.rglob("*.part"))
     assert check(little_disk / "run").good
+
+
+@pytest.mark.slow
+def test_results_for_which_there_is_no_space_are_one_error_and_no_half_file(little_disk: Path, tmp_path: Path):
+    finished = run(small_plan(range(10), ["oracle", "stay"]), tmp_path / "run", videos="none")
+    for form in RESULT_FORMATS:
+        with pytest.raises(RunError, match="cannot write .*: No space left on device"):
+            export_results(finished, little_disk / form, form)
+        assert not list(little_disk.rglob("*.part"))
+        whole = export_results(finished, tmp_path / form, form)
+        written = [path.relative_to(little_disk) for path in little_disk.rglob("*") if path.is_file()]
+        assert 0 < len(written) < len(whole)
+        for path in written:
+            assert (little_disk / path).read_bytes() == (tmp_path / path).read_bytes()
+        shutil.rmtree(little_disk / form)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("image", ["png", "mp4"])
+def test_a_sequence_for_which_there_is_no_space_is_not_there(little_disk: Path, tmp_path: Path, image: str):
+    size = {"camera.width_px": 320, "camera.height_px": 240, "duration_s": 1.0}
+    plan = small_plan(range(2), ["stay"], **size)
+    with pytest.raises(RunError, match="cannot write .*: No space left on device"):
+        export(plan, little_disk / "out", "mot", image=image, quality=0 if image == "mp4" else None)
+    assert [path.name for path in little_disk.rglob("*") if path.is_file()] == ["dataset.json"]
+    subprocess.run(["mount", "-o", "remount,size=64m", str(little_disk)], check=True)
+    export(plan, little_disk / "out", "mot", image=image, quality=0 if image == "mp4" else None)
+    assert len(list(little_disk.rglob("truth.parquet"))) == 2
 
 
 def test_a_file_size_limit_loses_no_finished_episode(tmp_path: Path):
