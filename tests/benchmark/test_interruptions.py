@@ -131,7 +131,7 @@ def test_a_report_for_which_there_is_no_space_is_one_error(little_disk: Path):
 def test_results_for_which_there_is_no_space_are_one_error_and_no_half_file(little_disk: Path, tmp_path: Path):
     finished = run(small_plan(range(10), ["oracle", "stay"]), tmp_path / "run", videos="none")
     for form in RESULT_FORMATS:
-        with pytest.raises(RunError, match="cannot write .*: No space left on device"):
+        with pytest.raises(RunError, match=r"cannot write .*: No space left on device"):
             export_results(finished, little_disk / form, form)
         assert not list(little_disk.rglob("*.part"))
         whole = export_results(finished, tmp_path / form, form)
@@ -147,7 +147,7 @@ def test_results_for_which_there_is_no_space_are_one_error_and_no_half_file(litt
 def test_a_sequence_for_which_there_is_no_space_is_not_there(little_disk: Path, tmp_path: Path, image: str):
     size = {"camera.width_px": 320, "camera.height_px": 240, "duration_s": 1.0}
     plan = small_plan(range(2), ["stay"], **size)
-    with pytest.raises(RunError, match="cannot write .*: No space left on device"):
+    with pytest.raises(RunError, match=r"cannot write .*: No space left on device"):
         export(plan, little_disk / "out", "mot", image=image, quality=0 if image == "mp4" else None)
     assert [path.name for path in little_disk.rglob("*") if path.is_file()] == ["dataset.json"]
     subprocess.run(["mount", "-o", "remount,size=64m", str(little_disk)], check=True)
