@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pftrack_sim.agents.path_kernels import nearest, seen_from_starts
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray, IntArray
 
@@ -66,10 +67,12 @@ class Path:
         self._starts = np.concatenate([[-_FAR_M], self._origin[1:]])
         table: FloatArray = np.array([(p.x, p.y, p.heading, p.length, p.curvature) for p in pieces]).T
         self._x, self._y, self._heading, self._length, self._curvature = table
+        ends = self._starts + self._length
+        directions = np.cos(self._heading), np.sin(self._heading)
+        self._pieces: FloatArray = np.stack([self._starts, ends, self._origin, *table[[0, 1, 4]], *directions])
         # The same by piece, for the place of one arc length.
-        self._directions: list[list[float]] = np.stack([np.cos(self._heading), np.sin(self._heading)], axis=1).tolist()
         self._first_m: list[float] = self._starts.tolist()
-        self._ends_m: list[float] = (self._starts + self._length).tolist()
+        self._ends_m: list[float] = ends.tolist()
         self._rows: list[list[float]] = np.stack([self._origin, *table[[0, 1, 2, 4]]], axis=1).tolist()
 
     def pose(self, s_m: float) -> tuple[float, float, float]:
@@ -101,14 +104,9 @@ class Path:
         """Arc length of the point nearest to `(2,)` x, y [m] among those within `within_m` of `near_s_m`."""
         x, y = float(xy_m[0]), float(xy_m[1])
         low, high = near_s_m - within_m, near_s_m + within_m
-        reached = range(bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high))
-        ends = [(max(self._first_m[piece], low), min(self._ends_m[piece], high)) for piece in reached]
-        nearest = [
-            min(max(self._nearest(piece, x, y), start), end) for piece, (start, end) in zip(reached, ends, strict=True)
-        ]
-        # On an arc, the nearer end is not always the one to which the nearest point was clipped.
-        candidates = [*nearest, *(start for start, _ in ends), *(end for _, end in ends)]
-        return min(candidates, key=lambda s_m: _squared(x, y, *self.pose(s_m)))
+        first, last = bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high)
+        ahead, (sines, cosines) = seen_from_starts(self._pieces, first, last, x, y)
+        return nearest(self._pieces, self._heading, first, ahead, np.arctan2(sines, cosines), x, y, low, high)
 
     def offset(self, left_m: float) -> Path:
         """The parallel path `left_m` to the left (negative: right), with mitred, then rounded corners."""
@@ -129,21 +127,6 @@ class Path:
     def _locate(self, s_m: ArrayLike) -> tuple[FloatArray, IntArray]:
         s = np.asarray(s_m, dtype=np.float64)
         return s, np.maximum(np.searchsorted(self._starts, s, side="right") - 1, 0)
-
-    def _nearest(self, piece: int, x: float, y: float) -> float:
-        """Arc length of the nearest point of a piece, extended to a line or a full circle."""
-        origin, start_x, start_y, _, bend = self._rows[piece]
-        cos, sin = self._directions[piece]
-        dx, dy = x - start_x, y - start_y
-        ahead = cos * dx + sin * dy
-        if bend == 0.0:
-            return origin + ahead
-        # Angle about the centre of the circle (0, 1 / bend), from the start of the arc.
-        return origin + float(np.arctan2(bend * ahead, 1.0 - bend * (cos * dy - sin * dx))) / bend
-
-
-def _squared(x: float, y: float, px: float, py: float, _: float) -> float:
-    return (px - x) * (px - x) + (py - y) * (py - y)
 
 
 def _sinc(half_turn: float) -> float:

@@ -71,6 +71,19 @@ def test_projection_stays_on_its_own_lap():
     assert later > 15.0
 
 
+@settings(max_examples=50)
+@given(points, st.floats(-1.0, 30.0), st.floats(-4.0, 4.0))
+def test_projection_is_the_nearest_of_many_points(corners, s, aside):
+    path = Path(corners, 1.0)
+    x, y, _ = path.at(s)
+    point = (float(x) + aside, float(y) - 0.5 * aside)
+    found = path.project(point, near_s_m=s, within_m=2.0)
+    assert abs(found - s) <= 2.0
+    x, y, _ = path.at(np.linspace(s - 2.0, s + 2.0, 4001))
+    fx, fy, _ = path.at(found)
+    assert math.dist((fx, fy), point) <= np.hypot(x - point[0], y - point[1]).min() + 1e-9
+
+
 @pytest.mark.parametrize("left", [0.7, -0.7, 2.0])
 def test_offset_keeps_its_distance_on_straights(left: float):
     path = Path([(0, 0), (12, 0), (12, 12)], corner_m=1.5)
