@@ -38,13 +38,21 @@ class Bounds:
         self._unbounded = ~np.isin(model.geom_type, _BOUNDED_TYPES)
 
     def in_view(
-        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int], near_m: float
+        self,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        K: FloatArray,
+        size: tuple[int, int],
+        near_m: float,
+        geoms: IntArray | None = None,
     ) -> BoolArray:
-        """`(ngeom,)` geoms that may be visible in an image of `size` width and height [px]."""
+        """`(N,)` which geoms, None for all, may be visible in an image of `size` width and height [px]."""
         normals, offsets = _view_planes(T_world_camera, K, [PixelRect(0, 0, *size)], near_m)
-        near = np.flatnonzero((data.geom_xpos @ normals.T + offsets > -self._radii[:, None]).all(axis=1))
-        seen = self._unbounded.copy()
-        seen[near] |= self._reaches(data, near, normals, offsets).all(axis=1)
+        ids = np.arange(len(self._radii)) if geoms is None else geoms
+        near = np.flatnonzero((data.geom_xpos[ids] @ normals.T + offsets > -self._radii[ids, None]).all(axis=1))
+        seen = self._unbounded[ids]
+        if near.size:
+            seen[near] |= self._reaches(data, ids[near], normals, offsets).all(axis=1)
         return seen
 
     def may_occlude(

@@ -43,7 +43,7 @@ class CameraMount:
         """
         rendered = np.array(K)
         rendered[:2, 2] = 0.5 * np.array(size)
-        if not self._bounds.in_view(data, T_world_camera, rendered, size, self._near_m)[self._geoms].any():
+        if not self._bounds.in_view(data, T_world_camera, rendered, size, self._near_m, self._geoms).any():
             return
         displacement = T_world_camera @ np.linalg.inv(T_world_rest)
         rotation, translation = displacement[:3, :3], displacement[:3, 3]

@@ -75,7 +75,7 @@ class World:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.people = tuple(person.name for person in people)
-        self.robot = self._robot(self.model)
+        self.robot = self._robot(self.model, robot_alone)
         crowd = self._crowd(plan, settings.distractors.count, settings.groups)
         carried = self._carried(people[0].anatomy) if settings.target.carries else None
         self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
@@ -103,7 +103,7 @@ class World:
             delay_in_tick_s = min(max(delay_s - tick * tick_s, 0.0), tick_s)
             self.robot.update(tick_s, self._state, command, delay_in_tick_s)
             self.robot.step(self.data)
-            self._collision = self._collision or self.robot.drive.collision(self.data)
+            self._collision = self._collision or self.robot.collision(self.data)
             self._ticks += 1
             self._state = self._observed()
             self.traffic.update(tick_s, self._state)
@@ -162,8 +162,8 @@ class World:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    def _robot(self, model: mujoco.MjModel) -> Robot:
-        return Robot(model, self.settings, self.clock, self._script, self._seed, self._equilibrium)
+    def _robot(self, model: mujoco.MjModel, alone: mujoco.MjModel | None = None) -> Robot:
+        return Robot(model, self.settings, self.clock, self._script, self._seed, self._equilibrium, alone)
 
     def _robot_script(self, layout: WalkableArea) -> Script:
         settings = self.settings

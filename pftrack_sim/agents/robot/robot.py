@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.robot.alone import RobotAlone
 from pftrack_sim.agents.robot.drive import Drive, Equilibrium
 from pftrack_sim.agents.robot.road import RoadExcitation
 from pftrack_sim.agents.robot.script import Script
@@ -41,7 +42,12 @@ class SceneState:
 
 
 class Robot:
-    """Follows its script or external commands; `equilibrium` is that of the same robot, perhaps in another model."""
+    """Follows its script or external commands.
+
+    Args:
+        equilibrium: That of the same robot, perhaps in another model.
+        alone: A model of the same robot alone, in which it is stepped while it is far from everything; or None.
+    """
 
     def __init__(
         self,
@@ -51,8 +57,12 @@ class Robot:
         script: Script,
         seed: int,
         equilibrium: Equilibrium,
+        alone: mujoco.MjModel | None = None,
     ) -> None:
         self._model = model
+        speed_m_s = settings.robot.max_speed_m_s
+        self._alone = RobotAlone(model, alone, clock, speed_m_s) if alone is not None else None
+        self._stepped_alone = False
         self._clock = clock
         calibration = OdometryCalibration.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
         self.drive = Drive(model, settings.robot, settings.camera, calibration, equilibrium)
@@ -88,15 +98,29 @@ class Robot:
         self._segments = self._delay.segments(speeds, delay_s)
 
     def step(self, data: mujoco.MjData) -> None:
-        """Integrate the physics of one tick."""
+        """Integrate the physics of one tick. Poses of geoms in `data` must be at most a tick old."""
+        alone = self._alone
+        self._stepped_alone = alone is not None and not alone.may_touch(data)
+        if alone is None or not self._stepped_alone:
+            self._step(self._model, data)
+            return
+        alone.load(data)
+        self._step(alone.model, alone.data)
+        alone.store(data)
+
+    def _step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         for steps, speeds in self._segments:
             self.drive.command(data, *speeds, self._clock.tick_s * (steps / self._clock.steps))
             if self._road is None:
-                mujoco.mj_step(self._model, data, steps)
+                mujoco.mj_step(model, data, steps)
                 continue
             for _ in range(steps):
                 self._road.write(data)
-                mujoco.mj_step(self._model, data)
+                mujoco.mj_step(model, data)
+
+    def collision(self, data: mujoco.MjData) -> str | None:
+        """Name of what the robot touched in the last physics step, see `Drive.collision`."""
+        return None if self._stepped_alone else self.drive.collision(data)
 
     def scene_state(self, data: mujoco.MjData, time_s: float, crowd: Crowd) -> SceneState:
         """What the entities observe now. Updates the poses of bodies, geoms and cameras in `data`."""
