@@ -71,6 +71,16 @@ class LossShares:
     shares: Mapping[str, float]
     frames: Mapping[str, float]
 
+    @property
+    def statement(self) -> str:
+        """Number of losses and what they begin with more often than other frames have it, as the end of a sentence."""
+        if not self.losses:
+            return "never loses the target"
+        tag = max(TAGS, key=lambda one: self.shares[one] - self.frames[one])
+        often = f"{self.losses} time{'s' if self.losses != 1 else ''}"
+        more = f"{self.shares[tag]:.0%} begin with: {tag_title(tag)} ({self.frames[tag]:.0%} of all frames)"
+        return f"loses the target {often} in {self.episodes} episode{'s' if self.episodes != 1 else ''}; {more}"
+
 
 def tag_title(tag: str) -> str:
     """A tag in words.

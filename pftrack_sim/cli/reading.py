@@ -63,11 +63,13 @@ def compare(
     from pftrack_sim.benchmark import RunStore
     from pftrack_sim.benchmark.comparison import compare_runs
     from pftrack_sim.report import write_comparison
+    from pftrack_sim.report.comparison import losses_of_both
 
     names = parse_labels(trackers) if trackers is not None else []
     one, other = RunStore(first), RunStore(second or first)
     found = compare_runs(one, other, names, measure=measure)
     tables.print_comparison(found)
+    tables.print_lines(losses_of_both(one, other, found))
     tables.print_folder(write_comparison(one, other, found, html or other.path / "comparison.html"))
 
 

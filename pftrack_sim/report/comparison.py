@@ -18,7 +18,7 @@ from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.integrity import update_sum
-from pftrack_sim.benchmark.losses import TAGS, tag_title
+from pftrack_sim.benchmark.losses import TAGS, loss_shares, tag_title
 from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
@@ -69,6 +69,8 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
         scale=number_text(scale, 3),
         last=found.rows[-1],
         seeds=[(size, found.rows[-1].seeds_for(size)) for size in _SIZES],
+        losses=losses_of_both(first, second, found),
+        report=_link(second.path / "report.html", target.parent),
         worse=len(worse),
         better=sum(pair.difference > 0.0 for pair in found.episodes),
         episodes=[_episode(first, second, found, pair, target.parent) for pair in worse[:_MOST_EPISODES]],
@@ -77,6 +79,16 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     if target.parent.resolve() in (first.path.resolve(), second.path.resolve()):
         update_sum(target.parent, target.name)
     return target
+
+
+def losses_of_both(first: RunStore, second: RunStore, found: RunComparison) -> list[str]:
+    """How often each of the two lost the target in its whole run, a sentence each; none without such frames.
+
+    Raises:
+        RunError: A run cannot be read.
+    """
+    shares = [loss_shares(store).get(name) for store, name in zip((first, second), found.names, strict=True)]
+    return [f"{title} {one.statement}." for title, one in zip(found.titles, shares, strict=True) if one is not None]
 
 
 def _row(row: Difference, scale: float) -> dict[str, Any]:
@@ -149,6 +161,8 @@ def _covered(x: FloatArray, covered: BoolArray) -> Sequence[tuple[float, float]]
 
 def _video(store: RunStore, result: Result, folder: Path) -> str | None:
     video = store.video_of(result)
-    if video is None:
-        return None
-    return quote(os.path.relpath(video.resolve(), folder.resolve()).replace(os.sep, "/"))
+    return None if video is None else _link(video, folder)
+
+
+def _link(file: Path, folder: Path) -> str:
+    return quote(os.path.relpath(file.resolve(), folder.resolve()).replace(os.sep, "/"))

@@ -1,6 +1,7 @@
 """The page of a comparison: the numbers of `compare_runs`, and the episodes that got worse as videos side by side."""
 
 import html
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -95,6 +96,14 @@ def test_compare_and_report_say_where_it_fails(lost: Path, tmp_path: Path, capsy
     printed = capsys.readouterr().out
     assert "1 seed cannot show a difference between stay and oracle" in printed
     assert f"written: {tmp_path / 'page.html'}" in printed
+    assert "oracle never loses the target." in printed
+    told = re.search(
+        r"stay loses the target [1-9]\d* times? in 1 episode; \d+% begin with: .* of all frames\)\.", printed
+    )
+    assert told is not None, printed
+    page = (tmp_path / "page.html").read_text()
+    assert told[0] in page
+    assert html.unescape(page).count('/report.html#h-losses"') == 1
     reading.report(lost)
     printed = capsys.readouterr().out
     assert "Share of the losses that begin with" in printed

@@ -42,6 +42,8 @@ def test_it_opens_from_disk_and_ranks(opened: Any):
     heads = opened.locator("#board thead th").all_inner_texts()
     assert heads[2:6] == ["mean overlap", "stay", "skill", "tracked at 0.5"]
     assert [board(opened)[name][3] for name in ("oracle", "stay")] == ["1.000", "0.000"]
+    shown = [float(board(opened)[name][-1]) for name in ("oracle", "stay")]
+    assert shown == opened.evaluate("document.getElementById('speed').data[0].text.map(Number)"), "the same median"
     assert opened.locator("#success .legendtext").count() == 2
     assert opened.locator("#axes .plot").count() == 1
     assert opened.locator(".strip img").count() >= 5
