@@ -26,13 +26,18 @@ _LEAST_PX = 2.0  # A target that is lower than this in the image cannot be seen
 _VIEW_MARGIN_RAD = math.radians(20.0)  # For the width of the target, the operator's swings and the vibration
 
 
+def path_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path) -> list[str]:
+    """A line for the first thing that the target would walk through, or the point where it leaves the place."""
+    found = _misplaced(_walked(settings, path), layout, 0.0, "target.path_m: the target would walk through", "leave")
+    return [] if found is None else [found]
+
+
 def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path, script: Script) -> list[str]:
-    """One line for each thing that robot or target would stand in, and one if the camera never sees the target."""
-    walked_m = min(path.length_m, settings.target.speed_m_s * settings.duration_s)
-    target = np.stack(path.at(np.arange(0.0, walked_m + _STEP_M, _STEP_M))[:2])
+    """One line for each thing that the robot would stand in, and one if the camera never sees the target."""
+    target = _walked(settings, path)
     start = script.start_pose()
     robot = np.array([[start.x_m], [start.y_m]])
-    found = [_misplaced(target, layout, 0.0, "target.path_m: the target would walk through", "leave")]
+    found: list[str | None] = []
     if isinstance(settings.robot.route, StillRoute):
         found.append(_misplaced(robot, layout, ROBOT_RADIUS_M, "robot.route: the robot would stand in", "be outside"))
         gap_m = float(np.hypot(*(target - robot)).min())
@@ -45,6 +50,12 @@ def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: P
         )
     found.append(_unseen(settings, target - robot))
     return [line for line in found if line is not None]
+
+
+def _walked(settings: ResolvedScenario, path: Path) -> FloatArray:
+    """`(2, N)` points of the path as far as the target comes at its nominal speed."""
+    walked_m = min(path.length_m, settings.target.speed_m_s * settings.duration_s)
+    return np.stack(path.at(np.arange(0.0, walked_m + _STEP_M, _STEP_M))[:2])
 
 
 def _misplaced(points_m: FloatArray, layout: WalkableArea, radius_m: float, into: str, outside: str) -> str | None:

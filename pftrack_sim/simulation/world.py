@@ -32,7 +32,7 @@ from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.simulation.camera_mount import CameraMount
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
-from pftrack_sim.simulation.feasibility import placement_problems
+from pftrack_sim.simulation.feasibility import path_problems, placement_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
 from pftrack_sim.simulation.seating import planned_seats, seat_problems
 
@@ -169,11 +169,12 @@ class World:
         settings = self.settings
         speed_m_s, axis = settings.target.speed_m_s, settings.axes.target
         where = f"{settings.title!r} at seed {self._seed}"
+        problems = path_problems(settings, layout, self._path)
         try:
             script = Script(settings.robot, self._path, speed_m_s, axis, settings.camera, layout, self._seed)
         except ParameterError as error:
-            raise ScenarioError(where, [str(error)]) from None
-        problems = placement_problems(settings, layout, self._path, script)
+            raise ScenarioError(where, [*problems, str(error)]) from None
+        problems += placement_problems(settings, layout, self._path, script)
         hit = script.obstacle(layout, settings.duration_s)
         if hit is not None:
             name, x, y = hit

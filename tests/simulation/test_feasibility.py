@@ -49,6 +49,16 @@ def test_the_thing_in_the_way_is_named(changes: dict[str, Any], words: str):
         World(settings, 0)
 
 
+def test_a_path_through_a_wall_is_named_before_the_swing_that_it_leaves_no_room_for():
+    settings = scenario.load("corridor", {**EASY, "target.path_m": [[2, 0], [2, 12]]}).resolve(0)
+    with pytest.raises(ScenarioError) as caught:
+        World(settings, 0)
+    assert [problem.partition(": ")[0] for problem in caught.value.problems] == [
+        "target.path_m",
+        "robot.operator.swing_m",
+    ]
+
+
 def test_a_target_that_comes_into_view_or_is_turned_to_is_possible():
     World(scenario.load("easy/corridor", {**EASY, **still(-3, 0), "camera.mount": "back"}).resolve(0), 0)
     World(scenario.load("easy/corridor", {**EASY, **still(6, 1.2, -90), "robot.gaze": "forward"}).resolve(0), 0)
