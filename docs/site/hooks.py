@@ -13,6 +13,9 @@ from pftrack_sim.cli.app import app
 from pftrack_sim.scenario.axes import axes_by_name
 
 PICTURES = Path(__file__).parents[1] / "pictures"
+WIDTH = 88
+"""Of the help of commands, in characters: as many as a page shows."""
+
 SPACES = re.compile(r"^<!-- spaces of (\S+) -->$", re.MULTILINE)
 
 
@@ -34,10 +37,10 @@ def command_line() -> str:
     """The help of every command."""
     group: Any = typer.main.get_command(app)
     pages = ["# Command line\n\n`pftrack-sim COMMAND --help` prints what stands here.\n"]
-    context = group.context_class(group, info_name="pftrack-sim", terminal_width=100, max_content_width=100)
+    context = group.context_class(group, info_name="pftrack-sim", terminal_width=WIDTH, max_content_width=WIDTH)
     for name, command in group.commands.items():
         below = command.context_class(
-            command, info_name=name, parent=context, terminal_width=100, max_content_width=100
+            command, info_name=name, parent=context, terminal_width=WIDTH, max_content_width=WIDTH
         )
         pages.append(f"## {name}\n\n```text\n{command.get_help(below).strip()}\n```\n")
     return "\n".join(pages)

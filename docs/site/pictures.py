@@ -1,4 +1,4 @@
-"""Draw the pictures of the documentation: `make pictures`; its parts: scenarios, axes, moving, tutorials, studio."""
+"""Draw the pictures of the documentation: `make pictures`; its parts are named in `main`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from blocks import run_page
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.rollout import rollout, simulated
-from pftrack_sim.benchmark.sinks import picture
+from pftrack_sim.benchmark.sinks import picture, video_writer
 from pftrack_sim.benchmark.tracker_runner import make_runners
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.render.overlay import draw_frame
@@ -61,6 +61,8 @@ def main(parts: Sequence[str]) -> None:
         "moving": draw_moving,
         "tutorials": draw_tutorials,
         "studio": draw_studio,
+        "film": draw_film,
+        "drawings": draw_drawings,
     }
     if unknown := set(parts) - set(known):
         sys.exit(f"unknown pictures {sorted(unknown)}; there are {', '.join(known)}")
@@ -183,6 +185,25 @@ def draw_studio() -> None:
     for name, image in shots():
         height = image.shape[0] * 960 // image.shape[1]
         write_still(f"studio/{name}.webp", cv2.resize(image, (960, height), interpolation=cv2.INTER_AREA))
+
+
+def draw_drawings() -> None:
+    """How the package is built."""
+    from drawings import draw
+
+    draw(PICTURES / "design")
+
+
+def draw_film() -> None:
+    """A minute of the studio's page, in Chromium."""
+    from studio_pictures import FILM_HZ, film
+
+    path = PICTURES / "studio" / "minute.mp4"
+    with video_writer(path, FILM_HZ, quality=30) as add:
+        for index, image in enumerate(film()):
+            height = image.shape[0] * 960 // image.shape[1]
+            add(cv2.resize(image, (960, height), interpolation=cv2.INTER_AREA), index / FILM_HZ)
+    print(f"{path.stat().st_size / 1000:6.0f} kB studio/minute.mp4, {index + 1} pictures", flush=True)
 
 
 def write_still(name: str, image: Image) -> None:

@@ -39,7 +39,8 @@ class CameraEnv(gym.Env[Observation, Any]):
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
         overrides: Dotted keys and values, `{"duration_s": 5, "axes.jitter.severity": 2.0}`.
-        render_mode: `"rgb_array"` or None. Pictures have the truth and the last action drawn on them.
+        render_mode: `"rgb_array"` (truth and last action drawn on the frame), `"human"` (the same in a window),
+            `"depth_array"`, or None; `gym.make` adds `"rgb_array_list"`.
         backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
         image: False leaves out the pixels, for learning controllers on boxes and for many episodes of following: no
             OpenGL library is loaded, and the truth comes from the geometry, equal up to pixels on edges. Every stress
