@@ -29,10 +29,14 @@ from pftrack_sim.trackers.features.patches import PatchSampler, grid_shape
 from pftrack_sim.trackers.features.pixel_mixture import MixtureParameters, OutlierRule, PixelMixture
 from pftrack_sim.trackers.filters import AdaptiveNoise, ParticleFilter, RandomWalk, adaptive_velocity, fit_slopes
 from pftrack_sim.trackers.parameters import Count, Positive, Share
+from pftrack_sim.trackers.pftrack.camera_motion import CameraMotion
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 
 MotionModel: TypeAlias = Literal["similarity", "affine"]
 Sigma: TypeAlias = Annotated[float, Field(ge=0.0, le=10.0)]
 MIN_SIZE_PX = 2.0
+CAMERA_CERTAINTY = 0.5
+"""Least sum of the phase correlation around its peak for a motion of the camera to be used; 1 is a pure shift."""
 
 
 class Kwon2005Parameters(MixtureParameters):
@@ -66,6 +70,9 @@ class Kwon2005Parameters(MixtureParameters):
         widen: Greatest factor on the noise while the state is kept: beyond `widen_after` frames the uncertainty grows
             as that of a random walk does, with the square root of the frames. Not in the paper: 1, never.
         widen_after: Frames that the state is kept before the noise grows. Not in the paper.
+        camera_motion: Whether the state is carried along by the shift of the whole image since the last frame: part of
+            the movement expected, nu_t (8), that does not depend on the target, so it also holds while the target is
+            covered. Not in the paper.
         particles: Whether estimates contain the particles.
     """
 
@@ -94,6 +101,7 @@ class Kwon2005Parameters(MixtureParameters):
             "occlusion_share": 0.5,
             "hold_below": 0.65,
             "widen": 4.0,
+            "camera_motion": True,
         }
     )
 
@@ -115,6 +123,7 @@ class Kwon2005Parameters(MixtureParameters):
     hold_below: Share = 0.0
     widen: Annotated[float, Field(ge=1.0, le=100.0)] = 1.0
     widen_after: Count = 8
+    camera_motion: bool = False
     particles: bool = False
 
 
@@ -199,9 +208,12 @@ class Kwon2005(BaseTracker):
         self._slopes: NDArray[np.floating[Any]] | None = None
         self._occluded = False
         self._held_frames = 0
+        self._camera = CameraMotion(CAMERA_CERTAINTY)
+        self._carry(image)
 
     def _follow(self, image: Image) -> Estimate:
         """Steps 4 to 11 of the procedure in section 2.2."""
+        self._carry(image)
         p, particle_filter, sampler = self.params, self._filter, self._sampler(image)
         velocity, factor, count = self._adapt(image, sampler)
         # J_max particles are drawn, so that later random numbers do not depend on J_t.
@@ -228,6 +240,13 @@ class Kwon2005(BaseTracker):
             self._patch = patch
         particles = self._motion.boxes(particle_filter.states) if p.particles else None
         return Estimate(self._motion.boxes(self._state[None])[0], confidence, self._occluded, particles)
+
+    def _carry(self, image: Image) -> None:
+        """Move the state as the camera's motion moves the image's content."""
+        if self.params.camera_motion:
+            moved = self._state.copy()
+            moved[:2] += self._camera.shift(ImagePyramid(image), image.shape[1], image.shape[0])
+            self._state = self._motion.clip(moved[None], image)[0]
 
     def _adapt(self, image: Image, sampler: PatchSampler) -> tuple[FloatArray, float, int]:
         """Velocity nu_t (8), noise factor R_t (9) and number of particles J_t (11) of the next frame (step 4)."""
