@@ -78,8 +78,10 @@ class LossShares:
             return "never loses the target"
         tag = max(TAGS, key=lambda one: self.shares[one] - self.frames[one])
         often = f"{self.losses} time{'s' if self.losses != 1 else ''}"
-        more = f"{self.shares[tag]:.0%} begin with: {tag_title(tag)} ({self.frames[tag]:.0%} of all frames)"
-        return f"loses the target {often} in {self.episodes} episode{'s' if self.episodes != 1 else ''}; {more}"
+        said = f"loses the target {often} in {self.episodes} episode{'s' if self.episodes != 1 else ''}"
+        if self.shares[tag] <= self.frames[tag]:
+            return said
+        return f"{said}; {self.shares[tag]:.0%} begin with: {tag_title(tag)} ({self.frames[tag]:.0%} of all frames)"
 
 
 def tag_title(tag: str) -> str:

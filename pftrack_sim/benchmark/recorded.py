@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim import score
+from pftrack_sim.benchmark.error_log import error_text
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.rollout import Sink, recorded, rollout
 from pftrack_sim.benchmark.sinks import picture, video_writer
@@ -33,14 +34,14 @@ def rate_of(sequence: RecordedSequence) -> float:
 
 @dataclass(frozen=True)
 class RecordedResult:
-    """Scores of one tracker on one sequence with one seed."""
+    """Scores of one tracker on one sequence with one seed; `said` has its traceback and what it printed."""
 
     sequence: str
     tracker: TrackerSpec
     seed: int
     summary: Summary
     error: str | None
-    traceback: str = ""
+    said: str = ""
 
 
 def evaluate(
@@ -98,9 +99,8 @@ def evaluate(
                 for runner in runners:
                     frames = score.frame_scores(runner.boxes, sequence.truth)
                     summary = score.summarise(frames, scored, np.array(runner.ms))
-                    results.append(
-                        RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, runner.traceback)
-                    )
+                    said = error_text(runner) if runner.error else ""
+                    results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, said))
     return results
 
 

@@ -262,7 +262,11 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     for one in results:
         if one.error:
             console.print(f"{one.tracker.label} ended with an error on {one.sequence} seed {one.seed}, {one.error}")
-    print_lines(list(dict.fromkeys(one.traceback for one in results if one.traceback))[:_MOST_LINES])
+    first: dict[str, str] = {}
+    for one in results:
+        if one.said:
+            first.setdefault(one.tracker.label, f"\n{one.said}")
+    print_lines(first.values())
 
 
 def print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]], unit: str = "seed") -> None:

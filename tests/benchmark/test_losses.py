@@ -1,5 +1,6 @@
 """Losses begin where the target was tracked last, and carry what the truth says of that moment."""
 
+import math
 from typing import Any
 
 import duckdb
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import make_plan, run
-from pftrack_sim.benchmark.losses import TAGS, create_loss_views, loss_shares, overlaps_by_tag
+from pftrack_sim.benchmark.losses import TAGS, LossShares, create_loss_views, loss_shares, overlaps_by_tag
 from pftrack_sim.benchmark.sinks import nearest_look_alike
 from pftrack_sim.core.errors import RunError
 
@@ -113,6 +114,14 @@ def test_a_run_answers_for_its_losses(tmp_path):
     assert all(value > 0.0 for value in nearest)
     with pytest.raises(RunError):
         store.query("SELECT nothing FROM losses")
+
+
+def test_losses_are_stated_with_what_they_begin_with_if_it_is_more_than_usual():
+    usual = dict.fromkeys(TAGS, 0.0) | {"fast_motion": 0.5}
+    lost = LossShares(4, 3, usual | {"occluded": 0.75}, usual)
+    assert lost.statement == "loses the target 4 times in 3 episodes; 75% begin with: occluded (0% of all frames)"
+    assert LossShares(1, 1, usual, usual).statement == "loses the target 1 time in 1 episode"
+    assert LossShares(0, 0, dict.fromkeys(TAGS, math.nan), usual).statement == "never loses the target"
 
 
 def test_the_nearest_look_alike_is_measured_in_sizes_of_the_target():

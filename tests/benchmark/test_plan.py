@@ -1,6 +1,7 @@
 """A plan has every combination once, and safe file names."""
 
 import itertools
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
 from pftrack_sim.benchmark.files import distinct_slugs, slug
+from pftrack_sim.benchmark.planning import code_of
 from pftrack_sim.benchmark.seeds import Seeds
 from pftrack_sim.benchmark.stored_plan import differences, read_plan
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
@@ -67,6 +69,22 @@ def test_plans_are_joined_and_shuffled_without_losing_an_episode():
     assert sorted(mixed) == sorted(paths)
     with pytest.raises(ParameterError, match="scenario given twice: plaza-walk"):
         join_plans([parts[0], parts[0]])
+
+
+def test_the_code_of_controllers_and_the_files_of_models_are_part_of_a_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    module, model = tmp_path / "driver_of_mine.py", tmp_path / "weights.bin"
+    module.write_text("from pftrack_sim.controllers import make as builtin\nmake = lambda **_: builtin('still')\n")
+    model.write_bytes(b"1")
+    monkeypatch.syspath_prepend(tmp_path)
+    spec = TrackerSpec(name="stay", params={"weights": str(model)}, controller="driver_of_mine:make")
+    before = code_of(spec)
+    assert list(before) == ["driver_of_mine:make", str(model)]
+    for file in (module, model):
+        file.write_bytes(file.read_bytes() + b"#")
+    after = code_of(spec)
+    assert all(after[name] != before[name] for name in before)
 
 
 def test_many_seeds_take_no_memory():

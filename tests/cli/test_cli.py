@@ -242,6 +242,7 @@ class Tracker:
     def init(self, image, box): self.box, self.frame = box, 0
     def update(self, image):
         self.frame += 1
+        print("frame", self.frame)
         if self.frame == 3: FAULT
         return Estimate(self.box)
 def make(**_): return Tracker()
@@ -265,6 +266,7 @@ def test_a_failing_tracker_is_named_and_the_exit_code_is_1(fault: str, words: st
     )  # fmt: skip
     assert recorded.returncode == 1
     assert words in recorded.stdout
+    assert "It printed:\nframe 1\nframe 2\nframe 3\n" in recorded.stdout
     assert "stay" in recorded.stdout
 
 

@@ -121,6 +121,7 @@ function drawLosses() {
   byId("told").replaceChildren(...trackers.map((tracker) => {
     const own = losses.filter((loss) => loss[0] === tracker), usual = (tag) => moments.reduce((sum, row) => sum + row[3 + tag], 0) / frames;
     const tag = [...order].sort((a, b) => (shareOf(own, b) - usual(b)) - (shareOf(own, a) - usual(a)))[0];
+    if (shareOf(own, tag) <= usual(tag)) return element("li", `${DATA.trackers[tracker]}: ${own.length} losses`);
     return element("li", `${DATA.trackers[tracker]}: ${percent(shareOf(own, tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all frames)`);
   }));
   const wanted = losses.filter((loss) => state.tag < 0 || has(loss, state.tag));
