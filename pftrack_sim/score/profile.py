@@ -112,7 +112,7 @@ class ProfileMeter:
     def add(self, image: Image, box: ArrayLike, visible: bool) -> None:
         """Measure the next frame, `(H, W, 3)` uint8 RGB, with the target's box [px], NaN where it is unknown."""
         true_box = boxes.clip(box, image.shape[1], image.shape[0]) if visible else boxes.NO_BOX
-        visible = visible and boxes.area(box) > 0.0
+        visible = visible and boxes.area(true_box) > 0.0  # A box beside the image shows nothing
         self._shape = image.shape[:2]
         self._boxes.append(np.array(box, dtype=np.float64))
         self._seen.append(visible)

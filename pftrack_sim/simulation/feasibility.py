@@ -25,6 +25,8 @@ _BODY_M = 0.2  # Half the depth of a person
 _LEAST_PX = 2.0  # A target that is lower than this in the image cannot be seen
 _VIEW_MARGIN_RAD = math.radians(20.0)  # For the width of the target, the operator's swings and the vibration
 
+_LEAST_WAY_SEEN = 0.5  # Share of its way after which a target may leave the view of a camera at rest for good
+
 
 def path_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path) -> list[str]:
     """A line for the first thing that the target would walk through, or the point where it leaves the place."""
@@ -33,7 +35,7 @@ def path_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path) 
 
 
 def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path, script: Script) -> list[str]:
-    """One line for each thing that the robot would stand in, and one if the camera never sees the target."""
+    """One line for each thing that the robot would stand in, and one if the camera soon sees the target no more."""
     target = _walked(settings, path)
     start = script.start_pose()
     robot = np.array([[start.x_m], [start.y_m]])
@@ -77,7 +79,7 @@ def _misplaced(points_m: FloatArray, layout: WalkableArea, radius_m: float, into
 
 
 def _unseen(settings: ResolvedScenario, offset_m: FloatArray) -> str | None:
-    """Why the target is never in view, from its `(2, N)` positions relative to a robot that stands still."""
+    """Why a robot at rest does not see the target on the second half of its way; `(2, N)` positions relative to it."""
     robot, camera = settings.robot, settings.camera
     half_v = math.radians(0.5 * camera.fovy_deg)
     focal_px = 0.5 * camera.height_px / math.tan(half_v)
@@ -90,6 +92,10 @@ def _unseen(settings: ResolvedScenario, offset_m: FloatArray) -> str | None:
         half = math.atan(0.5 * camera.width_px / focal_px) + _VIEW_MARGIN_RAD
         ahead = math.radians(robot.route.heading_deg) + REST_YAW_RAD[camera.mount]
         bearings = np.arctan2(offset_m[1], offset_m[0]) - ahead
-        if (np.abs((bearings + np.pi) % (2.0 * np.pi) - np.pi) > half).all():
+        seen = np.flatnonzero(np.abs((bearings + np.pi) % (2.0 * np.pi) - np.pi) <= half)
+        if not len(seen):
             return "robot.gaze: the target is never in view: the camera looks another way during the whole episode"
+        if seen[-1] < _LEAST_WAY_SEEN * (len(bearings) - 1):
+            share = seen[-1] / (len(bearings) - 1)
+            return f"robot.gaze: the target leaves the view for good after {share:.0%} of its way"
     return None

@@ -92,9 +92,14 @@ def test_two_frames_have_all_numbers_but_the_likeness_to_three_frames_before():
     assert unknown == ["ncc_to_previous"]
 
 
-def test_a_target_never_seen_has_no_profile():
+@pytest.mark.parametrize(
+    ("box", "visible"),
+    [(boxes.NO_BOX, False), (np.array([WIDTH + 5.0, 5, 20, 40]), True)],
+    ids=["hidden", "beside"],
+)
+def test_a_target_never_seen_has_no_profile(box, visible):
     with pytest.raises(ParameterError, match="video: the target is visible in none of 2 frames"):
-        profile([(SCENERY, boxes.NO_BOX, False)] * 2)
+        profile([(SCENERY, box, visible)] * 2)
 
 
 def test_the_mean_of_profiles_leaves_unknown_numbers_out():

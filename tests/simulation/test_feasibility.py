@@ -28,6 +28,10 @@ def still(x: float, y: float, heading_deg: float = 0.0) -> dict[str, Any]:
         ({"robot.route": {"kind": "trail", "distance_m": 0.2}}, "robot.route: the robot would stand on the target"),
         ({**still(-3, 0, 180.0), "robot.gaze": "forward"}, "robot.gaze: the target is never in view"),
         ({**still(-3, 0), "robot.gaze": "forward", "camera.mount": "back"}, "robot.gaze: the target is never in view"),
+        (
+            {**still(2, 1.2), "robot.gaze": "forward", "camera.mount": "right"},
+            "robot.gaze: the target leaves the view for good after [23].% of its way",
+        ),
     ],
 )
 def test_an_impossible_place_is_one_error(changes: dict[str, Any], words: str):
