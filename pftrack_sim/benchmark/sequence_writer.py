@@ -20,6 +20,7 @@ from pftrack_sim.benchmark.episode_file import truth_columns
 from pftrack_sim.benchmark.files import sql_text
 from pftrack_sim.benchmark.plan import Episode
 from pftrack_sim.benchmark.rollout import Step, detected, rollout, simulated
+from pftrack_sim.benchmark.sequence_tags import frame_tags
 from pftrack_sim.benchmark.sinks import video_writer
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.records import Detections, Frame, Image, Truth
@@ -237,7 +238,8 @@ class _SequenceWriter:
             tuple(self.people),
             self.job.number,
             (float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])),
-            detections=tuple(self.detections),
+            frame_tags(truths, settings.camera.rate_hz),
+            tuple(self.detections),
         )
 
     def _identity(self, name: str) -> int:

@@ -1,8 +1,9 @@
 """Layout of the VOT challenges (Kristan et al.): `color/00000001.jpg`..., `groundtruth.txt` with 0-based boxes.
 
 The file `sequence` names the channels and tells rate, size and length; every attribute has a file `NAME.tag` with a
-flag per line. `0,0,0,0` means absent, NaN unknown; `occlusion.tag` marks frames in which less than half shows. Regions
-that are no rectangles (polygons of 6 or more numbers, masks) become the boxes around them.
+flag per line. `0,0,0,0` means absent, NaN unknown; `occlusion.tag` marks frames in which less than half shows, and
+`visibility.value` holds the visible share. Regions that are no rectangles (polygons of 6 or more numbers, masks) become
+the boxes around them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.regions import mask_box, polygon_box
-from pftrack_sim.formats.files import box_lines, numbered_images, present_boxes, read_text
+from pftrack_sim.formats.files import box_lines, number, numbered_images, present_boxes, read_text
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
 EXPECTS = "a folder color/ of numbered images and the files groundtruth.txt and sequence"
@@ -75,13 +76,13 @@ def region_box(text: str) -> list[float] | None:
     return None
 
 
-def _box(path: Path, number: int, line: str) -> list[float]:
+def _box(path: Path, line_number: int, line: str) -> list[float]:
     box = region_box(line.strip())
     if box is not None:
         return box
     shown = line.strip()[:60]
     raise SequenceError(
-        f"{path}, line {number}: expected a rectangle x,y,w,h, a polygon x,y,x,y,... or a mask m..., got {shown!r}"
+        f"{path}, line {line_number}: expected a rectangle x,y,w,h, a polygon x,y,x,y,... or a mask m..., got {shown!r}"
     )
 
 
@@ -118,3 +119,5 @@ def write(folder: Path, annotations: Annotations) -> None:
     tags = {"occlusion": annotations.visible_fraction < _OCCLUDED_BELOW, **annotations.tags}
     for name, flags in tags.items():
         (folder / f"{name}.tag").write_text("".join(f"{int(flag)}\n" for flag in flags), encoding="utf-8")
+    shares = "".join(f"{number(share)}\n" for share in annotations.visible_fraction.tolist())
+    (folder / "visibility.value").write_text(shares, encoding="utf-8")

@@ -1,11 +1,13 @@
 """Data sets written from episodes: the same frames and truth as the simulation's, in every layout."""
 
+import dataclasses
 import errno
 import json
 import os
 from pathlib import Path
 from typing import Any
 
+import cv2
 import duckdb
 import numpy as np
 import pytest
@@ -14,9 +16,10 @@ from pftrack_sim import trackers
 from pftrack_sim.benchmark import Plan, make_plan
 from pftrack_sim.benchmark.export import export
 from pftrack_sim.benchmark.recorded import evaluate
+from pftrack_sim.benchmark.sequence_tags import frame_tags
 from pftrack_sim.benchmark.sequence_writer import TRUTH
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, ScenarioError, UnknownNameError
-from pftrack_sim.core.records import Frame
+from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.formats import LAYOUTS, read_sequence, read_sequences
 from pftrack_sim.scenario import load
 from pftrack_sim.score import frame_scores, summarise
@@ -187,3 +190,23 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: py
     monkeypatch.undo()
     export(plan([0]), tmp_path / "out", layout)
     assert "easy-plaza-walk-0000/truth.parquet" in files(tmp_path / "out")
+
+
+def test_attributes_of_vot_say_what_changes(episode: list[Frame]):
+    def changed(**values: Any) -> Truth:
+        return dataclasses.replace(episode[0].truth, image_motion_px=0.0, **values)
+
+    box, pose = episode[0].truth.amodal_box, episode[0].truth.T_world_camera
+    turned = pose.copy()
+    turned[:3, :3] = pose[:3, :3] @ cv2.Rodrigues(np.array([0.0, 0.0011, 0.0]))[0]
+    truths = [changed() for _ in range(40)]
+    assert not any(flags.any() for flags in frame_tags(truths, 10.0).values())
+    truths[20] = changed(amodal_box=np.array([*box[:2], *(1.26 * box[2:])]))
+    truths[30] = changed(luminance=1.4 * truths[0].luminance, T_world_camera=turned)
+    truths[10] = dataclasses.replace(truths[0], image_motion_px=0.31 * float(np.sqrt(box[2] * box[3])))
+    truths[5] = changed(amodal_box=np.full(4, np.nan), luminance=np.nan)
+    found = {name: np.flatnonzero(flags).tolist() for name, flags in frame_tags(truths, 10.0).items()}
+    assert found == {
+        "size_change": list(range(15, 26)), "illum_change": list(range(25, 36)),
+        "motion_change": [10], "camera_motion": [30, 31],
+    }  # fmt: skip
