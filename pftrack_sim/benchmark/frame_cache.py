@@ -224,7 +224,8 @@ def _environment_digest() -> str:
     """Digest of this package's code and data, and the versions of what renders and computes."""
     digest = hashlib.sha256()
     for root in (Path(__file__).parents[1], assets_dir()):
-        for path in sorted(path for path in root.rglob("*") if path.is_file() and path.suffix != ".pyc"):
+        # __pycache__ holds compiled kernels too, and more of them with every tracker that is used for the first time.
+        for path in sorted(path for path in root.rglob("*") if path.is_file() and path.parent.name != "__pycache__"):
             digest.update(f"{path.relative_to(root)}\0{file_digest(path)}".encode())
     digest.update(" ".join(f"{name} {package_version(name)}" for name in _PACKAGES).encode())
     return digest.hexdigest()

@@ -115,3 +115,13 @@ def test_whatever_changes_frames_changes_the_entry(tmp_path: Path, monkeypatch: 
         monkeypatch.setattr(frame_cache, name, lambda *_: "another")
         entries.add(cache.entry(base, 0, None))
     assert len(entries) == 5
+
+
+def test_kernels_that_are_compiled_meanwhile_change_no_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(frame_cache, "assets_dir", lambda: tmp_path)
+    before = frame_cache._environment_digest.__wrapped__()
+    (tmp_path / "__pycache__").mkdir()
+    (tmp_path / "__pycache__/kernels.gait-3.py311.1.nbc").write_bytes(b"machine code")
+    assert frame_cache._environment_digest.__wrapped__() == before
+    (tmp_path / "kernels.py").write_bytes(b"x = 1")
+    assert frame_cache._environment_digest.__wrapped__() != before
