@@ -14,6 +14,7 @@ from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect
+from pftrack_sim.render.culling_kernels import boxes_in_view
 
 _BOUNDED_TYPES = [
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}"))
@@ -36,6 +37,7 @@ class Bounds:
         self._radii = np.linalg.norm(np.abs(self._middle) + self._half, axis=1) + _MARGIN_M
         """Of spheres about the origins of the geoms that hold their boxes, with a margin."""
         self._unbounded = ~np.isin(model.geom_type, _BOUNDED_TYPES)
+        self._ids = np.arange(model.ngeom)
 
     def in_view(
         self,
@@ -47,13 +49,12 @@ class Bounds:
         geoms: IntArray | None = None,
     ) -> BoolArray:
         """`(N,)` which geoms, None for all, may be visible in an image of `size` width and height [px]."""
-        normals, offsets = _view_planes(T_world_camera, K, [PixelRect(0, 0, *size)], near_m)
-        ids = np.arange(len(self._radii)) if geoms is None else geoms
-        near = np.flatnonzero((data.geom_xpos[ids] @ normals.T + offsets > -self._radii[ids, None]).all(axis=1))
-        seen = self._unbounded[ids]
-        if near.size:
-            seen[near] |= self._reaches(data, ids[near], normals, offsets).all(axis=1)
-        return seen
+        ids = self._ids if geoms is None else geoms
+        sides = np.array(_sides(PixelRect(0, 0, *size), focal_and_centre(K)))
+        return self._unbounded[ids] | boxes_in_view(
+            ids, data.geom_xpos, data.geom_xmat, self._middle, self._half, self._radii,
+            np.array(T_world_camera, dtype=np.float64, order="C"), sides, near_m, _MARGIN_M,
+        )  # fmt: skip
 
     def may_occlude(
         self,
@@ -150,19 +151,26 @@ def _view_planes(
         `(1 + 4 P, 3)` unit normals and `(1 + 4 P,)` offsets: the near plane, then the left, right, top and bottom of
         each rectangle.
     """
-    fx, fy, cx, cy = focal_and_centre(K)
+    intrinsics = focal_and_centre(K)
     planes = [(0.0, 0.0, 1.0)]
-    for left, top, width, height in rects:
-        right, bottom = left + width + _MARGIN_PX, top + height + _MARGIN_PX
-        planes += [
-            (fx, 0.0, cx - left + _MARGIN_PX),
-            (-fx, 0.0, right - cx),
-            (0.0, fy, cy - top + _MARGIN_PX),
-            (0.0, -fy, bottom - cy),
-        ]
+    for rect in rects:
+        planes += _sides(rect, intrinsics)
     normals = np.array(planes)
     normals /= np.sqrt(np.einsum("ij,ij->i", normals, normals))[:, None]
     world = normals @ T_world_camera[:3, :3].T
     offsets = -world @ T_world_camera[:3, 3]
     offsets[0] -= near_m
     return world, offsets
+
+
+def _sides(rect: PixelRect, intrinsics: tuple[float, float, float, float]) -> tuple[tuple[float, float, float], ...]:
+    """Inward normals, of any length, of the left, right, top and bottom of a view, in camera axes."""
+    fx, fy, cx, cy = intrinsics
+    left, top, width, height = rect
+    right, bottom = left + width + _MARGIN_PX, top + height + _MARGIN_PX
+    return (
+        (fx, 0.0, cx - left + _MARGIN_PX),
+        (-fx, 0.0, right - cx),
+        (0.0, fy, cy - top + _MARGIN_PX),
+        (0.0, -fy, bottom - cy),
+    )
