@@ -65,6 +65,7 @@ class Simulation:
         self._truth: TruthObserver | None = None
         self._frame: Frame | None = None
         self._collision: str | None = None
+        self._T_world_camera = np.eye(4)
         self.frame_count = 0
         """Frames delivered in the running episode; 0 before the first reset."""
         self.command: FloatArray | None = None
@@ -234,13 +235,14 @@ class Simulation:
         """Record the poses of a camera frame, delivered or not."""
         world, renderer = self.world, self._renderer
         assert renderer is not None
-        world.shake_mount(self._camera_pose(), self._K, (renderer.width_px, renderer.height_px))
+        self._T_world_camera = self._shake.displace(world.camera_pose(), world.time_s)
+        world.shake_mount(self._T_world_camera, self._K, (renderer.width_px, renderer.height_px))
         if self._frame_capture is not None:
             self._frame_capture.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
 
     def _camera_pose(self) -> FloatArray:
-        """`(4, 4)` T_world_camera with the vibration of the mount."""
-        return self._shake.displace(self.world.camera_pose(), self.world.time_s)
+        """`(4, 4)` T_world_camera with the vibration of the mount, as recorded."""
+        return self._T_world_camera.copy()
 
     def _expose(self) -> tuple[Image, CapturedFrame | FloatArray]:
         """Render, expose and meter the camera's current frame.
