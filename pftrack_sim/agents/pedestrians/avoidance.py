@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pftrack_sim.agents.pedestrians.kernels import closest_approach, offsets_between
 from pftrack_sim.core.types import FloatArray
 
 # Distances that the barriers keep between the centres of two people, from walls, and more from the robot and carts.
@@ -22,14 +23,8 @@ WALL_DISTANCE_M = 0.30
 VEHICLE_EXTRA_M = 0.28
 BARRIER_RATE_S = 2.6  # Share of the room left by which a distance may shrink per second [1/s].
 
-# Repulsion between people: strength, contact distance, range, decay with the time to closest approach.
+# Repulsion between people; contact distance, range and decay with the time to closest approach are in `kernels`.
 FORCE_M_S2 = 2.6
-FORCE_RADIUS_M = 0.62
-FORCE_RANGE_M = 0.24
-FORCE_DECAY_S = 1.3
-LOOKAHEAD_S = 4.0
-PASS_RIGHT_M = 0.18  # Lateral offset assumed between two people on a collision course: both step to their right.
-WEIGHT_BEHIND = 0.25  # Weight of neighbours directly behind (anisotropy of Helbing and Molnar).
 NON_REACTIVE_WEIGHT = 1.7  # Weight of neighbours that do not react: the reactive pedestrian does all the avoiding.
 WALL_FORCE_M_S2 = 1.4
 WALL_FORCE_RANGE_M = 0.14
@@ -43,21 +38,18 @@ class Neighbours(NamedTuple):
         extra_m: `(N,)` distance to keep in addition to that from a person.
         weight: `(N,)` factor of the social force: 1, or `NON_REACTIVE_WEIGHT`.
         share: `(N,)` share of a correction that the reactive pedestrian makes: 0.5, or 1 for non-reactive ones.
-        self_offset_m: `(M, N)` sentinel distance where a pedestrian meets itself, else 0.
+        reactive: M.
     """
 
     state: FloatArray
     extra_m: FloatArray
     weight: FloatArray
     share: FloatArray
-    self_offset_m: FloatArray
+    reactive: int
 
     def offsets(self) -> tuple[FloatArray, FloatArray]:
         """`(2, M, N)` vectors from each neighbour to each reactive pedestrian, and their `(M, N)` lengths [m]."""
-        position = self.state[:2]
-        offset = position[:, : len(self.self_offset_m), None] - position[:, None]
-        offset[0] += self.self_offset_m
-        return offset, np.sqrt(dot(offset, offset))
+        return offsets_between(self.state, self.reactive)
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -67,23 +59,8 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def social_force(neighbours: Neighbours, facing: FloatArray) -> FloatArray:
     """Acceleration `(2, M)` [m/s^2] away from predicted collisions of pedestrians that face along `(2, M)` vectors."""
-    offset, distance = neighbours.offsets()
-    all_velocities = neighbours.state[2:]
-    velocity = all_velocities[:, : facing.shape[1], None] - all_velocities[:, None]
-    speed2 = dot(velocity, velocity) + 1e-4
-    ahead_s = np.minimum(np.maximum(-dot(offset, velocity) / speed2, 0.0), LOOKAHEAD_S)
-    nearest = offset + velocity * ahead_s
-    # Both are pushed to the right of their relative motion, which sends them apart.
-    bias = np.where(ahead_s > 0.0, PASS_RIGHT_M, 0.0) / np.sqrt(speed2)
-    nearest[0] += velocity[1] * bias
-    nearest[1] -= velocity[0] * bias
-    miss = np.sqrt(dot(nearest, nearest)) + 1e-6
-    strength = FORCE_M_S2 * np.exp(
-        np.minimum((FORCE_RADIUS_M + neighbours.extra_m - miss) / FORCE_RANGE_M, 1.5) - ahead_s / FORCE_DECAY_S
-    )
-    in_front = -dot(offset, facing[..., None]) / distance
-    seen = WEIGHT_BEHIND + (1.0 - WEIGHT_BEHIND) * 0.5 * (1.0 + in_front)
-    strength *= np.maximum(seen, neighbours.weight - 1.0) * neighbours.weight / miss
+    logarithm, factor, nearest = closest_approach(neighbours.state, facing, neighbours.extra_m, neighbours.weight)
+    strength = FORCE_M_S2 * np.exp(logarithm) * factor
     return (strength * nearest).sum(axis=2)
 
 

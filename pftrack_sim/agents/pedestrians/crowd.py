@@ -18,10 +18,11 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.goal_manager import GoalManager, PaceChanges
 from pftrack_sim.agents.pedestrians.goal_sampler import PREDICTION_TIMES_S, GoalSampler
 from pftrack_sim.agents.pedestrians.groups import group_members
+from pftrack_sim.agents.pedestrians.kernels import SENTINEL_M
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph, Xy
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, at_different_depths
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass
-from pftrack_sim.agents.pedestrians.reactive import SENTINEL_M, ReactivePedestrians, turn
+from pftrack_sim.agents.pedestrians.reactive import ReactivePedestrians, turn
 from pftrack_sim.agents.pedestrians.scripted import Cart, CrossingPedestrian, OncomingPedestrian, Phase, Surroundings
 from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.core.random_streams import stream

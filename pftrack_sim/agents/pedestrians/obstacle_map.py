@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pftrack_sim.agents.pedestrians.kernels import rectangle_distances
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.layout import WalkableArea
 
@@ -44,18 +45,8 @@ class ObstacleMap:
         Returns:
             `(N, F)` distance [m], negative inside; `(2, N, F)` unit vectors pointing away, world frame.
         """
-        local = self._to_local(xy_m[:, :, None] - self._centre[:, None])
-        over = np.abs(local) - self._half[:, None]
-        away = np.maximum(over, 0.0)
-        distance: FloatArray = np.hypot(away[0], away[1])
-        length, inside = distance, distance <= 0.0
-        if inside.any():
-            nearer_u = over[0] > over[1]
-            away = np.where(inside, np.array([nearer_u, ~nearer_u]), away)
-            length = np.where(inside, 1.0, distance)
-            distance = np.where(inside, over.max(axis=0), distance)
-        u, v = np.copysign(away / length, local)
-        return distance, np.array([self._cos * u - self._sin * v, self._sin * u + self._cos * v])
+        points = np.ascontiguousarray(xy_m, dtype=np.float64)
+        return rectangle_distances(points, self._centre, self._half, self._cos, self._sin)
 
     def clearance_m(self, points_m: ArrayLike) -> FloatArray:
         """Distance from each of `(N, 2)` points to the nearest rectangle `(N,)` [m], negative inside."""

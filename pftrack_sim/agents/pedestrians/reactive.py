@@ -13,9 +13,6 @@ from pftrack_sim.agents.pedestrians.goal_manager import GoalManager
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.types import FloatArray
 
-SENTINEL_M = 1e6
-"""Position of an absent robot and distance of a pedestrian from itself: too far to matter to the avoidance."""
-
 RELAXATION_S = 0.5  # Time constant of taking up the desired velocity (Helbing and Molnar 1995).
 MAX_ACCELERATION_M_S2 = 2.6
 MAX_TURN_RATE_RAD_S = math.radians(120.0)
@@ -58,7 +55,7 @@ class ReactivePedestrians:
             extra_m=np.where(self._order >= vehicles[0], avoidance.VEHICLE_EXTRA_M, 0.0),
             weight=np.where(reacts, 1.0, avoidance.NON_REACTIVE_WEIGHT),
             share=np.where(reacts, 0.5, 1.0),
-            self_offset_m=np.eye(count, total) * SENTINEL_M,
+            reactive=count,
         )
         self._waiting = np.array(waiting, dtype=bool)
         self._force_share = np.where(self._waiting, _WAITING_FORCE_SHARE, 1.0)

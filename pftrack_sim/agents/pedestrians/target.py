@@ -10,8 +10,8 @@ import numpy as np
 
 from pftrack_sim.agents.gait.posture import PLAIN
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.kernels import SENTINEL_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
-from pftrack_sim.agents.pedestrians.reactive import SENTINEL_M
 from pftrack_sim.agents.pedestrians.target_actions import Command, arms, command, schedule
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.actions import Approach, Face, Pace, Run, Turn, WalkOff, end_s, title
