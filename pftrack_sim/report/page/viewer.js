@@ -22,7 +22,7 @@ function drawEpisode() {
   onClick(byId("overlap"), ({ x }) => { video.pause(); seek(Math.round(x)); });
   video.hidden = !episode.video;
   byId("film-note").textContent = episode.video || DATA.unit !== "seed" ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
-    : "No video of this episode: the same command with --videos all (or worst:3) films it into this folder.";
+    : "No video of this episode: the same command with --videos all films every episode into this folder.";
   if (episode.video) { video.src = linked(episode.video); } else { video.removeAttribute("src"); }
 }
 
