@@ -5,20 +5,24 @@
     vot     results/TRACKER/EXPERIMENT/SEQUENCE/SEQUENCE_001.txt    1 where the tracker is given the box, then regions
     mot     pftrack-train/TRACKER/data/SEQUENCE.txt           frame,identity,left,top,w,h,confidence,-1,-1,-1; 1-based
 
-A frame without an estimate has `0,0,0,0`, or no line in MOT. Times are seconds, in files beside them.
+A frame without an estimate has `0,0,0,0`, or no line in MOT. Times are seconds, in files beside them. The VOT toolkit
+writes `SEQUENCE_001.bin` unless it is told otherwise; both are read.
 """
 
 from __future__ import annotations
 
+import io
 import re
+import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
+from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats import vot
 from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
@@ -27,6 +31,8 @@ ResultFormat: TypeAlias = Literal["otb", "got10k", "vot", "mot"]
 
 RESULT_FORMATS: tuple[ResultFormat, ...] = get_args(ResultFormat)
 _TARGET = 1
+_BINARY = ".bin"
+_MAX_BINARY_BYTES = 64 << 20
 _ONE_BASED = ("otb", "lasot", "mot")
 """Layouts of data sets whose boxes are 1-based."""
 
@@ -133,7 +139,8 @@ def find_results(root: Path, sequences: Collection[str], form: ResultFormat | No
     """
     if not root.is_dir():
         raise SequenceError(f"{root}: {'is not a folder' if root.exists() else 'no such folder'}")
-    found = [one for path in sorted(root.rglob("*.txt")) if (one := _result_file(root, path, sequences, form))]
+    paths = sorted([*root.rglob("*.txt"), *root.rglob(f"*{_BINARY}")])
+    found = [one for path in paths if (one := _result_file(root, path, sequences, form))]
     if not found:
         raise SequenceError(f"{root}: no results of {', '.join(sorted(sequences)[:3])}{', ...' * (len(sequences) > 3)}")
     by_key: dict[tuple[str, str, int], Path] = {}
@@ -149,13 +156,13 @@ def _result_file(root: Path, path: Path, sequences: Collection[str], form: Resul
     folders = [root.resolve().name, *path.relative_to(root).parts[:-1]]
     numbered = re.fullmatch(r"(.+)_(\d{3})", path.stem)
     if numbered and numbered[1] in sequences and folders[-1] == numbered[1]:
-        chosen = form or ("vot" if "," not in _first_line(path) else "got10k")
+        chosen = form or ("vot" if path.suffix == _BINARY or "," not in _first_line(path) else "got10k")
         if chosen == "got10k" and len(folders) >= 2:
             return ResultFile(path, chosen, folders[-2], numbered[1], int(numbered[2]))
         if chosen == "vot" and len(folders) >= 3:
             experiment = "" if folders[-2] == vot.EXPERIMENT else f" {folders[-2]}"
             return ResultFile(path, chosen, folders[-3] + experiment, numbered[1], int(numbered[2]))
-    elif path.stem in sequences:
+    elif path.stem in sequences and path.suffix != _BINARY:
         chosen = form or ("mot" if _first_line(path).count(",") >= 5 else "otb")
         inner = chosen == "mot" and folders[-1] == "data" and len(folders) >= 2
         if chosen in ("otb", "mot"):
@@ -197,7 +204,8 @@ def read_result(file: ResultFile, count: int, layout: str) -> TrackerResult:
 def _read_vot(path: Path) -> tuple[FloatArray, int]:
     rows: list[list[float]] = []
     first = 0
-    for index, line in enumerate(read_text(path).splitlines()):
+    lines = _binary_lines(path) if path.suffix == _BINARY else read_text(path).splitlines()
+    for index, line in enumerate(lines):
         if line.strip() == "2":
             raise SequenceError(f"{path}, line {index + 1}: the tracker was reset; only runs without resets are scored")
         if line.strip() in ("0", "1"):
@@ -209,6 +217,37 @@ def _read_vot(path: Path) -> tuple[FloatArray, int]:
             raise SequenceError(f"{path}, line {index + 1}: expected a region, got {line.strip()[:60]!r}")
         rows.append(box)
     return np.array(rows, dtype=np.float64).reshape(-1, 4), first
+
+
+def _binary_lines(path: Path) -> list[str]:
+    """Regions of a binary file of the VOT toolkit as the lines of a text file.
+
+    Little-endian: version 1, the number of regions, and of each a byte: 0 code, 1 rectangle, 2 polygon, 3 mask.
+    """
+    try:
+        content = io.BytesIO(read_bytes(path, _MAX_BINARY_BYTES))
+    except OSError as error:
+        raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
+
+    def read(form: str) -> tuple[Any, ...]:
+        return struct.unpack(f"<{form}", content.read(struct.calcsize(f"<{form}")))
+
+    lines: list[str] = []
+    try:
+        version, count = read("hI")
+        for _ in range(count if version == 1 else 0):
+            (kind,) = read("B")
+            if kind == 3:
+                *frame, length = read("hhHHH")
+                values = [*frame, *read(f"{length}H")]
+            else:
+                values = read({0: "I", 1: "4f", 2: f"{2 * read('H')[0]}f" if kind == 2 else ""}[kind])
+            lines.append("m" * (kind == 3) + ",".join(map(str, values)))
+    except (struct.error, KeyError):
+        version = 0
+    if version != 1 or content.read(1):
+        raise SequenceError(f"{path}: is no file of regions of the VOT toolkit, or it is damaged")
+    return lines
 
 
 def _read_mot(path: Path, count: int) -> TrackerResult:

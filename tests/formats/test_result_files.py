@@ -1,6 +1,7 @@
 """Result files: what is written is read back, in every format, and found without naming it."""
 
 import re
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,29 @@ def test_a_broken_file_gives_one_clear_line(tmp_path: Path, form: ResultFormat, 
         read_result(one, 2, LAYOUT[form])
     assert str(one.path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_binary_files_of_the_vot_toolkit_hold_the_same_regions(tmp_path: Path):
+    parts = [
+        struct.pack("<BI", 0, 1), struct.pack("<B4f", 1, 1.5, 2.0, 3.0, 4.25), struct.pack("<B4f", 1, *[0.0] * 4),
+        struct.pack("<BH6f", 2, 3, 10, 20, 30, 25, 28, 40), struct.pack("<BhhHHH5H", 3, 3, 4, 4, 2, 5, 1, 2, 2, 1, 2),
+    ]  # fmt: skip
+    content = struct.pack("<hI", 1, len(parts)) + b"".join(parts)
+    lines = "1\n1.5,2,3,4.25\n0,0,0,0\n10,20,30,25,28,40\nm3,4,4,2,1,2,2,1,2\n"
+    rows = []
+    for name, written in (("text.txt", lines.encode()), ("binary.bin", content)):
+        path = tmp_path / name[:4] / "alpha/unsupervised/walk" / f"walk_001{name[-4:]}"
+        path.parent.mkdir(parents=True)
+        path.write_bytes(written)
+        (one,) = find_results(tmp_path / name[:4], ["walk"])
+        assert (one.form, one.tracker) == ("vot", "alpha")
+        rows.append(read_result(one, 5, "vot").boxes)
+    np.testing.assert_array_equal(*rows)
+    assert rows[1][3].tolist() == [10, 20, 20, 20]
+    for broken in (content[:-1], content + b"x", b"", b"\x02" + content[1:], content[:6] + b"\x09" + content[7:]):
+        path.write_bytes(broken)
+        with pytest.raises(SequenceError, match=r"walk_001\.bin: is no file of regions of the VOT toolkit"):
+            read_result(one, 5, "vot")
 
 
 def test_wrong_times_are_an_error(tmp_path: Path):
