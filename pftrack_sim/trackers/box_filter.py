@@ -20,6 +20,8 @@ from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
+from pftrack_sim.trackers.pftrack.camera_motion import CERTAINTY_MIN, CameraMotion
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 
 MIN_SIZE_PX = 2.0
 USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a second, a lasting change counts as usual
@@ -42,6 +44,8 @@ class BoxFilterParameters(Parameters):
         hold_below: Similarity of the new state, as a share of its running mean, below which the previous state is kept
             as after a jump; 0: never.
         held_noise: Factor on `sigma_centre` after such a frame or a jump.
+        camera_motion: Whether state and particles are first carried along by the shift of the whole image. Not in
+            the papers.
         particles: Whether estimates contain the particles.
     """
 
@@ -55,6 +59,7 @@ class BoxFilterParameters(Parameters):
     redraw: Literal["weights", "estimate"] = "weights"
     hold_below: Share = 0.0
     held_noise: Positive = 1.0
+    camera_motion: bool = False
     particles: bool = False
 
 
@@ -87,9 +92,12 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         self._state = state_of(box)
         self._usual, self._held = 0.0, False
         self._filter = ParticleFilter(np.tile(self._state, (self.params.particle_count, 1)), self._rng)
+        self._camera = CameraMotion(CERTAINTY_MIN)
+        self._carry(image)
         self._learn_first(image, box)
 
     def _follow(self, image: Image) -> Estimate:
+        self._carry(image)
         p, particle_filter = self.params, self._filter
         position, width, height = noise_scales(self._state, p.sigma_unit)
         centre = p.sigma_centre * position * (p.held_noise if self._held else 1.0)
@@ -116,6 +124,13 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         if not held:
             self._learn(image, observation, box)
         return Estimate(box, confidence, held, particles if p.particles else None)
+
+    def _carry(self, image: Image) -> None:
+        """Move state and particles as the camera's motion moves the image's content."""
+        if self.params.camera_motion:
+            shift = self._camera.shift(ImagePyramid(image), image.shape[1], image.shape[0])
+            self._state = self._state + np.pad(shift, (0, self._state.size - 2))
+            self._filter.states[:, :2] += shift
 
     def _is_jump(self, state: FloatArray) -> bool:
         """Whether a state is at least `hold_distance` away from the previous one."""

@@ -44,6 +44,17 @@ def test_a_still_target_has_confidence_one_and_zero_noise_no_motion(scene: Scene
     assert not estimate.occluded
 
 
+def test_a_turn_of_the_camera_beyond_the_noise_is_compensated():
+    coarse = np.random.default_rng(0).integers(20, 235, (14, 72, 3), dtype=np.uint8)
+    world = cv2.resize(coarse, (640, 120), interpolation=cv2.INTER_CUBIC)
+    lefts = [100, 100, 160, 160]
+    images = [np.ascontiguousarray(world[:, left : left + 320]) for left in lefts]
+    first, last = (np.array([320.0 - left, 40, 24, 36]) for left in (lefts[0], lefts[-1]))
+    overlaps = [boxes.iou(run(images, first, camera_motion=used)[-1], last) for used in (True, False)]
+    assert overlaps[0] > 0.7
+    assert overlaps[1] < 0.2
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scene], seed: int):
     images, truth = make_scene(count=15)

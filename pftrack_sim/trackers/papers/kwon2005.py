@@ -29,14 +29,12 @@ from pftrack_sim.trackers.features.patches import PatchSampler, grid_shape
 from pftrack_sim.trackers.features.pixel_mixture import MixtureParameters, OutlierRule, PixelMixture
 from pftrack_sim.trackers.filters import AdaptiveNoise, ParticleFilter, RandomWalk, adaptive_velocity, fit_slopes
 from pftrack_sim.trackers.parameters import Count, Positive, Share
-from pftrack_sim.trackers.pftrack.camera_motion import CameraMotion
+from pftrack_sim.trackers.pftrack.camera_motion import CERTAINTY_MIN, CameraMotion
 from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 
 MotionModel: TypeAlias = Literal["similarity", "affine"]
 Sigma: TypeAlias = Annotated[float, Field(ge=0.0, le=10.0)]
 MIN_SIZE_PX = 2.0
-CAMERA_CERTAINTY = 0.5
-"""Least sum of the phase correlation around its peak for a motion of the camera to be used; 1 is a pure shift."""
 
 
 class Kwon2005Parameters(MixtureParameters):
@@ -208,7 +206,7 @@ class Kwon2005(BaseTracker):
         self._slopes: NDArray[np.floating[Any]] | None = None
         self._occluded = False
         self._held_frames = 0
-        self._camera = CameraMotion(CAMERA_CERTAINTY)
+        self._camera = CameraMotion(CERTAINTY_MIN)
         self._carry(image)
 
     def _follow(self, image: Image) -> Estimate:

@@ -17,6 +17,8 @@ from pftrack_sim.trackers.pftrack.windows import hann
 
 COLUMNS, ROWS = 128, 96
 PEAK_RADIUS = 2
+CERTAINTY_MIN = 0.5
+"""What particle filters ask of a shift: recorded pairs of frames reach 0.5, half an image suddenly covered 0.4."""
 
 
 class CameraMotion:
