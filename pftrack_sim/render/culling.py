@@ -37,7 +37,7 @@ class Bounds:
         self._radii = np.linalg.norm(np.abs(self._middle) + self._half, axis=1) + _MARGIN_M
         """Of spheres about the origins of the geoms that hold their boxes, with a margin."""
         self._unbounded = ~np.isin(model.geom_type, _BOUNDED_TYPES)
-        self._ids = np.arange(model.ngeom)
+        self._ids: IntArray = np.arange(model.ngeom)
 
     def in_view(
         self,

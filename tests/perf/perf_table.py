@@ -1,10 +1,11 @@
 """What a step and a reset cost, in one table, against the table of `tests/perf/table.json`.
 
-    python tests/perf/perf_table.py [--rounds N] [--json FILE] [--commit]
+    python tests/perf/perf_table.py [--parts A,B] [--rounds N] [--json FILE] [--commit]
 
 Every row is measured once a round, the rows in turn, so that a noisy machine disturbs all alike. The value is the
 median over the rounds, its noise half the distance of the quartiles. All times are processor times, with OpenGL in the
-calling thread where it is Mesa's. `--commit` makes this run the table that the next ones are compared with.
+calling thread where it is Mesa's; only the part `vector` takes the time of the clock, and needs two idle cores.
+`--commit` makes the rows of this run those that the next ones are compared with.
 """
 
 from __future__ import annotations
@@ -12,6 +13,10 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -27,6 +32,7 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 from perf_trackers import Walk, costs_ms, make
+from perf_vector import steps_per_s
 
 import pftrack_sim  # noqa: F401 - registers the environments
 
@@ -129,12 +135,38 @@ def trackers() -> Row:
     return {f"{name} / cv2.TrackerMIL": ms[name] / ms["opencv-mil"] for name in TRACKERS}
 
 
-def table(count: int) -> dict[str, Row]:
-    """Median and noise of every row over so many rounds."""
+def vector() -> Row:
+    """Eight environments in processes of their own against one."""
+    return {"steps/s, 8 environments / 1": steps_per_s("async", 8) / steps_per_s("async", 1)}
+
+
+def start() -> Row:
+    """The benchmark from the command to its first short episode."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    with tempfile.TemporaryDirectory() as folder:
+        few = ["--seeds", "0:1", "--trackers", "stay", "--set", "duration_s=0.1", "--workers", "1"]
+        command = [sys.executable, "-m", "pftrack_sim", "bench", "quick", *few, "--out", f"{folder}/run"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {"bench quick, one seed of 0.1 s, whole [s]": spent_s}
+
+
+PARTS: dict[str, Callable[[], list[Callable[[], Row]]]] = {
+    "steps": lambda: [Steps(name).measure for name in SIZES],
+    "resets": lambda: [Resets(name).measure for name in ("plaza-walk", "corridor", "warehouse")],
+    "pixels": lambda: [WithoutPixels().measure],
+    "trackers": lambda: [trackers],
+    "vector": lambda: [vector],
+    "start": lambda: [start],
+}
+
+
+def table(names: list[str], count: int) -> dict[str, Row]:
+    """Median and noise of every row of these parts over so many rounds."""
     cv2.setNumThreads(1)
     clock_drawing()
-    parts = [Steps(name).measure for name in SIZES] + [Resets(name).measure for name in ("plaza-walk", "warehouse")]
-    parts += [WithoutPixels().measure, trackers]
+    parts = [part for name in names for part in PARTS[name]()]
     rounds: dict[str, list[float]] = {}
     for number in range(1 + count):
         for part in parts:
@@ -150,12 +182,16 @@ def table(count: int) -> dict[str, Row]:
 def main() -> None:
     """Measure, print and write the table."""
     parser = argparse.ArgumentParser()
+    parser.add_argument("--parts", default=",".join(PARTS), help="of " + ", ".join(PARTS))
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", type=Path, default=Path("build/perf.json"))
     parser.add_argument("--commit", action="store_true")
     given = parser.parse_args()
     committed: dict[str, Row] = json.loads(COMMITTED.read_text()) if COMMITTED.exists() else {}
-    found = table(given.rounds)
+    names = given.parts.split(",")
+    if unknown := sorted(set(names) - set(PARTS)):
+        parser.error(f"unknown parts {', '.join(unknown)}; there are {', '.join(PARTS)}")
+    found = table(names, given.rounds)
     print(f"{'':<56} {'now':>9} {'noise':>8} {'before':>9} {'change':>8}")
     for name, row in found.items():
         line = f"{name:<56} {row['value']:>9.3f} {row['noise']:>8.3f}"
@@ -164,9 +200,10 @@ def main() -> None:
             beyond = abs(row["value"] - before["value"]) > row["noise"] + before["noise"]
             line += f" {before['value']:>9.3f} {change:>+8.0%}{'' if beyond else ' within noise'}"
         print(line)
-    for path in [given.json, *([COMMITTED] if given.commit else [])]:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(found, indent=2) + "\n")
+    given.json.parent.mkdir(parents=True, exist_ok=True)
+    given.json.write_text(json.dumps(found, indent=2) + "\n")
+    if given.commit:
+        COMMITTED.write_text(json.dumps(committed | found, indent=2) + "\n")
 
 
 if __name__ == "__main__":
