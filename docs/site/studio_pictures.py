@@ -19,8 +19,8 @@ from pftrack_sim.studio import Settings, Studio
 
 SIZE = {"width": 1280, "height": 800}
 WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-FILM_SIZE, FILM_HZ = {"width": 1024, "height": 640}, 1.0
-"""Of the film; the simulation moves on by as much between two pictures."""
+FILM_SIZE, FILM_HZ, FILM_SPEED = {"width": 1024, "height": 640}, 1.0, 0.5
+"""Of the film: size, pictures per second, and simulated seconds per second."""
 
 DRAWN_ON_REQUEST = """const draw = window.requestAnimationFrame.bind(window), waiting = [];
 window.requestAnimationFrame = action => waiting.push(action);
@@ -30,6 +30,8 @@ window.drawNow = () => new Promise(done => draw(time => {
 }));
 setInterval(window.drawNow, 8000);"""
 """Lets a page draw its 3D view for pictures, and seldom otherwise: without a graphics card that takes all cores."""
+
+TO_THE_TOP = "for (const one of document.querySelectorAll('*')) one.scrollTop = 0"
 
 CAMERA = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 15}
 
@@ -128,67 +130,62 @@ def shots() -> Iterator[tuple[str, Image]]:
 
 
 def film() -> Iterator[Image]:
-    """A minute of the page: one tracker is lost under shake, time goes back, the light changes, another is tracked.
+    """A minute of the page: a tracker is lost under shake, time goes back, the light changes, another is tracked.
 
     The simulation is moved on from picture to picture, so the film shows the pace of a machine that keeps up.
     """
     trackers = TrackerSpec(name="ko2012"), TrackerSpec(name="pftrack")
     with opened(Settings("corridor", 3, CAMERA, trackers), script=DRAWN_ON_REQUEST, size=FILM_SIZE) as (studio, page):
         page.locator(".mantine-Notification-closeButton").first.click()
+        x, y = middle_of_view(page)
 
-        def play(seconds: float) -> Iterator[Image]:
-            for _ in range(round(seconds * FILM_HZ)):
-                advance(studio, 1.0 / FILM_HZ)
+        def play(count: int) -> Iterator[Image]:
+            for _ in range(count):
+                advance(studio, FILM_SPEED / FILM_HZ)
                 yield held(page)
 
-        def pull(axis: str, label: str, keys: str, count: int) -> Iterator[Image]:
-            handle, before = slider(page, label), studio.player.session.settings.physical(axis)
+        def pull(axis: str, key: str, count: int) -> Iterator[Image]:
+            handle, before = slider(page, f"{axis} ["), studio.player.session.settings.physical(axis)
             handle.scroll_into_view_if_needed()
             handle.focus()
             for _ in range(count):
-                handle.press(keys)
+                handle.press(key)
             until(lambda: studio.player.session.settings.physical(axis) != before, f"the slider of {axis}")
             handle.blur()
             turn_back(studio)
-            yield from [held(page), held(page)]
+            yield held(page)
+            page.evaluate(TO_THE_TOP)
+            yield held(page)
 
-        yield from play(9.0)
-        yield from pull("jitter", "jitter [deg RMS]", "ArrowRight", 40)
-        yield from play(10.0)
-        yield from pull("jitter", "jitter [deg RMS]", "Home", 1)
-        yield from play(4.0)
-        time = slider(page, "Time [s]")
-        box = time.bounding_box()
-        assert box is not None
-        x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
-        page.mouse.move(x, y)
-        page.mouse.down()
-        for step in range(6):
-            page.mouse.move(x - 10.0 * step, y)
-            yield held(page)
-        page.mouse.up()
+        def drag(x: float, y: float, dx: float, dy: float) -> Iterator[Image]:
+            page.mouse.move(x, y)
+            page.mouse.down()
+            for step in range(1, 7):
+                page.mouse.move(x + step * dx, y + step * dy)
+                yield held(page)
+            page.mouse.up()
+
+        yield from play(10)
+        yield from pull("jitter", "ArrowRight", 40)
+        yield from play(12)
+        yield from pull("jitter", "Home", 1)
+        time = slider(page, "Time [s]").bounding_box()
+        assert time is not None
+        yield from drag(time["x"] + 0.5 * time["width"], time["y"] + 0.5 * time["height"], -9.0, 0.0)
         page.get_by_role("button", name="Restart from here").click()
-        yield from [held(page), held(page)]
-        yield from play(4.0)
-        x, y = middle_of_view(page)
-        page.mouse.move(x, y)
-        page.mouse.down()
-        for step in range(6):
-            page.mouse.move(x + 25.0 * step, y - 8.0 * step)
-            yield held(page)
-        page.mouse.up()
-        yield from pull("light", "light [EV]", "End", 1)
-        yield from play(7.0)
+        yield held(page)
+        yield from play(8)
+        yield from drag(x, y, 25.0, -8.0)
+        yield from pull("light", "End", 1)
+        yield from play(6)
+        people = [one for one in studio.player.moment.frame.people if one.scored and one.name != "target"]
         page.get_by_label("Tracked").click()
         yield held(page)
-        page.get_by_role("option").nth(1).click()
-        yield from [held(page), held(page)]
-        yield from play(5.0)
+        page.get_by_role("option", name=people[0].name if people else "distractor-1").click()
+        yield from play(4)
         page.get_by_role("button", name="Command line").click()
-        page.mouse.move(FILM_SIZE["width"] - 100.0, 400.0)
-        page.mouse.wheel(0.0, -5000.0)
-        for _ in range(4):
-            yield held(page)
+        page.evaluate(TO_THE_TOP)
+        yield from [held(page), held(page), held(page)]
 
 
 def held(page: Page) -> Image:

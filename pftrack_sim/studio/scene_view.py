@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -253,6 +254,7 @@ def _static_mesh(model: mujoco.MjModel, moment: Moment, geoms: IntArray) -> Any:
     """One mesh of geoms that do not move, with the mean colour of each face."""
     trimesh = _trimesh()
     parts: list[Any] = []
+    means: dict[int, Any] = {}
     for geom in geoms.tolist():
         mesh = _geom_mesh(model, geom)
         if mesh is None:
@@ -261,7 +263,7 @@ def _static_mesh(model: mujoco.MjModel, moment: Moment, geoms: IntArray) -> Any:
         if vertices[:, 2].min() > _OVERHEAD_M:
             continue
         corners = vertices[mesh.faces].reshape(-1, 3)
-        colours = np.repeat(_face_colours(model, geom, len(mesh.faces)), 3, axis=0)
+        colours = np.repeat(_face_colours(model, geom, len(mesh.faces), means), 3, axis=0)
         faces = np.arange(len(corners)).reshape(-1, 3)
         parts.append(trimesh.Trimesh(corners, faces, vertex_colors=colours, process=False))
     return trimesh.util.concatenate(parts)
@@ -290,8 +292,11 @@ def _geom_mesh(model: mujoco.MjModel, geom: int) -> Any:
             return None
 
 
-def _face_colours(model: mujoco.MjModel, geom: int, count: int) -> Any:
-    """`(count, 4)` uint8: the texture at the middle of each face, or the geom's own colour."""
+def _face_colours(model: mujoco.MjModel, geom: int, count: int, means: dict[int, Any]) -> Any:
+    """`(count, 4)` uint8: the texture at the middle of each face, or the geom's own colour.
+
+    Mean colours of textures, which many geoms share, are kept in `means`.
+    """
     material = int(model.geom_matid[geom])
     rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
     plain = np.tile(np.array(255.0 * np.clip(rgba, 0.0, 1.0), dtype=np.uint8), (count, 1))
@@ -303,8 +308,10 @@ def _face_colours(model: mujoco.MjModel, geom: int, count: int) -> Any:
     width, height, channels = model.tex_width[texture], model.tex_height[texture], model.tex_nchannel[texture]
     start = int(model.tex_adr[texture])
     pixels = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)[..., :3]
+    if texture not in means:
+        means[texture] = np.array(cv2.mean(np.ascontiguousarray(pixels))[:3], dtype=np.uint8)
     if mesh < 0 or model.mesh_texcoordadr[mesh] < 0:
-        plain[:, :3] = pixels.reshape(-1, 3).mean(axis=0)
+        plain[:, :3] = means[texture]
         return plain
     face, first = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
     uv = model.mesh_texcoord[first + model.mesh_facetexcoord[face : face + count]]
@@ -314,5 +321,5 @@ def _face_colours(model: mujoco.MjModel, geom: int, count: int) -> Any:
     rows = np.minimum((middle[:, 1] * height).astype(np.intp), height - 1)
     plain[:, :3] = pixels[rows, columns]
     # One place of a pattern says nothing about a large face.
-    plain[spread >= _PATTERNED, :3] = pixels.reshape(-1, 3).mean(axis=0).astype(np.uint8)
+    plain[spread >= _PATTERNED, :3] = means[texture]
     return plain

@@ -10,7 +10,7 @@ from typing import Self
 from pftrack_sim.benchmark.plan import TrackerSpec
 from pftrack_sim.benchmark.tracker_runner import Isolation
 from pftrack_sim.studio.recording import RecordedSession, Source
-from pftrack_sim.studio.server import import_viser, open_server
+from pftrack_sim.studio.server import import_viser, open_server, without_its_prints
 from pftrack_sim.studio.session import Session
 from pftrack_sim.studio.settings import Settings
 from pftrack_sim.studio.tracked import TrackedSession
@@ -91,8 +91,10 @@ class Studio:
         if self._closed.is_set():
             return
         self._closed.set()
+        self.player.playing = False
         self.page.close()
-        self._server.stop()
+        with without_its_prints():
+            self._server.stop()
         self.player.close()
 
     def __enter__(self) -> Self:

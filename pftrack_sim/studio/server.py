@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import hmac
 import http
 import importlib
-import io
 import secrets
 import socket
 from collections.abc import Callable, Mapping
@@ -103,12 +101,17 @@ def open_server(host: str, port: int, most: int) -> tuple[Any, Gate, str]:
     def guarded(handler: Any, *arguments: Any, process_request: Any, **options: Any) -> Any:
         return serve(_counted(handler, gate), *arguments, process_request=_checked(process_request, gate), **options)
 
-    # viser has no way to refuse a request, and prints a table of its own.
-    with mock.patch.object(websockets_server, "serve", guarded), contextlib.redirect_stdout(io.StringIO()):
+    # viser has no way to refuse a request.
+    with mock.patch.object(websockets_server, "serve", guarded), without_its_prints():
         server = viser.ViserServer(host, port, label="pftrack_sim", verbose=False)
     name = socket.gethostname() if host in ("0.0.0.0", "::") else host
     address = f"http://{f'[{name}]' if ':' in name else name}:{server.get_port()}/"
     return server, gate, address if gate.token is None else f"{address}?token={gate.token}"
+
+
+def without_its_prints() -> Any:
+    """Context in which viser prints nothing: its table of addresses lacks the token, and fills a notebook's cell."""
+    return mock.patch("rich.print")
 
 
 def _check_host(host: str) -> None:

@@ -42,6 +42,7 @@ class Settings:
 
     Raises:
         UnknownNameError: No such driver.
+        ParameterError: A tracker given twice.
     """
 
     name: str = "plaza-walk"
@@ -53,6 +54,9 @@ class Settings:
     def __post_init__(self) -> None:
         if self.driver not in drivers():
             raise UnknownNameError("driver", self.driver, drivers())
+        labels = [one.label for one in self.trackers]
+        if repeated := sorted({label for label in labels if labels.count(label) > 1}):
+            raise ParameterError(f"tracker given twice: {', '.join(repeated)}")
 
     def scenario(self) -> Scenario:
         """The scenario with its overrides.

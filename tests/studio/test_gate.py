@@ -5,7 +5,7 @@ import http
 import pytest
 
 from pftrack_sim.core.errors import StudioError
-from pftrack_sim.studio.server import Gate, _check_host
+from pftrack_sim.studio.server import Gate, _check_host, open_server, without_its_prints
 
 HERE = {"Host": "127.0.0.1:8765"}
 SOCKET = {**HERE, "Upgrade": "websocket", "Origin": "http://127.0.0.1:8765"}
@@ -46,3 +46,14 @@ def test_only_so_many_pages_are_open_at_once():
 def test_an_address_that_cannot_be_bound_is_one_error():
     with pytest.raises(StudioError, match=r"cannot bind the address '203\.0\.113\.9'"):
         _check_host("203.0.113.9")
+
+
+def test_viser_prints_nothing_of_its_own(monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("viser", reason="the extra studio is not installed")
+    printed: list[tuple[object, ...]] = []
+    monkeypatch.setattr("rich.print", lambda *words: printed.append(words))
+    server, _, address = open_server("127.0.0.1", 0, 1)
+    with without_its_prints():
+        server.stop()
+    assert printed == []
+    assert address == f"http://127.0.0.1:{server.get_port()}/"

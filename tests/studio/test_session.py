@@ -143,6 +143,11 @@ def test_an_environment_gives_the_settings_of_a_studio():
         pftrack_sim.studio(gym.make("CartPole-v1"))
 
 
+def test_a_tracker_given_twice_is_an_error():
+    with pytest.raises(ParameterError, match="tracker given twice: stay"):
+        replace(PLAIN, trackers=(TrackerSpec(name="stay"), TrackerSpec(name="oracle"), TrackerSpec(name="stay")))
+
+
 def test_impossible_settings_change_nothing(session: Session):
     session.advance()
     before = session.moment
