@@ -118,7 +118,10 @@ def test_numpy_integers_are_seeds():
         ),
         ({"likelihood": ["linear"]}, "allowed: linear, exponential"),
         ({"particles": 1}, "particles: got 1: input should be True or False"),
-        ({"aplha": 0.3}, r"aplha: unknown key \(value 0.3\); did you mean 'alpha'\? \(allowed: alpha, held_noise"),
+        (
+            {"aplha": 0.3},
+            r"aplha: unknown key \(value 0.3\); did you mean 'alpha'\? \(allowed: alpha, camera_motion, held_noise",
+        ),
         ({"module": 1}, "module: unknown key"),
         ({"aplha": 0.3, "alpha": 2}, "alpha: got 2: .*; aplha: unknown key"),
     ],
