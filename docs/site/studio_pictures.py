@@ -81,13 +81,13 @@ def advance(studio: Studio, seconds: float) -> None:
 
 def screenshot(page: Page) -> Image:
     """`(H, W, 3)` uint8 RGB: the page, once it does not change any more."""
-    coded, before = page.screenshot(), b""
+    shown, before = held(page), None
     for _ in range(60):
-        if coded == before:
+        if before is not None and np.array_equal(shown, before):
             break
-        page.wait_for_timeout(1500)
-        coded, before = page.screenshot(), coded
-    return decoded(coded)
+        page.wait_for_timeout(1000)
+        shown, before = held(page), shown
+    return shown
 
 
 def decoded(coded: bytes) -> Image:
@@ -98,13 +98,13 @@ def decoded(coded: bytes) -> Image:
 def shots() -> Iterator[tuple[str, Image]]:
     """The page in three states: it plays; the camera shakes and one tracker is lost; a box is drawn."""
     trackers = TrackerSpec(name="ko2012"), TrackerSpec(name="pftrack")
-    with opened(Settings("corridor", 3, CAMERA, trackers)) as (studio, page):
+    with opened(Settings("corridor", 3, CAMERA, trackers), script=DRAWN_ON_REQUEST) as (studio, page):
         page.locator(".mantine-Notification-closeButton").first.click()  # Chromium draws without a GPU here
         advance(studio, 4.0)
         screenshot(page)
         studio.player.playing = True
         page.wait_for_timeout(2000)
-        yield "running", decoded(page.screenshot())
+        yield "running", held(page)
         studio.player.playing = False
         handle = slider(page, "jitter [deg RMS]")
         handle.focus()
@@ -115,7 +115,7 @@ def shots() -> Iterator[tuple[str, Image]]:
         turn_back(studio)
         advance(studio, 4.0)
         yield "lost", screenshot(page)
-    with opened(Settings("plaza-walk", 7, CAMERA, trackers)) as (studio, page):
+    with opened(Settings("plaza-walk", 7, CAMERA, trackers), script=DRAWN_ON_REQUEST) as (studio, page):
         page.locator(".mantine-Notification-closeButton").first.click()
         advance(studio, 4.0)
         screenshot(page)
