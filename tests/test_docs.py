@@ -1,15 +1,19 @@
 """The site: its blocks run as they stand, its pictures are there, and its navigation knows every page."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from blocks import blocks, run_page
 from pictures import PICTURES, TUTORIALS
 
 from pftrack_sim import scenario
+from pftrack_sim.cli.app import app
 from pftrack_sim.scenario.axes import axes_by_name
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -50,6 +54,30 @@ def test_code_blocks_are_of_languages_that_are_run():
         if language not in ("sh", "python", "toml", "text")
     }
     assert other == set()
+
+
+INDENTED = [
+    (page.name, found[0])
+    for page in [*sorted(DOCS.rglob("*.md")), DOCS.parent / "README.md"]
+    for found in re.finditer(
+        r"^    pftrack-sim (?:[^\n\"']|\"[^\"]*\"|'[^']*'|(?<=\\)\n)+", page.read_text(encoding="utf-8"), re.MULTILINE
+    )
+]
+"""Commands that are shown without being run: they take long, or need files or another machine."""
+
+
+def test_commands_that_are_not_run_are_known_to_the_command_line():
+    group: Any = typer.main.get_command(app)
+    wrong: list[str] = []
+    for page, text in INDENTED:
+        words = shlex.split(text.partition("  #")[0])[1:]
+        words = words[: next((at for at, word in enumerate(words) if word in ("|", "&&", ">")), len(words))]
+        try:
+            group.commands[words[0]].make_context(words[0], words[1:])
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with it
+            wrong.append(f"{page}: {' '.join(words)}: {error!r}")
+    assert len(INDENTED) > 40
+    assert wrong == []
 
 
 @pytest.mark.slow
