@@ -104,7 +104,7 @@ def _print(profiles: Mapping[str, Profile]) -> None:
         for key, quantiles in recorded.items():
             cells = [_marked(columns[name][key], quantiles) for name in shown]
             table.add_row(key, *(_short(value) for value in quantiles), *cells)
-        tables.console.print(table)
+        tables.print_table(table)
     tables.console.print(
         "< below 25 %, << below 10 %, > above 75 %, >> above 90 % of the recorded sequences", soft_wrap=True
     )

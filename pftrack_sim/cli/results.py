@@ -76,7 +76,7 @@ def _print_scored(found: Scored) -> None:
         for name, by_tracker in overlaps.items():
             runs = [by_tracker.get(one, []) for one in trackers]
             table.add_row(name, *(f"{sum(run) / len(run):.3f}" if run else "-" for run in runs))
-        tables.console.print(table)
+        tables.print_table(table)
     tables.print_groups("frames with a known box", groups, unit="result")
     if found.benchmark:
         heads = list(next(iter(found.benchmark.values())))
@@ -84,7 +84,7 @@ def _print_scored(found: Scored) -> None:
         table = tables.new_table("As the benchmark's own scorer computes them", ("tracker",), spaced)
         for tracker, values in found.benchmark.items():
             table.add_row(tracker, *(score_text(values[name]) for name in heads))
-        tables.console.print(table)
+        tables.print_table(table)
     if found.comparisons:
         table = tables.new_table(
             "Differences of mean overlap over sequences (95% interval, p of the sign-flip test after Holm)",
@@ -95,4 +95,4 @@ def _print_scored(found: Scored) -> None:
             ends = "" if math.isnan(pair.low) else f"\n{pair.low:+.3f} to {pair.high:+.3f}"
             p = "-" if math.isnan(pair.p_corrected) else f"{pair.p_corrected:.3f}"
             table.add_row(pair.first, pair.second, str(pair.seeds), f"{pair.difference:+.3f}{ends}", p)
-        tables.console.print(table)
+        tables.print_table(table)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from rich import box
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -31,11 +32,13 @@ if TYPE_CHECKING:
 _MOST_EPISODES, _MOST_LINES, _MOST_WORSE = 40, 20, 10
 _WANTED_DIFFERENCE = 0.02
 
-_LEAST_NAME = 12
+_LEAST_NAME = 10
 """Least width of a column of names [characters]."""
 
 _WIDE = 100
 """Width of the terminal from which tables have more columns [characters]."""
+
+_MOST_WIDE = 10_000
 
 _BESIDE_OVERLAP = ("stay", "skill", "success", "success_30", "centre_inside", "ceiling")
 
@@ -73,7 +76,7 @@ def _print_people(results: Sequence[Result]) -> None:
         for names, found in groups.items():
             means = [float(np.mean([one.number(head.lower()) for one in found])) for head in heads]
             table.add_row(*names, *(_number(mean) for mean in means[:3]), f"{means[3]:.1f}")
-        console.print(table)
+        print_table(table)
         print_lines(f"{name}: {PEOPLE_DEFINITIONS[name]}" for name in heads)
 
 
@@ -100,7 +103,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
         cells = [f"{first.number(name):.0f}" if name == "frames" else _number(first.number(name)) for name in shared]
         cells += [_number(scored[tracker].number("mean_overlap")) for tracker in trackers]
         by_episode.add_row(scenario, condition, str(seed), *cells)
-    console.print(by_episode)
+    print_table(by_episode)
 
 
 def print_suites(plan: Plan, results: Sequence[Result]) -> None:
@@ -120,7 +123,7 @@ def print_suites(plan: Plan, results: Sequence[Result]) -> None:
                     for printed, (ours, low, high) in zip(row.printed, row.ours, strict=True)
                 ]
                 table.add_row(row.tracker, *cells)
-            console.print(table)
+            print_table(table)
         for claim in evaluate_claims(suite, results):
             console.print(f"\n{claim.verdict.upper()}: {claim.statement}", soft_wrap=True)
             for part in claim.comparisons:
@@ -144,9 +147,16 @@ def print_comparison(found: RunComparison) -> None:
     for row in found.rows:
         ends = "" if math.isnan(row.low) else f"\n{row.low:+.3f} to {row.high:+.3f}"
         difference = "-" if math.isnan(row.difference) else f"{row.difference:+.3f}{ends}"
-        cells = [str(row.seeds), _number(row.first), _number(row.second), difference, _number(row.p), row.verdict]
+        cells = [
+            str(row.seeds),
+            _number(row.first),
+            _number(row.second),
+            difference,
+            _number(row.p),
+            row.verdict.replace("few ", "few\n"),
+        ]
         table.add_row(row.scenario, row.condition, *cells)
-    console.print(table)
+    print_table(table)
     print_lines([f"{found.measure}: {MEASURE_DEFINITIONS[found.measure]}", f"{found.statement}."])
     last = found.rows[-1]
     if last.verdict == "too few seeds":
@@ -185,7 +195,7 @@ def _print_worse(found: RunComparison) -> None:
         scores = [_number(one.number(found.measure)) for one in (pair.first, pair.second)]
         condition, seed = pair.first.condition.name, str(pair.first.seed)
         table.add_row(pair.first.scenario, condition, seed, *scores, f"{pair.difference:+.3f}")
-    console.print(table)
+    print_table(table)
 
 
 def print_axes(store: RunStore) -> None:
@@ -199,7 +209,7 @@ def print_axes(store: RunStore) -> None:
             table = new_table(title, ("axis",), ("level", *rows[0].means))
             for row in rows:
                 table.add_row(row.at.label, f"{row.at.x:g}", *(_number(mean) for mean in row.means.values()))
-            console.print(table)
+            print_table(table)
 
 
 def print_losses(shares: Mapping[str, LossShares]) -> None:
@@ -214,7 +224,7 @@ def print_losses(shares: Mapping[str, LossShares]) -> None:
     for label, one in lost.items():
         table.add_row(label, str(one.losses), *(f"{one.shares[tag]:.0%}" for tag in TAGS))
         table.add_row("  of all frames", "", *(f"{one.frames[tag]:.0%}" for tag in TAGS))
-    console.print(table)
+    print_table(table)
     print_lines([f"loss: {LOSS}", *(f"{tag_title(tag)}: {words}" for tag, (words, _) in TAGS.items())])
 
 
@@ -228,18 +238,26 @@ def print_follow(results: Sequence[Result]) -> None:
             groups.setdefault((one.scenario, one.condition.name, one.label), []).append(one.following)
     if not groups:
         return
+    counts = {len(driven) for driven in groups.values()}
+    over = "all seeds" if len(counts) > 1 else f"{min(counts)} seed{'' if counts == {1} else 's'}"
     table = new_table(
-        "Following over all seeds (95% intervals: Wilson's for success and collided, else the mean's bootstrap)",
-        ("scenario", "condition", "tracker+controller"),
-        ("seeds", "success", "collided", "tracked", "within", "RMS m", "losses"),
+        f"Following over {over} (95% intervals: Wilson's for success and collided, else the mean's bootstrap)",
+        ("tracker+controller",),
+        (*(["seeds"] if len(counts) > 1 else []), "success", "collided", "tracked", "within", "RMS m", "losses"),
     )
-    for names, driven in groups.items():
+    previous = ""
+    for (scenario, condition, label), driven in groups.items():
+        place = f"{scenario}, {condition}"
+        if place != previous:
+            table.add_row(place)
+            previous = place
         shares = [_ranged([getattr(one, key) for one in driven], share=True) for key in ("success", "collision")]
         means = [_ranged([getattr(one, key) for one in driven]) for key in ("tracking_rate", "within")]
         metres = _ranged([one.distance_rms_m for one in driven])
         lost = f"{_mean([float(one.losses) for one in driven]):.1f}"
-        table.add_row(*names, str(len(driven)), *shares, *means, metres, lost)
-    console.print(table)
+        count = [str(len(driven))] if len(counts) > 1 else []
+        table.add_row(f"  {label}", *count, *shares, *means, metres, lost)
+    print_table(table)
     print_lines(f"{name}: {words}" for name, words in FOLLOWING_DEFINITIONS.items())
 
 
@@ -296,7 +314,7 @@ def print_groups(frames: str, groups: dict[tuple[str, str], list[Summary]], unit
         ms = f"{float(np.median(took)):.2f}" if took else "-"
         indent = "  " if len(places) > 1 else ""
         table.add_row(indent + label, *([] if count else [str(len(summaries))]), *cells, ms)
-    console.print(table)
+    print_table(table)
     print_lines(f"{name}: {words}" for name, words in DEFINITIONS.items())
     if max(seeds, default=0) > 1:
         console.print(f"Below each overlap: the 95% bootstrap interval of its mean over {unit}s.", soft_wrap=True)
@@ -311,6 +329,19 @@ def new_table(title: str, names: Sequence[str], numbers: Sequence[str]) -> Table
     for head in numbers:
         table.add_column(head, justify="right", no_wrap=True)
     return table
+
+
+def print_table(table: Table) -> None:
+    """Print a table; one whose numbers do not fit into the terminal is printed whole, wider than that."""
+    names = [column for column in table.columns if not column.no_wrap]
+    for column in names:
+        column.max_width = _LEAST_NAME
+    least = Measurement.get(console, console.options.update_width(_MOST_WIDE), table).maximum
+    for column in names:
+        column.max_width = None
+    if least > console.width:
+        table.width = least
+    console.print(table, soft_wrap=True)
 
 
 def print_folder(path: Path | None) -> None:

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.comparison import MEASURES, compare_runs
 from pftrack_sim.benchmark.losses import TAGS
-from pftrack_sim.cli import reading
+from pftrack_sim.cli import reading, tables
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.report.comparison import _parting_s
 
@@ -82,6 +83,24 @@ def test_the_statement_has_a_verdict_only_where_the_seeds_show_it(lost: Path):
     worse, even = (replace(found, rows=(row,)) for row in (shown, replace(shown, p=0.2)))
     assert worse.statement == "stay is worse than oracle by 0.030 (0.010 to 0.050), 20 seeds"
     assert even.statement == "stay and oracle cannot be told apart: -0.030 (-0.050 to -0.010), 20 seeds"
+
+
+def test_no_column_of_the_printed_comparison_is_cut_at_80_columns(
+    lost: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    store = RunStore(lost)
+    found = compare_runs(store, store, ["oracle", "stay"])
+    row = replace(found.rows[0], condition="jitter=2,light=0", low=-0.95, high=-0.85)
+    monkeypatch.setattr(tables, "console", Console(width=80, markup=False, highlight=False))
+    tables.print_comparison(replace(found, rows=(row,)))
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert next(line for line in lines if "first  second" in line).endswith("verdict")
+    assert {" ".join(line.split()[-2:]) for line in lines} >= {"too few", "-0.850 seeds"}
+    table = tables.new_table("many", ("place",), [f"my_long_tracker_{k}" for k in range(8)])
+    table.add_row("here", *(f"0.{k}99" for k in range(8)))
+    tables.print_table(table)
+    printed = capsys.readouterr().out
+    assert all(f"my_long_tracker_{k}" in printed and f"0.{k}99" in printed for k in range(8)), printed
 
 
 def test_overlaps_part_where_the_second_falls_behind():
