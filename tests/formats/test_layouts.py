@@ -181,6 +181,11 @@ def replace_text(path: Path, old: str, new: str) -> None:
 BROKEN: list[tuple[str, Callable[[Path], object], str]] = [
     ("lasot", lambda folder: (folder / "full_occlusion.txt").write_text("0,1\n"), "expected 6 flags"),
     ("lasot", lambda folder: (folder / "out_of_view.txt").write_text("0,0,no,0,0,0\n"), "expected 6 flags"),
+    (
+        "lasot",
+        lambda folder: (folder / "img/frames.mp4").write_bytes(b"0000"),
+        "mp4: cannot be read as a video: Invalid",
+    ),
     ("got10k", lambda folder: (folder / "cover.label").write_text("8\n8\n"), "2 labels but 6 boxes"),
     ("got10k", lambda folder: (folder / "absence.label").write_text("a\n" * 6), "expected one number"),
     ("vot", lambda folder: (folder / "groundtruth.txt").write_text("1,2,3\n" * 6), "expected a rectangle"),
