@@ -134,7 +134,7 @@ def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:
     spec.visual.map.zfar = FAR_M
     quality = spec.visual.quality
     quality.offsamples = settings.sensor.multisamples
-    quality.shadowsize = SHADOW_PIXELS
+    quality.shadowsize = SHADOW_PIXELS if settings.lights.shadows else 0
     # Software rasterisers pay for every vertex.
     quality.numslices, quality.numstacks = 12, 8
     spec.visual.global_.offwidth = settings.camera.width_px

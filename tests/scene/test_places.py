@@ -12,6 +12,7 @@ from pftrack_sim import scenario
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
 from pftrack_sim.scene import places
+from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
 
 KINDS = get_args(Place.model_fields["kind"].annotation)
@@ -240,3 +241,10 @@ def test_sun_direction_follows_the_scenario() -> None:
     model = spec.compile()
     towards_sun = -model.light("light/sun").dir
     np.testing.assert_allclose(towards_sun, [0.0, np.cos(np.pi / 6), 0.5], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("shadows", [True, False])
+def test_a_place_without_shadows_has_no_shadow_map(shadows: bool) -> None:
+    settings = scenario.load("corridor", {"lights.shadows": shadows}).resolve(0)
+    spec, _ = build_stage(settings, 0, 0.002)
+    assert (spec.visual.quality.shadowsize > 0) == shadows
