@@ -16,7 +16,7 @@ from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
 from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, DIRECTIONS, hog_map
 from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
-from pftrack_sim.trackers.pftrack.scale import ScaleFilter
+from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 
@@ -124,6 +124,40 @@ def test_a_change_of_size_is_found(zoom: float):
     matrix = np.array([[zoom, 0, 119.5 * (1 - zoom)], [0, zoom, 119.5 * (1 - zoom)]])
     zoomed = cv2.warpAffine(image, matrix, (240, 240), borderMode=cv2.BORDER_REFLECT)
     assert subject.factor(ImagePyramid(zoomed), centre, 1.0) == pytest.approx(zoom, abs=0.012)
+
+
+def walking_off(count: int = 30, ratio: float = 0.97) -> Scene:
+    """An elongated target that fills half of its box's width shrinks before a scene that rests."""
+    images, truth = [], []
+    background, coat = texture(320, 240, seed=7, grain=15) // 3 + 80, texture(60, 160, seed=8, grain=15)
+    for index in range(count):
+        height = 150 * ratio**index
+        shape = (max(round(0.2 * height), 2), round(height))
+        image = background.copy()
+        person = cv2.resize(coat, shape, interpolation=cv2.INTER_AREA)
+        half = (shape[0] // 2, shape[1] // 2)
+        body = cv2.ellipse(np.zeros(shape[::-1], np.uint8), half, half, 0, 0, 360, 1, -1)
+        left, top = 160 - half[0], 120 - half[1]
+        region = image[top : top + shape[1], left : left + shape[0]]
+        region[body > 0] = person[body > 0]
+        images.append(image)
+        truth.append([160 - 0.2 * height, 120 - 0.5 * height, 0.4 * height, height])
+    return images, np.array(truth)
+
+
+def test_a_person_who_walks_off_before_a_scene_that_rests_becomes_smaller():
+    images, truth = walking_off()
+    ratio = {share: run(images, truth[0], scale_core=share)[-1].box[3] / truth[-1, 3] for share in (0.4, 1.0)}
+    assert ratio[0.4] < 1.2
+    assert ratio[1.0] > 1.5
+
+
+def test_a_square_box_is_compared_whole_and_an_elongated_one_in_its_middle():
+    np.testing.assert_allclose(core(np.array([50.0, 50]), 0.4), [50, 50])
+    np.testing.assert_allclose(core(np.array([40.0, 80]), 0.4), [25, 80])
+    np.testing.assert_allclose(core(np.array([80.0, 40]), 0.4), [80, 25])
+    np.testing.assert_allclose(core(np.array([20.0, 100]), 0.4), [8, 100])
+    np.testing.assert_allclose(core(np.array([20.0, 100]), 1.0), [20, 100])
 
 
 def test_a_moving_target_is_followed_closely(make_scene: Callable[..., Scene]):

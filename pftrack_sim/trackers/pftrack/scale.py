@@ -17,6 +17,20 @@ from pftrack_sim.trackers.pftrack.hog_map import CELL_PX, CHANNELS, hog_map
 from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.windows import hann, vertex
 
+FULL_ASPECT = 0.8
+"""Ratio of the shorter to the longer side from which on a box is taken whole."""
+PASSES = 3
+
+
+def core(size: FloatArray, least: float) -> FloatArray:
+    """The `(2,)` part of a box whose content changes its size with the target.
+
+    People and other elongated targets do not fill their boxes. What is behind them at both sides keeps its size while
+    they approach or walk off, and holds the estimate back. The more elongated the box, the smaller is the share of its
+    shorter side that remains, down to `least`; the longer side remains whole.
+    """
+    return size * np.clip(size / size[::-1] / FULL_ASPECT, least, 1.0)
+
 
 class ScaleFilter:
     """Finds by which factor the target's size changed.
@@ -55,7 +69,21 @@ class ScaleFilter:
             self._denominator += weight * (denominator - self._denominator)
 
     def factor(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> float:
-        """Factor by which the size changed against `scale`; `learn` must have been called."""
+        """Factor by which the size changed against `scale`; `learn` must have been called.
+
+        The window over the sizes pulls the response towards no change, so a change of more than half a step is measured
+        again from the size found.
+        """
+        total = 1.0
+        for _ in range(PASSES):
+            change = self._change(pyramid, centre, scale * total)
+            total *= change
+            if abs(math.log(change)) < 0.5 * math.log(self._step):
+                break
+        return total
+
+    def _change(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> float:
+        """The factor of one comparison."""
         assert self._numerator is not None
         spectrum = self._spectrum(pyramid, centre, scale)
         ridge = np.float32(0.01) * self._denominator.mean() + np.float32(1e-6)

@@ -20,7 +20,7 @@ from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
 from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
-from pftrack_sim.trackers.pftrack.scale import ScaleFilter
+from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 from pftrack_sim.trackers.pftrack.windows import vertex
 
 MIN_SIZE_PX = 4.0
@@ -46,6 +46,7 @@ class PftrackParameters(Parameters):
         scale_rate: The same in the scale filter.
         scale_interval: The scale filter is applied every so many frames.
         scale_cells: Approximate number of cells of its patches.
+        scale_core: Share of the shorter side of an elongated box that its patches keep; 1: all of it.
         camera_motion: Whether the search starts also where the camera's motion takes the target.
         camera_certainty: Least sum of the phase correlation around its peak for a motion to be used; 1 is a pure shift.
         recentre: Distance of the target from the window's centre above which the window is put around it and evaluated
@@ -69,6 +70,7 @@ class PftrackParameters(Parameters):
     scale_rate: Share = 0.025
     scale_interval: Annotated[int, Field(ge=1, le=100)] = 2
     scale_cells: Annotated[int, Field(ge=4, le=1024)] = 36
+    scale_core: Annotated[float, Field(gt=0.0, le=1.0)] = 0.4
     camera_motion: bool = True
     camera_certainty: Share = 0.3
     recentre: NotNegative = 0.1
@@ -116,7 +118,7 @@ class Pftrack(BaseTracker):
         sigma = p.label_sigma * math.sqrt(width * height)
         self._filter = CorrelationFilter(p.cells, (width, height), sigma, p.ridge)
         self._colour = ColourModel()
-        self._scales = ScaleFilter(self._size, p.scale_count, p.scale_step, p.scale_cells)
+        self._scales = ScaleFilter(core(self._size, p.scale_core), p.scale_count, p.scale_step, p.scale_cells)
         self._camera = CameraMotion(p.camera_certainty)
         self._usual = None
         pyramid = ImagePyramid(image)
