@@ -38,8 +38,9 @@ def query(
 ) -> None:
     """Run SQL over a run's tables."""
     from pftrack_sim.benchmark import RunStore
+    from pftrack_sim.cli.answers import print_query
 
-    tables.print_query(RunStore(folder).query(sql), format_)
+    print_query(RunStore(folder).query(sql), format_)
 
 
 def compare(
