@@ -81,7 +81,7 @@ def main() -> None:
         handle = slider(page, "noise [x analogue gain]")
         handle.focus()
         for pull in range(given.pulls):
-            enough = page.evaluate("window.probe.pictures.length") + 12
+            enough = page.evaluate("window.probe.pictures.length") + 6
             handle.press("Home" if pull % 2 else "End")
             page.wait_for_function("count => window.probe.pictures.length > count", arg=enough)
         probe = page.evaluate("window.probe")
