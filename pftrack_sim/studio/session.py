@@ -66,7 +66,8 @@ class Session(TrackedSession):
     @property
     def over(self) -> bool:
         """Whether the last frame of the episode has been shown."""
-        return self.moment.frame.index + 1 >= self.simulation.frame_count
+        # Not of the moment: with another delivery of frames the one shown has another index.
+        return self.simulation.frame.index + 1 >= self.simulation.frame_count
 
     @property
     def people(self) -> tuple[str, ...]:

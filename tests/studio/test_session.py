@@ -143,6 +143,18 @@ def test_an_environment_gives_the_settings_of_a_studio():
         pftrack_sim.studio(gym.make("CartPole-v1"))
 
 
+def test_an_episode_goes_on_when_fewer_frames_are_delivered_from_now_on():
+    session = Session(replace(PLAIN, overrides={**SMALL, "duration_s": 2.0}, trackers=()))
+    for _ in range(30):
+        session.advance()
+    before_s = session.moment.frame.time_s
+    session.change(session.settings.with_axis("stream", session.settings.strongest("stream")))
+    assert not session.over
+    assert session.simulation.frame_count <= 30, "as many as were shown already"
+    assert session.advance().frame.time_s > before_s
+    session.close()
+
+
 def test_a_tracker_given_twice_is_an_error():
     with pytest.raises(ParameterError, match="tracker given twice: stay"):
         replace(PLAIN, trackers=(TrackerSpec(name="stay"), TrackerSpec(name="oracle"), TrackerSpec(name="stay")))
