@@ -50,8 +50,8 @@ class TrackerSpec(Section):
         params: Its parameters.
         controller: Controller that drives the robot with its estimates; None in open loop.
         latency_ms: Simulated time charged for every frame that it takes, unless the condition sets another.
-        code: Digests of what runs and is not part of this package: the code of a third-party tracker and controller,
-            and files named in the parameters. A run folder is not continued with other code.
+        code: Digests of the code of tracker and controller, and of files named in the parameters. A run folder is not
+            continued with other code.
     """
 
     name: str
@@ -255,7 +255,7 @@ class Plan(Section):
         return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
 
     def without_code(self) -> Plan:
-        """The same plan whatever third-party code runs."""
+        """The same plan whatever code runs."""
         trackers = tuple(tracker.model_copy(update={"code": {}}) for tracker in self.trackers)
         return Plan(sweeps=self.sweeps, trackers=trackers, suites=self.suites, truth=self.truth)
 

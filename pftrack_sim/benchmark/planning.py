@@ -135,7 +135,7 @@ def _with_controllers(
 
 
 def code_of(spec: TrackerSpec) -> dict[str, str]:
-    """Digests of third-party code and of files that a tracker takes, by name."""
+    """Digests of the code of tracker and controller and of files that a tracker takes, by name."""
     code = {spec.name: tracker_code(spec.name)}
     if spec.controller is not None:
         code[spec.controller] = controller_code(spec.controller)

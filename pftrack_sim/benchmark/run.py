@@ -78,7 +78,7 @@ def run(
         limits: Limits of those.
         part: Part k of n: only every n-th episode, from the k-th (1 is the first); other machines run the others.
         shuffle: A seed to shuffle the order of the episodes with.
-        refresh: Run episodes again whose third-party trackers or controllers have other code than in the folder.
+        refresh: Run episodes again whose trackers or controllers have other code than in the folder.
         stop_on_error: End the run, unfinished, after the first episode in which a tracker ends with an error.
         cache: Where rendered frames of open loops are kept and taken from; None: nowhere.
         on_progress: Called after every episode and a few times a second.

@@ -27,7 +27,12 @@ def read_plan(record: object, source: str) -> Plan:
 
 def differences(given: Plan, stored: Plan, *, limit: int = 5) -> list[str]:
     """Differences of two plans, one line each: `"trackers: stay there, ko2012 asked for"`."""
-    found = list(_differences("", _by_name(given), _by_name(stored)))
+    records = _by_name(given), _by_name(stored)
+    # The code of a tracker that only one of them has is no further difference.
+    both = records[0]["code"].keys() & records[1]["code"].keys()
+    for record in records:
+        record["code"] = {name: digest for name, digest in record["code"].items() if name in both}
+    found = list(_differences("", *records))
     return found[:limit] + ([f"and {len(found) - limit} more"] if len(found) > limit else [])
 
 

@@ -58,7 +58,10 @@ Out = Annotated[
     typer.Option(help="Run folder; the same command resumes it, another one adds to it. Default: a new one in runs/."),
 ]
 Refresh = Annotated[
-    bool, typer.Option("--refresh", help="Run again what third-party code changed since the run folder was begun.")
+    bool,
+    typer.Option(
+        "--refresh", help="Run again the trackers and controllers whose code changed since the run folder was begun."
+    ),
 ]
 StopOnError = Annotated[
     bool,

@@ -52,10 +52,12 @@ _REGISTRY = Registry[Controller](
     methods=("reset", "act"),
     builtin={
         "servo": BuiltIn(
-            _servo, "visual servoing by box, ground plane and range finder, with a search when the target is lost"
+            _servo,
+            "visual servoing by box, ground plane and range finder, with a search when the target is lost",
+            __name__,
         ),
-        "servo-avoid": BuiltIn(_servo_avoid, "servo with obstacle avoidance by the range finder"),
-        "still": BuiltIn(Still, "stands still and looks ahead"),
+        "servo-avoid": BuiltIn(_servo_avoid, "servo with obstacle avoidance by the range finder", __name__),
+        "still": BuiltIn(Still, "stands still and looks ahead", __name__),
     },
 )
 names = _REGISTRY.names

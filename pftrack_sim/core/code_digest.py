@@ -1,4 +1,4 @@
-"""Digests of third-party code, found without running it: a changed tracker is not mistaken for the one that ran."""
+"""Digests of code, found without running it: a changed tracker is not mistaken for the one that ran."""
 
 from __future__ import annotations
 
@@ -8,22 +8,28 @@ import importlib.metadata
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
 
-def code_digest(module: str) -> str:
+def code_digest(module: str, own: str = "") -> str:
     """SHA-256 of the source of a module, by its dotted name, and of what it imports outside installed packages.
 
     An installed module (in site-packages) counts with its file and the version of its distribution. Imports are read
     from the source, so that modules imported under computed names are missed. The same on every machine with the same
     code; empty if the module has no source.
+
+    Args:
+        module: The module.
+        own: A package of this one that the module is in. Of what it imports, the modules in there count and no others.
     """
     found = _find(module)
     if found is None or found.origin is None or not Path(found.origin).is_file():
         return ""
-    version = _distribution_version(module) if _is_installed(Path(found.origin)) else ""
-    return _digest(_sources([module], root=module), version)
+    installed = not own and _is_installed(Path(found.origin))
+    version = _distribution_version(module.partition(".")[0]) if installed else ""
+    return _digest(_sources([module], root=module, own=own), version)
 
 
 def command_digest(words: Sequence[str]) -> str:
@@ -64,17 +70,22 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(opened, "sha256").hexdigest()
 
 
-def _sources(modules: Iterable[str], root: str = "", search: list[str] | None = None) -> set[tuple[str, Path]]:
-    """Names and files of modules and of everything they import; installed ones are left out, except `root`."""
+def _sources(
+    modules: Iterable[str], root: str = "", search: list[str] | None = None, own: str = ""
+) -> set[tuple[str, Path]]:
+    """Names and files of modules and of everything they import; installed ones are left out, except `root`.
+
+    Where `own` is a package, those in it count, and no others.
+    """
     seen: set[tuple[str, Path]] = set()
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
-        found = _find(name, search)
+        found = _find(name, search) if name.startswith(f"{own}." if own else "") else None
         if found is None or found.origin is None:
             continue
         path = Path(found.origin)
-        installed = name != root and _is_installed(path)
+        installed = name != root and not own and _is_installed(path)
         if installed or path.suffix != ".py" or not path.is_file() or (name, path) in seen:
             continue
         seen.add((name, path))
@@ -122,6 +133,7 @@ def _is_installed(path: Path) -> bool:
     return any(path.resolve().is_relative_to(Path(folder).resolve()) for folder in folders)
 
 
-def _distribution_version(module: str) -> str:
-    names = importlib.metadata.packages_distributions().get(module.partition(".")[0], [])
+@cache  # it reads the records of everything that is installed
+def _distribution_version(package: str) -> str:
+    names = importlib.metadata.packages_distributions().get(package, [])
     return " ".join(f"{name} {importlib.metadata.version(name)}" for name in sorted(names))

@@ -23,10 +23,17 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class BuiltIn(Generic[T]):
-    """A factory of this package, with a description of one line."""
+    """A factory of this package.
+
+    Attributes:
+        factory: It.
+        description: One line.
+        module: Dotted name of the module with its code.
+    """
 
     factory: Callable[..., T]
     description: str
+    module: str
 
 
 @dataclass(frozen=True)
@@ -100,8 +107,11 @@ class Registry(Generic[T]):
         return self.builtin[name].factory if name in self.builtin else self._load(name)
 
     def code_digest(self, name: str) -> str:
-        """Digest of a third-party factory's code, see `core.code_digest`; empty for built-in ones."""
-        return "" if name in self.builtin else code_digest(self._path(name).partition(":")[0].strip())
+        """Digest of a factory's code, see `core.code_digest`; of a built-in one, what it imports from its own room."""
+        if name in self.builtin:
+            module = self.builtin[name].module
+            return code_digest(module, own=".".join(module.split(".")[:2]))
+        return code_digest(self._path(name).partition(":")[0].strip())
 
     def _path(self, name: str) -> str:
         """`package.module:factory` of a third-party factory."""

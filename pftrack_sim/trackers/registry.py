@@ -84,7 +84,10 @@ _REGISTRY = Registry[Tracker](
     error_type=TrackerError,
     interface=Tracker,
     methods=("init", "update"),
-    builtin={name: BuiltIn(partial(_make_builtin, module, name), text) for name, (module, text) in _BUILTIN.items()},
+    builtin={
+        name: BuiltIn(partial(_make_builtin, module, name), text, f"pftrack_sim.trackers.{module}")
+        for name, (module, text) in _BUILTIN.items()
+    },
 )
 _MULTI_OBJECT = Registry[MultiObjectTracker](
     kind="multi-object tracker",
@@ -106,7 +109,7 @@ def factory(name: str) -> Callable[..., Any]:
 
 
 def code_digest(name: str) -> str:
-    """Digest of a third-party tracker's code, see `core.code_digest`; empty for built-in ones.
+    """Digest of a tracker's code, see `core.code_digest`.
 
     Raises:
         UnknownNameError: No such tracker.

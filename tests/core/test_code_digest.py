@@ -1,9 +1,10 @@
-"""The digest of third-party code: it changes with the code that runs, and with nothing else."""
+"""The digest of code: it changes with the code that runs, and with nothing else."""
 
 from pathlib import Path
 
 import pytest
 
+from pftrack_sim import controllers, trackers
 from pftrack_sim.core.code_digest import code_digest, file_digest
 
 
@@ -89,3 +90,18 @@ def test_the_digest_of_a_file_is_that_of_its_bytes(tmp_path: Path):
     for name, content in (("a", b"1"), ("b", b"1"), ("c", b"2")):
         (tmp_path / name).write_bytes(content)
     assert file_digest(tmp_path / "a") == file_digest(tmp_path / "b") != file_digest(tmp_path / "c")
+
+
+def test_modules_of_a_package_of_one_s_own_count_and_no_others(modules: Path):
+    before = code_digest("parts_of_mine.colour", own="parts_of_mine")
+    for changed, counts in (("helper_of_mine.py", False), ("parts_of_mine/shape.py", True)):
+        (modules / changed).write_text((modules / changed).read_text() + "\n# changed")
+        assert (code_digest("parts_of_mine.colour", own="parts_of_mine") != before) == counts
+
+
+def test_built_in_trackers_and_controllers_have_the_digest_of_what_they_import():
+    digests = {name: trackers.code_digest(name) for name in ("pftrack", "ko2012", "ko2012-rgb", "stay")}
+    assert all(digests.values())
+    assert controllers.code_digest("servo")
+    assert digests["ko2012"] == digests["ko2012-rgb"]
+    assert len(set(digests.values())) == 3
