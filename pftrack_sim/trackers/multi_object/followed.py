@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -71,7 +71,8 @@ class FollowedPerson(BaseTracker):
     def _update(self, image: Image) -> TrackedBoxes:
         if self._detections is None:
             raise TrackerError("this tracker follows detections and got none")
-        tracks: object = self._tracker.update(self._detections, image)
+        # Of somebody else's tracker, which may return anything.
+        tracks = cast("object", self._tracker.update(self._detections, image))
         if not isinstance(tracks, TrackedBoxes):
             raise TrackerError(f"a multi-object tracker must return TrackedBoxes, got {type(tracks).__name__}")
         self.tracks, self._detections = tracks, None
