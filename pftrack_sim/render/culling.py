@@ -14,7 +14,6 @@ from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect
-from pftrack_sim.render.culling_kernels import boxes_in_view
 
 _BOUNDED_TYPES = [
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}"))
@@ -49,6 +48,8 @@ class Bounds:
         geoms: IntArray | None = None,
     ) -> BoolArray:
         """`(N,)` which geoms, None for all, may be visible in an image of `size` width and height [px]."""
+        from pftrack_sim.render.culling_kernels import boxes_in_view  # numba: imported when it is used
+
         ids = self._ids if geoms is None else geoms
         sides = np.array(_sides(PixelRect(0, 0, *size), focal_and_centre(K)))
         return self._unbounded[ids] | boxes_in_view(

@@ -17,12 +17,12 @@ LOSSY = {
 def test_a_collision_in_a_lost_frame_is_reported_with_the_next_delivered_frame(monkeypatch: pytest.MonkeyPatch):
     with Simulation(scenario.load("plaza-walk", LOSSY)) as simulation:
         last_s = simulation.reset(1).time_s
-        drive, period_s = simulation.world.robot.drive, 1.0 / simulation.settings.camera.rate_hz
+        period_s = 1.0 / simulation.settings.camera.rate_hz
 
         def collision_in_first_period(data: mujoco.MjData) -> str | None:
             return "pillar-1" if simulation.world.time_s < last_s + 0.5 * period_s else None
 
-        monkeypatch.setattr(drive, "collision", collision_in_first_period)
+        monkeypatch.setattr(simulation.world.robot, "collision", collision_in_first_period)
         lost = 0
         while simulation.frame.index + 1 < simulation.frame_count:
             frame = simulation.advance()
