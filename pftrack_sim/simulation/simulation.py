@@ -232,17 +232,13 @@ class Simulation:
             self.world.advance(np.zeros(4) if self.command is None else self.command)
 
     def _record_poses(self) -> None:
-        """Record the poses of a camera frame, delivered or not."""
+        """Record the poses of a camera frame, delivered or not; the camera's with the vibration of its mount."""
         world, renderer = self.world, self._renderer
         assert renderer is not None
         self._T_world_camera = self._shake.displace(world.camera_pose(), world.time_s)
         world.shake_mount(self._T_world_camera, self._K, (renderer.width_px, renderer.height_px))
         if self._frame_capture is not None:
             self._frame_capture.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
-
-    def _camera_pose(self) -> FloatArray:
-        """`(4, 4)` T_world_camera with the vibration of the mount, as recorded."""
-        return self._T_world_camera.copy()
 
     def _expose(self) -> tuple[Image, CapturedFrame | FloatArray]:
         """Render, expose and meter the camera's current frame.
@@ -263,7 +259,7 @@ class Simulation:
         """What is captured; where that is an instant through a pinhole, `(4, 4)` T_world_camera."""
         assert self._renderer is not None
         if self._frame_capture is None:
-            return self._camera_pose()
+            return self._T_world_camera.copy()
         return self._frame_capture.capture(self._renderer, color=self._draws)
 
     def _take_frame(self) -> Frame:
@@ -300,7 +296,7 @@ class Simulation:
         """
         self._check_instantaneous("depth and flow")
         assert self._renderer is not None
-        data, pose = self.world.data, self._camera_pose()
+        data, pose = self.world.data, self._T_world_camera.copy()
         drawn = self._renderer.ids(data, pose, self._K)
         return SceneGeometry(
             drawn.ids.copy(),
@@ -362,7 +358,7 @@ class Simulation:
         renderer, camera = self._renderer, self.settings.camera
         assert renderer is not None
         rect = PixelRect(0, 0, camera.width_px, camera.height_px)
-        return renderer.depth_m(renderer.ids(self.world.data, self._camera_pose(), self._K, rect=rect))
+        return renderer.depth_m(renderer.ids(self.world.data, self._T_world_camera.copy(), self._K, rect=rect))
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous delivered frame, or None."""
