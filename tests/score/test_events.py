@@ -78,3 +78,10 @@ def test_times_of_irregular_frames_decide_and_not_their_number():
         for keep in (np.ones(60, dtype=bool), kept)
     ]
     assert slopes == pytest.approx([0.3, 0.3])
+
+
+def test_a_target_that_was_not_watched_long_enough_is_neither_recovered_nor_lost():
+    early, late = events.Recovery(0, 1, 0.5, 0.6), events.Recovery(3, 4, 2.5, 4.0)
+    unknown, never = events.Recovery(6, 7, np.inf, 1.9), events.Recovery(8, 9, np.inf, 2.0)
+    assert events.recovered_within([early, late, unknown, never], 2.0) == pytest.approx(1.0 / 3.0)
+    assert np.isnan(events.recovered_within([unknown], 2.0))
