@@ -141,6 +141,17 @@ def test_the_image_agrees_with_the_box_through_the_lens(studio):
         assert np.abs(sides(frame.truth.visible_box) - sides(seen)).max() <= 1.0
 
 
+@pytest.mark.parametrize("at", [(0.15, 0.5, 0.1), (0.3, 0.2, -0.35)])
+def test_the_box_of_a_body_that_the_near_plane_cuts_encloses_its_pixels(studio, at: tuple[float, float, float]):
+    scene = studio("both", lens=DISTORTED)
+    scene.model.body("pole").pos[0] = -9.0
+    frame = scene.shoot(at, facing())
+    assert at[0] - 0.4 < scene.renderer.near_m < at[0]
+    left, top, right, bottom = sides(frame.truth.box) - sides(boxes.from_mask(lit(frame.image) > 0.1))
+    assert max(left, top) <= 1.0
+    assert min(right, bottom) >= -1.0
+
+
 def test_every_corner_of_a_distorted_image_is_rendered(studio):
     scene = studio("ball", lens=DISTORTED)
     assert (scene.shoot((9.0, 40.0, 0.0), facing()).image.min(axis=2) < 40).all()  # the wall, not the sky beyond
