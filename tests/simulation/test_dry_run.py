@@ -1,0 +1,27 @@
+"""A recorded dry run: its beginning, and what lies between its samples."""
+
+import numpy as np
+import pytest
+
+from pftrack_sim.simulation.dry_run import DryRun
+
+TIMES_S = np.array([0.0, 0.04, 0.08, 0.12])
+RUN = DryRun(
+    TIMES_S, np.outer(TIMES_S, [1.0, 2.0, 0.0]), np.outer(TIMES_S, [3.0, 0.0]), np.outer(TIMES_S, [0.0, -1.0]), 1.7
+)
+
+
+@pytest.mark.parametrize(("until_s", "last_s"), [(0.0, 0.04), (0.05, 0.08), (0.08, 0.12), (9.0, 0.12)])
+def test_the_beginning_reaches_the_first_sample_after_a_time(until_s: float, last_s: float):
+    start = RUN.until(until_s)
+    assert start.times_s[-1] == last_s
+    assert {len(rows) for rows in (start.times_s, start.camera_m, start.target_m, start.robot_m)} == {
+        len(start.times_s)
+    }
+
+
+def test_between_samples_places_are_interpolated():
+    camera, target = RUN.at([0.02, 0.1])
+    np.testing.assert_allclose(camera, [[0.02, 0.04, 0.0], [0.1, 0.2, 0.0]])
+    np.testing.assert_allclose(target, [[0.06, 0.0], [0.3, 0.0]])
+    np.testing.assert_allclose(RUN.robot_at(0.02), [[0.0, -0.02]])
