@@ -18,11 +18,11 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.goal_manager import GoalManager, PaceChanges
 from pftrack_sim.agents.pedestrians.goal_sampler import PREDICTION_TIMES_S, GoalSampler
 from pftrack_sim.agents.pedestrians.groups import group_members
-from pftrack_sim.agents.pedestrians.kernels import SENTINEL_M
+from pftrack_sim.agents.pedestrians.kernels import SENTINEL_M, turn
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph, Xy
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, at_different_depths
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass
-from pftrack_sim.agents.pedestrians.reactive import ReactivePedestrians, turn
+from pftrack_sim.agents.pedestrians.reactive import ReactivePedestrians
 from pftrack_sim.agents.pedestrians.scripted import Cart, CrossingPedestrian, OncomingPedestrian, Phase, Surroundings
 from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.core.random_streams import stream
@@ -165,27 +165,31 @@ class Crowd:
 
     def tick(self, dt_s: float, time_s: float, robot_m: ArrayLike, camera_m: ArrayLike) -> None:
         """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at `(2,)` positions."""
-        self._update_robot(dt_s, _xy(robot_m))
-        self._target.update(dt_s, self._state[:, self._robot_column], _xy(camera_m))
+        robot, camera = _xy(robot_m), _xy(camera_m)
+        self._target.update(dt_s, self._moved_robot(dt_s, robot), camera)
         self._store_target()
         for person, member in self._members.items():
             state, heading = self._state[:, person], float(self._headings[person])
             self._headings[person] = member.update(dt_s, time_s, self.target_s_m, self._state[:2, 0], state, heading)
-        around = Surroundings(_xy(camera_m), _xy(self._state[:2, 0]), _xy(robot_m))
+        around = Surroundings(camera, self._target.state[:2], robot)
         self._update_scripted(dt_s, time_s, around)
         for cart in self.carts:
             cart.update(dt_s, time_s, around)
         self._update_reactive(dt_s, time_s)
         walkers = self._robot_column - len(self._members)
-        turn(dt_s, self._state[2:, 1:walkers], self._headings[1:walkers])
+        if walkers > 1:
+            velocity = self._state[2:, 1:walkers]
+            turn(dt_s, velocity, np.arctan2(velocity[1], velocity[0]), self._headings[1:walkers])
 
-    def _update_robot(self, dt_s: float, robot_m: Xy) -> None:
-        """Store the robot's position and its velocity (differences, low-pass filtered)."""
-        robot = self._state[:, self._robot_column]
-        if robot[0] != SENTINEL_M:
+    def _moved_robot(self, dt_s: float, robot_m: Xy) -> tuple[float, float, float, float]:
+        """Store the robot's position and its velocity (differences, low-pass filtered), and return x, y, vx, vy."""
+        (x, y), (last_x, last_y, vx, vy) = robot_m, self._state[:, self._robot_column].tolist()
+        if last_x != SENTINEL_M:
             share = min(dt_s / _ROBOT_VELOCITY_TIME_CONSTANT_S, 1.0)
-            robot[2:] += share * ((robot_m - robot[:2]) / dt_s - robot[2:])
-        robot[:2] = robot_m
+            vx += share * ((x - last_x) / dt_s - vx)
+            vy += share * ((y - last_y) / dt_s - vy)
+        self._state[:, self._robot_column] = robot = x, y, vx, vy
+        return robot
 
     def _update_scripted(self, dt_s: float, time_s: float, around: Surroundings) -> None:
         changed = False

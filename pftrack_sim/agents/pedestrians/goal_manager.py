@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 
 import numpy as np
+from numba import njit
 
 from pftrack_sim.agents.pedestrians.goal_sampler import GoalSampler
 from pftrack_sim.agents.pedestrians.obstacle_map import ROUTE_CLEARANCE_M, VisibilityGraph
@@ -96,9 +97,7 @@ class GoalManager:
         `state` `(4, C)` holds x, y [m], vx, vy [m/s], `heading` `(P,)` [rad], and `target_s_m` is the arc length
         of the target.
         """
-        gap = np.hypot(*(self.waypoint_m[:, columns] - state[:2, columns]))
-        for index in np.flatnonzero(gap < self._arrival_radius_m[columns]):
-            person = int(columns[index])
+        for person in _arrived(state, columns, self.waypoint_m, self._arrival_radius_m):
             task = self._tasks[person]
             if task.waypoints:
                 self.waypoint_m[:, person] = task.waypoints.pop(0)
@@ -158,6 +157,17 @@ class GoalManager:
         self.desired_speed_m_s[person], self._arrival_radius_m[person] = 0.0, -1.0
 
 
+@njit(cache=True, nogil=True)
+def _arrived(state: FloatArray, columns: IntArray, waypoint_m: FloatArray, radius_m: FloatArray) -> list[int]:
+    """Those of the columns of a `(4, C)` state that are within their `(P,)` radii of their `(2, P)` waypoints."""
+    return [
+        person
+        for person in columns
+        if math.hypot(waypoint_m[0, person] - state[0, person], waypoint_m[1, person] - state[1, person])
+        < radius_m[person]
+    ]
+
+
 class PaceChanges:
     """Factors on the speeds of pedestrians, which change at random times.
 
@@ -173,9 +183,12 @@ class PaceChanges:
         self._rngs, self._mean_s = rngs, 60.0 / per_minute if per_minute > 0.0 else np.inf
         self.factors: FloatArray = np.ones(len(rngs))
         self._until_s = [self._walk_s(rng) for rng in rngs]
+        self._next_s = min(self._until_s, default=np.inf)
 
     def update(self, time_s: float) -> None:
         """Advance to a time."""
+        if time_s < self._next_s:
+            return
         for person, rng in enumerate(self._rngs):
             if time_s < self._until_s[person]:
                 continue
@@ -185,6 +198,7 @@ class PaceChanges:
             else:
                 self.factors[person] = rng.uniform(*_PACE)
                 self._until_s[person] = time_s + self._walk_s(rng)
+        self._next_s = min(self._until_s, default=np.inf)
 
     def _walk_s(self, rng: np.random.Generator) -> float:
         return float(rng.exponential(self._mean_s)) if np.isfinite(self._mean_s) else np.inf

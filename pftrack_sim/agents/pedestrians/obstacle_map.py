@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.agents.pedestrians.kernels import rectangle_distances
+from pftrack_sim.agents.pedestrians.kernels import Rectangles, rectangle_distances
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.layout import WalkableArea
 
@@ -38,6 +38,7 @@ class ObstacleMap:
         self._centre, self._half = table[:2], table[2:4]
         self._cos: FloatArray = np.cos(table[4])
         self._sin: FloatArray = np.sin(table[4])
+        self.rectangles: Rectangles = self._centre, self._half, self._cos, self._sin
 
     def distances(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed distance of `(2, N)` points to every rectangle, and the direction away from it.
@@ -46,7 +47,7 @@ class ObstacleMap:
             `(N, F)` distance [m], negative inside; `(2, N, F)` unit vectors pointing away, world frame.
         """
         points = np.ascontiguousarray(xy_m, dtype=np.float64)
-        return rectangle_distances(points, self._centre, self._half, self._cos, self._sin)
+        return rectangle_distances(points, self.rectangles)
 
     def clearance_m(self, points_m: ArrayLike) -> FloatArray:
         """Distance from each of `(N, 2)` points to the nearest rectangle `(N,)` [m], negative inside."""

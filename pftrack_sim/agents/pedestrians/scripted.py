@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians import avoidance, oncoming
+from pftrack_sim.agents.pedestrians import oncoming
+from pftrack_sim.agents.pedestrians.kernels import BARRIER_RATE_S, WALL_DISTANCE_M
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy, limited_step, outside_circle
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, OcclusionTrajectory
 from pftrack_sim.core.types import FloatArray
@@ -94,14 +95,18 @@ class CrossingPedestrian(_Crosser):
             if trajectory.finished(time_s) or (time_s > crossing.until_s and self._blocked(dt_s, desired, detour)):
                 self.phase = Phase.RELEASED
                 return
-            desired = self._obstacles.pushed_out(detour, avoidance.WALL_DISTANCE_M)
+            desired = self._obstacles.pushed_out(detour, WALL_DISTANCE_M)
         _move(self.state, dt_s, desired, _CROSSING_SPEED_LIMIT_M_S)
 
     def _blocked(self, dt_s: float, desired: Xy, detour: Xy) -> bool:
         """Whether the target, the robot or an obstacle is in the way to the desired position."""
+        if detour != desired:
+            return True
         position = self.state[:2, None]
-        velocity = (np.array(desired)[:, None] - position) / dt_s
-        return detour != desired or avoidance.wall_barrier_active(*self._obstacles.distances(position), velocity)
+        vx, vy = (np.array(desired)[:, None] - position) / dt_s
+        distance, (away_x, away_y) = self._obstacles.distances(position)
+        opening = away_x * vx + away_y * vy
+        return bool((opening < -BARRIER_RATE_S * (distance - WALL_DISTANCE_M)).any())
 
 
 class Cart(_Crosser):

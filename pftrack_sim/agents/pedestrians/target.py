@@ -6,14 +6,11 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from pftrack_sim.agents.gait.posture import PLAIN
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.kernels import SENTINEL_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.pedestrians.target_actions import Command, arms, command, schedule
-from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.actions import Approach, Face, Pace, Run, Turn, WalkOff, end_s, title
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scenario.model import Target
@@ -57,7 +54,7 @@ class TargetWalk:
         self._hold()
         self._update_state()
 
-    def update(self, dt_s: float, robot: FloatArray, camera_m: Xy) -> None:
+    def update(self, dt_s: float, robot: tuple[float, float, float, float], camera_m: Xy) -> None:
         """Walk for one tick; `robot` is its `(4,)` x, y [m], vx, vy [m/s], `camera_m` x, y of the camera."""
         left_m = max(self._path.length_m - self.s_m, 0.0)
         # The highest speed from which a constant deceleration after this tick still ends at the end of the path.
@@ -106,9 +103,9 @@ class TargetWalk:
         self._begun = True
         return command(action, self._time_s - action.at_s, self._asked_rad)
 
-    def _speed_behind(self, robot: FloatArray) -> float:
+    def _speed_behind(self, robot: tuple[float, float, float, float]) -> float:
         """Highest speed that leaves room to stop behind a robot ahead; infinite if none is in the way."""
-        x, y, vx, vy = robot.tolist()
+        x, y, vx, vy = robot
         cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
         dx, dy = x - self.state[0], y - self.state[1]
         ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
@@ -127,7 +124,7 @@ def places_alone(
     path: Path, target: Target, axis: TargetAxis, times_s: Iterable[float]
 ) -> Iterator[tuple[float, tuple[float, float, float]]]:
     """Arc length [m], and x, y [m] and heading [rad], at rising times of a target that no robot is in the way of."""
-    walk, nowhere, tick = TargetWalk(path, target, axis), np.array([SENTINEL_M, SENTINEL_M, 0.0, 0.0]), 0
+    walk, nowhere, tick = TargetWalk(path, target, axis), (SENTINEL_M, SENTINEL_M, 0.0, 0.0), 0
     for time_s in times_s:
         while tick * _TICK_S < time_s:
             walk.update(_TICK_S, nowhere, (SENTINEL_M, SENTINEL_M))

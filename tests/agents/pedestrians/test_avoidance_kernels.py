@@ -1,19 +1,36 @@
 """The kernels of the avoidance take the steps of the formulas on arrays, to the bit."""
 
+from typing import NamedTuple
+
 import numpy as np
+import pytest
+from numpy_avoidance import People, moved, turned
 
 from pftrack_sim.agents.pedestrians import kernels
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.pedestrians.reactive import ReactivePedestrians
 from pftrack_sim.scene.layout import Footprint, WalkableArea
+
+
+class Goals(NamedTuple):
+    """What a `GoalManager` tells of all pedestrians."""
+
+    waypoint_m: np.ndarray
+    desired_speed_m_s: np.ndarray
+    pace: np.ndarray
+
+
+def map_of(rng: np.random.Generator, count: int) -> ObstacleMap:
+    footprints = [
+        Footprint(f"thing-{i}", tuple(rng.normal(0, 4, 2)), tuple(rng.uniform(0.1, 2, 2)), rng.uniform(-3, 3))
+        for i in range(count)
+    ]
+    return ObstacleMap(WalkableArea((-9.0, -8.0, 7.0, 8.0), tuple(footprints), ()))
 
 
 def test_distances_from_rectangles():
     rng = np.random.default_rng(0)
-    footprints = [
-        Footprint(f"thing-{i}", tuple(rng.normal(0, 4, 2)), tuple(rng.uniform(0.1, 2, 2)), rng.uniform(-3, 3))
-        for i in range(12)
-    ]
-    obstacles = ObstacleMap(WalkableArea((-9.0, -8.0, 7.0, 8.0), tuple(footprints), ()))
+    obstacles = map_of(rng, 12)
     points = rng.normal(0.0, 5.0, (2, 200))
     distance, away = obstacles.distances(points)
     x, y = points[:, :, None] - obstacles._centre[:, None]
@@ -30,31 +47,33 @@ def test_distances_from_rectangles():
     np.testing.assert_array_equal(away, np.array([cos * u - sin * v, sin * u + cos * v]))
 
 
-def test_closest_approach():
-    rng = np.random.default_rng(1)
-    people, state = 5, rng.normal(0.0, 2.0, (4, 9))
-    state[2:, 3] = 0.0
-    heading, extra, weight = rng.uniform(-3.0, 3.0, people), rng.uniform(0.0, 0.3, 9), rng.choice([1.0, 1.7], 9)
-    facing = np.array([np.cos(heading), np.sin(heading)])
-    logarithm, factor, nearest = kernels.closest_approach(state, facing, extra, weight)
-    offset = state[:2, :people, None] - state[:2, None]
-    offset[0] += np.eye(people, 9) * kernels.SENTINEL_M
-    distance = np.sqrt(offset[0] * offset[0] + offset[1] * offset[1])
-    for found, expected in zip(kernels.offsets_between(state, people), (offset, distance), strict=True):
-        np.testing.assert_array_equal(found, expected)
-    velocity = state[2:, :people, None] - state[2:, None]
-    speed2 = velocity[0] * velocity[0] + velocity[1] * velocity[1] + 1e-4
-    closing = offset[0] * velocity[0] + offset[1] * velocity[1]
-    ahead = np.minimum(np.maximum(-closing / speed2, 0.0), kernels.LOOKAHEAD_S)
-    assert 0.2 < (ahead > 0.0).mean() < 0.8
-    expected = offset + velocity * ahead
-    bias = np.where(ahead > 0.0, kernels.PASS_RIGHT_M, 0.0) / np.sqrt(speed2)
-    expected[0] += velocity[1] * bias
-    expected[1] -= velocity[0] * bias
-    np.testing.assert_array_equal(nearest, expected)
-    miss = np.sqrt(expected[0] * expected[0] + expected[1] * expected[1]) + 1e-6
-    close = np.minimum((kernels.FORCE_RADIUS_M + extra - miss) / kernels.FORCE_RANGE_M, 1.5)
-    np.testing.assert_array_equal(logarithm, close - ahead / kernels.FORCE_DECAY_S)
-    in_front = -(offset[0] * facing[0][:, None] + offset[1] * facing[1][:, None]) / distance
-    seen = kernels.WEIGHT_BEHIND + (1.0 - kernels.WEIGHT_BEHIND) * 0.5 * (1.0 + in_front)
-    np.testing.assert_array_equal(factor, np.maximum(seen, weight - 1.0) * weight / miss)
+@pytest.mark.parametrize(("people", "footprints", "spread_m"), [(1, 2, 1.0), (6, 9, 1.5), (12, 140, 4.0), (3, 5, 0.4)])
+def test_a_tick_of_the_reactive_pedestrians(people: int, footprints: int, spread_m: float):
+    rng = np.random.default_rng(people)
+    obstacles = map_of(rng, footprints)
+    total, dt = people + 4, 1.0 / 30.0
+    state, vehicle = rng.normal(0.0, spread_m, (4, total)), people + 2
+    state[2:, -1] = 0.0
+    heading, waypoints = rng.uniform(-3.0, 3.0, vehicle), rng.normal(0.0, 3.0, (2, vehicle))
+    goals = Goals(waypoints, rng.uniform(0.0, 1.5, vehicle), rng.choice([0.0, 0.7, 1.0], vehicle))
+    waiting = rng.random(people) < 0.3
+    reactive = ReactivePedestrians(
+        obstacles, range(people), waiting.tolist(), range(people, vehicle), range(vehicle, total)
+    )
+    for _ in range(40):
+        own = People(
+            state,
+            vehicle,
+            heading[:people],
+            waypoints[:, :people],
+            (goals.desired_speed_m_s * goals.pace)[:people],
+            waiting,
+        )
+        expected = state.copy()
+        expected[:, :people] = moved(dt, own, obstacles)
+        reactive.update(dt, state, heading, goals)
+        np.testing.assert_array_equal(state, expected)
+        velocity = state[2:, :vehicle]
+        expected = turned(dt, velocity, heading)
+        kernels.turn(dt, velocity, np.arctan2(velocity[1], velocity[0]), heading)
+        np.testing.assert_array_equal(heading, expected)

@@ -18,7 +18,7 @@ from pftrack_sim.simulation.world import World
 
 DT = 0.04
 LINE = [[0.0, 0.0], [30.0, 0.0]]
-FAR = np.array([1e6, 1e6, 0.0, 0.0])
+FAR = (1e6, 1e6, 0.0, 0.0)
 
 
 @dataclass
@@ -46,7 +46,7 @@ def walked(
     *actions: dict[str, Any],
     seconds: float = 14.0,
     axis: TargetAxis | None = None,
-    robot: np.ndarray = FAR,
+    robot: tuple[float, float, float, float] = FAR,
     camera_m: tuple[float, float] = (-3.0, 0.0),
 ) -> Record:
     walk, rows = TargetWalk(Path(LINE), target(*actions), axis or TargetAxis()), []
@@ -80,7 +80,7 @@ def test_an_approaching_target_walks_back_as_far_as_asked_facing_that_way(distan
 
 
 def test_an_approaching_target_stops_before_the_robot():
-    robot = np.array([3.5, 0.0, 0.0, 0.0])
+    robot = (3.5, 0.0, 0.0, 0.0)
     record = walked({"kind": "approach", "at_s": 5.0, "distance_m": 5.0}, robot=robot, seconds=1.0)
     walk = TargetWalk(Path(LINE), target({"kind": "approach", "at_s": 5.0, "distance_m": 5.0}), TargetAxis())
     places = []
