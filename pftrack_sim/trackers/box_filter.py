@@ -7,6 +7,7 @@ ones; it may learn from its estimates too.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from typing import Generic, Literal, Protocol, TypeVar
 
@@ -25,6 +26,7 @@ from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 
 MIN_SIZE_PX = 2.0
 USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a second, a lasting change counts as usual
+CARRIED_SHARE = 0.75  # Of the particles, by the camera's motion; the others find a target that the camera follows
 
 
 class BoxFilterParameters(Parameters):
@@ -44,8 +46,8 @@ class BoxFilterParameters(Parameters):
         hold_below: Similarity of the new state, as a share of its running mean, below which the previous state is kept
             as after a jump; 0: never.
         held_noise: Factor on `sigma_centre` after such a frame or a jump.
-        camera_motion: Whether state and particles are first carried along by the shift of the whole image. Not in
-            the papers.
+        camera_motion: Whether most of the particles are first carried along by the shift of the whole image since the
+            state was last estimated. Not in the papers.
         particles: Whether estimates contain the particles.
     """
 
@@ -92,7 +94,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         self._state = state_of(box)
         self._usual, self._held = 0.0, False
         self._filter = ParticleFilter(np.tile(self._state, (self.params.particle_count, 1)), self._rng)
-        self._camera = CameraMotion(CERTAINTY_MIN)
+        self._camera, self._shift = CameraMotion(CERTAINTY_MIN, quick=True), np.zeros(2)
         self._carry(image)
         self._learn_first(image, box)
 
@@ -113,7 +115,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
         self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
         if not held:
-            self._state = state
+            self._state, self._shift = state, np.zeros(2)
         # After a rejected jump the particles surround a wrong state: they restart at the previous one.
         if held or p.redraw == "estimate":
             particle_filter.restart(self._state)
@@ -126,16 +128,21 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         return Estimate(box, confidence, held, particles if p.particles else None)
 
     def _carry(self, image: Image) -> None:
-        """Move state and particles as the camera's motion moves the image's content."""
+        """Move part of the particles as the camera's motion has moved the image's content since the last estimate.
+
+        A target behind a cover is later found near the place in the scene where it vanished, or, where the camera
+        follows it, at the same place in the image: the likelihood decides between the two.
+        """
         if self.params.camera_motion:
-            shift = self._camera.shift(ImagePyramid(image), image.shape[1], image.shape[0])
-            self._state = self._state + np.pad(shift, (0, self._state.size - 2))
-            self._filter.states[:, :2] += shift
+            self._shift += self._camera.shift(ImagePyramid(image), image.shape[1], image.shape[0])
+            states = self._filter.states
+            states[: math.ceil(CARRIED_SHARE * len(states)), :2] += self._shift
 
     def _is_jump(self, state: FloatArray) -> bool:
-        """Whether a state is at least `hold_distance` away from the previous one."""
+        """Whether a state is `hold_distance` or more from the previous one and from where the camera takes it."""
         limit_px = self.params.hold_distance * float(np.sqrt(self._state[2] * self._state[3]))
-        return float(np.hypot(*(state[:2] - self._state[:2]))) >= limit_px
+        moved = state[:2] - self._state[:2]
+        return min(float(np.hypot(*moved)), float(np.hypot(*(moved - self._shift)))) >= limit_px
 
     def _dynamics(self, sigma: tuple[float, float, float, float]) -> Dynamics:
         """How the particles move in this frame, given the noise of x, y, w, h [px]."""

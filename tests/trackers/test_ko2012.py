@@ -55,6 +55,27 @@ def test_a_turn_of_the_camera_beyond_the_noise_is_compensated():
     assert overlaps[1] < 0.2
 
 
+@pytest.mark.parametrize("followed", [True, False])
+def test_a_target_is_found_after_a_cover_whether_or_not_the_turning_camera_follows_it(followed: bool):
+    """While the state is kept the scene moves 7 px a frame, in all more than the noise of a held frame."""
+    rng = np.random.default_rng(0)
+    world = cv2.resize(rng.integers(60, 190, (14, 72, 3), dtype=np.uint8), (640, 120), interpolation=cv2.INTER_CUBIC)
+    target = np.zeros((36, 24, 3), np.uint8)
+    target[:18, :, 0], target[18:, :, 2] = 255, 255
+    images = []
+    for index in range(16):
+        left = 7 * max(index - 3, 0)
+        image = np.ascontiguousarray(world[:, left : left + 320])
+        x = 200 if followed else 200 - left
+        if index < 4 or index > 12:
+            image[40:76, x : x + 24] = target
+        images.append(image)
+    first, last = np.array([200.0, 40, 24, 36]), np.array([float(x), 40, 24, 36])
+    overlaps = [boxes.iou(run(images, first, camera_motion=used)[-1], last) for used in (True, False)]
+    assert overlaps[0] > 0.7
+    assert (overlaps[1] > 0.7) == followed
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scene], seed: int):
     images, truth = make_scene(count=15)

@@ -60,6 +60,8 @@ class Ko2012Parameters(BoxFilterParameters):
         hold_below: Similarity of the new state, as a share of its running mean, below which the previous state is kept
             as after a jump (13). Not in the paper: 0, never.
         held_noise: Factor on `sigma_centre` after such a frame or a jump. Not in the paper: 1.
+        camera_motion: Whether most of the particles are first carried along by the shift of the whole image since the
+            state was last estimated. Not in the paper.
         particles: Whether estimates contain the particles.
     """
 
@@ -79,6 +81,7 @@ class Ko2012Parameters(BoxFilterParameters):
             "redraw": "estimate",
             "hold_below": 0.88,
             "held_noise": 2.5,
+            "camera_motion": True,
         }
     )
 

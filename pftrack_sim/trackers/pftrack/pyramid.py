@@ -25,6 +25,11 @@ class ImagePyramid:
         self._levels = [image]
         self._grey: dict[int, NDArray[np.uint8]] = {}
 
+    @property
+    def image(self) -> Image:
+        """`(H, W, 3)` the image itself."""
+        return self._levels[0]
+
     def grey(self, level: int) -> NDArray[np.uint8]:
         """`(H, W)` grey image of a level."""
         if level not in self._grey:
