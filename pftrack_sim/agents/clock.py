@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 TICK_HZ = 25.0  # Lowest rate of control ticks, at which people and controllers move
 PHYSICS_HZ = 500.0  # Lowest rate of physics steps
@@ -27,12 +28,12 @@ class Clock:
         ticks = math.ceil(TICK_HZ / rate_hz)
         return cls(rate_hz, ticks, math.ceil(PHYSICS_HZ / (rate_hz * ticks)))
 
-    @property
+    @cached_property
     def tick_s(self) -> float:
         """Length of a tick."""
         return 1.0 / (self.rate_hz * self.ticks)
 
-    @property
+    @cached_property
     def step_s(self) -> float:
         """Length of a physics step."""
         return self.tick_s / self.steps

@@ -81,7 +81,7 @@ class Path:
         run = s_m - origin
         half = 0.5 * run * bend
         chord, middle = run * _sinc(half), heading + half
-        return float(x + chord * np.cos(middle)), float(y + chord * np.sin(middle)), heading + 2.0 * half
+        return x + chord * math.cos(middle), y + chord * math.sin(middle), heading + 2.0 * half
 
     def at(self, s_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y [m] and heading [rad, without jumps of 2 pi] at arc lengths, each of the shape of `s_m`."""
@@ -96,9 +96,14 @@ class Path:
             heading + 2.0 * half,
         )
 
-    def curvature(self, s_m: ArrayLike) -> FloatArray:
-        """Curvature [1/m] at arc lengths, of the shape of `s_m`; positive turns left."""
-        return self._curvature[self._locate(s_m)[1]]
+    def curvature(self, s_m: float) -> float:
+        """Curvature [1/m] at an arc length; positive turns left."""
+        return self._rows[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)][4]
+
+    @property
+    def bends(self) -> tuple[FloatArray, FloatArray]:
+        """`(N,)` first arc lengths [m] and curvatures [1/m] of the lines and arcs, those before and after included."""
+        return self._starts, self._curvature
 
     def project(self, xy_m: Sequence[float] | FloatArray, near_s_m: float, within_m: float = 2.0) -> float:
         """Arc length of the point nearest to `(2,)` x, y [m] among those within `within_m` of `near_s_m`."""
@@ -132,7 +137,7 @@ class Path:
 def _sinc(half_turn: float) -> float:
     """Chord over arc of half a turn [rad], in the steps of `np.sinc`: equal to the bit."""
     angle = math.pi * (half_turn / math.pi) or _EPSILON
-    return float(np.sin(angle) / angle)
+    return math.sin(angle) / angle
 
 
 def _distinct(points_m: ArrayLike) -> FloatArray:

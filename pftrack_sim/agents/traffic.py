@@ -11,7 +11,7 @@ import numpy as np
 from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.pedestrians.crowd import Crowd
-from pftrack_sim.agents.robot.robot import SceneState
+from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.types import FloatArray
@@ -56,10 +56,10 @@ class Traffic:
         self._gait.feet.start_phase[0] = median_width_phase(self._target, gait, *start, T_world_camera)
         self._reset_gait(data)
 
-    def update(self, dt_s: float, state: SceneState) -> None:
-        """Move by one tick."""
-        crowd, (x, y, _), self._time_s = self.crowd, state.robot_pose, state.time_s
-        crowd.tick(dt_s, state.time_s, (x, y), state.T_world_camera[:2, 3])
+    def update(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
+        """Move by a tick that ends at `time_s`, with robot and camera (without vibration) at these places."""
+        crowd, self._time_s = self.crowd, time_s
+        crowd.tick(dt_s, time_s, robot_m, camera_m)
         self._gait.advance(dt_s, crowd.positions_m, crowd.headings_rad, crowd.postures)
 
     def write(self, data: mujoco.MjData) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -58,17 +58,17 @@ def dry_run(
     data = mujoco.MjData(model)
     crowd.reset()
     robot.reset(data)
-    states = [robot.scene_state(data, 0.0, crowd)]
+    states, target_m = [robot.scene_state(data, 0.0)], [crowd.target_m]
     while states[-1].time_s <= until_s:
-        robot.update(clock.tick_s, states[-1])
+        robot.update(clock.tick_s, states[-1], crowd)
         robot.step(data)
-        state = robot.scene_state(data, clock.time_s(len(states)), crowd)
-        crowd.tick(clock.tick_s, state.time_s, state.robot_pose[:2], state.T_world_camera[:2, 3])
-        states.append(replace(state, target_m=crowd.positions_m[0], target_s_m=crowd.target_s_m))
+        states.append(robot.scene_state(data, clock.time_s(len(states))))
+        crowd.tick(clock.tick_s, states[-1].time_s, *states[-1].places_m)
+        target_m.append(crowd.target_m)
     return DryRun(
         np.array([state.time_s for state in states]),
         np.array([state.T_world_camera[:3, 3] for state in states]),
-        np.array([state.target_m for state in states]),
+        np.array(target_m),
         np.array([state.robot_pose[:2] for state in states]),
         target_height_m,
     )

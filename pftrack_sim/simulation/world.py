@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -17,7 +16,7 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.target import places_alone
 from pftrack_sim.agents.robot.drive import Equilibrium
 from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M
-from pftrack_sim.agents.robot.robot import Robot, SceneState
+from pftrack_sim.agents.robot.robot import Robot
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
@@ -86,7 +85,7 @@ class World:
         self._collision: str | None = None
         self.robot.reset(self.data)
         self.traffic.reset(self.data)
-        self._state = self._observed()
+        self._state = self.robot.scene_state(self.data, 0.0)
         if settings.target.start_stride == "median":
             self.traffic.start_in_mid_stride(self.data, self._state.T_world_camera)
         self._update_poses()
@@ -98,18 +97,16 @@ class World:
         the robot follow its script. It is given `delay_s` after this frame; until then the previous one stays in force.
         """
         self._collision = None
-        tick_s = self.clock.tick_s
+        tick_s, crowd = self.clock.tick_s, self.traffic.crowd
         for tick in range(self.clock.ticks):
             delay_in_tick_s = min(max(delay_s - tick * tick_s, 0.0), tick_s)
-            self.robot.update(tick_s, self._state, command, delay_in_tick_s)
+            self.robot.update(tick_s, self._state, crowd, command, delay_in_tick_s)
             self.robot.step(self.data)
             self._collision = self._collision or self.robot.collision(self.data)
             self._ticks += 1
-            self._state = self._observed()
-            self.traffic.update(tick_s, self._state)
+            self._state = self.robot.scene_state(self.data, self.time_s)
+            self.traffic.update(tick_s, self._state.time_s, *self._state.places_m)
             self.traffic.write(self.data)
-            crowd = self.traffic.crowd
-            self._state = replace(self._state, target_m=crowd.positions_m[0], target_s_m=crowd.target_s_m)
         self._update_poses()
 
     def retune(self, settings: ResolvedScenario) -> None:
@@ -153,9 +150,6 @@ class World:
     def light(self, exposure_ev: float = 0.0) -> None:
         """Set the lights to the present time; the camera exposes `exposure_ev` stops longer than in the first frame."""
         self._lighting.apply(self.time_s, self.traffic.crowd.target_s_m, exposure_ev)
-
-    def _observed(self) -> SceneState:
-        return self.robot.scene_state(self.data, self.time_s, self.traffic.crowd)
 
     def _update_poses(self) -> None:
         """Compute the poses of bodies, geoms and cameras, so that frame and truth belong to the same instant."""

@@ -95,6 +95,11 @@ class Crowd:
         return _read_only(np.hypot(*self._state[2:, : self._robot_column]))
 
     @property
+    def target_m(self) -> Xy:
+        """x, y of the target [m]."""
+        return self._target.state[:2]
+
+    @property
     def target_s_m(self) -> float:
         """Arc length of the target on its path."""
         return self._target.s_m
@@ -163,15 +168,14 @@ class Crowd:
         if pedestrian.phase is Phase.WAITING:
             self._goals.wait_at(person, state[:2].copy())
 
-    def tick(self, dt_s: float, time_s: float, robot_m: ArrayLike, camera_m: ArrayLike) -> None:
-        """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at `(2,)` positions."""
-        robot, camera = _xy(robot_m), _xy(camera_m)
-        self._target.update(dt_s, self._moved_robot(dt_s, robot), camera)
+    def tick(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
+        """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at these places."""
+        self._target.update(dt_s, self._moved_robot(dt_s, robot_m), camera_m)
         self._store_target()
         for person, member in self._members.items():
             state, heading = self._state[:, person], float(self._headings[person])
             self._headings[person] = member.update(dt_s, time_s, self.target_s_m, self._state[:2, 0], state, heading)
-        around = Surroundings(camera, self._target.state[:2], robot)
+        around = Surroundings(camera_m, self.target_m, robot_m)
         self._update_scripted(dt_s, time_s, around)
         for cart in self.carts:
             cart.update(dt_s, time_s, around)
@@ -251,11 +255,6 @@ class Crowd:
 
     def _store_target(self) -> None:
         self._state[:, 0], self._headings[0] = self._target.state, self._target.heading_rad
-
-
-def _xy(point: ArrayLike) -> Xy:
-    x, y = np.asarray(point, dtype=np.float64).tolist()
-    return x, y
 
 
 def _read_only(array: FloatArray) -> FloatArray:

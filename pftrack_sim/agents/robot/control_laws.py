@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numba import njit
 
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.core.types import FloatArray
 
 BRAKE_M_S2 = 0.8  # Deceleration before a bend and at the end of a route
@@ -57,23 +58,34 @@ def follow_path(
     error = math.remainder(heading - pose[2], 2.0 * math.pi)
     # Positive when the path is to the left of the robot.
     lateral = -math.sin(heading) * (x - pose[0]) + math.cos(heading) * (y - pose[1])
-    speed = min(max(speed_m_s, 0.0), limits.speed_m_s, _bend_speed(path, s_m, limits))
+    speed = min(
+        max(speed_m_s, 0.0),
+        limits.speed_m_s,
+        _bend_speed(*path.bends, s_m, *_preview(limits.speed_m_s), limits.turn_rad_s),
+    )
     if abs(error) > _MAX_HEADING_ERROR_RAD:
         return 0.0, math.copysign(0.6 * limits.turn_rad_s, error)
     speed *= math.cos(error)
-    curvature = float(path.curvature(s_m + _PREVIEW_S * speed))
+    curvature = path.curvature(s_m + _PREVIEW_S * speed)
     pull = max(-1.0, min(1.0, lateral / _CONVERGENCE_M)) / _CONVERGENCE_M
     turn = speed * (curvature + pull + 2.0 * math.sin(error) / _CONVERGENCE_M)
     return speed, max(-limits.turn_rad_s, min(limits.turn_rad_s, turn))
 
 
-def _bend_speed(path: Path, s_m: float, limits: DriveLimits) -> float:
-    """Highest speed from which every bend ahead can be reached at its own speed."""
-    ahead, squared = _preview(limits.speed_m_s)
-    curvature = np.maximum(np.abs(path.curvature(s_m + ahead)), 1e-6)
-    # A fifth of the turn rate is kept for corrections.
-    bend = np.minimum(np.sqrt(_LATERAL_ACCELERATION_M_S2 / curvature), 0.8 * limits.turn_rad_s / curvature)
-    return float(np.sqrt(bend**2 + squared).min())
+@njit(cache=True, nogil=True)
+def _bend_speed(
+    starts_m: FloatArray, bends: FloatArray, s_m: float, ahead_m: FloatArray, squared: FloatArray, turn_rad_s: float
+) -> float:
+    """Highest speed from which every bend ahead of `s_m` on a path can be reached at its own speed."""
+    slowest, piece = np.inf, 0
+    for index in range(len(ahead_m)):
+        while piece + 1 < len(starts_m) and starts_m[piece + 1] <= s_m + ahead_m[index]:
+            piece += 1
+        curvature = max(abs(bends[piece]), 1e-6)
+        # A fifth of the turn rate is kept for corrections.
+        bend = min(math.sqrt(_LATERAL_ACCELERATION_M_S2 / curvature), 0.8 * turn_rad_s / curvature)
+        slowest = min(slowest, math.sqrt(bend * bend + squared[index]))
+    return slowest
 
 
 @cache
@@ -83,9 +95,10 @@ def _preview(speed_m_s: float) -> tuple[FloatArray, FloatArray]:
     return ahead, 2.0 * BRAKE_M_S2 * ahead
 
 
-def bearing(T_world_camera: FloatArray, target_m: ArrayLike) -> tuple[float, float]:
-    """Direction of the target from the optical axis, to the left and up [rad]."""
-    x, y, z = T_world_camera[:3, :3].T @ (np.array([*np.asarray(target_m), _GAZE_HEIGHT_M]) - T_world_camera[:3, 3])
+def bearing(T_world_camera: FloatArray, target_m: Xy) -> tuple[float, float]:
+    """Direction of a target at x, y from the optical axis, to the left and up [rad]."""
+    point = np.array((*target_m, _GAZE_HEIGHT_M))
+    x, y, z = (T_world_camera[:3, :3].T @ (point - T_world_camera[:3, 3])).tolist()
     return math.atan2(-x, z), math.atan2(-y, max(math.hypot(x, z), _MIN_DISTANCE_M))
 
 

@@ -97,7 +97,8 @@ class Drive:
         """
         self._reset_references()
         if pan_rad is not None:
-            self._head[0] = _clipped(math.remainder(pan_rad, 2.0 * math.pi), *self._head_range[0])
+            low, high = self._head_range[0]
+            self._head[0] = min(max(math.remainder(pan_rad, 2.0 * math.pi), low), high)
         rest = self._equilibrium.at(np.array(self._head))
         data.qpos[self._qpos] = rest
         base = data.qpos[self._free : self._free + 7]
@@ -135,7 +136,8 @@ class Drive:
         rates = self._rates
         for axis, wanted in enumerate((forward_m_s, turn_rad_s, pan_rad_s, tilt_rad_s)):
             limit, step = self._highest[axis], _ACCELERATION[axis] * duration_s
-            rates[axis] += _clipped(_clipped(wanted, -limit, limit) - rates[axis], -step, step)
+            change = min(max(wanted, -limit), limit) - rates[axis]
+            rates[axis] += min(max(change, -step), step)
         forward, turn = rates[:2]
         lateral = abs(forward * turn)
         if lateral > self._max_lateral_m_s2:
@@ -144,8 +146,8 @@ class Drive:
         half = 0.5 * TRACK_M * turn
         for axis, angle in enumerate(data.qpos[self._joints[2:]].tolist()):
             moved = self._head[axis] + rates[2 + axis] * duration_s
-            reference = _clipped(moved, angle - WINDUP_RAD, angle + WINDUP_RAD)
-            self._head[axis] = _clipped(reference, *self._head_range[axis])
+            low, high = self._head_range[axis]
+            self._head[axis] = min(max(min(max(moved, angle - WINDUP_RAD), angle + WINDUP_RAD), low), high)
         wheels = (forward - half) / WHEEL_RADIUS_M, (forward + half) / WHEEL_RADIUS_M
         data.ctrl[self._motors] = [*wheels, *self._head]
 
@@ -201,10 +203,6 @@ class Drive:
         mujoco.mj_kinematics(self._model, scratch)
         mujoco.mj_comPos(self._model, scratch)
         return float(scratch.subtree_com[self._base, 2])
-
-
-def _clipped(value: float, low: float, high: float) -> float:
-    return min(max(value, low), high)
 
 
 class Equilibrium:

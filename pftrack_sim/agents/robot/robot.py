@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import mujoco
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.pedestrians.crowd import Crowd
+from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.robot.alone import RobotAlone
 from pftrack_sim.agents.robot.drive import Drive, Equilibrium
 from pftrack_sim.agents.robot.road import RoadExcitation
@@ -24,21 +24,23 @@ Speeds: TypeAlias = tuple[float, float, float, float]  # Forward speed [m/s], tu
 _AT_REST: Speeds = (0.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class SceneState:
-    """What the entities observe at one instant.
+class SceneState(NamedTuple):
+    """What the entities observe of the robot at one instant.
 
     Attributes:
         robot_pose: x, y [m] and heading [rad].
         T_world_camera: `(4, 4)` camera on its mast, without vibration of the mount.
-        target_m: `(2,)` x, y of the target.
     """
 
     time_s: float
     robot_pose: tuple[float, float, float]
     T_world_camera: FloatArray
-    target_m: FloatArray
-    target_s_m: float
+
+    @property
+    def places_m(self) -> tuple[Xy, Xy]:
+        """x, y of the robot and of the camera."""
+        camera_x, camera_y = self.T_world_camera[:2, 3].tolist()
+        return self.robot_pose[:2], (camera_x, camera_y)
 
 
 class Robot:
@@ -83,15 +85,21 @@ class Robot:
         self._delay.reset()
         self.drive.reset(data, *self._script.start_pose())
 
-    def update(self, dt_s: float, state: SceneState, command: ArrayLike | None = None, delay_s: float = 0.0) -> None:
+    def scene_state(self, data: mujoco.MjData, time_s: float) -> SceneState:
+        """What is observed now. Updates the poses of bodies, geoms and cameras in `data`."""
+        return SceneState(time_s, self.drive.pose(data), self.drive.camera_pose(data))
+
+    def update(
+        self, dt_s: float, state: SceneState, crowd: Crowd, command: ArrayLike | None = None, delay_s: float = 0.0
+    ) -> None:
         """Choose the speeds of the coming tick.
 
         The `(4,)` command holds forward, turn, pan, tilt as shares of the robot's limits in [-1, 1]; None follows the
         script. It is given `delay_s` into the tick; until then the previous one stays in force.
         """
         if command is None:
-            forward, turn = self._script.drive(state.time_s, state.robot_pose, state.target_s_m)
-            pan, tilt = self._script.gaze(state.T_world_camera, state.target_m, dt_s, state.time_s)
+            forward, turn = self._script.drive(state.time_s, state.robot_pose, crowd.target_s_m)
+            pan, tilt = self._script.gaze(state.T_world_camera, crowd.target_m, dt_s, state.time_s)
             speeds = (forward, turn, pan, tilt)
         else:
             speeds = self.drive.scaled(command)
@@ -121,11 +129,6 @@ class Robot:
     def collision(self, data: mujoco.MjData) -> str | None:
         """Name of what the robot touched in the last physics step, see `Drive.collision`."""
         return None if self._stepped_alone else self.drive.collision(data)
-
-    def scene_state(self, data: mujoco.MjData, time_s: float, crowd: Crowd) -> SceneState:
-        """What the entities observe now. Updates the poses of bodies, geoms and cameras in `data`."""
-        pose, T_world_camera = self.drive.pose(data), self.drive.camera_pose(data)
-        return SceneState(time_s, pose, T_world_camera, crowd.positions_m[0], crowd.target_s_m)
 
 
 class CommandDelay:

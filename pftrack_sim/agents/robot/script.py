@@ -6,10 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.agents.robot.control_laws import (
     BRAKE_M_S2,
     GAZE_DEAD_ZONE_RAD,
@@ -150,21 +149,18 @@ class Script:
             return 0.0, turn
         return follow_path(lane.path, self._s_m, pose, forward, self._limits)
 
-    def gaze(
-        self, T_world_camera: FloatArray, target_m: ArrayLike, tick_s: float, time_s: float = 0.0
-    ) -> tuple[float, float]:
-        """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and `(2,)` x, y of the target."""
+    def gaze(self, T_world_camera: FloatArray, target_m: Xy, tick_s: float, time_s: float = 0.0) -> tuple[float, float]:
+        """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and x, y of the target."""
         if self._robot.gaze == "forward":
             return 0.0, 0.0
-        point = np.asarray(target_m, dtype=np.float64)
         begin_s = self._axis.leave_at_s
         if self._axis.away_s > 0.0 and begin_s - _TURN_AWAY_S <= time_s < begin_s + self._axis.away_s - _COME_BACK_S:
             # To one side of the target, as if it had gone to the other side.
-            offset = point - T_world_camera[:2, 3]
+            x, y = T_world_camera[:2, 3].tolist()
+            right, up = target_m[0] - x, target_m[1] - y
             cos, sin = math.cos(self._away_rad), math.sin(self._away_rad)
-            rotated = np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1]])
-            point = T_world_camera[:2, 3] + rotated
-        return self._head.rates(T_world_camera, point, tick_s, time_s)
+            target_m = x + (cos * right - sin * up), y + (sin * right + cos * up)
+        return self._head.rates(T_world_camera, target_m, tick_s, time_s)
 
     def _target_speed(self, time_s: float, target_s_m: float) -> float:
         """Speed of the target along its path since the last tick [m/s]."""

@@ -14,8 +14,9 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numba import njit
 
+from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.robot.control_laws import GAZE_DEAD_ZONE_RAD, bearing, gaze_rate
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
@@ -78,14 +79,22 @@ class Wander:
         share = (np.arange(_COSINES) + rng.random(_COSINES)) / _COSINES
         omega = 2.0 * math.pi / period_s * (0.4 + 1.2 * share)
         phase = rng.uniform(0.0, 2.0 * math.pi, _COSINES)
-        self._cosines: list[tuple[float, float]] = list(zip(omega.tolist(), phase.tolist(), strict=True))
+        self._omega, self._phase = omega, phase
         self._amplitude = rms * math.sqrt(2.0 / _COSINES)
 
     def at(self, time_s: float) -> float:
         """Value at a time."""
         if self._amplitude == 0.0:
             return 0.0
-        return self._amplitude * sum(math.cos(omega * time_s + phase) for omega, phase in self._cosines)
+        return self._amplitude * _sum_of_cosines(self._omega, self._phase, time_s)
+
+
+@njit(cache=True, nogil=True)
+def _sum_of_cosines(omega: FloatArray, phase: FloatArray, time_s: float) -> float:
+    total = 0.0
+    for index in range(len(omega)):
+        total += math.cos(omega[index] * time_s + phase[index])
+    return total
 
 
 class Head:
@@ -126,10 +135,8 @@ class Head:
         self._last: tuple[float, float] | None = None
         self._seen: deque[tuple[float, float, float]] = deque()
 
-    def rates(
-        self, T_world_camera: FloatArray, target_m: ArrayLike, tick_s: float, time_s: float
-    ) -> tuple[float, float]:
-        """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and `(2,)` x, y of the target."""
+    def rates(self, T_world_camera: FloatArray, target_m: Xy, tick_s: float, time_s: float) -> tuple[float, float]:
+        """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and x, y of the target."""
         now = bearing(T_world_camera, target_m)
         if self._steady:
             return gaze_rate(now[0], tick_s), gaze_rate(now[1], tick_s)
@@ -151,11 +158,10 @@ class Head:
         pan = fade * self._wander[0].at(time_s) + (self._glance_rad * glance.size if glance is not None else 0.0)
         return pan, fade * self._wander[1].at(time_s)
 
-    def _delayed(self, target_m: ArrayLike, time_s: float) -> tuple[float, float]:
+    def _delayed(self, target_m: Xy, time_s: float) -> Xy:
         """The place of the target a reaction time ago, interpolated; at the start its first place."""
-        x, y = (float(v) for v in np.asarray(target_m, dtype=np.float64))
         seen = self._seen
-        seen.append((time_s, x, y))
+        seen.append((time_s, *target_m))
         then = time_s - self._operator.reaction_s
         while len(seen) > 1 and seen[1][0] <= then:
             seen.popleft()
