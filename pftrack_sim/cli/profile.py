@@ -87,7 +87,7 @@ def _json_numbers(one: Profile) -> dict[str, float | None]:
 
 def _print(profiles: Mapping[str, Profile]) -> None:
     """Print profiles beside the quantiles of recorded video; numbers outside of its middle half are marked."""
-    from pftrack_sim.score.profile import QUANTILES, recorded_quantiles
+    from pftrack_sim.score.profile import QUANTILES, ends_reached, recorded_quantiles
 
     recorded = recorded_quantiles()
     columns = {name: {key: getattr(one, key) for key in recorded} for name, one in profiles.items()}
@@ -104,6 +104,17 @@ def _print(profiles: Mapping[str, Profile]) -> None:
         for key, quantiles in recorded.items():
             cells = [_marked(columns[name][key], quantiles) for name in shown]
             table.add_row(key, *(_short(value) for value in quantiles), *cells)
+        tables.print_table(table)
+    if len(profiles) > 1:
+        table = tables.new_table(
+            "Least and greatest, and which ends of the recorded 10 to 90 % they reach",
+            ("number",),
+            ("10%", "90%", "least", "greatest", "ends"),
+        )
+        for key, (low, *_, high) in recorded.items():
+            values = [value for one in profiles.values() if not math.isnan(value := getattr(one, key))] or [math.nan]
+            cells = [_short(value) for value in (low, high, min(values), max(values))]
+            table.add_row(key, *cells, ends_reached(key, values))
         tables.print_table(table)
     tables.console.print(
         "< below 25 %, << below 10 %, > above 75 %, >> above 90 % of the recorded sequences", soft_wrap=True

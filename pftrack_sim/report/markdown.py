@@ -15,7 +15,8 @@ from pftrack_sim.benchmark.files import write_bytes
 from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.report.axes import axes_rows, profile_rows
+from pftrack_sim.report.axes import axes_rows
+from pftrack_sim.report.profile_tables import profile_table
 
 _BLOCK = re.compile(r"(?P<begin><!-- tables of (?P<name>[^\s>]+) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL)
 
@@ -47,7 +48,8 @@ _BESIDE_OVERLAP = {
 def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
     """Replace every block `<!-- tables of NAME -->` ... `<!-- end -->` by the tables of the folder `runs/NAME`.
 
-    The folder is that of a run, or of `profile`. A block `<!-- list of axes -->` gets the stress axes.
+    The folder is that of a run, or of `profile`: of conditions, or of scenarios, which are shown by tier. A block
+    `<!-- list of axes -->` gets the stress axes.
 
     Args:
         document: Markdown file.
@@ -69,8 +71,8 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
     def replaced(block: re.Match[str]) -> str:
         folder = runs / block["name"]
         if (folder / "profile.json").is_file():
-            heads = ["Condition", "profile: from the base scenario's to"]
-            body = _table(heads, list(profile_rows(folder / "profile.json")))
+            heads, *rows = profile_table(folder / "profile.json")
+            body = _table(heads, rows)
         elif (folder / "run.json").is_file():
             body = tables(RunStore(folder))
         else:

@@ -6,8 +6,9 @@ and from them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -86,6 +87,14 @@ def mean_profile(profiles: list[Profile]) -> Profile:
         known = [value for one in profiles if np.isfinite(value := getattr(one, name))]
         means[name] = float(np.mean(known)) if known else np.nan
     return Profile(**means)
+
+
+def ends_reached(name: str, values: Sequence[float]) -> Literal["both", "low", "high", "neither"]:
+    """Ends of the recorded 10 to 90 % that a number reaches: its least value the low one, its greatest the high one."""
+    low, *_, high = recorded_quantiles()[name]
+    known = [value for value in values if np.isfinite(value)]
+    below, above = any(value <= low for value in known), any(value >= high for value in known)
+    return "both" if below and above else "low" if below else "high" if above else "neither"
 
 
 class ProfileMeter:

@@ -4,7 +4,7 @@ import pytest
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.score.profile import NUMBERS, ProfileMeter, mean_profile, recorded_quantiles
+from pftrack_sim.score.profile import NUMBERS, ProfileMeter, ends_reached, mean_profile, recorded_quantiles
 
 HEIGHT, WIDTH = 120, 160
 RNG = np.random.default_rng(0)
@@ -114,3 +114,11 @@ def test_recorded_quantiles_rise():
     for name, quantiles in recorded_quantiles().items():
         assert len(quantiles) == 5, name
         assert list(quantiles) == sorted(quantiles), name
+
+
+@pytest.mark.parametrize(
+    ("values", "reached"),
+    [([0.018, 0.373], "both"), ([0.01, 0.1], "low"), ([0.4], "high"), ([0.02, float("nan")], "neither")],
+)
+def test_ends_are_reached_at_the_quantile(values, reached):
+    assert ends_reached("stay_overlap", values) == reached
