@@ -8,6 +8,7 @@ camera axes; NaN where nothing is left.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,38 +27,39 @@ _ANGLES = 2.0 * np.pi * np.arange(24) / 24
 _DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 """`(2, 24)` directions in which the farthest vertices of an outline are found."""
 
-_STACK_STEP = 64  # Parts whose vertices fill equally many runs of this length are projected together
+_STACK_STEP = 64  # Outlines of parts whose vertices fill equally many runs of this length are found together
 
 
 class Bodies:
-    """The S parts of B bodies, stored so that all boxes come from a few array operations.
+    """The S parts of B bodies, stored so that all boxes come from one kernel.
 
     Args:
         bodies: `(V, 3)` vertices of each body's parts [m], in the frame of the part; at least one part per body.
+        fused: Whether the kernel adds products unrounded; results differ by rounding.
 
     Raises:
         ParameterError: A body without parts, or a part without vertices.
     """
 
-    def __init__(self, bodies: Sequence[Sequence[FloatArray]]) -> None:
+    def __init__(self, bodies: Sequence[Sequence[FloatArray]], *, fused: bool = True) -> None:
         for index, parts in enumerate(bodies):
             if not parts:
                 raise ParameterError(f"body {index} has no parts to project")
             for vertices in parts:
                 if vertices.ndim != 2 or vertices.shape[0] < 1 or vertices.shape[1] != 3:
                     raise ParameterError(f"a part needs vertices of shape (V, 3), V >= 1, got {vertices.shape}")
-        counts = np.array([len(parts) for parts in bodies], dtype=np.intp)
-        self.starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.intp)
+        self._ends = np.cumsum([0, *(len(parts) for parts in bodies)]).astype(np.intp)
+        self.starts = self._ends[:-1]
         """`(B,)` index of each body's first part."""
         self.vertices = [np.array(vertices, dtype=np.float64) for parts in bodies for vertices in parts]
-        # Parts of similar size: indices (G,), vertices (G, V, 3), and these as (G, 3, V).
-        self._stacks = _stack(self.vertices)
-        self._transposed = [(parts, np.ascontiguousarray(v.transpose(0, 2, 1))) for parts, v in self._stacks]
+        self._joined = np.concatenate(self.vertices)
+        self._first = np.cumsum([0, *(len(vertices) for vertices in self.vertices)]).astype(np.intp)
+        self._fused = fused
 
     def boxes(
         self, positions: ArrayLike, rotations: ArrayLike, T_world_camera: ArrayLike, K: ArrayLike, near_m: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Amodal boxes and depth ranges of all bodies.
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Amodal boxes, depth ranges and lowest heights of all bodies.
 
         Args:
             positions: `(S, 3)` of the parts [m], world frame.
@@ -68,55 +70,40 @@ class Bodies:
 
         Returns:
             `(B, 4)` boxes x, y, w, h [px], not clipped to the image, NaN for a body behind the near plane; `(B, 2)`
-            smallest and largest depth of each body [m].
+            smallest and largest depth of each body [m]; `(B,)` height of its lowest point [m].
         """
-        fx, fy, cx, cy = focal_and_centre(K)
-        extents, depths = self.extents(positions, rotations, T_world_camera, near_m)
-        # fmin and fmax ignore the NaN of parts that are cut off completely.
-        low = np.fmin.reduceat(extents[:, :2], self.starts) * (fx, fy) + (cx, cy)
-        high = np.fmax.reduceat(extents[:, 2:], self.starts) * (fx, fy) + (cx, cy)
-        nearest = np.minimum.reduceat(depths[:, 0], self.starts)
-        farthest = np.maximum.reduceat(depths[:, 1], self.starts)
-        return np.concatenate([low, high - low], axis=1), np.stack([nearest, farthest], axis=1)
+        from pftrack_sim.camera.extents_kernels import gather_bodies  # numba: imported when it is used
+
+        extents, ranges = self.extents(positions, rotations, T_world_camera, near_m)
+        return gather_bodies(extents, ranges, self._ends, focal_and_centre(K))
 
     def extents(
         self, positions: ArrayLike, rotations: ArrayLike, T_world_camera: ArrayLike, near_m: float
     ) -> tuple[FloatArray, FloatArray]:
-        """`(S, 4)` extents in normalized image coordinates and `(S, 2)` depth ranges [m] of all parts.
+        """`(S, 4)` extents in normalized image coordinates, and `(S, 3)` depth ranges and lowest heights [m] of parts.
 
         The arguments are those of `boxes`.
 
         Raises:
             ParameterError: `near_m` is not positive.
         """
+        from pftrack_sim.camera.extents_kernels import project_parts  # numba: imported when it is used
+
         if not near_m > 0.0:
             raise ParameterError(f"near_m must be > 0, got {near_m}")
-        pose = np.asarray(T_world_camera, dtype=np.float64)
-        centres = (np.asarray(positions, dtype=np.float64) - pose[:3, 3]) @ pose[:3, :3]
-        axes = pose[:3, :3].T @ np.asarray(rotations, dtype=np.float64)
-        extents = np.empty((len(self.vertices), 4))
-        depths = np.empty((len(self.vertices), 2))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            for parts, vertices in self._transposed:
-                local = axes[parts] @ vertices
-                local += centres[parts][:, :, None]
-                depth, coordinates = local[:, 2], local[:, :2]
-                depths[parts, 0], depths[parts, 1] = depth.min(axis=1), depth.max(axis=1)
-                coordinates /= depth[:, None]
-                extents[parts, :2], extents[parts, 2:] = coordinates.min(axis=2), coordinates.max(axis=2)
-        for part in np.flatnonzero(depths[:, 0] < near_m):
-            beyond = depths[part, 1] >= near_m
+        pose, places = np.asarray(T_world_camera, dtype=np.float64), np.asarray(positions, dtype=np.float64)
+        turned = np.asarray(rotations, dtype=np.float64)
+        centres, axes = (places - pose[:3, 3]) @ pose[:3, :3], pose[:3, :3].T @ turned
+        extents, ranges = project_parts(self._joined, self._first, centres, axes, places, turned, self._fused)
+        for part in np.flatnonzero(ranges[:, 0] < near_m):
+            beyond = ranges[part, 1] >= near_m
             local = self.vertices[part] @ axes[part].T + centres[part]
             extents[part] = extent_beyond(local, near_m) if beyond else np.nan
-        return extents, depths
+        return extents, ranges
 
-    def lowest(self, positions: ArrayLike, rotations: ArrayLike) -> FloatArray:
-        """`(B,)` height of each body's lowest point [m], with the first two arguments of `boxes`."""
-        centres, axes = np.asarray(positions, dtype=np.float64), np.asarray(rotations, dtype=np.float64)
-        lowest = np.empty(len(self.vertices))
-        for parts, vertices in self._transposed:
-            lowest[parts] = centres[parts, 2] + (axes[parts, 2:] @ vertices)[:, 0].min(axis=1)
-        return np.minimum.reduceat(lowest, self.starts)
+    @cached_property
+    def _stacks(self) -> list[tuple[IntArray, FloatArray]]:
+        return _stack(self.vertices)
 
     def outlines(
         self, positions: FloatArray, rotations: FloatArray, T_world_camera: FloatArray, near_m: float, wanted: BoolArray

@@ -1,11 +1,11 @@
-"""Records that are found when they are first read: without images most of a frame's truth is seldom asked for."""
+"""People who are found when they are first asked for: most of a frame's truth is seldom read."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any, overload
 
-from pftrack_sim.core.records import Detections, Truth
+from pftrack_sim.core.records import Truth
 
 
 class DeferredPeople(Sequence[Truth]):
@@ -55,32 +55,3 @@ class DeferredPeople(Sequence[Truth]):
 
     def __reduce__(self) -> tuple[type[Any], tuple[Any, ...]]:
         return tuple, (self.everybody,)
-
-
-class DeferredDetections(Detections):
-    """Detections that are found when their boxes or scores are first read.
-
-    Args:
-        find: Finds them; called at most once.
-    """
-
-    def __init__(self, find: Callable[[], Detections]) -> None:
-        object.__setattr__(self, "_find", find)
-
-    def __getattr__(self, name: str) -> Any:
-        """Find boxes and scores; anything else is missing."""
-        if name not in ("boxes", "scores"):
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        found: Detections = object.__getattribute__(self, "_find")()
-        self.__dict__.update(boxes=found.boxes, scores=found.scores)
-        del self.__dict__["_find"]
-        return getattr(found, name)
-
-    def __eq__(self, other: object) -> bool:
-        """As `Detections`."""
-        return Detections(self.boxes, self.scores) == other
-
-    __hash__ = None  # pyright: ignore[reportAssignmentType]
-
-    def __reduce__(self) -> tuple[type[Any], tuple[Any, ...]]:
-        return Detections, (self.boxes, self.scores, self.age_s)

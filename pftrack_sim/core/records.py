@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, Protocol, TypeAlias, cast, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Self, TypeAlias, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +36,24 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDA
 
 
 class _ArrayRecord:
-    """Equality and pickling of a dataclass with arrays."""
+    """Equality and pickling of a dataclass with arrays, and records of which some fields are found when first read."""
+
+    @classmethod
+    def deferred(cls, find: Callable[[], Self], **known: Any) -> Self:
+        """A record of which the `known` fields are read at once; `find`, called at most once, gives the whole one."""
+        record = object.__new__(cls)
+        record.__dict__.update(known, _find=find)
+        return record
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Find the fields that are not known yet; anything else is missing."""
+            if "_find" not in self.__dict__ or name not in self.__dataclass_fields__:
+                raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+            self.__dict__.update(vars(self._find()))
+            del self.__dict__["_find"]
+            return self.__dict__[name]
 
     def __eq__(self, other: object) -> bool:
         """Equality of all fields, NaN equal to NaN."""

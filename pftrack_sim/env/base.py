@@ -34,7 +34,8 @@ class CameraEnv(gym.Env[Observation, Any]):
     - `proprio`: `(n,)` float32, proprioception (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
 
     Information, a dict: `truth` of the target and of all `people` in view, `detections` of people as a detector gives
-    them (`core.records.Detections`, see the stress axis `detector`), `time_s`, `frame`, `seed`.
+    them (`core.records.Detections`, see the stress axis `detector`), `time_s`, `frame`, `seed`. Others than the target,
+    detections, and the pixels of a target that nothing can occlude are found when they are first read.
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
@@ -45,7 +46,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         image: False leaves out the pixels, for learning controllers on boxes and for many episodes of following: no
             OpenGL library is loaded, and the truth comes from the geometry, equal up to pixels on edges. Every stress
             axis is accepted; those that only change pixels (`light`, `noise`, the compression of `stream`) change
-            nothing. Of the people only the target is found in every step, the others when `people` is read.
+            nothing.
 
     Raises:
         UnknownNameError: No such scenario or backend.

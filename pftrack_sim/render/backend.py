@@ -106,6 +106,7 @@ class Renderer(ABC):
 
     Attributes:
         near_m: Depth of the near plane.
+        far_m: Depth of the far plane.
         visible_geoms: `(ngeom,)` geoms that are drawn at all.
         description: Library, graphics card and version, in one line.
         draws_color: Whether it draws colours; if not, `color` raises `RenderError`.
@@ -115,6 +116,7 @@ class Renderer(ABC):
     """
 
     near_m: float
+    far_m: float
     visible_geoms: BoolArray
     description: str
     draws_color: bool = True
@@ -181,7 +183,7 @@ class Renderer(ABC):
 
     def _read_model(self, model: mujoco.MjModel) -> None:
         """Read visible geoms, near and far plane."""
-        self.near_m, self._far_m = clip_depths_m(model)
+        self.near_m, self.far_m = clip_depths_m(model)
         self.visible_geoms = geoms_drawn(model)
         self.visible_geoms.setflags(write=False)
 

@@ -135,6 +135,8 @@ class Simulation:
         frame, world = self.frame, self.world
         shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         capture = make_frame_capture(settings, world.model, self._K, shake)
+        if self._truth is not None:
+            self._truth.finish()
         self.scenario, self._shake, self._frame_capture = scenario, shake, capture
         world.retune(settings)
         size = (settings.camera.width_px, settings.camera.height_px) if capture is None else capture.render_size
@@ -158,6 +160,8 @@ class Simulation:
                 self.scenario.name,
                 [f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"],
             )
+        if self._truth is not None:
+            self._truth.finish()
         # Release the old model first: two compiled models at once would double the memory of a reset.
         self._world = self._frame = self._frame_capture = self._truth = None
         if self._renderer is not None:
@@ -241,11 +245,7 @@ class Simulation:
             self._frame_capture.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
 
     def _expose(self) -> tuple[Image, CapturedFrame | FloatArray]:
-        """Render, expose and meter the camera's current frame.
-
-        Returns:
-            The image and what was captured; where that is an instant through a pinhole, `(4, 4)` T_world_camera.
-        """
+        """Render, expose and meter the camera's current frame: the image, and what `_capture` gives."""
         world = self.world
         assert self._renderer is not None
         world.light(self._sensor.settle(world.time_s))
@@ -376,6 +376,8 @@ class Simulation:
 
     def close(self) -> None:
         """Free the renderer. Closing twice is fine."""
+        if self._truth is not None:
+            self._truth.finish()
         if self._renderer is not None:
             self._renderer.close()
         self._renderer = None

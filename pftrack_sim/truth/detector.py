@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pftrack_sim.core.boxes import clip
-from pftrack_sim.core.deferred import DeferredDetections, DeferredPeople
+from pftrack_sim.core.deferred import DeferredPeople
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.records import Detections, Image, Truth
@@ -67,7 +67,7 @@ class DetectionModel:
             Detections of the latest frame whose detector has finished, by score; before the first, none.
         """
         if isinstance(people, DeferredPeople) and not self._axis.latency_s:
-            return DeferredDetections(lambda: self._of_frame(people, image))
+            return Detections.deferred(lambda: self._of_frame(people, image))
         now_s = people[0].time_s
         self._pending.append((now_s, self._of_frame(people, image)))
         while self._pending and self._pending[0][0] + self._axis.latency_s <= now_s + _TINY_S:

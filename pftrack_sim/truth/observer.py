@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+import weakref
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, cast
 
 import cv2
 import mujoco
@@ -22,10 +24,13 @@ from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.scene.layout import PEOPLE_GROUP, owner_name
 from pftrack_sim.truth.projection import project_people
-from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder
+from pftrack_sim.truth.search import FrameSearch
+from pftrack_sim.truth.silhouettes import Measured, Silhouette, SilhouetteFinder
 
 _SPHERE_POINTS, _RIM_POINTS = 2000, 96
 """Vertices of a sphere and of each rim of a cylinder: 0.1 % of the radius short of the surface."""
+
+_LEAST_PELVIS_PX = 2.0  # Whatever is as large both ways, and no needle, covers the centre of a pixel
 
 _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
@@ -73,7 +78,7 @@ class TruthObserver:
         if not people:
             raise ParameterError("truth needs the name of at least one person, the target's first")
         self._size = size if size is not None else (renderer.width_px, renderer.height_px)
-        self._K = camera_matrix(K, *self._size)
+        self._K = frozen_array(camera_matrix(K, *self._size))
         self._people = tuple(people)
         owners = np.array([owner_name(model.body(body).name) for body in range(model.nbody)])
         geom_owners = owners[model.geom_bodyid]
@@ -88,24 +93,37 @@ class TruthObserver:
         boxed = (
             [np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))] if parts else []
         )
+        # The size of the target's pelvis tells whether any pixel shows the target.
+        pelvis = np.flatnonzero(in_group & (model.geom_bodyid == self._pelvis[0]))
+        boxed = [*boxed, pelvis] if pelvis.size else boxed
         bodies = [[_vertices(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]]
-        self._poses_of: Callable[[mujoco.MjData], Any] | None = None
         if renderer.draws_color:
             self._finder = SilhouetteFinder(model, renderer, geoms, Bodies(bodies), boxed)
         else:
-            from pftrack_sim.truth.geometric import GeometricFinder, GeomPoses  # numba: imported when it is used
+            from pftrack_sim.truth.geometric import GeometricFinder  # numba: imported when it is used
 
-            self._finder = GeometricFinder(model, renderer, geoms, bodies, boxed)
-            self._poses_of = GeomPoses.of
+            self._finder = GeometricFinder(model, renderer, geoms, Bodies(bodies, fused=False), boxed)
+        self._has_pelvis, self._has_parts = bool(pelvis.size), bool(parts)
         self._centres: FloatArray | None = None
-        self._silhouettes: dict[str, Silhouette] = {}
-        self._last: Sequence[Truth] = ()
+        self._silhouettes: Callable[[], Mapping[int, Silhouette]] = dict[int, Silhouette]
+        self._searches: deque[weakref.ref[FrameSearch]] = deque()
 
     @property
     def silhouettes(self) -> dict[str, Silhouette]:
-        """Silhouettes in the last frame, by person, of those who have a pixel in it."""
-        len(self._last)  # Finds everybody.
-        return self._silhouettes
+        """Silhouettes in the last frame, by person, of those who may have a pixel in it."""
+        return {self._people[person]: found for person, found in self._silhouettes().items()}
+
+    def finish(self) -> None:
+        """Find whoever is still asked for in earlier frames, before the renderer is unbound."""
+        self._silhouettes = dict[int, Silhouette]
+        self._finish_but(0)
+
+    def _finish_but(self, count: int) -> None:
+        """Finish all searches but the last ones, where anybody still holds them."""
+        while len(self._searches) > count:
+            search = self._searches.popleft()()
+            if search is not None:
+                search.everybody()
 
     def observe(
         self,
@@ -126,29 +144,37 @@ class TruthObserver:
                 x forward, z up.
 
         Returns:
-            The target, then all others with an amodal pixel in the image, in the order of the people. Without images
-            the others are found when they are first asked for.
+            The target, then all others with an amodal pixel in the image, in the order of the people. The others, and
+            which pixels show a target that nothing can occlude, are found when they are first asked for.
 
         Raises:
             ParameterError: Poses or an image of the wrong shape.
         """
         pose = np.asarray(T_world_camera, dtype=np.float64)
         self._check(image, T_world_people)
-        everybody = range(len(self._people))
-        first = everybody if self._poses_of is None else everybody[:1]
-        amodal, silhouettes = self._finder.find(data, pose, self._K, None if self._poses_of is None else first)
-        frame = self._frame(amodal, amodal, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
-        self._silhouettes = {}
-        self._last = people = self._truths(frame, silhouettes, image, first, self._silhouettes)
-        if self._poses_of is not None:
-            poses, shown = self._poses_of(data), self._silhouettes
+        measured = self._finder.measure(data, pose, self._K)
+        frame = self._frame(measured.boxes, measured.boxes, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
+        search = FrameSearch(self._finder, data, pose, self._K, measured)
+        self._silhouettes = search.everybody
+        # Whoever keeps frames for long keeps the poses of the last two only.
+        self._finish_but(1)
+        self._searches.append(weakref.ref(search))
 
-            def others() -> tuple[Truth, ...]:
-                found = self._finder.find(poses, frame.pose, self._K, everybody[1:])[1]
-                return self._truths(frame, found, None, everybody[1:], shown)
+        def truth(person: int) -> Truth | None:
+            return self._truth(frame, person, search.silhouette(person), image)
 
-            self._last = DeferredPeople(people[0], others)
-        return self._last
+        def target() -> Truth:
+            return cast("Truth", truth(0))
+
+        def others() -> tuple[Truth, ...]:
+            found = (truth(person) for person in range(1, len(self._people)))
+            return tuple(one for one in found if one is not None)
+
+        if self._surely_shows_target(measured) and self._finder.nothing_before_first(data, pose, self._K, measured):
+            known = self._known(frame, 0, *_clipped(frame.amodal[0], *self._size))
+            shown = Truth.deferred(target, state="visible", visible_fraction=1.0, occluders=(), **known)
+            return DeferredPeople(shown, others)
+        return DeferredPeople(target(), others)
 
     def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> Sequence[Truth]:
         """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
@@ -161,9 +187,10 @@ class TruthObserver:
         pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
         boxes_of = projection.amodal_boxes, projection.swept_boxes
         frame = self._frame(*boxes_of, time_s, pose, roots, captured.body_positions, distortion)
-        self._silhouettes = {}
-        self._last = self._truths(frame, projection.silhouettes, image, range(len(self._people)), self._silhouettes)
-        return self._last
+        found = projection.silhouettes
+        self._silhouettes = lambda: found
+        truths = (self._truth(frame, person, found.get(person), image) for person in range(len(self._people)))
+        return tuple(one for one in truths if one is not None)
 
     def extents_m(self, data: mujoco.MjData, T_world_people: ArrayLike) -> FloatArray:
         """`(P, 2, 3)` smallest and largest coordinates of each person's body in its own frame.
@@ -214,68 +241,65 @@ class TruthObserver:
             float(time_s),
         )
 
-    def _truths(
-        self,
-        frame: _FrameGeometry,
-        silhouettes: Mapping[int, Silhouette],
-        image: Image | None,
-        people: Iterable[int],
-        shown: dict[str, Silhouette],
-    ) -> tuple[Truth, ...]:
-        """Truth of some of the people; of others than the target, only of those with an amodal pixel in the image.
+    def _surely_shows_target(self, measured: Measured) -> bool:
+        """Whether a pixel shows the target unless something is before it: the pelvis is in the image, and no speck."""
+        (x, y, w, h), (nearest_m, farthest_m) = measured.boxes[-1].tolist(), measured.depths_m[-1].tolist()
+        (width, height), renderer = self._size, self._finder.renderer
+        inside = x >= 0.0 and y >= 0.0 and x + w <= width and y + h <= height
+        in_depth = nearest_m >= renderer.near_m and farthest_m <= renderer.far_m
+        return self._has_pelvis and inside and in_depth and min(w, h) >= _LEAST_PELVIS_PX
 
-        The silhouettes are added to those that are `shown`, by name.
-        """
-        width, height = self._size
-        shown.update((self._people[person], found) for person, found in silhouettes.items())
-        truths: list[Truth] = []
-        for person in people:
-            name, amodal = self._people[person], frame.amodal[person]
-            silhouette = silhouettes.get(person)
-            box, truncation = _clipped(amodal, width, height)
-            inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
-            if person and not inside:
-                continue
-            state: State = "occluded" if inside else "out_of_view"
-            visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")
-            seen = int(np.count_nonzero(silhouette.visible)) if silhouette is not None and inside else 0
-            if silhouette is not None and seen:
-                state = "visible"
-                rect, visible = silhouette.rect, silhouette.visible.view(np.uint8)
-                left, top, *visible_size = cv2.boundingRect(visible)
-                visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)
-                fraction = seen / inside
-                if image is not None:
-                    luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
-            if not inside:
-                box[2:] = 0.0
-            truths.append(
-                Truth(
-                    name=name,
-                    box=box,
-                    amodal_box=amodal,
-                    visible_box=visible_box,
-                    swept_box=frame.swept[person],
-                    visible_fraction=fraction,
-                    truncation=truncation,
-                    state=state,
-                    occluders=() if silhouette is None or (inside and seen == inside) else self._occluders(silhouette),
-                    distance_m=frame.distance_m[person],
-                    T_world_camera=frame.pose,
-                    T_world_target=frame.roots[person],
-                    K=self._K,
-                    distortion=frame.distortion,
-                    time_s=frame.time_s,
-                    image_motion_px=frame.motion_px[person],
-                    luminance=luminance,
-                )
-            )
-        return tuple(truths)
+    def _truth(
+        self, frame: _FrameGeometry, person: int, silhouette: Silhouette | None, image: Image | None
+    ) -> Truth | None:
+        """Truth of a person; None for others than the target without an amodal pixel in the image."""
+        box, truncation = _clipped(frame.amodal[person], *self._size)
+        inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
+        if person and not inside:
+            return None
+        state: State = "occluded" if inside else "out_of_view"
+        visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")
+        seen = int(np.count_nonzero(silhouette.visible)) if silhouette is not None and inside else 0
+        if silhouette is not None and seen:
+            state = "visible"
+            rect, visible = silhouette.rect, silhouette.visible.view(np.uint8)
+            left, top, *visible_size = cv2.boundingRect(visible)
+            visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)
+            fraction = seen / inside
+            if image is not None:
+                luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
+        if not inside:
+            box[2:] = 0.0
+        return Truth(
+            visible_box=visible_box,
+            visible_fraction=fraction,
+            state=state,
+            occluders=() if silhouette is None or (inside and seen == inside) else self._occluders(silhouette),
+            luminance=luminance,
+            **self._known(frame, person, box, truncation),
+        )
+
+    def _known(self, frame: _FrameGeometry, person: int, box: FloatArray, truncation: float) -> dict[str, Any]:
+        """Fields of a person's truth that do not depend on silhouettes."""
+        return {
+            "name": self._people[person],
+            "box": frozen_array(box),
+            "amodal_box": frozen_array(frame.amodal[person]),
+            "swept_box": frozen_array(frame.swept[person]),
+            "truncation": truncation,
+            "distance_m": frame.distance_m[person],
+            "T_world_camera": frame.pose,
+            "T_world_target": frozen_array(frame.roots[person]),
+            "K": self._K,
+            "distortion": frame.distortion,
+            "time_s": frame.time_s,
+            "image_motion_px": frame.motion_px[person],
+        }
 
     def _of_people(self, found: FloatArray) -> FloatArray:
-        """`(P, 4)` boxes of people; the target's is that of its parts, which comes last, where these are asked for."""
+        """`(P, 4)` boxes of people; the target's is that of its parts, which comes next, where these are asked for."""
         people = len(self._people)
-        return found if len(found) == people else np.concatenate([found[people:], found[1:people]])
+        return np.concatenate([found[people : people + 1], found[1:people]]) if self._has_parts else found[:people]
 
     def _image_motion(self, amodal: FloatArray) -> FloatArray:
         """`(P,)` displacement of the box centres since the last frame [px]; stores the centres for the next."""

@@ -59,7 +59,7 @@ def _boxes(captured: CapturedFrame, finder: SilhouetteFinder) -> tuple[FloatArra
     capture, trajectory, pose = captured.capture, captured.trajectory, captured.T_world_camera
     lens, shutter, near_m = capture.lens, capture.shutter, finder.renderer.near_m
     middle_poses = finder.poses(capture.scene_at(shutter.middle_s))
-    pinhole_boxes, depths = finder.bodies.boxes(*middle_poses, pose, lens.K, near_m)
+    pinhole_boxes, depths, _ = finder.bodies.boxes(*middle_poses, pose, lens.K, near_m)
     amodal = np.full((len(pinhole_boxes), 4), np.nan)
     swept = amodal.copy()
     ahead = np.isfinite(pinhole_boxes).all(axis=1)
@@ -129,7 +129,8 @@ def _remap(
             spans[person] = max(rows.start, top), min(rows.stop, bottom)
     if not spans:
         return
-    _, rendered = finder.find(capture.scene_of(render_pass), render_pass.T_world_camera, render_pass.K, people=spans)
+    view = capture.scene_of(render_pass), render_pass.T_world_camera, render_pass.K
+    rendered = finder.find(*view, finder.measure(*view), people=spans)
     (pixel_map,) = render_pass.pixel_maps
     for person, source in rendered.items():
         (top, bottom), target = spans[person], silhouettes[person]

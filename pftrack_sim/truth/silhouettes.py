@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -42,6 +43,20 @@ class Silhouette:
         return self.top[self.amodal & ~self.visible]
 
 
+class Measured(NamedTuple):
+    """What is known of all bodies in a view without an image.
+
+    Attributes:
+        boxes: `(B, 4)` amodal boxes [px], NaN for those behind the camera.
+        depths_m: `(B, 2)` smallest and largest depth.
+        lowest_m: `(B,)` height of the lowest point.
+    """
+
+    boxes: FloatArray
+    depths_m: FloatArray
+    lowest_m: FloatArray
+
+
 class SilhouetteFinder:
     """Finds the people of one model in rendered images.
 
@@ -64,54 +79,65 @@ class SilhouetteFinder:
         self.renderer, self.bodies, self.people_count = renderer, bodies, len(geoms)
         self.geoms = np.concatenate([*geoms, *boxed])
         """Geom ids of all parts of `bodies`."""
+        self.batches = [range(len(geoms))]
+        """People who are best found together."""
         self._geoms_of = geoms
         # One more entry than geoms: id -1, no geom, reads the last one.
         self._masks = np.zeros((len(geoms), model.ngeom + 1), dtype=np.bool_)
         for mask, ids in zip(self._masks, geoms, strict=True):
             mask[ids] = True
         self._scenery = np.flatnonzero(renderer.visible_geoms & ~self._masks[:, :-1].any(axis=0))
+        self._others = np.flatnonzero(renderer.visible_geoms & ~self._masks[0, :-1])
+        """All but the first person."""
         self._bounds = Bounds(model)
 
     def poses(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
         """`(S, 3)` positions [m] and `(S, 3, 3)` rotations of the parts."""
         return data.geom_xpos[self.geoms], data.geom_xmat[self.geoms].reshape(-1, 3, 3)
 
+    def measure(self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray) -> Measured:
+        """Measure all bodies, placed as in `data`, from a `(4, 4)` camera pose with a `(3, 3)` camera matrix [px]."""
+        return Measured(*self.bodies.boxes(*self.poses(data), T_world_camera, K, self.renderer.near_m))
+
+    def nothing_before_first(
+        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, measured: Measured
+    ) -> bool:
+        """Whether the first person is in front of the camera, and nothing else may occlude any part of the person."""
+        rect = pixels_around(measured.boxes[0], (self.renderer.width_px, self.renderer.height_px))
+        return (
+            rect is not None and not self._may_occlude(data, T_world_camera, K, measured, self._others, {0: rect}).any()
+        )
+
     def find(
-        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, people: Container[int] | None = None
-    ) -> tuple[FloatArray, dict[int, Silhouette]]:
+        self,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        K: FloatArray,
+        measured: Measured,
+        people: Container[int] | None = None,
+    ) -> dict[int, Silhouette]:
         """Find people in a rendered image.
 
         Args:
             data: Positions.
             T_world_camera: `(4, 4)` camera pose.
             K: `(3, 3)` camera matrix [px].
+            measured: What `measure` gives for these.
             people: Indices of the people to find; None finds all.
 
         Returns:
-            `(B, 4)` amodal boxes of all bodies [px], NaN for those behind the camera; silhouettes by person, of those
-            who may have pixels in the image.
+            Silhouettes by person, of those who may have pixels in the image.
         """
-        renderer, poses = self.renderer, self.poses(data)
-        boxes, depths = self.bodies.boxes(*poses, T_world_camera, K, renderer.near_m)
+        renderer = self.renderer
         rects: dict[int, PixelRect] = {}
-        for person, box in enumerate(boxes[: self.people_count]):
+        for person, box in enumerate(measured.boxes[: self.people_count]):
             rect = pixels_around(box, (renderer.width_px, renderer.height_px))
             if rect is not None and (people is None or person in people):
                 rects[person] = rect
         if not rects:
-            return boxes, {}
+            return {}
+        may_occlude = self._may_occlude(data, T_world_camera, K, measured, self._scenery, rects)
         found = list(rects)
-        may_occlude = self._bounds.may_occlude(
-            data,
-            T_world_camera,
-            K,
-            self._scenery,
-            [self._geoms_of[person] for person in found],
-            [rects[person] for person in found],
-            depths[found, 1],
-            self.bodies.lowest(*poses)[found],
-            renderer.near_m,
-        )
         occluders = self._scenery[may_occlude.any(axis=1)]
         occluded = [found[column] for column in np.flatnonzero(may_occlude.any(axis=0))]
         layers: list[Segmentation] = []
@@ -125,7 +151,23 @@ class SilhouetteFinder:
             layer = renderer.ids(data, T_world_camera, K, geoms=shown, rect=bounding_rect(wanted))
             layers.append(layer)
             layer_of.update(dict.fromkeys(group, layer))
-        return boxes, {person: self._combine(person, rects[person], layer_of[person], layers) for person in found}
+        return {person: self._combine(person, rects[person], layer_of[person], layers) for person in found}
+
+    def _may_occlude(
+        self,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        K: FloatArray,
+        measured: Measured,
+        geoms: IntArray,
+        rects: dict[int, PixelRect],
+    ) -> BoolArray:
+        """`(N, P)` whether each of N geoms may occlude each of the P people with rectangles."""
+        people = list(rects)
+        limbs = [self._geoms_of[person] for person in people]
+        farthest_m, lowest_m = measured.depths_m[people, 1], measured.lowest_m[people]
+        around, near_m = list(rects.values()), self.renderer.near_m
+        return self._bounds.may_occlude(data, T_world_camera, K, geoms, limbs, around, farthest_m, lowest_m, near_m)
 
     def _combine(self, person: int, rect: PixelRect, layer: Segmentation, layers: list[Segmentation]) -> Silhouette:
         """Combine the layer of a person with all others by depth."""

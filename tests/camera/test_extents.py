@@ -49,7 +49,7 @@ def test_extents_contain_the_part_and_touch_it(seed: int, near_the_camera: bool)
         centre = rng.normal(size=3) * 0.4 + ((0, 0, 0.1) if near_the_camera else (0, 0, 3))
         extents, depths = Bodies([[vertices]]).extents([centre], [turn], EYE, NEAR)
         points = vertices @ turn.T + centre
-        assert np.allclose(depths[0], [points[:, 2].min(), points[:, 2].max()], atol=1e-12)
+        assert np.allclose(depths[0, :2], [points[:, 2].min(), points[:, 2].max()], atol=1e-12)
         visible = beyond(points, rng)
         if not len(visible):
             assert np.isnan(extents[0]).all()
@@ -75,14 +75,14 @@ def test_extents_are_continuous_at_the_near_plane(index: int):
 
 def test_a_body_behind_the_near_plane_has_no_box():
     parts = random_parts(np.random.default_rng(5))
-    boxes, depths = Bodies([[part] for part in parts]).boxes([(0, 0, -3)] * 4, [np.eye(3)] * 4, EYE, K, NEAR)
+    boxes, depths, _ = Bodies([[part] for part in parts]).boxes([(0, 0, -3)] * 4, [np.eye(3)] * 4, EYE, K, NEAR)
     assert np.isnan(boxes).all()
     assert (depths < 0).all()
 
 
 def test_a_camera_inside_a_body_sees_a_finite_box_larger_than_the_image():
     turn = rotation(np.random.default_rng(6))
-    boxes, _ = Bodies([[CORNERS * 0.5]]).boxes([(0, 0, 0)], [turn], EYE, K, NEAR)
+    boxes, *_ = Bodies([[CORNERS * 0.5]]).boxes([(0, 0, 0)], [turn], EYE, K, NEAR)
     assert np.isfinite(boxes).all()
     assert (boxes[0, :2] < 0).all()
     assert (boxes[0, :2] + boxes[0, 2:] > (640, 480)).all()
@@ -94,8 +94,8 @@ def test_the_box_of_a_body_is_the_union_of_its_parts_in_front_of_the_camera():
     parts = [part for body in bodies for part in body]
     positions = rng.normal(size=(len(parts), 3)) * 1.5 + (0, 0, 1.0)
     turns = np.stack([rotation(rng) for _ in parts])
-    boxes, depths = Bodies(bodies).boxes(positions, turns, EYE, K, NEAR)
-    alone, alone_depths = Bodies([[part] for part in parts]).boxes(positions, turns, EYE, K, NEAR)
+    boxes, depths, _ = Bodies(bodies).boxes(positions, turns, EYE, K, NEAR)
+    alone, alone_depths, _ = Bodies([[part] for part in parts]).boxes(positions, turns, EYE, K, NEAR)
     for index in range(4):
         own = slice(4 * index, 4 * index + 4)
         assert np.allclose(boxes[index, :2], np.nanmin(alone[own, :2], axis=0), atol=1e-9)
@@ -110,8 +110,8 @@ def test_moving_the_camera_and_the_world_together_changes_nothing():
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation(rng), rng.normal(size=3) * 10
     body = Bodies([parts])
-    still, _ = body.boxes(positions, turns, EYE, K, NEAR)
-    moved, _ = body.boxes(positions @ pose[:3, :3].T + pose[:3, 3], pose[:3, :3] @ turns, pose, K, NEAR)
+    still, *_ = body.boxes(positions, turns, EYE, K, NEAR)
+    moved, *_ = body.boxes(positions @ pose[:3, :3].T + pose[:3, 3], pose[:3, :3] @ turns, pose, K, NEAR)
     assert np.allclose(still, moved, atol=1e-6)
 
 
@@ -143,7 +143,28 @@ def test_the_lowest_point_is_that_of_all_vertices():
     positions, turns = rng.normal(size=(len(parts), 3)), np.stack([rotation(rng) for _ in parts])
     heights = [(part @ turn.T + at)[:, 2].min() for part, turn, at in zip(parts, turns, positions, strict=True)]
     expected = np.array(heights).reshape(3, 4).min(axis=1)
-    assert np.allclose(Bodies(bodies).lowest(positions, turns), expected, atol=1e-12)
+    assert np.allclose(Bodies(bodies).boxes(positions, turns, EYE, K, NEAR)[2], expected, atol=1e-12)
+
+
+def test_the_kernel_is_matrix_products_to_the_bit():
+    """BLAS adds products unrounded; without that, extents differ by rounding."""
+    rng = np.random.default_rng(10)
+    parts = [rng.normal(size=(int(rng.integers(4, 300)), 3)) * 0.3 for _ in range(40)]
+    positions, turns = rng.normal((0, 0, 5), 1.0, (40, 3)), np.stack([rotation(rng) for _ in parts])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation(rng), rng.normal(size=3)
+    positions = positions @ pose[:3, :3].T + pose[:3, 3]
+    centres, axes = (positions - pose[:3, 3]) @ pose[:3, :3], pose[:3, :3].T @ turns
+    expected = []
+    for part, centre, turned in zip(parts, centres, axes, strict=True):
+        across, down, depth = (turned[None] @ np.ascontiguousarray(part.T)[None])[0] + centre[:, None]
+        u, v = across / depth, down / depth
+        expected.append([u.min(), v.min(), u.max(), v.max(), depth.min(), depth.max()])
+    extents, ranges = Bodies([parts]).extents(positions, turns, pose, NEAR)
+    np.testing.assert_array_equal(np.column_stack([extents, ranges[:, :2]]), expected)
+    rounded, _ = Bodies([parts], fused=False).extents(positions, turns, pose, NEAR)
+    np.testing.assert_allclose(rounded, extents, rtol=1e-12)
+    assert (rounded != extents).any()
 
 
 def test_outlines_of_some_parts_are_those_of_all():

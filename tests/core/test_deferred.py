@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from pftrack_sim.core.deferred import DeferredDetections, DeferredPeople
+from pftrack_sim.core.deferred import DeferredPeople
 from pftrack_sim.core.records import Detections, Truth
 
 
@@ -45,7 +45,7 @@ def test_others_are_found_once_and_only_when_asked_for():
     assert copied == everybody
 
 
-def test_detections_are_found_once_and_only_when_read():
+def test_a_deferred_record_is_found_once_and_only_when_more_than_is_known_is_read():
     asked: list[int] = []
     expected = Detections(np.array([[1.0, 2.0, 3.0, 4.0]]), np.array([0.5]))
 
@@ -53,7 +53,7 @@ def test_detections_are_found_once_and_only_when_read():
         asked.append(1)
         return expected
 
-    found = DeferredDetections(find)
+    found = Detections.deferred(find)
     assert found.age_s == 0.0
     assert not asked
     assert len(found) == 1
@@ -64,3 +64,17 @@ def test_detections_are_found_once_and_only_when_read():
     assert type(pickle.loads(pickle.dumps(found))) is Detections
     with pytest.raises(AttributeError, match="no attribute 'masks'"):
         found.masks  # noqa: B018
+
+    def find_truth() -> Truth:
+        asked.append(2)
+        return truth("target")
+
+    target = Truth.deferred(find_truth, name="target", state="visible")
+    assert target.name == "target"
+    assert target.scored
+    assert not hasattr(target, "masks")
+    assert asked == [1]
+    assert np.isnan(target.luminance)
+    assert asked == [1, 2]
+    assert target == truth("target")
+    assert asked == [1, 2]

@@ -1,32 +1,95 @@
-"""Geoms in view by the kernel are those by planes and boxes on arrays."""
+"""Geoms in view, and those before people, by kernels are those by planes and boxes on arrays."""
+
+from __future__ import annotations
 
 import mujoco
 import numpy as np
 
+from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.render.backend import PixelRect
-from pftrack_sim.render.culling import Bounds, _view_planes
+from pftrack_sim.render.culling import Bounds
+
+SIZE, NEAR = (64, 48), 0.05
+K = intrinsics(*SIZE, 0.9)
 
 
-def test_geoms_in_view_are_those_of_planes_on_arrays():
-    rng = np.random.default_rng(0)
+def shapes(rng: np.random.Generator, spread_m: float) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """A plane, and shapes at random."""
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1])
     for kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE) * 60:
-        place, turn, size = rng.normal(0.0, 4.0, 3), rng.normal(size=4), rng.uniform(0.02, 1.0, 3)
+        place, turn, size = rng.normal(0.0, spread_m, 3), rng.normal(size=4), rng.uniform(0.02, 1.0, 3)
         spec.worldbody.add_geom(type=kind, pos=place, quat=turn / np.linalg.norm(turn), size=size)
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    bounds, size, K = Bounds(model), (64, 48), intrinsics(64, 48, 0.9)
+    return model, data
+
+
+def random_pose(rng: np.random.Generator) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    pose[:3, 3] = rng.normal(0.0, 2.0, 3)
+    return pose
+
+
+def corners(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """`(ngeom, 8, 3)` corners of the geoms' boxes in the world."""
+    local = model.geom_aabb[:, None, :3] + CORNERS * model.geom_aabb[:, None, 3:]
+    return local @ data.geom_xmat.reshape(-1, 3, 3).transpose(0, 2, 1) + data.geom_xpos[:, None]
+
+
+def in_rectangle(points: np.ndarray, pose: np.ndarray, rect: PixelRect) -> np.ndarray:
+    """`(N, 5)` whether a corner of each box is beyond the near plane and each side of a view, a pixel wider."""
+    fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
+    left, top, right, bottom = rect.left - 1, rect.top - 1, rect.left + rect.width + 1, rect.top + rect.height + 1
+    sides = np.array([(fx, 0, cx - left), (-fx, 0, right - cx), (0, fy, cy - top), (0, -fy, bottom - cy)])
+    sides /= np.linalg.norm(sides, axis=1)[:, None]
+    local = (points - pose[:3, 3]) @ pose[:3, :3]
+    near = (local[..., 2] > NEAR - 0.01).any(axis=1)
+    return np.column_stack([near, (local @ sides.T > -0.01).any(axis=1)])
+
+
+def test_geoms_in_view_are_those_of_planes_on_arrays():
+    rng = np.random.default_rng(0)
+    model, data = shapes(rng, 4.0)
+    bounds, plane = Bounds(model), model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     for _ in range(20):
-        pose = np.eye(4)
-        pose[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        pose[:3, 3] = rng.normal(0.0, 2.0, 3)
-        normals, offsets = _view_planes(pose, K, [PixelRect(0, 0, *size)], 0.05)
-        expected = bounds._reaches(data, np.arange(model.ngeom), normals, offsets).all(axis=1) | bounds._unbounded
-        found = bounds.in_view(data, pose, K, size, 0.05)
+        pose = random_pose(rng)
+        expected = in_rectangle(corners(model, data), pose, PixelRect(0, 0, *SIZE)).all(axis=1) | plane
+        found = bounds.in_view(data, pose, K, SIZE, NEAR)
         np.testing.assert_array_equal(found, expected)
         assert 3 < found.sum() < 150
         some = np.array([7, 0, 30])
-        np.testing.assert_array_equal(bounds.in_view(data, pose, K, size, 0.05, some), expected[some])
+        np.testing.assert_array_equal(bounds.in_view(data, pose, K, SIZE, NEAR, some), expected[some])
+
+
+def test_geoms_that_may_occlude_people_are_those_of_planes_on_arrays():
+    rng = np.random.default_rng(1)
+    model, data = shapes(rng, 2.0)
+    bounds, points, rects = Bounds(model), corners(model, data), [PixelRect(5, 4, 30, 40), PixelRect(20, 10, 12, 8)]
+    limbs, geoms = [np.array([3, 8, 9]), np.array([5, 12])], np.arange(20, model.ngeom)
+    counts = np.zeros(3, dtype=int)
+    for _ in range(40):
+        pose, farthest, lowest = random_pose(rng), rng.uniform(1.0, 5.0, 2), rng.normal(0.0, 1.0, 2)
+        found = bounds.may_occlude(data, pose, K, geoms, limbs, rects, farthest, lowest, NEAR)
+        assert bounds.may_occlude(data, pose, K, np.array([0]), limbs, rects, farthest, lowest, NEAR).all()
+        for person, (rect, own) in enumerate(zip(rects, limbs, strict=True)):
+            depth = (points[geoms] - pose[:3, 3]) @ pose[:3, 2]
+            before = in_rectangle(points[geoms], pose, rect).all(axis=1) & (depth.min(axis=1) < farthest[person] + 0.01)
+            high = points[geoms, :, 2].max(axis=1) > lowest[person] + 1e-4
+            beside = np.array([separated(model, data, geom, pose[:3, 3], points[own]) for geom in geoms])
+            np.testing.assert_array_equal(found[:, person], before & (high | (pose[2, 3] <= lowest[person])) & ~beside)
+            counts += [found[:, person].sum(), (before & ~high).sum(), (before & beside).sum()]
+    assert (counts > 20).all(), "each rule decides some"
+
+
+def separated(model: mujoco.MjModel, data: mujoco.MjData, geom: int, eye: np.ndarray, limbs: np.ndarray) -> bool:
+    """Whether a face of a geom's box has the camera and the corners of all limbs on its outer side."""
+    rotation, (middle, half) = data.geom_xmat[geom].reshape(3, 3), model.geom_aabb[geom].reshape(2, 3)
+    camera = (eye - data.geom_xpos[geom]) @ rotation - middle
+    person = (limbs.reshape(-1, 3) - data.geom_xpos[geom]) @ rotation - middle
+    reach = half + 1e-4
+    beyond = (camera > reach) & (person > reach).all(axis=0)
+    return bool((beyond | ((camera < -reach) & (person < -reach).all(axis=0))).any())

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -200,7 +202,8 @@ class _Counting:
     def __init__(self, renderer: Rasteriser) -> None:
         self._renderer = renderer
         self.asked: list[PixelRect | None] = []
-        self.width_px, self.height_px, self.near_m = renderer.width_px, renderer.height_px, renderer.near_m
+        self.width_px, self.height_px = renderer.width_px, renderer.height_px
+        self.near_m, self.far_m, self.drawing = renderer.near_m, renderer.far_m, renderer.drawing
         self.visible_geoms, self.draws_color = renderer.visible_geoms, renderer.draws_color
 
     def ids(self, *arguments: Any, rect: PixelRect | None = None, **options: Any) -> Segmentation:
@@ -210,13 +213,16 @@ class _Counting:
 
 def test_only_layers_that_matter_are_rendered(drawing: Drawing):
     image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    for at, drawn in (((-4.0, 0.0, 0.0), 0), ((4.0, 0.0, 0.0), 1)):
+    for at, at_once, when_read in (((-4.0, 0.0, 0.0), 0, 0), ((4.0, 0.0, 0.0), 0, 1), ((3.0, 2.0, 0.0), 1, 1)):
         stage = alone(at)
         counting = _Counting(drawing(stage))
-        TruthObserver(stage.model, stage.people, counting, K).observe(  # type: ignore[arg-type]
+        (truth,) = TruthObserver(stage.model, stage.people, counting, K).observe(  # type: ignore[arg-type]
             stage.data, LEVEL, image, 0.0, stage.roots()
         )
-        assert len(counting.asked) == drawn
+        assert truth.scored == (at[0] > 0.0)
+        assert len(counting.asked) == at_once
+        assert np.isfinite(truth.visible_box).all() == truth.scored
+        assert len(counting.asked) == when_read
     # Feet in the air: the ground below covers nothing. Feet in the ground: it may.
     for height, drawn in ((0.01, 1), (-0.02, 2)):
         stage = build(people=1, pillars=0)
@@ -226,8 +232,43 @@ def test_only_layers_that_matter_are_rendered(drawing: Drawing):
         (truth,) = TruthObserver(stage.model, stage.people, counting, K).observe(  # type: ignore[arg-type]
             stage.data, LEVEL, image, 0.0, stage.roots()
         )
-        assert len(counting.asked) == drawn
         assert (truth.occluders == ()) == (height > 0)
+        assert np.isfinite(truth.visible_box).all()
+        assert len(counting.asked) == drawn
+
+
+def test_what_is_read_late_is_what_was_read_at_once(drawing: Drawing):
+    stage = build()
+    renderer = drawing(stage)
+    image = np.random.default_rng(0).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    places = [(4.0 + 0.1 * step, 0.3 * step - 0.6, 0.0) for step in range(5)]
+    at_once, late = (TruthObserver(stage.model, stage.people, renderer, K) for _ in range(2))
+    expected, kept = list[tuple[Truth, ...]](), list[Sequence[Truth]]()
+    for place in places:
+        stage.place("target", place)
+        expected.append(tuple(at_once.observe(stage.data, LEVEL, image, 0.0, stage.roots())))
+        repr(expected[-1])
+        before = stage.data.geom_xpos.copy()
+        kept.append(late.observe(stage.data, LEVEL, image, 0.0, stage.roots()))
+    assert {one.name for one in kept[-1]} == set(late.silhouettes)
+    late.finish()
+    renderer.unbind()
+    assert kept == expected
+    np.testing.assert_array_equal(stage.data.geom_xpos, before)
+
+
+def test_nobody_is_looked_for_in_frames_that_nobody_holds(drawing: Drawing):
+    stage = alone()
+    counting = _Counting(drawing(stage))
+    observer = TruthObserver(stage.model, stage.people, counting, K)  # type: ignore[arg-type]
+    observe = functools.partial(observer.observe, stage.data, LEVEL, None, 0.0, stage.roots())
+    (held,) = observe()
+    for asked in (0, 1, 1, 1):
+        observe()
+        assert len(counting.asked) == asked
+    observer.finish()
+    assert np.isfinite(held.visible_box).all()
+    assert len(counting.asked) == 1
 
 
 def test_infinite_planes_occlude(drawing: Drawing):

@@ -71,7 +71,7 @@ class Rasteriser(Renderer):
             resources.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # the buffer's own values, not converted
             resources.readPixelFormat = _GL_RGBA  # the buffer's own format: ten times quicker to read than RGB
         self._read_model(model)
-        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self._far_m))
+        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self.far_m))
 
     def unbind(self) -> None:
         """See `Renderer.unbind`."""
@@ -129,7 +129,7 @@ class Rasteriser(Renderer):
 
     def _reciprocal_depth(self, found: Segmentation) -> NDArray[np.float32]:
         # The buffer runs from 1 at the near plane to 0 at the far one, linear in 1 / depth.
-        return 1.0 / self._far_m + found.inverse_depth * (1.0 / self.near_m - 1.0 / self._far_m)
+        return 1.0 / self.far_m + found.inverse_depth * (1.0 / self.near_m - 1.0 / self.far_m)
 
     def close(self) -> None:
         """See `Renderer.close`."""

@@ -61,7 +61,7 @@ class Raycaster(Renderer):
     ) -> Image:
         """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop)."""
         arrays, size = self._bound_arrays(), (self.width_px, self.height_px)
-        cameras = make_cameras([T_world_camera], [K], size, self.near_m, self._far_m)
+        cameras = make_cameras([T_world_camera], [K], size, self.near_m, self.far_m)
         arrays.update_lights()
         arrays.update_poses([data])
         visible, _owner = arrays.bvh(arrays.visible)
@@ -80,7 +80,7 @@ class Raycaster(Renderer):
         """Find the geom at each pixel; see `Renderer.ids`. Only the rectangle is cast, and only at the given geoms."""
         arrays = self._bound_arrays()
         geoms, rect = self._geoms_and_rect(geoms, rect)
-        cameras = make_cameras([T_world_camera], [K], (self.width_px, self.height_px), self.near_m, self._far_m)
+        cameras = make_cameras([T_world_camera], [K], (self.width_px, self.height_px), self.near_m, self.far_m)
         arrays.update_poses([data])
         bvh, _owner = arrays.bvh(geoms)
         ids, inverse_depth = cast_ids(arrays, bvh, cameras, rect)
