@@ -8,12 +8,13 @@ the distance walked; near rest it also advances with time, until both feet stand
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
 from pftrack_sim.agents.gait.foot_kernels import AT_REST_M_S, advance_phase, follow, next_footholds, place_feet
 from pftrack_sim.agents.gait.gait_parameters import blended, running_parameters, walking_parameters, walking_table
-from pftrack_sim.agents.gait.joint_trajectories import rolled_ankle, stance_pitch, swing_motion
+from pftrack_sim.agents.gait.joint_trajectories import DOWN_POWER, LIFT_POWER, SWING, UP_POWER
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 
@@ -23,7 +24,6 @@ _PHASE_OFFSETS = np.array([0.0, 0.5])
 _VELOCITY_TIME_CONSTANT_S = 0.07
 _TURN_TIME_CONSTANT_S = 0.12
 _RUN_TRANSITION_S = 0.5
-_ROLLING_STANCE = 0.56  # stance fraction for which a runner's foot roll is computed; it is played back faster
 
 
 class FootPlacement:
@@ -50,9 +50,7 @@ class FootPlacement:
         start_phase: FloatArray,
     ) -> None:
         self._anatomies = tuple(anatomies)
-        heel_x, heel_radius, toe_x, toe_radius = np.array([one.sole_m for one in anatomies]).T[..., None]
-        self._sole = (heel_x, heel_radius, toe_x, toe_radius)
-        self._ankle = np.array([one.ankle_m for one in anatomies])[:, None]
+        self._soles, self._ankle = np.array([one.sole_m for one in anatomies]), np.array([b.ankle_m for b in anatomies])
         self._toe_out = toe_out_rad[:, None] * SIDES
         self._walk_half, self._stand_half, self.start_phase = walk_half_m, stand_half_m, start_phase
         self._tables = np.stack([walking_table(one) for one in anatomies])
@@ -92,18 +90,17 @@ class FootPlacement:
             self.running = np.clip(self.running + np.where(running, step, -step), 0.0, 1.0)
         # The kernels change their arguments; what a caller holds stays as it is.
         self.phase, self.turn, self.in_stance = self.phase.copy(), self.turn.copy(), self.in_stance.copy()
-        velocity_share = 1.0 - np.exp(-dt_s / _VELOCITY_TIME_CONSTANT_S)
-        turn_share = 1.0 - np.exp(-dt_s / _TURN_TIME_CONSTANT_S)
         speed = follow(
-            dt_s, velocity_share, turn_share, positions, headings, self._positions, self._headings, self._velocity,
+            dt_s, *_shares(dt_s), positions, headings, self._positions, self._headings, self._velocity,
             self.turn,
         )  # fmt: skip
         self._positions, self._headings = positions.copy(), headings.copy()
         self._set_speed(speed)
+        parameters = self.parameters
         phases, heel_strike = advance_phase(
-            dt_s, positions, headings, self._velocity, speed, self.parameters, self._toe_out, self._stand_half,
-            self._foothold, self._foothold_yaw, self.phase, self._rate_hz, self._resting, self.in_stance,
-            self._toe_off_phase,
+            dt_s, positions, headings, self._velocity, speed, parameters.stride_m, parameters.stance_fraction,
+            parameters.mid_stance, self._toe_out, self._stand_half, self._foothold, self._foothold_yaw, self.phase,
+            self._rate_hz, self._resting, self.in_stance, self._toe_off_phase,
         )  # fmt: skip
         self._place(phases, heel_strike)
 
@@ -116,26 +113,24 @@ class FootPlacement:
 
     def _place(self, phases: FloatArray, heel_strike: BoolArray) -> None:
         """Set the poses of the feet at these phases."""
-        targets, target_yaws = next_footholds(
+        parameters = self.parameters
+        targets, target_yaws, progress, (down, up, rising) = next_footholds(
             phases, heel_strike, self._positions, self._headings, self._velocity, self.turn, self._rate_hz,
-            self.running, self._half, self._toe_out, self.parameters.mid_stance, self._foothold, self._foothold_yaw,
+            self.running, self._half, self._toe_out, parameters.mid_stance, parameters.stance_fraction,
+            self._toe_off_phase, self._foothold, self._foothold_yaw,
         )  # fmt: skip
-        parameters, in_stance = self.parameters, self.in_stance
-        heel_strike_rad, toe_off_rad = parameters.heel_strike_rad[:, None], parameters.toe_off_rad[:, None]
-        progress = np.maximum(phases - self._toe_off_phase, 0.0) / (1.0 - self._toe_off_phase)
-        travel, swing_pitch, lift = swing_motion(progress, heel_strike_rad, toe_off_rad)
-        stance_fraction, rolling = parameters.stance_fraction[:, None], phases
-        if self.running.any():
-            faster = 1.0 + self.running * (_ROLLING_STANCE / parameters.stance_fraction - 1.0)
-            faster = np.where(self.running > 0.0, faster, 1.0)[:, None]
-            stance_fraction, rolling = stance_fraction * faster, phases * faster
-        rolling_pitch = stance_pitch(rolling, stance_fraction, heel_strike_rad, toe_off_rad)
-        self.pitch = np.where(in_stance, rolling_pitch, swing_pitch)
-        ahead, height = rolled_ankle(self.pitch, self._ankle, self._sole)
-        self.ankles, self.yaw = place_feet(
-            in_stance, self._foothold, self._foothold_yaw, targets, target_yaws, travel, lift, parameters.clearance_m,
-            ahead, height,
+        self.ankles, self.yaw, self.pitch = place_feet(
+            self.in_stance, self._foothold, self._foothold_yaw, targets, target_yaws, progress, down**DOWN_POWER,
+            up**UP_POWER, rising**LIFT_POWER, SWING, parameters.heel_strike_rad, parameters.toe_off_rad,
+            parameters.clearance_m, self._ankle, self._soles,
         )  # fmt: skip
+
+
+@cache
+def _shares(dt_s: float) -> tuple[float, float]:
+    """Shares of their changes by which velocity and turn rate are smoothed in a tick."""
+    velocity, turn = 1.0 - np.exp([-dt_s / _VELOCITY_TIME_CONSTANT_S, -dt_s / _TURN_TIME_CONSTANT_S])
+    return float(velocity), float(turn)
 
 
 def _forward(angle: FloatArray) -> FloatArray:

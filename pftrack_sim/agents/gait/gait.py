@@ -12,15 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.gait.foot_placement import SIDES, FootPlacement
-from pftrack_sim.agents.gait.joint_trajectories import elbow_angles, shoulder_angles
-from pftrack_sim.agents.gait.kernels import BEND_ARMS, CROUCH_SHOULDER, assemble, body_angles
-from pftrack_sim.agents.gait.kinematics import quaternions, rotation_matrices
+from pftrack_sim.agents.gait.kernels import assemble, body_rotations, root_poses
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.places.seats import SEAT_M
 
-_BEND_ELBOW = 0.7  # share by which a full bend extends the elbow of an arm that holds something
 _SIT_HIP = 0.071  # hip joints above a seat, in statures: thighs and buttocks press 5 mm into it
 _SHOULDERS_BACK = 0.008  # shoulder joints behind the base of the neck, in statures
 
@@ -63,12 +60,9 @@ class Gait:
         shoulders[..., 2] = np.array([[b.torso_m - b.shoulder_drop_m] for b in anatomies])
         elbows[..., 2] = -upper_arm[:, None]
 
-        # Yaw, roll and pitch of pelvis, torso, head, feet, upper arms and forearms; constant ones are set here. Arms
-        # hang wider with larger girth.
+        # Arms hang wider with larger girth.
         arm_roll = (np.radians(6.5 + 1.2 * normal[5]) + 0.3 * np.maximum(girth - 1.0, 0.0))[:, None]
-        self._angles = np.zeros((3, people, 9))
         self._arm_rolls = np.concatenate([SIDES * arm_roll, -0.5 * SIDES * arm_roll], axis=1)
-        self._angles[0, :, 7:9] = -0.25 * SIDES
         self.reset(np.zeros((people, 2)), np.zeros(people), np.zeros(people))
 
     def reset(
@@ -82,9 +76,9 @@ class Gait:
         self._time_s = 0.0
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)
-        self._set_postures(postures or [PLAIN] * len(self._headings))
+        self._set_postures(postures or (PLAIN,) * len(self._headings))
         self.feet.reset(self._positions, self._headings, np.asarray(speeds_m_s, dtype=float))
-        self._pose: tuple[FloatArray, FloatArray] | None = None
+        self._pose: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     def advance(
         self, dt_s: float, positions_m: ArrayLike, headings_rad: ArrayLike, postures: Sequence[Posture]
@@ -93,73 +87,47 @@ class Gait:
         self._time_s += dt_s
         self._positions = np.array(positions_m, dtype=float)
         self._headings = np.array(headings_rad, dtype=float)
-        self._set_postures(postures)
-        running = np.array([one.running for one in postures], dtype=bool)
-        self.feet.advance(dt_s, self._positions, self._headings, running)
+        if postures != self._postures:
+            self._set_postures(postures)
+        self.feet.advance(dt_s, self._positions, self._headings, self._running)
         self._pose = None
 
     def _set_postures(self, postures: Sequence[Posture]) -> None:
+        self._postures = postures
+        self._running = np.array([one.running for one in postures], dtype=bool)
         # Rows crouch, bend, look and sit.
         rows = [(one.crouch, one.bend, one.look_rad, one.sit) for one in postures]
         self._posture = np.array(rows).reshape(-1, 4).T.copy()
-        self._arms = [
-            (person, side, arm)
-            for person, one in enumerate(postures)
-            for side, arm in enumerate(one.arms)
-            if arm is not None
-        ]
+        arms = [(person, side, *arm) for person, one in enumerate(postures) for side, arm in enumerate(one.arms) if arm]
+        self._held = np.array(arms, dtype=np.float64).reshape(-1, 7)
 
     def poses(self) -> tuple[FloatArray, FloatArray]:
         """`(P, 13, 3)` positions [m] and `(P, 13, 4)` quaternions w, x, y, z, in the order of `person.PARTS`."""
-        positions, rotations = self.part_poses()
-        return positions, quaternions(rotations)
+        positions, _, quaternions = self._computed()
+        return positions, quaternions
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
-        poses = np.zeros((len(self._headings), 4, 4))
-        cos, sin = np.cos(self._headings), np.sin(self._headings)
-        poses[:, 0, 0] = poses[:, 1, 1] = cos
-        poses[:, 0, 1], poses[:, 1, 0] = -sin, sin
-        poses[:, 2, 2] = poses[:, 3, 3] = 1.0
-        poses[:, :2, 3] = self.part_poses()[0][:, 0, :2]  # of the pelvis
-        return poses
+        return root_poses(self._headings, self._computed()[0])
 
     def part_poses(self) -> tuple[FloatArray, FloatArray]:
-        """`(P, 13, 3)` positions [m] and `(P, 13, 3, 3)` rotations, computed once after `reset` or `advance`."""
+        """`(P, 13, 3)` positions [m] and `(P, 13, 3, 3)` rotations."""
+        return self._computed()[:2]
+
+    def _computed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Positions, rotations and quaternions of all parts, computed once after `reset` or `advance`."""
         if self._pose is None:
-            self._pose = self._compute_pose()
+            feet, parameters = self.feet, self.feet.parameters
+            parts = body_rotations(
+                self._arm_rolls, self._arm_swing, self._held, self._idle_phase, self._idle_rate, self._time_s,
+                self._lean, self._headings, self._posture, parameters.amplitude, feet.phase, feet.running, feet.speed,
+                feet.turn, feet.yaw, feet.pitch,
+            )  # fmt: skip
+            upper_arms = parts[:, 1, None] @ parts[:, 5:7]
+            self._pose = assemble(
+                parts, upper_arms, upper_arms @ parts[:, 7:9], self._offsets, self._spine, self._legs,
+                self._positions, self._headings, self._posture, self._seated_m, parameters.hip_low_m,
+                parameters.hip_high_m, parameters.sway_m, feet.phase, feet.running, feet.ankles, feet.yaw,
+            )  # fmt: skip
+            self._pose[0].setflags(write=False)
         return self._pose
-
-    def _compute_pose(self) -> tuple[FloatArray, FloatArray]:
-        """Positions `(P, 13, 3)` [m] and rotations `(P, 13, 3, 3)` of all parts."""
-        feet, part_rotations = self.feet, self._rotations()
-        upper_arms = part_rotations[:, 1, None] @ part_rotations[:, 5:7]
-        positions, rotations = assemble(
-            part_rotations, upper_arms, upper_arms @ part_rotations[:, 7:9], self._offsets, self._spine, self._legs,
-            self._positions, self._headings, self._posture, self._seated_m, feet.parameters, feet.phase, feet.running,
-            feet.ankles, feet.yaw,
-        )  # fmt: skip
-        positions.setflags(write=False)
-        return positions, rotations
-
-    def _rotations(self) -> FloatArray:
-        """`(P, 9, 3, 3)` of pelvis, torso, head and feet in the world, of upper arms and forearms in their parents."""
-        feet, phases = self.feet, self.feet.foot_phases
-        arm_amplitude = (self._arm_swing * feet.parameters.amplitude)[:, None]
-        body_angles(
-            self._angles, self._arm_rolls, shoulder_angles(phases, arm_amplitude), elbow_angles(phases, arm_amplitude),
-            self._idle_phase, self._idle_rate, self._time_s, self._lean, self._headings, self._posture,
-            feet.parameters, feet.phase, feet.running, feet.speed, feet.turn, feet.yaw, feet.pitch,
-        )  # fmt: skip
-        yaw, roll, pitch = self._angles
-        crouch, bend, _, _ = self._posture
-        for person, side, arm in self._arms:
-            upper, fore, outward = 5 + side, 7 + side, SIDES[side]
-            # What is held before the chest hangs below it in a bend, and is held above the knees in a crouch.
-            shoulder = arm.shoulder + CROUCH_SHOULDER * crouch[person] + BEND_ARMS * bend[person]
-            elbow = arm.elbow * (1.0 - _BEND_ELBOW * bend[person])
-            pitch[person, upper] += arm.share * (-shoulder - pitch[person, upper])
-            pitch[person, fore] += arm.share * (-elbow - pitch[person, fore])
-            roll[person, upper] += arm.share * outward * arm.outward
-            roll[person, fore] += arm.share * outward * arm.forearm
-        return rotation_matrices(yaw, roll, pitch)

@@ -97,18 +97,18 @@ def walking_table(anatomy: Anatomy) -> FloatArray:
 
 def walking_parameters(tables: FloatArray, speed_m_s: FloatArray) -> GaitParameters:
     """Parameters of walking at speeds `(P,)`, interpolated in `(P, S, 9)` tables."""
-    values = _interpolated(tables, np.minimum(speed_m_s, _MAX_SPEED_M_S) / _STEP_M_S)
-    return GaitParameters(*values, mid_stance=np.full(len(speed_m_s), _MID_STANCE))
+    return GaitParameters(*_interpolated(tables, speed_m_s))
 
 
 @njit(cache=True, nogil=True)
-def _interpolated(tables: FloatArray, places: FloatArray) -> FloatArray:
-    """`(9, P)` values of `(P, S, 9)` tables at places `(P,)` between their rows."""
-    values = np.empty((tables.shape[2], len(places)))
-    for person in range(len(places)):
-        below = int(places[person])
-        share = places[person] - below
-        for column in range(len(values)):
+def _interpolated(tables: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+    """`(10, P)` values of `(P, S, 9)` tables at speeds, and the constant last parameter."""
+    values = np.full((tables.shape[2] + 1, len(speed_m_s)), _MID_STANCE)
+    for person in range(len(speed_m_s)):
+        place = min(speed_m_s[person], _MAX_SPEED_M_S) / _STEP_M_S
+        below = int(place)
+        share = place - below
+        for column in range(tables.shape[2]):
             low, high = tables[person, below, column], tables[person, below + 1, column]
             values[column, person] = (1.0 - share) * low + share * high
     return values

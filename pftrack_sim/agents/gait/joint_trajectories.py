@@ -16,10 +16,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pftrack_sim.agents.gait.foot_kernels import FOOT_FLAT, HEEL_RISE
 from pftrack_sim.core.types import FloatArray
 
 Sole: TypeAlias = tuple[FloatArray | float, FloatArray | float, FloatArray | float, FloatArray | float]
 """As `Anatomy.sole_m`: x of the heel arc's centre, its radius, x of the toe arc's centre, its radius [m]."""
+
+DOWN_POWER, UP_POWER, LIFT_POWER = 1.5, 2.7, 1.2
+"""Of the phases after heel strike and before toe-off in `stance_pitch`, and of a sine over the swing in the lift."""
 
 _HARMONICS = 5
 
@@ -27,9 +31,6 @@ _HARMONICS = 5
 _THIGH = (23, 22, 20, 16, 11.5, 7, 2.5, -2, -6.5, -11, -14.5, -15.5, -12, -4, 6, 14.5, 20.5, 24.5, 26, 25)
 _KNEE = (5, 11, 16, 18, 17.5, 15, 12, 9, 7.5, 8.5, 13, 22, 37, 53, 62, 61.5, 51, 33, 15, 5)
 _ANKLE = (0, -4, -5, -2, 2, 4.5, 6.5, 8, 9.5, 10, 8, 1.5, -10, -18, -15, -8, -3, 0, 1, 1)
-
-_FOOT_FLAT = 0.13  # phase at which the foot is flat after heel strike
-_HEEL_RISE = 0.30  # phase at which the heel starts to leave the ground
 
 
 def _fourier_basis(phase: FloatArray) -> FloatArray:
@@ -52,20 +53,6 @@ def leg_angles(phase: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Thigh against the vertical, knee flexion and ankle dorsiflexion [rad], each of the shape of `phase`."""
     angles = _fourier_basis(np.asarray(phase, dtype=float)) @ _COEFFICIENTS
     return angles[..., 0], angles[..., 1], angles[..., 2]
-
-
-def shoulder_angles(phase: FloatArray, amplitude: FloatArray) -> FloatArray:
-    """Flexion of the shoulder [rad]: 24 deg back near the same side's heel strike, 8 deg forward near the other's.
-
-    Murray, American Journal of Physical Medicine 46:290 (1967), at natural speed, where the amplitude is 1.
-    """
-    swing = np.radians(16.0) * amplitude * np.cos(2.0 * np.pi * (phase - 0.03))
-    return np.radians(-6.0) * np.minimum(amplitude, 1.0) - swing
-
-
-def elbow_angles(phase: FloatArray, amplitude: FloatArray) -> FloatArray:
-    """Flexion of the elbow [rad], largest as the arm swings forward (Murray 1967, as `shoulder_angles`)."""
-    return np.radians(13.0) + np.radians(11.0) * amplitude * (1.0 - 0.85 * np.cos(2.0 * np.pi * (phase - 0.06)))
 
 
 def rolled_ankle(pitch: FloatArray, ankle_m: FloatArray | float, sole: Sole) -> tuple[FloatArray, FloatArray]:
@@ -99,6 +86,8 @@ def _swing_trajectory() -> tuple[FloatArray, FloatArray, FloatArray, float, floa
 
 
 _PROGRESS, _TRAVEL, _RELATIVE_PITCH, _HEEL_STRIKE, _TOE_OFF = _swing_trajectory()
+SWING = _PROGRESS, _TRAVEL, _RELATIVE_PITCH
+"""Progress, fraction of the way to the next foothold, and pitch relative to that at toe-off or heel strike."""
 
 
 def heel_strike_pitch(speed_m_s: FloatArray) -> FloatArray:
@@ -118,20 +107,6 @@ def stance_pitch(
     phase: FloatArray, stance_fraction: FloatArray, heel_strike_rad: FloatArray, toe_off_rad: FloatArray
 ) -> FloatArray:
     """Pitch of a foot in stance, toes up positive [rad]: down from heel strike, flat, heel up to toe-off."""
-    down = np.maximum(1.0 - phase / _FOOT_FLAT, 0.0)
-    up = np.minimum(np.maximum((phase - _HEEL_RISE) / (stance_fraction - _HEEL_RISE), 0.0), 1.0)
-    return heel_strike_rad * down**1.5 - toe_off_rad * up**2.7
-
-
-def swing_motion(
-    progress: FloatArray, heel_strike_rad: FloatArray, toe_off_rad: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Motion of a foot in swing, by progress from 0 at toe-off to 1 at heel strike.
-
-    Returns:
-        Fraction of the way to the next foothold, pitch [rad], and height of the sole's lowest point relative to its
-        maximum.
-    """
-    relative = np.interp(progress, _PROGRESS, _RELATIVE_PITCH)
-    pitch = np.where(relative < 0.0, toe_off_rad, heel_strike_rad) * relative
-    return np.interp(progress, _PROGRESS, _TRAVEL), pitch, np.sin(np.pi * progress) ** 1.2
+    down = np.maximum(1.0 - phase / FOOT_FLAT, 0.0)
+    up = np.minimum(np.maximum((phase - HEEL_RISE) / (stance_fraction - HEEL_RISE), 0.0), 1.0)
+    return heel_strike_rad * down**DOWN_POWER - toe_off_rad * up**UP_POWER

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from pftrack_sim.agents.gait.gait_parameters import MAX_EXTENSION, RUN_STANCE_FRACTION, GaitParameters
+from pftrack_sim.agents.gait.gait_parameters import MAX_EXTENSION, RUN_STANCE_FRACTION
 from pftrack_sim.core.types import FloatArray
 
 _GRAVITY = 9.81
@@ -24,47 +24,53 @@ _HEAD_PITCH = math.radians(2.0)
 _BREATH, _GLANCE = math.radians(0.6), math.radians(4.0)  # idle chest pitch (breathing) and head yaw (looking around)
 _CROUCH_DEPTH = 0.46  # lowering of the pelvis in a full crouch, in leg lengths
 _CROUCH_BACK = 0.38  # backward shift of the pelvis in a full crouch, in thigh lengths
-_CROUCH_LEAN, CROUCH_SHOULDER, _CROUCH_ELBOW = 0.55, 0.7, 0.35
+_CROUCH_LEAN, _CROUCH_SHOULDER, _CROUCH_ELBOW = 0.55, 0.7, 0.35
 _BEND_BACK, _BEND_DEPTH = 0.40, 0.06  # the same of a full bend
 _BEND_PELVIS, _BEND_TRUNK, _BEND_HEAD = math.radians(48.0), math.radians(82.0), math.radians(62.0)
-BEND_ARMS = math.radians(88.0)  # forward
+_BEND_ARMS = math.radians(88.0)  # forward
+_BEND_ELBOW = 0.7  # share by which a full bend extends the elbow of an arm that holds something
 _SIT_BACK = 0.95  # backward shift of the pelvis on a seat, in thigh lengths
 _SIT_PELVIS, _SIT_TRUNK = math.radians(-12.0), math.radians(3.0)  # on a seat
 _SIT_LEAN = math.radians(38.0)  # forward lean half way down or up, which keeps the weight above the feet
 _LOOK_TRUNK = 0.35  # share of the head's turn by which the trunk follows
-_RUNNING_ELBOW = math.radians(62.0)
+_SHOULDER_BACK, _SHOULDER_SWING = math.radians(-6.0), math.radians(16.0)
+_ELBOW, _ELBOW_SWING, _RUNNING_ELBOW = math.radians(13.0), math.radians(11.0), math.radians(62.0)
 
 # Indices into `person.PARTS`: pelvis, torso, head, then left and right of upper arms, forearms, thighs, shanks, feet.
 _UPPER_ARMS, _FOREARMS, _THIGHS, _SHANKS, _FEET, _PARTS = 3, 5, 7, 9, 11, 13
 
 
 @njit(cache=True, nogil=True)
-def body_angles(
-    angles: FloatArray,
+def body_rotations(
     arm_rolls: FloatArray,
-    shoulders: FloatArray,
-    elbows: FloatArray,
+    arm_swing: FloatArray,
+    held: FloatArray,
     idle_phase: FloatArray,
     idle_rate: FloatArray,
     time_s: float,
     lean_rad: FloatArray,
     headings: FloatArray,
     posture: FloatArray,
-    parameters: GaitParameters,
+    amplitudes: FloatArray,
     phase: FloatArray,
     running: FloatArray,
     speed: FloatArray,
     turn: FloatArray,
     feet_yaw: FloatArray,
     feet_pitch: FloatArray,
-) -> None:
-    """Set `(3, P, 9)` yaw, roll and pitch of pelvis, torso, head, feet, upper arms and forearms.
+) -> FloatArray:
+    """`(P, 9, 3, 3)` rotations: pelvis, torso, head and feet in the world, upper arms and forearms in their parents.
 
-    `posture` `(4, P)` holds crouch, bend, look and sit; shoulders and elbows `(P, 2)` the flexion of swinging arms.
+    `posture` `(4, P)` holds crouch, bend, look and sit; `arm_swing` `(P,)` the amplitude relative to other people's;
+    `held` `(A, 7)` person, side, and the five numbers of an `Arm`.
     """
+    angles = np.zeros((3, len(headings), 9))
     yaw, roll, pitch = angles
     for person in range(len(headings)):
-        heading, amplitude = headings[person], parameters.amplitude[person]
+        heading, amplitude = headings[person], amplitudes[person]
+        # Shoulder: 24 deg back near the same side's heel strike, 8 deg forward near the other's; elbow: largest flexion
+        # as the arm swings forward (Murray, American Journal of Physical Medicine 46:290, 1967, at natural speed).
+        swing = arm_swing[person] * amplitude
         crouch, bend, look, sit = posture[:, person]
         sit_lean = _SIT_LEAN * 4.0 * sit * (1.0 - sit)
         # The pelvis turns with the advancing leg and drops on the side of the leg in swing; the torso counter-rotates.
@@ -86,13 +92,31 @@ def body_angles(
         pitch[person, 1] = lean + breath + _BEND_TRUNK * bend + (_SIT_TRUNK * sit + sit_lean)
         pitch[person, 2] = 0.3 * lean + _HEAD_PITCH + _BEND_HEAD * bend
         for side in range(2):
-            yaw[person, 3 + side] = feet_yaw[person, side]
-            pitch[person, 3 + side] = -feet_pitch[person, side]
-            pitch[person, 5 + side] = -(shoulders[person, side] + CROUCH_SHOULDER * crouch) - BEND_ARMS * bend
-            pitch[person, 7 + side] = -(
-                elbows[person, side] + _CROUCH_ELBOW * crouch + _RUNNING_ELBOW * running[person]
+            foot_phase = (phase[person] + 0.5 * side) % 1.0
+            shoulder = _SHOULDER_BACK * min(swing, 1.0) - _SHOULDER_SWING * swing * math.cos(
+                _TURN * (foot_phase - 0.03)
             )
+            elbow = _ELBOW + _ELBOW_SWING * swing * (1.0 - 0.85 * math.cos(_TURN * (foot_phase - 0.06)))
+            yaw[person, 3 + side] = feet_yaw[person, side]
+            yaw[person, 7 + side] = -0.25 * (1.0 - 2.0 * side)
+            pitch[person, 3 + side] = -feet_pitch[person, side]
+            pitch[person, 5 + side] = -(shoulder + _CROUCH_SHOULDER * crouch) - _BEND_ARMS * bend
+            pitch[person, 7 + side] = -(elbow + _CROUCH_ELBOW * crouch + _RUNNING_ELBOW * running[person])
         roll[person, 5:9] = arm_rolls[person]
+    for index in range(len(held)):
+        person, side = int(held[index, 0]), int(held[index, 1])
+        share, shoulder, elbow, outward, forearm = held[index, 2:]
+        crouch, bend, upper, fore = posture[0, person], posture[1, person], 5 + side, 7 + side
+        # What is held before the chest hangs below it in a bend, and is held above the knees in a crouch.
+        shoulder = shoulder + _CROUCH_SHOULDER * crouch + _BEND_ARMS * bend
+        elbow = elbow * (1.0 - _BEND_ELBOW * bend)
+        pitch[person, upper] += share * (-shoulder - pitch[person, upper])
+        pitch[person, fore] += share * (-elbow - pitch[person, fore])
+        roll[person, upper] += share * (1.0 - 2.0 * side) * outward
+        roll[person, fore] += share * (1.0 - 2.0 * side) * forearm
+    rotations = np.empty((len(headings), 9, 3, 3))
+    set_rotations(yaw.ravel(), roll.ravel(), pitch.ravel(), rotations.reshape(-1, 3, 3))
+    return rotations
 
 
 @njit(cache=True, nogil=True)
@@ -149,13 +173,17 @@ def assemble(
     headings: FloatArray,
     posture: FloatArray,
     seated_m: FloatArray,
-    parameters: GaitParameters,
+    hip_low_m: FloatArray,
+    hip_high_m: FloatArray,
+    sway_m: FloatArray,
     phase: FloatArray,
     running: FloatArray,
     ankles: FloatArray,
     feet_yaw: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Positions `(P, 13, 3)` [m] and rotations `(P, 13, 3, 3)` of all parts: arms and trunk by forward kinematics.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """All parts: positions `(P, 13, 3)` [m], rotations `(P, 13, 3, 3)`, quaternions `(P, 13, 4)` w, x, y, z.
+
+    Arms and trunk are found by forward kinematics.
 
     Args:
         part_rotations: `(P, 9, 3, 3)` in the world of pelvis, torso, head and feet; the others are not used.
@@ -168,7 +196,9 @@ def assemble(
         headings: `(P,)`.
         posture: `(4, P)` crouch, bend, look and sit.
         seated_m: `(P,)` height of the hip joints on a seat.
-        parameters: Of the gait.
+        hip_low_m: `(P,)` least height of the pelvis.
+        hip_high_m: `(P,)` greatest height.
+        sway_m: `(P,)` of the pelvis.
         phase: `(P,)`.
         running: `(P,)` share.
         ankles: `(P, 2, 3)` [m].
@@ -185,13 +215,13 @@ def assemble(
         crouch, bend, sit = posture[0, person], posture[1, person], posture[3, person]
         for side in range(2):
             _rotate(axes[0], offsets[0, person, side], turned[side])
-        sway = parameters.sway_m[person] * math.cos(_TURN * (phase[person] - 0.30))
+        sway = sway_m[person] * math.cos(_TURN * (phase[person] - 0.30))
         # A crouching person's pelvis moves back as the chest leans forward: the weight stays above the feet.
         back = _CROUCH_BACK * thigh_m * crouch + _BEND_BACK * thigh_m * bend + _SIT_BACK * thigh_m * sit
         cos, sin = math.cos(heading), math.sin(heading)
         here[0, 0] = places[person, 0] - sway * sin - back * cos
         here[0, 1] = places[person, 1] + sway * cos - back * sin
-        wanted = _wanted_height(parameters, person, phase[person], running[person])
+        wanted = _wanted_height(hip_low_m[person], hip_high_m[person], phase[person], running[person])
         leg_m = thigh_m + shank_m
         wanted = wanted - _CROUCH_DEPTH * leg_m * crouch - _BEND_DEPTH * leg_m * bend
         wanted = wanted + sit * (seated_m[person] - wanted)
@@ -216,7 +246,22 @@ def assemble(
             _rotate(axes[_UPPER_ARMS + side], offsets[2, person, side], fore)
             for row in range(3):
                 fore[row] = upper[row] + fore[row]
-    return positions, rotations
+    quaternions = np.empty((len(headings), _PARTS, 4))
+    set_quaternions(rotations.reshape(-1, 3, 3), quaternions.reshape(-1, 4))
+    return positions, rotations, quaternions
+
+
+@njit(cache=True, nogil=True)
+def root_poses(headings: FloatArray, positions: FloatArray) -> FloatArray:
+    """`(P, 4, 4)` poses on the ground below the first of `(P, 13, 3)` positions: x forward, z up."""
+    poses = np.zeros((len(headings), 4, 4))
+    for person in range(len(headings)):
+        pose, cos, sin = poses[person], math.cos(headings[person]), math.sin(headings[person])
+        pose[0, 0] = pose[1, 1] = cos
+        pose[0, 1], pose[1, 0] = -sin, sin
+        pose[2, 2] = pose[3, 3] = 1.0
+        pose[:2, 3] = positions[person, 0, :2]
+    return poses
 
 
 @njit(cache=True, nogil=True)
@@ -226,9 +271,8 @@ def _rotate(rotation: FloatArray, vector: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _wanted_height(parameters: GaitParameters, person: int, phase: float, running: float) -> float:
+def _wanted_height(low: float, high: float, phase: float, running: float) -> float:
     """Height of an upright person's pelvis [m] by the published vertical travel."""
-    low, high = parameters.hip_low_m[person], parameters.hip_high_m[person]
     travel = 0.5 - 0.5 * math.cos(2.0 * _TURN * (phase - 0.04))
     # Runners are lowest in mid-stance and highest in the middle of the flight phase.
     running_travel = 0.5 - 0.5 * math.cos(2.0 * _TURN * (phase - 0.5 * RUN_STANCE_FRACTION))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from pftrack_sim.agents.gait.foot_placement import (
-    _ROLLING_STANCE,
     _RUN_TRANSITION_S,
     _TURN_TIME_CONSTANT_S,
     _VELOCITY_TIME_CONSTANT_S,
@@ -15,11 +14,10 @@ from pftrack_sim.agents.gait.foot_placement import (
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.gait.gait_parameters import MAX_EXTENSION, RUN_STANCE_FRACTION
 from pftrack_sim.agents.gait.joint_trajectories import (
-    elbow_angles,
+    LIFT_POWER,
+    SWING,
     rolled_ankle,
-    shoulder_angles,
     stance_pitch,
-    swing_motion,
 )
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.people.person import PARTS
@@ -42,6 +40,7 @@ _BEND_PITCHES = np.radians([48.0, 82.0, 62.0, 88.0])  # of pelvis, trunk and hea
 _BEND_ELBOW = 0.7  # share by which a full bend extends the elbow of an arm that holds something
 _LOOK_TRUNK = 0.35  # share of the head's turn by which the trunk follows
 _RUNNING_ELBOW = np.radians(62.0)
+_ROLLING_STANCE = 0.56  # stance fraction for which a runner's foot roll is computed; it is played back faster
 _SHOULDERS_BACK = 0.008  # shoulder joints behind the base of the neck, in statures
 
 _MAX_ACCELERATION_M_S2 = 3.5  # of the smoothed velocity: feet do not jump when the body stops at once
@@ -53,6 +52,25 @@ _AT_REST_M_S = 0.06
 # Limits of a foot's distance [m] and angle [rad] from its place at rest: to come to rest, and to remain at rest.
 _SETTLED = np.array([[0.035], [0.30]])
 _UNSETTLED = np.array([[0.085], [0.50]])
+
+
+def shoulder_angles(phase: FloatArray, amplitude: FloatArray) -> FloatArray:
+    swing = np.radians(16.0) * amplitude * np.cos(2.0 * np.pi * (phase - 0.03))
+    return np.radians(-6.0) * np.minimum(amplitude, 1.0) - swing
+
+
+def elbow_angles(phase: FloatArray, amplitude: FloatArray) -> FloatArray:
+    return np.radians(13.0) + np.radians(11.0) * amplitude * (1.0 - 0.85 * np.cos(2.0 * np.pi * (phase - 0.06)))
+
+
+def swing_motion(
+    progress: FloatArray, heel_strike_rad: FloatArray, toe_off_rad: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Fraction of the way to the next foothold, pitch [rad], and relative height of the sole's lowest point."""
+    times, travel, relative_pitch = SWING
+    relative = np.interp(progress, times, relative_pitch)
+    pitch = np.where(relative < 0.0, toe_off_rad, heel_strike_rad) * relative
+    return np.interp(progress, times, travel), pitch, np.sin(np.pi * progress) ** LIFT_POWER
 
 
 class NumpyFeet(FootPlacement):
@@ -133,7 +151,7 @@ class NumpyFeet(FootPlacement):
         rolling_pitch = stance_pitch(rolling, stance_fraction, heel_strike_rad, toe_off_rad)
         self.pitch = np.where(in_stance, rolling_pitch, swing_pitch)
         self.yaw = self._foothold_yaw + travel * (target_yaw - self._foothold_yaw)
-        ahead, height = rolled_ankle(self.pitch, self._ankle, self._sole)
+        ahead, height = rolled_ankle(self.pitch, self._ankle[:, None], tuple(self._soles.T[..., None]))
         flat = self._foothold + travel[..., None] * (target - self._foothold)
         self.ankles = np.empty((*phases.shape, 3))
         self.ankles[..., :2] = flat + ahead[..., None] * _forward(self.yaw)
@@ -149,10 +167,14 @@ class NumpyGait(Gait):
         self._thigh, self._shank = self._legs[:, :, None]
         self._waist, self._neck = (np.stack([0 * z, 0 * z, z], axis=1) for z in self._spine)
         self._hips, self._shoulders, self._elbows = self._offsets
+        self._angles = np.zeros((3, len(anatomies), 9))
+        self._angles[0, :, 7:9] = -0.25 * SIDES
 
-    def poses(self):
-        positions, rotations = self.part_poses()
-        return positions, quaternions(rotations)
+    def _computed(self):
+        if self._pose is None:
+            positions, rotations = self._compute_pose()
+            self._pose = positions, rotations, quaternions(rotations)
+        return self._pose
 
     def _compute_pose(self) -> tuple[FloatArray, FloatArray]:
         """Positions `(P, 13, 3)` [m] and rotations `(P, 13, 3, 3)` of all parts."""
@@ -222,7 +244,8 @@ class NumpyGait(Gait):
         pitch[:, 5:7] = -shoulders - bend_arms[:, None]
         pitch[:, 7:9] = -elbows
         roll[:, 5:9] = self._arm_rolls
-        for person, side, arm in self._arms:
+        held = [(i, j, arm) for i, one in enumerate(self._postures) for j, arm in enumerate(one.arms) if arm]
+        for person, side, arm in held:
             upper, fore, outward = 5 + side, 7 + side, SIDES[side]
             # What is held before the chest hangs below it in a bend, and is held above the knees in a crouch.
             shoulder = arm.shoulder + _CROUCH_SHOULDER * self._posture[0][person] + bend_arms[person]
