@@ -32,7 +32,7 @@ class CameraShake:
     """
 
     def __init__(self, omega: FloatArray, phase: FloatArray, amplitude: FloatArray) -> None:
-        self._omega, self._phase, self._amplitude = omega, phase, amplitude
+        self._omega, self._phase, self._amplitude, self._still = omega, phase, amplitude, not amplitude.any()
 
     @classmethod
     def band_limited(cls, jitter: Jitter, rng: np.random.Generator) -> CameraShake:
@@ -88,7 +88,7 @@ class CameraShake:
 
     def displace(self, T_world_camera: FloatArray, time_s: float) -> FloatArray:
         """`(4, 4)` pose of the shaken camera at a time, from that without shake; equal to the bit without shake."""
-        if not self._amplitude.any():
+        if self._still:
             return np.array(T_world_camera, dtype=np.float64)
         rotation, translation = self.offset(time_s)
         T_camera_shaken = np.eye(4)

@@ -17,33 +17,29 @@ class CameraMount:
 
     A vibration of the mount displaces the camera alone. By a few millimetres, all of the head remains behind the
     camera; where wind takes the camera farther back, the mount follows it.
+
+    Args:
+        model: With the robot.
+        K: `(3, 3)` camera matrix [px], but for its principal point, which is the middle of the image.
+        size: Width and height of the rendered image [px].
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, K: FloatArray, size: tuple[int, int]) -> None:
         bodies = [model.body(name).id for name in _BODIES]
         self._geoms = np.flatnonzero(geoms_drawn(model) & np.isin(model.geom_bodyid, bodies))
         self._bounds, self._near_m = Bounds(model), clip_depths_m(model)[0]
+        self._K, self._size = np.array(K), size
+        self._K[:2, 2] = 0.5 * np.array(size)
 
-    def follow(
-        self,
-        data: mujoco.MjData,
-        T_world_rest: FloatArray,
-        T_world_camera: FloatArray,
-        K: FloatArray,
-        size: tuple[int, int],
-    ) -> None:
+    def follow(self, data: mujoco.MjData, T_world_rest: FloatArray, T_world_camera: FloatArray) -> None:
         """Displace the mount rigidly with the camera if the camera would see a part of it.
 
         Args:
             data: Poses; those of the mount's geoms may change until kinematics are computed again.
             T_world_rest: `(4, 4)` camera pose without vibration.
             T_world_camera: `(4, 4)` camera pose with it.
-            K: `(3, 3)` camera matrix [px], but for its principal point, which is the middle of the image.
-            size: Width and height of the rendered image [px].
         """
-        rendered = np.array(K)
-        rendered[:2, 2] = 0.5 * np.array(size)
-        if not self._bounds.in_view(data, T_world_camera, rendered, size, self._near_m, self._geoms).any():
+        if not self._bounds.in_view(data, T_world_camera, self._K, self._size, self._near_m, self._geoms).any():
             return
         displacement = T_world_camera @ np.linalg.inv(T_world_rest)
         rotation, translation = displacement[:3, :3], displacement[:3, 3]

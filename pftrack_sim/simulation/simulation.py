@@ -26,6 +26,7 @@ from pftrack_sim.render.selection import check_name, open_id_renderer, open_rend
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
 from pftrack_sim.scene.people.person import TRUNK
+from pftrack_sim.simulation.camera_mount import CameraMount
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.geometry import SceneGeometry
 from pftrack_sim.truth.observer import TruthObserver
@@ -198,9 +199,10 @@ class Simulation:
         """
         delivered = next(self._arrivals)
         self._collision = None
+        world, rate_hz = self.world, self.settings.camera.rate_hz
         for index in range(self._delivered, delivered):
-            self._advance_period(command, delay_s - (index - self._delivered) / self.settings.camera.rate_hz)
-            self._collision = self._collision or self.world.collision()
+            self._advance_period(command, delay_s - (index - self._delivered) / rate_hz)
+            self._collision = self._collision or world.collision()
             self._record_poses()
             if index + 1 < delivered and self._draws and self._sensor.metering:
                 self._expose()
@@ -209,11 +211,12 @@ class Simulation:
         return self._take_frame()
 
     def _observe(self, renderer: Renderer) -> None:
-        """Observe the truth with this renderer."""
+        """Observe the truth, and what the camera sees of its mount, with this renderer."""
         settings, world = self.settings, self.world
         parts = TRUNK if settings.target.init == "torso" else ()
         size = (settings.camera.width_px, settings.camera.height_px)
         self._truth = TruthObserver(world.model, world.people, renderer, self._K, size, parts)
+        self._mount = CameraMount(world.model, self._K, (renderer.width_px, renderer.height_px))
 
     def _bind_renderer(self, world: World, size: tuple[int, int]) -> Renderer:
         """The renderer, bound to the new model; opened again where the size has changed."""
@@ -237,12 +240,12 @@ class Simulation:
 
     def _record_poses(self) -> None:
         """Record the poses of a camera frame, delivered or not; the camera's with the vibration of its mount."""
-        world, renderer = self.world, self._renderer
-        assert renderer is not None
-        self._T_world_camera = self._shake.displace(world.camera_pose(), world.time_s)
-        world.shake_mount(self._T_world_camera, self._K, (renderer.width_px, renderer.height_px))
+        world = self.world
+        rest = world.camera_pose()
+        self._T_world_camera = self._shake.displace(rest, world.time_s)
+        self._mount.follow(world.data, rest, self._T_world_camera)
         if self._frame_capture is not None:
-            self._frame_capture.record(world.data, world.time_s, world.camera_pose(), world.root_poses())
+            self._frame_capture.record(world.data, world.time_s, rest, world.root_poses())
 
     def _expose(self) -> tuple[Image, CapturedFrame | FloatArray]:
         """Render, expose and meter the camera's current frame: the image, and what `_capture` gives."""

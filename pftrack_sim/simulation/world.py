@@ -29,7 +29,6 @@ from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
-from pftrack_sim.simulation.camera_mount import CameraMount
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.feasibility import path_problems, placement_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
@@ -79,7 +78,6 @@ class World:
         carried = self._carried(people[0].anatomy) if settings.target.carries else None
         self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
         rng = random_streams.stream(seed, "lights", "axis")
-        self._mount = CameraMount(self.model)
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         self._ticks = 0
         self._collision: str | None = None
@@ -123,13 +121,6 @@ class World:
     def camera_pose(self) -> FloatArray:
         """`(4, 4)` T_world_camera of the camera on its mast, before any vibration of the mount."""
         return self._state.T_world_camera.copy()
-
-    def shake_mount(self, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int]) -> None:
-        """Displace mast and head with the camera, vibrating at `(4, 4)` T_world_camera, where it would see them.
-
-        Arguments are those of `CameraMount.follow`.
-        """
-        self._mount.follow(self.data, self._state.T_world_camera, T_world_camera, K, size)
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""

@@ -65,10 +65,11 @@ class TargetWalk:
         if self._acts:
             asked = self._command(camera_m)
             desired, max_step = asked.speed_m_s, ACTION_ACCELERATION_M_S2 * dt_s
-            self._facing_rad, running = asked.facing_rad, asked.posture.running
             # The running posture ends when the target has slowed down to a walk.
-            running = running or (self.posture.running and self._speed_m_s > 1.15 * self._walking_speed_m_s)
-            self.posture = replace(asked.posture, running=running)
+            runs_on = self.posture.running and self._speed_m_s > 1.15 * self._walking_speed_m_s
+            self._facing_rad, self.posture = asked.facing_rad, asked.posture
+            if runs_on and not asked.posture.running:
+                self.posture = replace(asked.posture, running=True)
         self._hold()
         speed = min(desired, stopping, self._speed_m_s + max_step)
         if self._acts and speed < self._speed_m_s - max_step:

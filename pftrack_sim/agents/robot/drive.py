@@ -62,7 +62,7 @@ class Drive:
         self._base = model.body(BASE).id
         self._camera = model.camera(CAMERA).id
         joints = [model.joint(name) for name in _JOINTS]
-        self._joints = np.array([joint.qposadr[0] for joint in joints])
+        self._joints = [int(joint.qposadr[0]) for joint in joints]
         self._head_range: list[list[float]] = np.array([joint.range for joint in joints[2:]]).tolist()
         self._motors = np.array([model.actuator(name).id for name in _MOTORS])
         names = ("wheel-speed-left", "wheel-speed-right", "gyro", "accelerometer", "pan", "tilt")
@@ -131,7 +131,9 @@ class Drive:
         Speeds are clipped to the robot's limits and approached no faster than `ACCELERATION`. Turn and pan rate are
         counter-clockwise, the tilt rate is upwards.
         """
-        self._odometry = self._current_odometry(data)
+        places = data.qpos.tolist()
+        left, right, *head = [places[joint] for joint in self._joints]
+        self._odometry = self._odometry.updated(left, right, self._calibration)
         # Numbers one by one: arrays of four cost five times as much.
         rates = self._rates
         for axis, wanted in enumerate((forward_m_s, turn_rad_s, pan_rad_s, tilt_rad_s)):
@@ -144,7 +146,7 @@ class Drive:
             turn *= self._max_lateral_m_s2 / lateral
             rates[1] = turn
         half = 0.5 * TRACK_M * turn
-        for axis, angle in enumerate(data.qpos[self._joints[2:]].tolist()):
+        for axis, angle in enumerate(head):
             moved = self._head[axis] + rates[2 + axis] * duration_s
             low, high = self._head_range[axis]
             self._head[axis] = min(max(min(max(moved, angle - WINDUP_RAD), angle + WINDUP_RAD), low), high)
@@ -171,7 +173,8 @@ class Drive:
 
         Poses of bodies and geoms in `data` must be up to date.
         """
-        odometry = self._current_odometry(data)
+        left, right = data.qpos[self._joints[:2]].tolist()
+        odometry = self._odometry.updated(left, right, self._calibration)
         values = np.empty(len(PROPRIO_NAMES), dtype=np.float32)
         values[:3] = odometry.x_m, odometry.y_m, odometry.heading_rad
         values[PROPRIO_INDEX["wheel_left_m_s"] : RANGES.start] = data.sensordata[self._sensors] * self._sensor_scale
@@ -192,10 +195,6 @@ class Drive:
             return None
         first, second = pairs[contacts[np.argmin(data.contact.dist[contacts])]]
         return self._owners[int(second if self._own_geoms[first] else first)]
-
-    def _current_odometry(self, data: mujoco.MjData) -> Odometry:
-        left, right = data.qpos[self._joints[:2]].tolist()
-        return self._odometry.updated(left, right, self._calibration)
 
     def _centre_of_mass_m(self) -> float:
         """Height of the centre of mass above the ground, at rest."""

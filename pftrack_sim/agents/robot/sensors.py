@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -34,8 +35,7 @@ class OdometryCalibration:
         return cls(float(left) * WHEEL_RADIUS_M, float(right) * WHEEL_RADIUS_M, float(track) * TRACK_M)
 
 
-@dataclass(frozen=True)
-class Odometry:
+class Odometry(NamedTuple):
     """Pose in the frame of the start, heading in [-pi, pi], and the wheel angles that it belongs to."""
 
     x_m: float = 0.0

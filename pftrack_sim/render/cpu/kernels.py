@@ -128,8 +128,12 @@ def draw(
         in_front = projected.state[geom] == _IN_FRONT
         for face in range(triangles.face_starts[geom], triangles.face_starts[geom + 1]):
             a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-            if in_front or (points[first + a, 2] > 0.0 and points[first + b, 2] > 0.0 and points[first + c, 2] > 0.0):
+            beyond = 3
+            if not in_front:
+                beyond = (points[first + a, 2] > 0.0) + (points[first + b, 2] > 0.0) + (points[first + c, 2] > 0.0)
+            if beyond == 3:
                 _fill(points, first + a, first + b, first + c, cx, cy, geom, ids, inverse_depth)
+            if beyond in (0, 3):
                 continue
             corners = _clip_near(
                 triangles.vertices[first:last],
