@@ -5,6 +5,7 @@ Decided from bounding boxes and conservative: a geom that is ruled out changes n
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import mujoco
@@ -20,8 +21,6 @@ _BOUNDED_TYPES = [
 ]
 """Types of geoms that lie inside their `geom_aabb`."""
 
-_MARGIN_M, _MARGIN_PX = 0.01, 1.0  # OpenGL computes in single precision: a geom outside by less may still touch a pixel
-_FACE_MARGIN_M = 1e-4  # The same, for a person and the camera on the far side of a face
 GROUND_CONTACT_M = 1e-4  # Soles penetrate the ground by up to this much without being occluded by it
 
 
@@ -31,7 +30,7 @@ class Bounds:
     def __init__(self, model: mujoco.MjModel) -> None:
         boxes = np.array(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
         middle, half = np.ascontiguousarray(boxes[:, 0]), np.ascontiguousarray(boxes[:, 1])
-        radii = np.linalg.norm(np.abs(middle) + half, axis=1) + _MARGIN_M
+        radii = np.linalg.norm(np.abs(middle) + half, axis=1)
         self._boxes = middle, half, radii
         self._unbounded = ~np.isin(model.geom_type, _BOUNDED_TYPES)
         self._ids: IntArray = np.arange(model.ngeom)
@@ -48,10 +47,10 @@ class Bounds:
         """`(N,)` which geoms, None for all, may be visible in an image of `size` width and height [px]."""
         from pftrack_sim.render.culling_kernels import boxes_in_view  # numba: imported when it is used
 
-        ids = self._ids if geoms is None else geoms
-        poses, pose = (data.geom_xpos, data.geom_xmat), np.array(T_world_camera, dtype=np.float64, order="C")
-        sides = np.array(_sides(PixelRect(0, 0, *size), focal_and_centre(K)))
-        return self._unbounded[ids] | boxes_in_view(ids, poses, self._boxes, pose, sides, near_m, _MARGIN_M)
+        ids, poses = self._ids if geoms is None else geoms, (data.geom_xpos, data.geom_xmat)
+        pose, rect = np.ascontiguousarray(T_world_camera, dtype=np.float64), (0, 0, *size)
+        found = boxes_in_view(ids, poses, self._boxes, pose, focal_and_centre(K), rect, near_m)
+        return self._unbounded[ids] | found
 
     def may_occlude(
         self,
@@ -80,26 +79,12 @@ class Bounds:
         """
         from pftrack_sim.render.culling_kernels import boxes_before_people  # numba: imported when it is used
 
-        poses, pose = (data.geom_xpos, data.geom_xmat), np.array(T_world_camera, dtype=np.float64, order="C")
-        intrinsics = focal_and_centre(K)
-        sides = np.array([_sides(rect, intrinsics) for rect in rects])
+        poses, pose = (data.geom_xpos, data.geom_xmat), np.ascontiguousarray(T_world_camera, dtype=np.float64)
         # From above, a geom below a person's soles occludes nothing of the person.
         above_m = np.where(pose[2, 3] > lowest_m, lowest_m + GROUND_CONTACT_M, -np.inf)
-        ends = np.cumsum([0, *map(len, limbs)])
-        return self._unbounded[geoms, None] | boxes_before_people(
-            geoms, poses, self._boxes, pose, sides, near_m, farthest_m, above_m, np.concatenate(limbs), ends, _MARGIN_M,
-            _FACE_MARGIN_M,
+        ends = np.array([0, *itertools.accumulate(map(len, limbs))])
+        found = boxes_before_people(
+            geoms, poses, self._boxes, pose, focal_and_centre(K), np.array(rects), near_m, farthest_m, above_m,
+            np.concatenate(limbs), ends,
         )  # fmt: skip
-
-
-def _sides(rect: PixelRect, intrinsics: tuple[float, float, float, float]) -> tuple[tuple[float, float, float], ...]:
-    """Inward normals, of any length, of the left, right, top and bottom of a view, in camera axes."""
-    fx, fy, cx, cy = intrinsics
-    left, top, width, height = rect
-    right, bottom = left + width + _MARGIN_PX, top + height + _MARGIN_PX
-    return (
-        (fx, 0.0, cx - left + _MARGIN_PX),
-        (-fx, 0.0, right - cx),
-        (0.0, fy, cy - top + _MARGIN_PX),
-        (0.0, -fy, bottom - cy),
-    )
+        return self._unbounded[geoms, None] | found

@@ -2,8 +2,8 @@
 
 Arguments of several kernels: `poses`, `(ngeom, 3)` positions [m] and `(ngeom, 9)` rotations of geoms; `boxes`,
 `(ngeom, 3)` middles and `(ngeom, 3)` half sizes of their oriented bounding boxes in the frames of the geoms, and
-`(ngeom,)` radii of spheres about the positions that hold the boxes [m]; `sides`, `(4, 3)` inward normals of a view's
-sides in camera axes, of any length.
+`(ngeom,)` radii of spheres about the positions that hold the boxes [m]; `pose`, `(4, 4)` T_world_camera; `intrinsics`,
+fx, fy, cx, cy [px]; `rect`, left, top, width and height of a view in the image [px].
 """
 
 from __future__ import annotations
@@ -18,17 +18,27 @@ from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
 Poses: TypeAlias = tuple[FloatArray, FloatArray]
 Boxes: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+Intrinsics: TypeAlias = tuple[float, float, float, float]
+
+_MARGIN_M, _MARGIN_PX = 0.01, 1.0  # OpenGL computes in single precision: a geom outside by less may still touch a pixel
+_FACE_MARGIN_M = 1e-4  # The same, for a person and the camera on the far side of a face
 
 
 @njit(cache=True, nogil=True)
 def boxes_in_view(
-    geoms: IntArray, poses: Poses, boxes: Boxes, pose: FloatArray, sides: FloatArray, near_m: float, margin_m: float
+    geoms: IntArray,
+    poses: Poses,
+    boxes: Boxes,
+    pose: FloatArray,
+    intrinsics: Intrinsics,
+    rect: tuple[int, int, int, int],
+    near_m: float,
 ) -> BoolArray:
-    """`(N,)` whether the boxes of geoms reach into the view of a camera at `(4, 4)` `pose`, or miss it by a margin."""
-    planes = _planes(pose, sides, near_m, np.inf)
+    """`(N,)` whether the boxes of geoms reach into a view beyond the near plane, or miss it by a margin."""
+    planes = _planes(pose, intrinsics, rect, near_m, np.inf)
     seen = np.zeros(len(geoms), dtype=np.bool_)
     for index in range(len(geoms)):
-        seen[index] = _reaches(geoms[index], planes, poses, boxes, margin_m)
+        seen[index] = _reaches(geoms[index], planes, poses, boxes)
     return seen
 
 
@@ -38,14 +48,13 @@ def boxes_before_people(
     poses: Poses,
     boxes: Boxes,
     pose: FloatArray,
-    sides: FloatArray,
+    intrinsics: Intrinsics,
+    rects: IntArray,
     near_m: float,
     farthest_m: FloatArray,
     above_m: FloatArray,
     limbs: IntArray,
     ends: IntArray,
-    margin_m: float,
-    face_margin_m: float,
 ) -> BoolArray:
     """`(N, P)` whether the box of a geom may be between a camera and a person.
 
@@ -53,40 +62,51 @@ def boxes_before_people(
         geoms: `(N,)` ids.
         poses: See above.
         boxes: See above.
-        pose: `(4, 4)` T_world_camera.
-        sides: `(P, 4, 3)` of the view of each person.
+        pose: See above.
+        intrinsics: See above.
+        rects: `(P, 4)` view of each person.
         near_m: Depth of the near plane.
         farthest_m: `(P,)` depth of each person's farthest point.
         above_m: `(P,)` height up to which geoms occlude nothing of a person.
         limbs: Geom ids of all people, one person after the other.
         ends: `(P + 1,)` where each person's begin and end.
-        margin_m: Boxes outside a view by less than this are in it.
-        face_margin_m: Boxes nearer than this are not beside a person or the camera.
     """
-    before = np.zeros((len(geoms), len(farthest_m)), dtype=np.bool_)
-    for person in range(len(farthest_m)):
-        planes, own = _planes(pose, sides[person], near_m, farthest_m[person]), limbs[ends[person] : ends[person + 1]]
+    before = np.zeros((len(geoms), len(rects)), dtype=np.bool_)
+    for person in range(len(rects)):
+        left, top, width, height = rects[person]
+        planes = _planes(pose, intrinsics, (left, top, width, height), near_m, farthest_m[person])
+        own = limbs[ends[person] : ends[person + 1]]
         for index in range(len(geoms)):
             geom = geoms[index]
             before[index, person] = (
-                _reaches(geom, planes, poses, boxes, margin_m)
+                _reaches(geom, planes, poses, boxes)
                 and _top(geom, poses, boxes) > above_m[person]
-                and not _separates(geom, pose, own, poses, boxes, face_margin_m)
+                and not _separates(geom, pose, own, poses, boxes)
             )
     return before
 
 
 @njit(cache=True, nogil=True)
-def _planes(pose: FloatArray, sides: FloatArray, near_m: float, farthest_m: float) -> tuple[FloatArray, FloatArray]:
+def _planes(
+    pose: FloatArray, intrinsics: Intrinsics, rect: tuple[int, int, int, int], near_m: float, farthest_m: float
+) -> tuple[FloatArray, FloatArray]:
     """`(6, 3)` unit normals and `(6,)` offsets of the near plane, the sides and the far plane of a view in the world.
 
     Points x inside have n.x + offset > 0.
     """
+    (fx, fy, cx, cy), (left, top, width, height) = intrinsics, rect
+    right, bottom = left + width + _MARGIN_PX, top + height + _MARGIN_PX
+    inwards = (
+        (0.0, 0.0, 1.0),
+        (fx, 0.0, cx - left + _MARGIN_PX),
+        (-fx, 0.0, right - cx),
+        (0.0, fy, cy - top + _MARGIN_PX),
+        (0.0, -fy, bottom - cy),
+        (0.0, 0.0, -1.0),
+    )
     normals, offsets = np.zeros((6, 3)), np.zeros(6)
     for plane in range(6):
-        x, y, z = 0.0, 0.0, 1.0 - 2.0 * (plane == 5)
-        if 0 < plane < 5:
-            x, y, z = sides[plane - 1, 0], sides[plane - 1, 1], sides[plane - 1, 2]
+        x, y, z = inwards[plane]
         length = math.sqrt(x * x + y * y + z * z)
         for axis in range(3):
             normals[plane, axis] = (pose[axis, 0] * x + pose[axis, 1] * y + pose[axis, 2] * z) / length
@@ -97,14 +117,14 @@ def _planes(pose: FloatArray, sides: FloatArray, near_m: float, farthest_m: floa
 
 
 @njit(cache=True, nogil=True)
-def _reaches(geom: int, planes: tuple[FloatArray, FloatArray], poses: Poses, boxes: Boxes, margin_m: float) -> bool:
+def _reaches(geom: int, planes: tuple[FloatArray, FloatArray], poses: Poses, boxes: Boxes) -> bool:
     """Whether a geom's box reaches to the inner side of each plane."""
     (normals, offsets), (positions, rotations), (middles, halves, radii_m) = planes, poses, boxes
     for plane in range(6):
         distance = offsets[plane]
         for axis in range(3):
             distance += normals[plane, axis] * positions[geom, axis]
-        if distance <= -radii_m[geom]:
+        if distance <= -radii_m[geom] - _MARGIN_M:
             return False
         # The box's middle, and how far the box reaches from there towards the plane.
         for along in range(3):
@@ -112,7 +132,7 @@ def _reaches(geom: int, planes: tuple[FloatArray, FloatArray], poses: Poses, box
             for axis in range(3):
                 turned += normals[plane, axis] * rotations[geom, 3 * axis + along]
             distance += turned * middles[geom, along] + abs(turned) * halves[geom, along]
-        if distance <= -margin_m:
+        if distance <= -_MARGIN_M:
             return False
     return True
 
@@ -129,7 +149,7 @@ def _top(geom: int, poses: Poses, boxes: Boxes) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _separates(geom: int, pose: FloatArray, limbs: IntArray, poses: Poses, boxes: Boxes, margin_m: float) -> bool:
+def _separates(geom: int, pose: FloatArray, limbs: IntArray, poses: Poses, boxes: Boxes) -> bool:
     """Whether the camera and all limbs of a person lie on the outer side of one face of a geom's box.
 
     Such a geom occludes nothing of the person: a wall of a corridor, a shelf behind the person.
@@ -139,7 +159,7 @@ def _separates(geom: int, pose: FloatArray, limbs: IntArray, poses: Poses, boxes
         x, y, z = rotations[geom, face], rotations[geom, 3 + face], rotations[geom, 6 + face]
         origin = x * positions[geom, 0] + y * positions[geom, 1] + z * positions[geom, 2] + middles[geom, face]
         camera = x * pose[0, 3] + y * pose[1, 3] + z * pose[2, 3] - origin
-        reach = halves[geom, face] + margin_m
+        reach = halves[geom, face] + _FACE_MARGIN_M
         if abs(camera) <= reach:
             continue
         side = 1.0 if camera > 0.0 else -1.0
