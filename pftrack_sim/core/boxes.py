@@ -48,7 +48,12 @@ def iou(first: ArrayLike, second: ArrayLike) -> float:
     >>> iou([0, 0, 2, 2], [1, 0, 2, 2])
     0.3333333333333333
     """
-    return float(pairwise_iou(np.asarray(first)[None], np.asarray(second)[None])[0])
+    numbers = [*np.asarray(first, dtype=np.float64).tolist(), *np.asarray(second, dtype=np.float64).tolist()]
+    x, y, w, h, u, v, p, q = numbers
+    across, down = min(x + w, u + p) - max(x, u), min(y + h, v + q) - max(y, v)
+    inner = max(across, 0.0) * max(down, 0.0)
+    union = max(w, 0.0) * max(h, 0.0) + max(p, 0.0) * max(q, 0.0) - inner
+    return min(inner / union, 1.0) if union > 0.0 and all(map(math.isfinite, numbers)) else 0.0
 
 
 def pairwise_iou(first: ArrayLike, second: ArrayLike) -> FloatArray:

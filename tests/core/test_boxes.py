@@ -101,3 +101,13 @@ def test_checked_refuses_what_is_no_box(bad: Any, words: str):
 def test_the_shared_constant_cannot_be_edited():
     with pytest.raises(ValueError, match="read-only"):
         boxes.NO_BOX[0] = 1
+
+
+def test_the_overlap_of_two_boxes_is_that_of_many_to_the_bit():
+    rng = np.random.default_rng(0)
+    first, second = (rng.normal(20.0, 30.0, (500, 4)) for _ in range(2))
+    second[::7] = first[::7]
+    first[3], first[5, 2], second[8, 0], second[9, 2:] = 0.0, np.nan, np.inf, 0.0
+    many = boxes.pairwise_iou(first, second).tolist()
+    assert [boxes.iou(one, other) for one, other in zip(first, second, strict=True)] == many
+    assert 50 < np.count_nonzero(many) < 500

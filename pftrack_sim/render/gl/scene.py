@@ -30,7 +30,7 @@ class ModelScene:
 
     def __init__(self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float]) -> None:
         self._model = model
-        self._visible = visible
+        self._order = np.flatnonzero(visible)
         self._clip_m = clip_m
         self._options = _geoms_only()
         self._bounds = Bounds(model)
@@ -103,14 +103,13 @@ class ModelScene:
 
         MuJoCo passes everything to OpenGL, and software OpenGL transforms every vertex of it.
         """
-        model = self._model
-        order = np.flatnonzero(self._visible)
+        model, order = self._model, self._order
         if self._color.ngeom != order.size or (model.mat_reflectance > 0.0).any():
             return
-        needed = self._bounds.in_view(data, T_world_camera, K, size, self._clip_m[0])
+        needed = self._bounds.in_view(data, T_world_camera, K, size, self._clip_m[0], order)
         if (model.light_active & model.light_castshadow).any():
-            needed |= model.geom_castshadow
-        for index in np.flatnonzero(~needed[order]).tolist():
+            needed |= model.geom_castshadow[order]
+        for index in np.flatnonzero(~needed).tolist():
             self._color_geoms[index].type = _NOTHING
 
 
