@@ -199,7 +199,8 @@ class Simulation:
         """
         delivered = next(self._arrivals)
         self._collision = None
-        world, rate_hz = self.world, self.settings.camera.rate_hz
+        world = self.world
+        rate_hz = world.settings.camera.rate_hz
         for index in range(self._delivered, delivered):
             self._advance_period(command, delay_s - (index - self._delivered) / rate_hz)
             self._collision = self._collision or world.collision()
@@ -231,12 +232,13 @@ class Simulation:
 
     def _advance_period(self, command: FloatArray | None, delay_s: float) -> None:
         """Advance by one camera period with a command that is given after `delay_s`, or not within this period."""
-        period_s = 1.0 / self.settings.camera.rate_hz
+        world = self.world
+        period_s = 1.0 / world.settings.camera.rate_hz
         if delay_s <= period_s + 1e-9:
             self.command = command
-            self.world.advance(command, min(max(delay_s, 0.0), period_s))
+            world.advance(command, min(max(delay_s, 0.0), period_s))
         else:
-            self.world.advance(np.zeros(4) if self.command is None else self.command)
+            world.advance(np.zeros(4) if self.command is None else self.command)
 
     def _record_poses(self) -> None:
         """Record the poses of a camera frame, delivered or not; the camera's with the vibration of its mount."""

@@ -102,7 +102,7 @@ class World:
             self.robot.step(self.data)
             self._collision = self._collision or self.robot.collision(self.data)
             self._ticks += 1
-            self._state = self.robot.scene_state(self.data, self.time_s)
+            self._state = self.robot.scene_state(self.data, self.clock.time_s(self._ticks))
             self.traffic.update(tick_s, self._state.time_s, *self._state.places_m)
             self.traffic.write(self.data)
         self._update_poses()
@@ -116,7 +116,7 @@ class World:
     @property
     def time_s(self) -> float:
         """Simulated time since the start of the episode."""
-        return self.clock.time_s(self._ticks)
+        return self._state.time_s
 
     def camera_pose(self) -> FloatArray:
         """`(4, 4)` T_world_camera of the camera on its mast, before any vibration of the mount."""

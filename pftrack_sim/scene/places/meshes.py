@@ -7,7 +7,7 @@ to the right, v upwards, 1 for one whole texture.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import TypeAlias
 
@@ -233,7 +233,8 @@ def _panel(
 
 def translated(prop: Iterable[TexturedMesh], x: float, y: float, z: float = 0.0) -> Prop:
     """The prop displaced by x, y, z [m]."""
-    return tuple(replace(mesh, vertices=mesh.vertices + np.array([x, y, z])) for mesh in prop)
+    offset = np.array([x, y, z])
+    return tuple(TexturedMesh(m.material, m.vertices + offset, m.normals, m.uv, m.faces) for m in prop)
 
 
 def rotated(prop: Iterable[TexturedMesh], yaw_rad: float) -> Prop:
@@ -248,7 +249,8 @@ def laid_on_side(prop: Iterable[TexturedMesh]) -> Prop:
 
 
 def _rotated(prop: Iterable[TexturedMesh], matrix: FloatArray) -> Prop:
-    return tuple(replace(mesh, vertices=mesh.vertices @ matrix.T, normals=mesh.normals @ matrix.T) for mesh in prop)
+    turn = matrix.T
+    return tuple(TexturedMesh(m.material, m.vertices @ turn, m.normals @ turn, m.uv, m.faces) for m in prop)
 
 
 def merged_by_material(meshes: Iterable[TexturedMesh]) -> Prop:
