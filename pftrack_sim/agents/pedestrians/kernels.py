@@ -58,10 +58,10 @@ Rectangles: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @njit(cache=True, nogil=True)
-def rectangle_distances(xy_m: FloatArray, rectangles: Rectangles) -> tuple[FloatArray, FloatArray]:
-    """See `ObstacleMap.distances`: of `(2, N)` points."""
+def rectangle_distances(xy_m: FloatArray, points: int, rectangles: Rectangles) -> tuple[FloatArray, FloatArray]:
+    """See `ObstacleMap.distances`: of the first columns, x and y in the first rows."""
     centre, half, cos, sin = rectangles
-    points, count = xy_m.shape[1], len(cos)
+    count = len(cos)
     distance, away = np.empty((points, count)), np.empty((2, points, count))
     for point in range(points):
         for index in range(count):
@@ -109,9 +109,10 @@ def sense(
         `(2, M, F)` directions away from them.
     """
     near = np.empty((4, len(order)))
-    for index in range(len(order)):
-        near[:, index] = state[:, order[index]]
-    distance, away = rectangle_distances(near[:2, :reactive].copy(), rectangles)
+    for row in range(4):
+        for index in range(len(order)):
+            near[row, index] = state[row, order[index]]
+    distance, away = rectangle_distances(near, reactive, rectangles)
     walls, count = distance.shape[1], len(order)
     offset, logarithm = np.empty((2, reactive)), np.empty((reactive, count + walls))
     factor, nearest = np.empty((reactive, count)), np.empty((2, reactive, count))
@@ -182,7 +183,7 @@ def move(
         away: From the walls.
     """
     reactive, count = len(waiting), len(order)
-    velocity, terms = near[2:, :reactive].copy(), np.empty((2, max(count, distance.shape[1])))
+    velocity, terms = np.empty((2, reactive)), np.empty((2, max(count, distance.shape[1])))
     for person in range(reactive):
         column = order[person]
         heading = headings[column]
@@ -199,15 +200,15 @@ def move(
         for other in range(count):
             force = FORCE_M_S2 * strength[person, other] * factor[person, other]
             terms[0, other], terms[1, other] = force * nearest[0, person, other], force * nearest[1, person, other]
-        social = _sum(terms[0, :count]), _sum(terms[1, :count])
+        social = _sum(terms, 0, count), _sum(terms, 1, count)
         for wall in range(distance.shape[1]):
             force = WALL_FORCE_M_S2 * strength[person, count + wall]
             terms[0, wall], terms[1, wall] = force * away[0, person, wall], force * away[1, person, wall]
         share = WAITING_FORCE_SHARE if waiting[person] else 1.0
         walls = distance.shape[1]
-        vx, vy = velocity[0, person], velocity[1, person]
-        ax = (desired[0] - vx) / RELAXATION_S + (social[0] + _sum(terms[0, :walls])) * share
-        ay = (desired[1] - vy) / RELAXATION_S + (social[1] + _sum(terms[1, :walls])) * share
+        vx, vy = near[2, person], near[3, person]
+        ax = (desired[0] - vx) / RELAXATION_S + (social[0] + _sum(terms, 0, walls)) * share
+        ay = (desired[1] - vy) / RELAXATION_S + (social[1] + _sum(terms, 1, walls)) * share
         gain = _limit_factor(ax, ay, MAX_ACCELERATION_M_S2) * dt_s
         vx, vy = vx + ax * gain, vy + ay * gain
         backward = max(-MAX_BACKWARD_M_S - (vx * facing_x + vy * facing_y), 0.0)
@@ -239,21 +240,23 @@ def _keep_apart(near: FloatArray, order: IntArray, vehicle: int, velocity: Float
             least = min(least, room[person, other])
     if least > 1.2:
         return
-    lack, every = np.empty((reactive, count)), near[2:].copy()
+    lack = np.empty((reactive, count))
     for _ in range(3):
-        every[:, :reactive] = velocity
+        most = -np.inf
         for person in range(reactive):
             for other in range(count):
-                vx, vy = velocity[0, person] - every[0, other], velocity[1, person] - every[1, other]
+                vx = velocity[0, person] - (velocity[0, other] if other < reactive else near[2, other])
+                vy = velocity[1, person] - (velocity[1, other] if other < reactive else near[3, other])
                 opening = away[0, person, other] * vx + away[1, person, other] * vy
                 lack[person, other] = -BARRIER_RATE_S * room[person, other] - opening
-        if lack.max() <= 1e-9:
+                most = max(most, lack[person, other])
+        if most <= 1e-9:
             break
         for person in range(reactive):
             for other in range(count):
                 push = max(lack[person, other], 0.0) * (0.5 if other < reactive else 1.0)
                 terms[0, other], terms[1, other] = push * away[0, person, other], push * away[1, person, other]
-            _add_sums(terms[:, :count], velocity[:, person])
+            _add_sums(terms, count, velocity, person)
 
 
 @njit(cache=True, nogil=True)
@@ -293,26 +296,28 @@ def _separate(
 ) -> None:
     """Shift people out of walls and out of each other where the barriers could not keep the least distances."""
     moved, count = False, len(order)
-    near, lack = np.empty((2, count)), np.empty((reactive, count))
+    near, position, lack = np.empty((2, count)), np.empty((2, reactive)), np.empty((reactive, count))
     for _ in range(6):
         for index in range(count):
-            near[:, index] = state[:2, order[index]]
+            near[0, index], near[1, index] = state[0, order[index]], state[1, order[index]]
+        most = -np.inf
         for person in range(reactive):
+            position[0, person], position[1, person] = near[0, person], near[1, person]
             for other in range(count):
                 least_m = MIN_PERSON_DISTANCE_M + _extra_m(order[other], vehicle)
                 lack[person, other] = least_m - _offset(near, person, other)[2]
-        crowded = lack.max() > 1e-6
+                most = max(most, lack[person, other])
+        crowded = most > 1e-6
         if not crowded and not near_wall:
             break
-        position = near[:, :reactive].copy()
         if crowded:
             for person in range(reactive):
                 for other in range(count):
                     x, y, apart_m = _offset(near, person, other)
                     push = max(lack[person, other], 0.0) * (0.5 if other < reactive else 1.0) / max(apart_m, 1e-6)
                     terms[0, other], terms[1, other] = push * x, push * y
-                _add_sums(terms[:, :count], position[:, person])
-        distance, away = rectangle_distances(position, rectangles)
+                _add_sums(terms, count, position, person)
+        distance, away = rectangle_distances(position, reactive, rectangles)
         if not crowded and MIN_WALL_DISTANCE_M - distance.min() <= 1e-6:
             break
         walls = distance.shape[1]
@@ -320,8 +325,8 @@ def _separate(
             for wall in range(walls):
                 push = max(MIN_WALL_DISTANCE_M - distance[person, wall], 0.0)
                 terms[0, wall], terms[1, wall] = push * away[0, person, wall], push * away[1, person, wall]
-            _add_sums(terms[:, :walls], position[:, person])
-            state[:2, order[person]] = position[:, person]
+            _add_sums(terms, walls, position, person)
+            state[0, order[person]], state[1, order[person]] = position[0, person], position[1, person]
         moved = near_wall = True
     if moved:
         for person in range(reactive):
@@ -368,28 +373,21 @@ def _wrapped(angle: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _add_sums(terms: FloatArray, vector: FloatArray) -> None:
+def _add_sums(terms: FloatArray, count: int, vectors: FloatArray, person: int) -> None:
     for axis in range(2):
-        vector[axis] += _sum(terms[axis])
+        vectors[axis, person] += _sum(terms, axis, count)
 
 
 @njit(cache=True, nogil=True)
-def _sum(values: FloatArray) -> float:
-    """Sum in the order of numpy's: in eight parts from eight values on, in halves beyond 128."""
-    count = len(values)
-    if count < 8:
-        total = 0.0
-        for index in range(count):
-            total += values[index]
-        return total
-    if count > 128:
-        half = count // 2 - count // 2 % 8
-        return _sum(values[:half]) + _sum(values[half:])
-    parts = values[:8].copy()
+def _sum(terms: FloatArray, row: int, count: int) -> float:
+    """Sum of a row's first values, in numpy's order up to 128 of them: in eight parts from eight values on."""
     whole = count - count % 8
-    for index in range(8, whole):
-        parts[index % 8] += values[index]
-    total = ((parts[0] + parts[1]) + (parts[2] + parts[3])) + ((parts[4] + parts[5]) + (parts[6] + parts[7]))
+    total = 0.0
+    if whole:
+        parts = np.zeros(8)
+        for index in range(whole):
+            parts[index % 8] += terms[row, index]
+        total = ((parts[0] + parts[1]) + (parts[2] + parts[3])) + ((parts[4] + parts[5]) + (parts[6] + parts[7]))
     for index in range(whole, count):
-        total += values[index]
+        total += terms[row, index]
     return total

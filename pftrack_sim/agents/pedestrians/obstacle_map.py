@@ -47,7 +47,7 @@ class ObstacleMap:
             `(N, F)` distance [m], negative inside; `(2, N, F)` unit vectors pointing away, world frame.
         """
         points = np.ascontiguousarray(xy_m, dtype=np.float64)
-        return rectangle_distances(points, self.rectangles)
+        return rectangle_distances(points, points.shape[1], self.rectangles)
 
     def clearance_m(self, points_m: ArrayLike) -> FloatArray:
         """Distance from each of `(N, 2)` points to the nearest rectangle `(N,)` [m], negative inside."""

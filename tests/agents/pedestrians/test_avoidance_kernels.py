@@ -47,7 +47,7 @@ def test_distances_from_rectangles():
     np.testing.assert_array_equal(away, np.array([cos * u - sin * v, sin * u + cos * v]))
 
 
-@pytest.mark.parametrize(("people", "footprints", "spread_m"), [(1, 2, 1.0), (6, 9, 1.5), (12, 140, 4.0), (3, 5, 0.4)])
+@pytest.mark.parametrize(("people", "footprints", "spread_m"), [(1, 2, 1.0), (6, 9, 1.5), (12, 110, 4.0), (3, 5, 0.4)])
 def test_a_tick_of_the_reactive_pedestrians(people: int, footprints: int, spread_m: float):
     rng = np.random.default_rng(people)
     obstacles = map_of(rng, footprints)
