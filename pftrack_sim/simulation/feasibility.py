@@ -20,7 +20,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.robot import REST_YAW_RAD
 
 _STEP_M = 0.1
-_OUTSIDE_M = 1.0  # Paths may end this far outside the area that other pedestrians stay in
+_OUTSIDE_M = 1.0 + 1e-6  # Paths may end this far outside the area that other pedestrians stay in; and rounding
 _BODY_M = 0.2  # Half the depth of a person
 _LEAST_PX = 2.0  # A target that is lower than this in the image cannot be seen
 _VIEW_MARGIN_RAD = math.radians(20.0)  # For the width of the target, the operator's swings and the vibration
@@ -57,7 +57,8 @@ def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: P
 def _walked(settings: ResolvedScenario, path: Path) -> FloatArray:
     """`(2, N)` points of the path as far as the target comes at its nominal speed."""
     walked_m = min(path.length_m, settings.target.speed_m_s * settings.duration_s)
-    return np.stack(path.at(np.arange(0.0, walked_m + _STEP_M, _STEP_M))[:2])
+    # Not beyond it: the path goes on straight after its end.
+    return np.stack(path.at(np.minimum(np.arange(0.0, walked_m + _STEP_M, _STEP_M), walked_m))[:2])
 
 
 def _misplaced(points_m: FloatArray, layout: WalkableArea, radius_m: float, into: str, outside: str) -> str | None:

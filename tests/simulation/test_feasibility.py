@@ -66,3 +66,12 @@ def test_a_path_through_a_wall_is_named_before_the_swing_that_it_leaves_no_room_
 def test_a_target_that_comes_into_view_or_is_turned_to_is_possible():
     World(scenario.load("easy/corridor", {**EASY, **still(-3, 0), "camera.mount": "back"}).resolve(0), 0)
     World(scenario.load("easy/corridor", {**EASY, **still(6, 1.2, -90), "robot.gaze": "forward"}).resolve(0), 0)
+
+
+def test_a_path_may_end_a_metre_outside_the_walkable_area():
+    """As that of `ko2012/video-2`, at whose end the target arrives on one seed of twenty."""
+    changes = {**EASY, "target.actions": [], "target.path_m": [[24.0, 0.0], [31.0, -0.3]], **still(18, 0)}
+    World(scenario.load("easy/plaza-walk", changes).resolve(0), 0)
+    changes["target.path_m"] = [[24.0, 0.0], [31.1, -0.3]]
+    with pytest.raises(ScenarioError, match=r"the target would leave the walkable area .* at 31\.\d"):
+        World(scenario.load("easy/plaza-walk", changes).resolve(0), 0)
