@@ -212,6 +212,7 @@ class Session(TrackedSession):
         return np.clip(act, -1.0, 1.0)
 
     def _show(self, frame: Frame, drawn: FloatArray | None = None) -> None:
+        len(frame.people)  # Finds everybody here: pages read a moment in threads of their own.
         data, truth = self.simulation.world.data, self._truth(frame)
         self._step_runners(frame, truth, drawn)
         self._remember(

@@ -23,8 +23,12 @@ pytest.importorskip("mujoco_warp")
 SIZE = {"camera.width_px": 160, "camera.height_px": 120}
 
 
-# One scenario for each place: those of the suites are the same places again.
-@pytest.fixture(scope="module", params=[name for name in names() if "/" not in name])
+# One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again. In `plaza-dock`
+# the ray caster shows a far facade that OpenGL does not draw in colour.
+SAME_PLACES = ("plaza-dock", "hall-wait")
+
+
+@pytest.fixture(scope="module", params=[name for name in names() if "/" not in name and name not in SAME_PLACES])
 def pair(request: pytest.FixtureRequest):
     """A running episode drawn with OpenGL, and a ray caster of the same model."""
     from pftrack_sim.render.warp.raycaster import Raycaster
