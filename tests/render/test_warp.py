@@ -23,8 +23,8 @@ pytest.importorskip("mujoco_warp")
 SIZE = {"camera.width_px": 160, "camera.height_px": 120}
 
 
-# One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again. In `plaza-dock`
-# the ray caster shows a far facade that OpenGL does not draw in colour.
+# One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again. In
+# `plaza-dock` the ray caster shows a far facade that OpenGL does not draw in colour.
 SAME_PLACES = ("plaza-dock", "hall-wait")
 
 
