@@ -122,6 +122,7 @@ def test_what_was_learnt_of_a_box_too_high_is_forgotten_while_nothing_is_seen():
     for true_m in np.arange(2.9, 4.7, 0.5 / 30.0):
         world.target = np.array([true_m, 0.0])
         watch(distance, world, 1.0 / 30.0, box)
+    watch(distance, world, 1.0, box)
     for _ in range(600):
         distance.predict(0.0)
     assert abs(watch(distance, Playground((4.7, 0.0)), 1.0 / 30.0) - 4.7) < 0.5
