@@ -157,10 +157,8 @@ class Simulation:
         settings = self.scenario.resolve(seed)
         size = (settings.camera.width_px, settings.camera.height_px)
         if self._image_size not in (None, size):
-            raise ScenarioError(
-                self.scenario.name,
-                [f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"],
-            )
+            problem = f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"
+            raise ScenarioError(self.scenario.name, [problem])
         if self._truth is not None:
             self._truth.finish()
         # Release the old model first: two compiled models at once would double the memory of a reset.
@@ -199,8 +197,7 @@ class Simulation:
         """
         delivered = next(self._arrivals)
         self._collision = None
-        world = self.world
-        rate_hz = world.settings.camera.rate_hz
+        world, rate_hz = self.world, self.settings.camera.rate_hz
         for index in range(self._delivered, delivered):
             self._advance_period(command, delay_s - (index - self._delivered) / rate_hz)
             self._collision = self._collision or world.collision()
@@ -242,8 +239,7 @@ class Simulation:
 
     def _record_poses(self) -> None:
         """Record the poses of a camera frame, delivered or not; the camera's with the vibration of its mount."""
-        world = self.world
-        rest = world.camera_pose()
+        world, rest = self.world, self.world.camera_pose()
         self._T_world_camera = self._shake.displace(rest, world.time_s)
         self._mount.follow(world.data, rest, self._T_world_camera)
         if self._frame_capture is not None:
@@ -385,8 +381,7 @@ class Simulation:
             self._truth.finish()
         if self._renderer is not None:
             self._renderer.close()
-        self._renderer = None
-        self._world = self._frame = None
+        self._renderer = self._world = self._frame = None
 
     def __getstate__(self) -> tuple[Scenario, str | None, bool]:
         """A pickled copy has no episode: models and graphics contexts belong to one process."""

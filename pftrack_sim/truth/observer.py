@@ -114,12 +114,12 @@ class TruthObserver:
         return {self._people[person]: found for person, found in self._silhouettes().items()}
 
     def finish(self) -> None:
-        """Find whoever is still asked for in earlier frames, before the renderer is unbound."""
+        """Complete the deferred truth of earlier frames that are still referenced, before the renderer is unbound."""
         self._silhouettes = dict[int, Silhouette]
         self._finish_but(0)
 
     def _finish_but(self, count: int) -> None:
-        """Finish all searches but the last ones, where anybody still holds them."""
+        """Complete all searches but the last `count`, if the truth that needs them is still referenced."""
         while len(self._searches) > count:
             search = self._searches.popleft()()
             if search is not None:
@@ -156,7 +156,7 @@ class TruthObserver:
         frame = self._frame(measured.boxes, measured.boxes, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
         search = FrameSearch(self._finder, data, pose, self._K, measured)
         self._silhouettes = search.everybody
-        # Whoever keeps frames for long keeps the poses of the last two only.
+        # Poses are kept for the last two frames only: the truth of older ones that are still referenced is completed.
         self._finish_but(1)
         self._searches.append(weakref.ref(search))
 
