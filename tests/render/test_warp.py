@@ -24,7 +24,7 @@ SIZE = {"camera.width_px": 160, "camera.height_px": 120}
 
 
 # One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again. In
-# `plaza-dock` the ray caster shows a far facade that OpenGL does not draw in colour.
+# `plaza-dock` OpenGL's sky hides the farthest houses (docs/renderers.md).
 SAME_PLACES = ("plaza-dock", "hall-wait")
 
 
