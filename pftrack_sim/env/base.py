@@ -35,7 +35,8 @@ class CameraEnv(gym.Env[Observation, Any]):
 
     Information, a dict: `truth` of the target and of all `people` in view, `detections` of people as a detector gives
     them (`core.records.Detections`, see the stress axis `detector`), `time_s`, `frame`, `seed`. Others than the target,
-    detections, and the pixels of a target that nothing can occlude are found when they are first read.
+    detections, and the pixels of a target that nothing can occlude are computed when they are first read: in the thread
+    that steps the environment, since they are rendered.
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.

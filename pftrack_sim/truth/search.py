@@ -1,4 +1,4 @@
-"""Search for the people of one frame, made when somebody first asks for them."""
+"""Search for the people of one frame, run when their truth is first read."""
 
 from __future__ import annotations
 
