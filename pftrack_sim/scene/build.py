@@ -1,4 +1,4 @@
-"""Build the MjSpec of a resolved scenario: first the stage (place and robot), then people, occluders and carts."""
+"""Build the spec of a resolved scenario: first the stage (place and robot), then people, occluders and carts."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.places.builder import add_ground_plane
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import PREFIX, add_robot
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 SHADOW_PIXELS = 2048
@@ -26,7 +27,7 @@ _MAX_SHADE = 0.9
 
 def build_stage(
     settings: ResolvedScenario, seed: int, step_s: float, seats: Sequence[Seat] = ()
-) -> tuple[mujoco.MjSpec, WalkableArea]:
+) -> tuple[SceneSpec, WalkableArea]:
     """Build the place with the robot in it, and the seats that people sit on.
 
     Returns:
@@ -72,8 +73,8 @@ def compile_robot_alone(settings: ResolvedScenario, step_s: float) -> mujoco.MjM
     return model
 
 
-def _empty(step_s: float) -> mujoco.MjSpec:
-    spec = mujoco.MjSpec()
+def _empty(step_s: float) -> SceneSpec:
+    spec = SceneSpec()
     spec.option.timestep = step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     return spec
@@ -90,7 +91,7 @@ def _add_solid(body: mujoco.MjsBody, geom: mujoco.MjsGeom) -> None:
 
 
 def add_agents(
-    spec: mujoco.MjSpec,
+    spec: SceneSpec,
     settings: ResolvedScenario,
     seed: int,
     static_occluders: Mapping[str, Placement],

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pftrack_sim.core.photometry import DISPLAY_GAMMA, gain
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.lighting import Lighting, ev
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 SCHEDULE = Lights.model_validate(
     {
@@ -23,7 +24,7 @@ SCHEDULE = Lights.model_validate(
 
 
 def small_model(*lights: str) -> mujoco.MjModel:
-    spec = mujoco.MjSpec()
+    spec = SceneSpec()
     spec.visual.headlight.ambient = [0.2, 0.3, 0.4]
     for name in lights:
         light = spec.worldbody.add_light(name=f"light/{name}")

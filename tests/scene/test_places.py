@@ -14,6 +14,7 @@ from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
 from pftrack_sim.scene import places
 from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 KINDS = get_args(Place.model_fields["kind"].annotation)
 SHIPPED = ("plaza-walk", "corridor", "warehouse", "street-night", "hall", "park")
@@ -23,7 +24,7 @@ SHIPPED = ("plaza-walk", "corridor", "warehouse", "street-night", "hall", "park"
 def built_place(
     kind: str, seed: int = 0, clutter: float = 1.0, shadows: bool = True
 ) -> tuple[mujoco.MjModel, WalkableArea]:
-    spec = mujoco.MjSpec()
+    spec = SceneSpec()
     area = places.add_place(spec, Place(kind=kind, clutter=clutter), Lights(shadows=shadows), stream(seed, "place"))
     return spec.compile(), area
 
@@ -86,7 +87,7 @@ def test_place_compiles_within_its_triangle_budget(kind: str, seed: int) -> None
 @pytest.mark.parametrize("kind", KINDS)
 def test_same_seed_gives_the_same_model(kind: str) -> None:
     first, _ = built_place(kind, 3)
-    spec = mujoco.MjSpec()
+    spec = SceneSpec()
     places.add_place(spec, Place(kind=kind), Lights(), stream(3, "place"))
     second = spec.compile()
     for field in ("geom_pos", "geom_quat", "body_pos", "body_quat", "mesh_vert", "mesh_texcoord", "mesh_face"):
@@ -235,7 +236,7 @@ def test_number_of_lights_and_shadows(kind: str) -> None:
 
 
 def test_sun_direction_follows_the_scenario() -> None:
-    spec = mujoco.MjSpec()
+    spec = SceneSpec()
     lights = Lights(sun_azimuth_deg=90.0, sun_elevation_deg=30.0)
     places.add_place(spec, Place(kind="plaza"), lights, stream(0, "place"))
     model = spec.compile()

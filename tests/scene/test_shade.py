@@ -14,6 +14,7 @@ from pftrack_sim.scenario.model import Lights, Place
 from pftrack_sim.scene.places import add_place
 from pftrack_sim.scene.places.meshes import TexturedMesh
 from pftrack_sim.scene.places.shade import foliage, roof_with_windows
+from pftrack_sim.scene.scene_spec import SceneSpec
 from pftrack_sim.simulation.simulation import Simulation
 
 BOUNDS = (-10.0, -6.0, 30.0, 8.0)
@@ -45,7 +46,7 @@ def test_all_faces_look_upwards(build) -> None:
 
 
 def place_model(kind: str, patches: float, seed: int = 0) -> mujoco.MjModel:
-    spec = mujoco.MjSpec()
+    spec = SceneSpec()
     add_place(spec, Place(kind=kind), Lights(patches=patches), stream(0, "place"), stream(seed, "lights", "patches"))
     return spec.compile()
 

@@ -19,6 +19,7 @@ from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
 from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
+from pftrack_sim.scene.scene_spec import SceneSpec
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, covered_by_person, plan_crossing
 from pftrack_sim.simulation.occlusion.static import covered_by_box, plan_static, spans
@@ -209,7 +210,7 @@ def test_static_occluders_fill_their_planned_box_and_block_sight_and_robot(
     kind: Literal["pillar", "wall", "boxes"], half: tuple[float, float], height: float, yaw: float
 ) -> None:
     name, placement = f"occluder-{kind}-1", Placement(kind, (0.3, 0.4), half, yaw, height, 0.5, ())
-    spec = mujoco.MjSpec()
+    spec = SceneSpec()
     ball = spec.worldbody.add_body(name="robot", pos=[0.0, -3.0, 0.5])
     ball.add_freejoint()
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.2, 0.0, 0.0], contype=2, conaffinity=1)

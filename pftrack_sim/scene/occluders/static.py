@@ -13,6 +13,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint
 from pftrack_sim.scene.places.materials import read_image
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 MAX_CRATES = 16  # Largest number of crates in one stack
 _CRATE_M = 0.62
@@ -66,7 +67,7 @@ def occluder_names(occluders: Sequence[scenario.Occluder]) -> tuple[str | None, 
     )
 
 
-def add_static_occluders(spec: mujoco.MjSpec, placements: Mapping[str, Placement]) -> None:
+def add_static_occluders(spec: SceneSpec, placements: Mapping[str, Placement]) -> None:
     """Add a body for every static occluder."""
     _add_materials(spec, {placement.kind for placement in placements.values()})
     for name, placement in placements.items():
@@ -140,21 +141,16 @@ def _crates(width: float, thickness: float, height: float) -> Boxes:
     return crates
 
 
-def _add_materials(spec: mujoco.MjSpec, kinds: set[str]) -> None:
+def _add_materials(spec: SceneSpec, kinds: set[str]) -> None:
     for kind, material, repeat in (("pillar", "concrete", 2.0), ("wall", "brick", 2.0), ("boxes", "crate", 1.0)):
         if kind not in kinds:
             continue
-        name, (pixels, width, height) = f"occluder/{material}", read_image(f"occluder-{material}")
-        faces = 6 if kind == "boxes" else 1
-        texture = spec.add_texture(
-            name=name,
-            type=mujoco.mjtTexture.mjTEXTURE_CUBE if faces == 6 else mujoco.mjtTexture.mjTEXTURE_2D,
-            colorspace=mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR,
-            width=width,
-            height=height * faces,
-            nchannel=3,
-        )
-        texture.data = pixels * faces
+        name, image = f"occluder/{material}", read_image(f"occluder-{material}")
+        if kind == "boxes":
+            texture, image = mujoco.mjtTexture.mjTEXTURE_CUBE, np.tile(image, (6, 1, 1))
+        else:
+            texture = mujoco.mjtTexture.mjTEXTURE_2D
+        spec.add_image(name, image, texture, colorspace=mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR)
         roles = [""] * int(mujoco.mjtTextureRole.mjNTEXROLE)
         roles[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
         properties = {"texuniform": True, "texrepeat": [repeat] * 2, "specular": 0.1, "shininess": 0.1}

@@ -19,6 +19,7 @@ from pftrack_sim.scene.people.head_mesh import head_mesh
 from pftrack_sim.scene.people.mesh import TriangleMesh, mirrored
 from pftrack_sim.scene.people.outfit import Outfit, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
+from pftrack_sim.scene.scene_spec import SceneSpec, mesh_file
 
 _PAIRED_PARTS = {
     "upper-arm": body_meshes.upper_arm_mesh,
@@ -116,30 +117,21 @@ def part_meshes(person: Person) -> Mapping[str, TriangleMesh]:
     return MappingProxyType(meshes)
 
 
-def add_person(spec: mujoco.MjSpec, person: Person) -> None:
+def add_person(spec: SceneSpec, person: Person) -> None:
     """Add the 13 mocap bodies of a person to the world body, each with one textured mesh.
 
     Visual geoms are in `PEOPLE_GROUP` and never collide; capsules in `HIDDEN_GROUP` collide with robots.
     """
     name = person.name
-    texture = spec.add_texture(
-        name=f"{name}/skin-and-cloth",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        nchannel=3,
-        width=ATLAS_SIZE,
-        height=ATLAS_SIZE,
-    )
-    texture.data = paint_atlas(person.anatomy, person.outfit).tobytes()
+    texture = f"{name}/skin-and-cloth"
+    spec.add_image(texture, paint_atlas(person.anatomy, person.outfit))
     material = spec.add_material(name=f"{name}/surface", specular=0.06, shininess=0.1, reflectance=0.0)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture.name
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture
     capsules = _collision_capsules(person.anatomy)
     for part, triangles in part_meshes(person).items():
         full_name = f"{name}/{part}"
-        mesh = spec.add_mesh(name=full_name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-        mesh.uservert = triangles.vertices.ravel()
-        mesh.usernormal = triangles.normals.ravel()
-        mesh.usertexcoord = (triangles.pixels / ATLAS_SIZE).ravel()
-        mesh.userface = triangles.faces.ravel()
+        coordinates = triangles.pixels / ATLAS_SIZE
+        spec.add_mesh_file(full_name, mesh_file(triangles.vertices, triangles.normals, coordinates, triangles.faces))
         body = spec.worldbody.add_body(name=full_name, mocap=True, pos=[0.0, 0.0, UNPOSED_Z_M])
         body.add_geom(
             name=full_name,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import mujoco
 import numpy as np
 
 from pftrack_sim.scenario.model import Lights, Place
@@ -17,6 +16,7 @@ from pftrack_sim.scene.places.plaza import build_plaza
 from pftrack_sim.scene.places.seats import Seat, add_seats
 from pftrack_sim.scene.places.street import build_street
 from pftrack_sim.scene.places.warehouse import build_warehouse
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 _BUILDERS: dict[str, Callable[[PlaceBuilder, Lights], WalkableArea]] = {
     "plaza": build_plaza,
@@ -29,7 +29,7 @@ _BUILDERS: dict[str, Callable[[PlaceBuilder, Lights], WalkableArea]] = {
 
 
 def add_place(
-    spec: mujoco.MjSpec,
+    spec: SceneSpec,
     place: Place,
     lights: Lights,
     rng: np.random.Generator,

@@ -16,6 +16,7 @@ from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Bounds, Footpr
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
 from pftrack_sim.scene.places.shade import foliage, roof_with_windows
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 _LEAST_WINDOW_SUN_DEG = 40.0  # A lower sun would meet the walls, not the floor
 
@@ -49,7 +50,7 @@ class PlaceBuilder:
         patch_rng: Draws the patches of light.
     """
 
-    spec: mujoco.MjSpec
+    spec: SceneSpec
     rng: np.random.Generator
     clutter: float = 1.0
     lights: Lights = field(default_factory=Lights)
@@ -184,14 +185,7 @@ class PlaceBuilder:
 
     def _add_mesh(self, body: mujoco.MjsBody, name: str, mesh: TexturedMesh, casts_shadow: bool) -> None:
         add_material(self.spec, mesh.material)
-        added = self.spec.add_mesh(name=name)
-        # The surfaces are open: they enclose no volume to compute an inertia from.
-        added.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-        added.uservert = mesh.vertices.astype(np.float32).ravel()
-        added.usernormal = mesh.normals.astype(np.float32).ravel()
-        # Images are stored from the top; v counts from the bottom.
-        added.usertexcoord = (mesh.uv * (1.0, -1.0)).astype(np.float32).ravel()
-        added.userface = mesh.faces.ravel()
+        self.spec.add_mesh_file(name, mesh.file)
         geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=mesh.material)
         geom.group, geom.contype, geom.conaffinity, geom.mass = SCENERY_GROUP, 0, 0, 0.0
         geom.castshadow = casts_shadow

@@ -13,12 +13,13 @@ from typing import TypeAlias
 import cv2
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.data_files import asset_table, assets_dir
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import SKY
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def texture(name: str) -> AtlasRegion:
     return _REGIONS[name]
 
 
-def add_material(spec: mujoco.MjSpec, name: str) -> None:
+def add_material(spec: SceneSpec, name: str) -> None:
     """Add a material and its texture to the spec, unless it has them.
 
     Raises:
@@ -93,7 +94,7 @@ def add_material(spec: mujoco.MjSpec, name: str) -> None:
         return
     image = _TABLE["images"].get(name, name)
     if spec.texture(image) is None:
-        _add_texture(spec, image, mujoco.mjtTexture.mjTEXTURE_2D)
+        spec.add_image(image, read_image(image))
     material = spec.add_material(name=name)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = image
     material.rgba = (*_TABLE["tints"].get(name, (1.0, 1.0, 1.0)), 1.0)
@@ -102,22 +103,19 @@ def add_material(spec: mujoco.MjSpec, name: str) -> None:
     material.emission = _TABLE["emission"].get(name, 0.85 if name.startswith("glow") else 0.0)
 
 
-def add_skybox(spec: mujoco.MjSpec, name: str) -> None:
+def add_skybox(spec: SceneSpec, name: str) -> None:
     """Add a skybox, `"sky-day"` or `"sky-night"`, and the material that holds its brightness."""
-    _add_texture(spec, name, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+    spec.add_image(name, read_image(name), mujoco.mjtTexture.mjTEXTURE_SKYBOX)
     spec.add_material(name=SKY).emission = 1.0
 
 
-def _add_texture(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtTexture) -> None:
-    pixels, width, height = read_image(name)
-    spec.add_texture(name=name, type=kind, width=width, height=height, nchannel=3).data = pixels
-
-
 @cache
-def read_image(name: str) -> tuple[bytes, int, int]:
-    """RGB bytes, width and height [px] of an image in `assets/textures`."""
+def read_image(name: str) -> NDArray[np.uint8]:
+    """`(H, W, 3)` RGB image in `assets/textures`; read-only."""
     path = assets_dir() / "textures" / f"{name}.png"
     image = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
     if image is None:
         raise PftrackError(f"texture {name!r} cannot be read from {path}: the installation is incomplete")
-    return np.ascontiguousarray(image).tobytes(), image.shape[1], image.shape[0]
+    pixels = np.ascontiguousarray(image, dtype=np.uint8)
+    pixels.setflags(write=False)
+    return pixels

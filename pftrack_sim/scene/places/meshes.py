@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.places.materials import Texture
+from pftrack_sim.scene.scene_spec import mesh_file
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,12 @@ class TexturedMesh:
     normals: FloatArray
     uv: FloatArray
     faces: NDArray[np.int32]
+
+    @cached_property
+    def file(self) -> bytes:
+        """Its `mesh_file`."""
+        # Images are stored from the top; v counts from the bottom.
+        return mesh_file(self.vertices, self.normals, self.uv * (1.0, -1.0), self.faces)
 
 
 Prop: TypeAlias = tuple[TexturedMesh, ...]
@@ -262,6 +269,8 @@ def merged_by_material(meshes: Iterable[TexturedMesh]) -> Prop:
 
 
 def _merged(group: Sequence[TexturedMesh]) -> TexturedMesh:
+    if len(group) == 1:
+        return group[0]
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in group[:-1]])
     return TexturedMesh(
         group[0].material,

@@ -28,6 +28,7 @@ from pftrack_sim.scene.people.person import (
     sample_people,
 )
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 
 def rng(seed: int) -> np.random.Generator:
@@ -133,7 +134,7 @@ def test_meshes_have_few_faces_and_outward_unit_normals(seed: int):
 
 def test_model_of_six_people():
     people = sample_people(7, 1.74, 3, 0.4, (0.0, 0.9))
-    spec = mujoco.MjSpec()
+    spec = SceneSpec()
     for sampled in people:
         add_person(spec, sampled)
     model = spec.compile()
@@ -163,7 +164,7 @@ def test_model_of_six_people():
 
 
 def test_parts_of_a_name_that_is_not_in_the_model_are_an_error():
-    spec = mujoco.MjSpec()
+    spec = SceneSpec()
     add_person(spec, person(0))
     with pytest.raises(KeyError, match="targett"):
         part_mocap_ids(spec.compile(), ["targett"])
@@ -189,7 +190,7 @@ def test_similarity_applies_to_height_and_clothes():
 def test_a_wardrobe_is_an_independent_set_of_people() -> None:
     def cast(wardrobe: int) -> tuple[Person, ...]:
         settings = scenario.load("plaza-walk", {"target.wardrobe": wardrobe, "distractors.count": 1}).resolve(3)
-        return add_agents(mujoco.MjSpec(), settings, 3, {}, {})[:2]
+        return add_agents(SceneSpec(), settings, 3, {}, {})[:2]
 
     target = cast(0)[0]
     assert target == sample_people(3, target.anatomy.height_m, 0, 0.0, ())[0]

@@ -1,0 +1,69 @@
+"""An MjSpec that takes meshes and textures as whole blocks of memory.
+
+MuJoCo's Python interface copies the vertices and texels of a spec number by number. A scene has half a million
+coordinates and 20 million texels: passed as blocks they take a third of the time, and the compiled model is the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_TEXTURE_2D = mujoco.mjtTexture.mjTEXTURE_2D
+
+
+class SceneSpec(mujoco.MjSpec):
+    """A spec whose meshes are binary files in memory, and whose images are written into the compiled model.
+
+    Until then its textures have the size of their image and one colour.
+    """
+
+    def __init__(self) -> None:
+        mujoco.MjSpec.__init__(self)
+        self._mesh_files: dict[str, bytes] = {}
+        self._images: dict[str, NDArray[np.uint8]] = {}
+
+    def add_mesh_file(self, name: str, content: bytes) -> mujoco.MjsMesh:
+        """Add an open surface (it encloses no volume to compute an inertia from) with the content of `mesh_file`."""
+        file = f"{name}.msh"
+        self._mesh_files[file] = content
+        return self.add_mesh(name=name, file=file, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+
+    def add_image(
+        self, name: str, image: NDArray[np.uint8], kind: mujoco.mjtTexture = _TEXTURE_2D, **properties: Any
+    ) -> None:
+        """Add a texture of an `(H, W, 3)` RGB image, which must not change until the spec is compiled.
+
+        The six faces of cubes and skyboxes lie below each other. `properties` are others of MuJoCo's textures.
+        """
+        height, width = image.shape[:2]
+        flat = mujoco.mjtBuiltin.mjBUILTIN_FLAT
+        self.add_texture(name=name, type=kind, width=width, height=height, nchannel=3, builtin=flat, **properties)
+        self._images[name] = image
+
+    def compile(self) -> mujoco.MjModel:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Compile a model with these meshes and images."""
+        self.assets = self._mesh_files
+        model: Any = mujoco.MjSpec.compile(self)
+        for name, image in self._images.items():
+            start = int(model.texture(name).adr[0])
+            model.tex_data[start : start + image.size] = image.reshape(-1)
+        return model
+
+
+def mesh_file(vertices: ArrayLike, normals: ArrayLike, coordinates: ArrayLike, faces: ArrayLike) -> bytes:
+    """Content of a mesh file of MuJoCo (MSH): counts, then all numbers in 32 bits.
+
+    Args:
+        vertices: `(V, 3)` [m].
+        normals: `(V, 3)` unit vectors.
+        coordinates: `(V, 2)` texture coordinates, from the upper left of the image.
+        faces: `(F, 3)` vertex indices, counter-clockwise seen from outside.
+    """
+    numbers = [np.asarray(array, dtype=np.float32) for array in (vertices, normals, coordinates)]
+    triangles = np.asarray(faces, dtype=np.int32)
+    counts = np.array([len(array) for array in (*numbers, triangles)], dtype=np.int32)
+    return b"".join(array.tobytes() for array in (counts, *numbers, triangles))
