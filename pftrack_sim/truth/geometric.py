@@ -34,9 +34,8 @@ class GeometricFinder(SilhouetteFinder):
         # Those of this model: what is found later may be asked for after the renderer has the next one.
         self._shapes = renderer.shapes
         drawn = renderer.visible_geoms
-        others = [np.flatnonzero(drawn & ~mask[:-1]) for mask in self._masks]
         self._own, self._own_ends = _joined([np.flatnonzero(drawn & mask[:-1]) for mask in self._masks])
-        self._others, self._other_ends = _joined(others)
+        self._foreign, self._foreign_ends = _joined([np.flatnonzero(drawn & ~mask[:-1]) for mask in self._masks])
 
     def find(
         self,
@@ -55,8 +54,8 @@ class GeometricFinder(SilhouetteFinder):
         from_above = T_world_camera[2, 3] > lowest
         above_m = np.where(from_above, lowest + GROUND_CONTACT_M, -np.inf)
         rects, ends, amodal, visible, top = silhouettes(
-            wanted, boxes, depths[:, 1], above_m, self._own, self._own_ends, self._others, self._other_ends, projected,
-            triangles, positions, rotations, T_world_camera, focal_and_centre(K),
+            wanted, boxes, depths[:, 1], above_m, self._own, self._own_ends, self._foreign, self._foreign_ends,
+            projected, triangles, positions, rotations, T_world_camera, focal_and_centre(K),
             (renderer.width_px, renderer.height_px), renderer.near_m,
         )  # fmt: skip
         found: dict[int, Silhouette] = {}

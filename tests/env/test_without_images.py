@@ -18,6 +18,8 @@ import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.truth.geometric import GeometricFinder
+from pftrack_sim.truth.silhouettes import Silhouette
 from pftrack_sim.wrappers import BoxObservation
 
 ROOT = Path(__file__).parents[2]
@@ -152,3 +154,22 @@ def test_others_are_those_of_their_frame_whenever_they_are_asked_for():
     assert {one.name for one in kept[-1]["people"]} == set(now.unwrapped.simulation.silhouettes) | {"target"}
     late.close()
     now.close()
+
+
+def test_the_pixels_of_a_target_that_nothing_can_occlude_are_found_when_they_are_read(monkeypatch: pytest.MonkeyPatch):
+    searches: list[object] = []
+    find = GeometricFinder.find
+
+    def counted(self: GeometricFinder, *args: Any) -> dict[int, Silhouette]:
+        searches.append(args)
+        return find(self, *args)
+
+    monkeypatch.setattr(GeometricFinder, "find", counted)
+    with Simulation(scenario.load("plaza-walk", SMALL), image=False) as simulation:
+        simulation.reset(1)
+        truth = simulation.advance().truth
+        assert truth.scored
+        assert truth.visible_fraction == 1.0
+        assert not searches
+        assert truth.visible_box[3] > 0.0
+        assert len(searches) == 1
