@@ -1,6 +1,7 @@
 """Geoms that cannot change an image: out of view, or unable to occlude any person.
 
-Decided from bounding boxes and conservative: a geom that is ruled out changes no pixel.
+Decided from bounding boxes, and before people from the triangles of meshes too. Conservative: a geom that is ruled out
+changes no pixel.
 """
 
 from __future__ import annotations
@@ -25,15 +26,32 @@ GROUND_CONTACT_M = 1e-4  # Soles penetrate the ground by up to this much without
 
 
 class Bounds:
-    """Oriented bounding boxes of a model's geoms."""
+    """Oriented bounding boxes of a model's geoms.
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    Args:
+        model: The model.
+        triangles: Whether `may_occlude` looks at the triangles of meshes, too; the model is then kept until `release`.
+    """
+
+    def __init__(self, model: mujoco.MjModel, *, triangles: bool = False) -> None:
         boxes = np.array(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
         middle, half = np.ascontiguousarray(boxes[:, 0]), np.ascontiguousarray(boxes[:, 1])
         radii = np.linalg.norm(np.abs(middle) + half, axis=1)
         self._boxes = middle, half, radii
         self._unbounded = ~np.isin(model.geom_type, _BOUNDED_TYPES)
         self._ids: IntArray = np.arange(model.ngeom)
+        vertices, faces = np.empty((0, 3), dtype=np.float32), np.empty((0, 3), dtype=np.int32)
+        self._meshes = vertices, faces, np.zeros((model.ngeom, 3), dtype=np.intp)
+        if triangles:
+            ranges = np.stack([model.mesh_vertadr, model.mesh_faceadr, model.mesh_facenum], axis=1).astype(np.intp)
+            is_mesh = (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[:, None]
+            of_geoms = ranges[model.geom_dataid] if len(ranges) else self._meshes[2]
+            self._meshes = model.mesh_vert, model.mesh_face, np.where(is_mesh, of_geoms, 0)
+
+    def release(self) -> None:
+        """Release the triangles; `may_occlude` then looks at boxes alone."""
+        vertices, faces, ranges = self._meshes
+        self._meshes = vertices[:0].copy(), faces[:0].copy(), np.zeros_like(ranges)
 
     def in_view(
         self,
@@ -77,14 +95,14 @@ class Bounds:
             lowest_m: `(P,)` height of each person's lowest point.
             near_m: Depth of the near plane.
         """
-        from pftrack_sim.render.culling_kernels import boxes_before_people  # numba: imported when it is used
+        from pftrack_sim.render.culling_kernels import Meshes, boxes_before_people  # numba: imported when it is used
 
         poses, pose = (data.geom_xpos, data.geom_xmat), np.ascontiguousarray(T_world_camera, dtype=np.float64)
         # From above, a geom below a person's soles occludes nothing of the person.
         above_m = np.where(pose[2, 3] > lowest_m, lowest_m + GROUND_CONTACT_M, -np.inf)
         ends = np.array([0, *itertools.accumulate(map(len, limbs))])
         found = boxes_before_people(
-            geoms, poses, self._boxes, pose, focal_and_centre(K), np.array(rects), near_m, farthest_m, above_m,
-            np.concatenate(limbs), ends,
+            geoms, poses, self._boxes, Meshes(*self._meshes), pose, focal_and_centre(K), np.array(rects), near_m,
+            farthest_m, above_m, np.concatenate(limbs), ends,
         )  # fmt: skip
         return self._unbounded[geoms, None] | found

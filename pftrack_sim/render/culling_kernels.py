@@ -2,23 +2,39 @@
 
 Arguments of several kernels: `poses`, `(ngeom, 3)` positions [m] and `(ngeom, 9)` rotations of geoms; `boxes`,
 `(ngeom, 3)` middles and `(ngeom, 3)` half sizes of their oriented bounding boxes in the frames of the geoms, and
-`(ngeom,)` radii of spheres about the positions that hold the boxes [m]; `pose`, `(4, 4)` T_world_camera; `intrinsics`,
-fx, fy, cx, cy [px]; `rect`, left, top, width and height of a view in the image [px].
+`(ngeom,)` radii of spheres about the positions that hold the boxes [m]; `meshes`, see `Meshes`; `pose`, `(4, 4)`
+T_world_camera; `intrinsics`, fx, fy, cx, cy [px]; `rect`, left, top, width and height of a view in the image [px].
 """
 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
 Poses: TypeAlias = tuple[FloatArray, FloatArray]
 Boxes: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 Intrinsics: TypeAlias = tuple[float, float, float, float]
+
+
+class Meshes(NamedTuple):
+    """Triangles of geoms that are meshes.
+
+    Attributes:
+        vertices: `(V, 3)` of all meshes, in the frames of their geoms [m].
+        faces: `(F, 3)` vertices of each triangle, counted from the mesh's first.
+        ranges: `(ngeom, 3)` first vertex, first triangle and number of triangles of each geom; none of another shape.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    ranges: IntArray
+
 
 _MARGIN_M, _MARGIN_PX = 0.01, 1.0  # OpenGL computes in single precision: a geom outside by less may still touch a pixel
 _FACE_MARGIN_M = 1e-4  # The same, for a person and the camera on the far side of a face
@@ -47,6 +63,7 @@ def boxes_before_people(
     geoms: IntArray,
     poses: Poses,
     boxes: Boxes,
+    meshes: Meshes,
     pose: FloatArray,
     intrinsics: Intrinsics,
     rects: IntArray,
@@ -56,12 +73,13 @@ def boxes_before_people(
     limbs: IntArray,
     ends: IntArray,
 ) -> BoolArray:
-    """`(N, P)` whether the box of a geom may be between a camera and a person.
+    """`(N, P)` whether the box of a geom, and of a mesh a triangle, may be between a camera and a person.
 
     Args:
         geoms: `(N,)` ids.
         poses: See above.
         boxes: See above.
+        meshes: See above.
         pose: See above.
         intrinsics: See above.
         rects: `(P, 4)` view of each person.
@@ -82,6 +100,9 @@ def boxes_before_people(
                 _reaches(geom, planes, poses, boxes)
                 and _top(geom, poses, boxes) > above_m[person]
                 and not _separates(geom, pose, own, poses, boxes)
+                and (
+                    meshes.ranges[geom, 2] == 0 or _some_triangle_reaches(geom, planes, above_m[person], poses, meshes)
+                )
             )
     return before
 
@@ -135,6 +156,51 @@ def _reaches(geom: int, planes: tuple[FloatArray, FloatArray], poses: Poses, box
         if distance <= -_MARGIN_M:
             return False
     return True
+
+
+@njit(cache=True, nogil=True)
+def _some_triangle_reaches(
+    geom: int, planes: tuple[FloatArray, FloatArray], above_m: float, poses: Poses, meshes: Meshes
+) -> bool:
+    """Whether a triangle of a mesh reaches above a height, and to the inner side of each plane; True of other geoms.
+
+    Much of a box is empty where one mesh holds the crown of a tree, or the ground and what is painted on it.
+    """
+    vertices, (first, start, count) = meshes.vertices, meshes.ranges[geom]
+    if count == 0:
+        return True
+    (normals, offsets), (positions, rotations) = planes, poses
+    distances, turned = np.empty(6), np.empty((6, 3))
+    for plane in range(6):
+        distances[plane] = offsets[plane]
+        for axis in range(3):
+            distances[plane] += normals[plane, axis] * positions[geom, axis]
+            turned[plane, axis] = 0.0
+            for along in range(3):
+                turned[plane, axis] += normals[plane, along] * rotations[geom, 3 * along + axis]
+    up_x, up_y, up_z = rotations[geom, 6], rotations[geom, 7], rotations[geom, 8]
+    higher_m = above_m - positions[geom, 2]
+    for face in range(start, start + count):
+        a, b, c = first + meshes.faces[face, 0], first + meshes.faces[face, 1], first + meshes.faces[face, 2]
+        if not (
+            up_x * vertices[a, 0] + up_y * vertices[a, 1] + up_z * vertices[a, 2] > higher_m
+            or up_x * vertices[b, 0] + up_y * vertices[b, 1] + up_z * vertices[b, 2] > higher_m
+            or up_x * vertices[c, 0] + up_y * vertices[c, 1] + up_z * vertices[c, 2] > higher_m
+        ):
+            continue
+        inside = True
+        for plane in range(6):
+            x, y, z, least = turned[plane, 0], turned[plane, 1], turned[plane, 2], -distances[plane] - _MARGIN_M
+            if not (
+                x * vertices[a, 0] + y * vertices[a, 1] + z * vertices[a, 2] > least
+                or x * vertices[b, 0] + y * vertices[b, 1] + z * vertices[b, 2] > least
+                or x * vertices[c, 0] + y * vertices[c, 1] + z * vertices[c, 2] > least
+            ):
+                inside = False
+                break
+        if inside:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

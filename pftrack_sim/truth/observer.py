@@ -117,6 +117,7 @@ class TruthObserver:
         """Complete the deferred truth of earlier frames that are still referenced, before the renderer is unbound."""
         self._silhouettes = dict[int, Silhouette]
         self._finish_but(0)
+        self._finder.release()
 
     def _finish_but(self, count: int) -> None:
         """Complete all searches but the last `count`, if the truth that needs them is still referenced."""

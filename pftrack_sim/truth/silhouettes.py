@@ -89,7 +89,11 @@ class SilhouetteFinder:
         self._scenery = np.flatnonzero(renderer.visible_geoms & ~self._masks[:, :-1].any(axis=0))
         self._others = np.flatnonzero(renderer.visible_geoms & ~self._masks[0, :-1])
         """All but the first person."""
-        self._bounds = Bounds(model)
+        self._bounds = Bounds(model, triangles=True)
+
+    def release(self) -> None:
+        """Release the model, once everybody has been found."""
+        self._bounds.release()
 
     def poses(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
         """`(S, 3)` positions [m] and `(S, 3, 3)` rotations of the parts."""

@@ -85,6 +85,51 @@ def test_geoms_that_may_occlude_people_are_those_of_planes_on_arrays():
     assert (counts > 20).all(), "each rule decides some"
 
 
+def test_meshes_that_may_occlude_people_have_a_triangle_that_does():
+    rng = np.random.default_rng(2)
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.2, 0.3, 0.9])
+    for index in range(30):
+        # Tetrahedra far apart: most of the mesh's box is empty.
+        points = (rng.normal(0.0, 2.0, (8, 1, 3)) + rng.normal(0.0, 0.2, (8, 4, 3))).reshape(-1, 3)
+        faces = 4 * np.arange(8)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
+        mesh = spec.add_mesh(name=f"mesh-{index}", uservert=points.ravel(), userface=faces.ravel())
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        place, turn = rng.normal(0.0, 1.0, 3), rng.normal(size=4)
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, pos=place, quat=turn)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    boxes, triangles = Bounds(model), Bounds(model, triangles=True)
+    geoms, limbs, rects = np.arange(31), [np.array([0])], [PixelRect(20, 10, 24, 30)]
+    counts = np.zeros(3, dtype=int)
+    for _ in range(40):
+        pose, farthest, lowest = random_pose(rng), rng.uniform(1.0, 5.0, 1), rng.normal(0.0, 1.0, 1)
+        known = data, pose, K, geoms, limbs, rects, farthest, lowest, NEAR
+        by_boxes, found = boxes.may_occlude(*known)[:, 0], triangles.may_occlude(*known)[:, 0]
+        assert found[0] == by_boxes[0], "only meshes have triangles"
+        for geom in range(1, 31):
+            corners_of = corners_of_triangles(model, data, geom)
+            depth, height = (corners_of - pose[:3, 3]) @ pose[:3, 2], corners_of[..., 2].max(axis=1)
+            reaching = in_rectangle(corners_of, pose, rects[0]).all(axis=1) & (depth.min(axis=1) < farthest + 0.01)
+            high = (height > lowest + 1e-4) | (pose[2, 3] <= lowest)
+            expected = by_boxes[geom] & (reaching & high).any()
+            assert found[geom] == expected
+            counts += [expected, by_boxes[geom] & ~expected, expected & ~(reaching & high).all()]
+    assert (counts > 20).all(), "meshes of all kinds"
+    triangles.release()
+    np.testing.assert_array_equal(triangles.may_occlude(*known)[:, 0], by_boxes)
+
+
+def corners_of_triangles(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
+    """`(F, 3, 3)` corners of the triangles of a mesh in the world."""
+    mesh = int(model.geom_dataid[geom])
+    vertex, vertices = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    face, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    local = model.mesh_vert[vertex : vertex + vertices][model.mesh_face[face : face + faces]].astype(np.float64)
+    return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+
+
 def separated(model: mujoco.MjModel, data: mujoco.MjData, geom: int, eye: np.ndarray, limbs: np.ndarray) -> bool:
     """Whether a face of a geom's box has the camera and the corners of all limbs on its outer side."""
     rotation, (middle, half) = data.geom_xmat[geom].reshape(3, 3), model.geom_aabb[geom].reshape(2, 3)
