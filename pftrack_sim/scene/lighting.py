@@ -36,7 +36,7 @@ def _progress(change: LightStep | LightRamp, time_s: float) -> float:
     """Share of a change that has happened, in [0, 1]."""
     if isinstance(change, LightStep):
         return 1.0 if time_s >= change.at_s else 0.0
-    return float(np.clip((time_s - change.from_s) / (change.to_s - change.from_s), 0.0, 1.0))
+    return min(max((time_s - change.from_s) / (change.to_s - change.from_s), 0.0), 1.0)
 
 
 class Lighting:
@@ -44,7 +44,8 @@ class Lighting:
 
     Lights named "light/lamp..." and materials named "glow-lamp..." are lamps; every other light is sun. Ambient light
     (the headlight's) and the sky's texture belong to the sun or moon; where there are only lamps, they belong to the
-    lamps, as their light is reflected by the walls. Every call starts from the model's original light.
+    lamps, as their light is reflected by the walls. Every call starts from the model's original light; one that would
+    set the light of the last call again leaves the model as it is.
 
     Args:
         axis: Stress axis on top; its colour is applied by the camera.
@@ -72,6 +73,7 @@ class Lighting:
         self._specular = model.light_specular.copy()
         self._emission = model.mat_emission.copy()
         self._headlight = np.array(model.vis.headlight.ambient)
+        self._gains: tuple[float, float, float] | None = None
 
     def apply(self, time_s: float, target_s_m: float = 0.0, exposure_ev: float = 0.0) -> None:
         """Set the model's lights.
@@ -89,12 +91,16 @@ class Lighting:
             lamps += stops * (self._axis.lights in ("all", "lamps"))
         sun_gain = gain(ev(self._lights, time_s, "sun") + sun)
         lamp_gain = gain(ev(self._lights, time_s, "lamps") + lamps)
+        other_gain = gain(exposure_ev)
+        if self._gains == (sun_gain, lamp_gain, other_gain):
+            return
+        self._gains = sun_gain, lamp_gain, other_gain
         sky_gain = lamp_gain if self._only_lamps else sun_gain
         model = self._model
         light_gains = np.where(self._is_lamp, lamp_gain, sun_gain)[:, None]
         model.light_diffuse[:] = self._diffuse * light_gains
         model.light_ambient[:] = self._ambient * light_gains
         model.light_specular[:] = self._specular * light_gains
-        material_gains = np.where(self._is_sky, sky_gain, gain(exposure_ev))
+        material_gains = np.where(self._is_sky, sky_gain, other_gain)
         model.mat_emission[:] = self._emission * np.where(self._is_lamp_material, lamp_gain, material_gains)
         model.vis.headlight.ambient[:] = self._headlight * sky_gain

@@ -103,6 +103,19 @@ def test_applying_is_idempotent_in_any_order(names: tuple[str, ...]) -> None:
     np.testing.assert_array_equal(state(model), once)
 
 
+def test_light_that_stays_the_same_is_not_set_again() -> None:
+    model = small_model("sun", "lamp-1")
+    lighting = Lighting(model, SCHEDULE)
+    lighting.apply(0.0)
+    first = model.light_diffuse.copy()
+    model.light_diffuse[:] = 0.0
+    lighting.apply(1.0)
+    assert not model.light_diffuse.any()
+    lighting.apply(5.0)
+    lighting.apply(0.0)
+    np.testing.assert_array_equal(model.light_diffuse, first)
+
+
 def test_no_schedule_changes_nothing() -> None:
     model = small_model("sun", "lamp-1")
     before = state(model)
