@@ -18,6 +18,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import PixelRect, clip_depths_m, geoms_drawn
 from pftrack_sim.render.warp import kernels
+from pftrack_sim.render.warp.assets import Assets, SharedAssets
 from pftrack_sim.render.warp.raycaster import cast_color, cast_ids, make_cameras
 from pftrack_sim.render.warp.scene import SceneArrays
 
@@ -43,7 +44,7 @@ class ManyWorlds:
     """Draws n worlds at once. Their models may differ in places, people, clothes and lights.
 
     Args:
-        models: One per world; the near and far plane are those of the first.
+        models: One per world.
         person_of_geom: For each model, the `(ngeom,)` index of the person a geom belongs to, -1 for other geoms.
         width_px: Image width.
         height_px: Image height.
@@ -64,8 +65,10 @@ class ManyWorlds:
         if [len(own) for own in person_of_geom] != [model.ngeom for model in models]:
             raise ParameterError("person_of_geom must name a person or -1 for each geom of each model")
         self._size = int(width_px), int(height_px)
-        self._clip_depths_m = clip_depths_m(models[0])
-        self._arrays = SceneArrays(models, [geoms_drawn(model) for model in models])
+        self._clip_depths_m = [clip_depths_m(model) for model in models]
+        shared = SharedAssets()
+        assets = [Assets(model, shared) for model in models]
+        self._arrays = SceneArrays(models, [geoms_drawn(model) for model in models], assets)
         person = np.concatenate(person_of_geom).astype(np.int32)
         self._people = int(person.max(initial=-1)) + 1
         self._person_of_geom = wp.array(person, dtype=int)
@@ -87,12 +90,11 @@ class ManyWorlds:
             raise ParameterError(
                 f"{arrays.worlds} worlds, got {len(datas)} data, {len(poses)} poses, {len(K)} matrices"
             )
-        cameras = make_cameras(poses, K, size, *self._clip_depths_m)
+        cameras = make_cameras(poses, K, size, self._clip_depths_m)
         arrays.update_lights()
         arrays.update_poses(datas)
-        visible, _owner = arrays.bvh(arrays.visible)
-        images = cast_color(arrays, visible, cameras, size, samples=1)
-        ids_on_device, _ = cast_ids(arrays, visible, cameras, PixelRect(0, 0, *size))
+        images = cast_color(arrays, cameras, size, samples=1)
+        ids_on_device, _ = cast_ids(arrays, arrays.visible, cameras, [PixelRect(0, 0, *size)] * arrays.worlds)
         empty = np.array([*size, -1, -1, 0], dtype=np.int32)
         extents_on_device = wp.array(np.tile(empty, (arrays.worlds, max(self._people, 1), 1)), dtype=int)
         wp.launch(

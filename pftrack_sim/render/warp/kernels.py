@@ -121,7 +121,7 @@ def color_at(
     """RGB through image point x, y, 0 to 1."""
     origin, direction, cosine = ray_of(cameras, world, x, y)
     geom, distance, normal, u, v, face, mesh = first_hit(
-        geoms, appearance, bvh, world, origin, direction, (cameras.far - cameras.near) / cosine
+        geoms, appearance, bvh, world, origin, direction, (cameras.far[world] - cameras.near[world]) / cosine
     )
     color = wp.vec3(0.0)
     if geom < 0:
@@ -213,24 +213,28 @@ def cast_ids(
     appearance: Appearance,
     bvh: GeomBvh,
     cameras: Cameras,
-    left: int,
-    top: int,
-    width: int,
+    worlds: wp.array(dtype=int),
+    rects: wp.array(dtype=wp.vec4i),
     ids: wp.array2d(dtype=int),
     inverse_depth: wp.array2d(dtype=float),
 ):
-    """Geom and inverse depth at each pixel of a rectangle; -1 and 0 where there is none."""
-    world, pixel = wp.tid()
-    x = float(left + pixel % width) + 0.5
-    y = float(top + pixel // width) + 0.5
+    """Geom and inverse depth at each pixel of each world's rectangle (left, top, width, height); -1, 0 where none."""
+    index, pixel = wp.tid()
+    rect = rects[index]
+    width = rect[2]
+    if pixel >= width * rect[3]:
+        return
+    world = worlds[index]
+    x = float(rect[0] + pixel % width) + 0.5
+    y = float(rect[1] + pixel // width) + 0.5
     origin, direction, cosine = ray_of(cameras, world, x, y)
     geom, distance, _normal, _u, _v, _face, _mesh = first_hit(
-        geoms, appearance, bvh, world, origin, direction, (cameras.far - cameras.near) / cosine
+        geoms, appearance, bvh, world, origin, direction, (cameras.far[world] - cameras.near[world]) / cosine
     )
-    ids[world, pixel] = geom
-    inverse_depth[world, pixel] = 0.0
+    ids[index, pixel] = geom
+    inverse_depth[index, pixel] = 0.0
     if geom >= 0:
-        inverse_depth[world, pixel] = 1.0 / (cameras.near + distance * cosine)
+        inverse_depth[index, pixel] = 1.0 / (cameras.near[world] + distance * cosine)
 
 
 @wp.kernel
@@ -241,12 +245,14 @@ def cast_color(
     bvh: GeomBvh,
     casters: GeomBvh,
     cameras: Cameras,
+    worlds: wp.array(dtype=int),
     width: int,
     samples: int,
     image: wp.array3d(dtype=wp.uint8),
 ):
-    """RGB of each pixel, the mean of samples x samples rays."""
-    world, pixel = wp.tid()
+    """RGB of each pixel of each world, the mean of samples x samples rays."""
+    index, pixel = wp.tid()
+    world = worlds[index]
     total = wp.vec3(0.0)
     step = 1.0 / float(samples)
     for sample in range(samples * samples):
@@ -255,7 +261,7 @@ def cast_color(
         total += color_at(geoms, appearance, textures, bvh, casters, cameras, world, x, y)
     total = total * (255.0 * step * step)
     for channel in range(3):
-        image[world, pixel, channel] = wp.uint8(total[channel] + 0.5)
+        image[index, pixel, channel] = wp.uint8(total[channel] + 0.5)
 
 
 @wp.kernel

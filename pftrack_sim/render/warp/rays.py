@@ -131,8 +131,8 @@ class Cameras:
     eye: wp.array(dtype=wp.vec3)
     rotation: wp.array(dtype=wp.mat33)
     focal_centre: wp.array(dtype=wp.vec4)
-    near: float
-    far: float
+    near: wp.array(dtype=float)
+    far: wp.array(dtype=float)
 
 
 @wp.func
@@ -141,7 +141,7 @@ def ray_of(cameras: Cameras, world: int, x: float, y: float):
     lens = cameras.focal_centre[world]
     local = wp.normalize(wp.vec3((x - lens[2]) / lens[0], (y - lens[3]) / lens[1], 1.0))
     direction = cameras.rotation[world] @ local
-    return cameras.eye[world] + direction * (cameras.near / local[2]), direction, local[2]
+    return cameras.eye[world] + direction * (cameras.near[world] / local[2]), direction, local[2]
 
 
 @wp.func

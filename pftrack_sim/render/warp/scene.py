@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
-import cv2
 import mujoco
 import numpy as np
 import warp as wp
@@ -19,6 +18,7 @@ from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.render.backend import sky_material
 from pftrack_sim.render.warp import kernels, rays
+from pftrack_sim.render.warp.assets import Assets
 
 _INFINITE_PLANE_M = 1e4
 _BOX_MARGIN_M = 1e-4  # Rays are cast in single precision: slightly larger bounding boxes miss no hit
@@ -47,18 +47,33 @@ _INDEX_FIELDS = {
 """Arrays of `rays.Appearance` that are indices, the model's fields, and the sizes of the arrays they point into."""
 
 
+class Poses(NamedTuple):
+    """The arrays of an `MjData` that are drawn."""
+
+    geom_xpos: FloatArray
+    geom_xmat: FloatArray
+    light_xpos: FloatArray
+    light_xdir: FloatArray
+
+
 class SceneArrays:
     """Models on the device; geom g of world w is entry `geom_start[w] + g`.
 
     Args:
         models: One model per world.
         visible: Of each model, the `(ngeom,)` geoms that are drawn at all.
+        assets: Of each model, its meshes and textures; None makes them.
 
     Raises:
         RenderError: A visible geom of a type that the ray caster cannot draw.
     """
 
-    def __init__(self, models: Sequence[mujoco.MjModel], visible: Sequence[BoolArray]) -> None:
+    def __init__(
+        self,
+        models: Sequence[mujoco.MjModel],
+        visible: Sequence[BoolArray],
+        assets: Sequence[Assets] | None = None,
+    ) -> None:
         self._models = tuple(models)
         self.worlds = len(models)
         self.geom_start = self._starts("ngeom")
@@ -76,15 +91,16 @@ class SceneArrays:
         sizes = self._field("geom_size")[planes]
         self._half[planes] = np.where(sizes > 0.0, sizes, _INFINITE_PLANE_M) * (1.0, 1.0, 0.0)
         self._middle[planes] = 0.0
-        self._meshes = [_mesh(model, mesh) for model in models for mesh in range(model.nmesh)]
-        self._textures = [_texture_levels(model, index) for model in models for index in range(model.ntex)]
+        self._assets = [Assets(model) for model in models] if assets is None else tuple(assets)
+        self._meshes = [mesh for own in self._assets for mesh in own.meshes]
+        self._textures = [levels for own in self._assets for levels in own.textures]
         self.textures = wp.array([level for levels in self._textures for level in levels], dtype=wp.Texture2D)
         self.geoms = self._make_geoms()
         self.appearance = self._make_appearance()
         self.update_lights()
 
-    def update_poses(self, datas: Sequence[mujoco.MjData]) -> None:
-        """Copy the poses of geoms and lights."""
+    def update_poses(self, datas: Sequence[mujoco.MjData | Poses]) -> None:
+        """Copy the poses of geoms and lights of each world."""
         positions = np.concatenate([data.geom_xpos for data in datas])
         rotations = np.concatenate([data.geom_xmat for data in datas]).reshape(-1, 3, 3)
         self.geoms.position = _row(positions, wp.vec3)
@@ -159,7 +175,7 @@ class SceneArrays:
         arrays.light_cutoff = _array(np.deg2rad(self._field("light_cutoff")), float)
         arrays.light_start = _array(self._starts("nlight"), int)
         arrays.light_count = _array(np.array([model.nlight for model in models]), int)
-        gradients = np.concatenate([texture_gradients(model) for model in models])
+        gradients = np.concatenate([own.gradients for own in self._assets])
         arrays.face_along_u, arrays.face_along_v = (_array(gradients[:, axis], wp.vec3) for axis in (0, 1))
         # The last entry stands for materials without a texture, whose index is -1.
         levels = np.array([*map(len, self._textures), 1])
@@ -188,54 +204,6 @@ class SceneArrays:
         """Indices of each model as indices into a concatenated array; -1 stays."""
         shifted = [np.where(own >= 0, own + start, -1) for own, start in zip(indices, self._starts(count), strict=True)]
         return np.concatenate(shifted)
-
-
-def _mesh(model: mujoco.MjModel, mesh: int) -> wp.Mesh:
-    faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
-    vertices = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
-    points = wp.array(model.mesh_vert[vertices], dtype=wp.vec3)
-    return wp.Mesh(points, wp.array(model.mesh_face[faces].reshape(-1), dtype=int))
-
-
-def _texture_levels(model: mujoco.MjModel, index: int) -> list[wp.Texture2D]:
-    """Mip levels of a texture; only the largest for the sky, which is always magnified."""
-    start, width, height = model.tex_adr[index], model.tex_width[index], model.tex_height[index]
-    channels = model.tex_nchannel[index]
-    texels = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)
-    rgba = np.zeros((height, width, 4), dtype=np.float32)
-    rgba[..., 3] = 1.0
-    rgba[..., : min(channels, 4)] = texels[..., :4] / np.float32(255.0)
-    linear = wp.TextureFilterMode.LINEAR
-    if model.tex_type[index] != mujoco.mjtTexture.mjTEXTURE_2D:
-        return [wp.Texture2D(rgba, filter_mode=linear)]
-    levels = [np.ascontiguousarray(level) for level in mip_levels(rgba)]
-    return [wp.Texture2D(level, filter_mode=linear, address_mode=wp.TextureAddressMode.WRAP) for level in levels]
-
-
-def mip_levels(texels: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-    """`(H, W, C)` levels of a texture, each half the size of the one before, down to one texel; texels are averaged."""
-    levels = [texels]
-    while max(levels[-1].shape[:2]) > 1:
-        height, width = levels[-1].shape[:2]
-        half = max(width // 2, 1), max(height // 2, 1)
-        levels.append(np.asarray(cv2.resize(levels[-1], half, interpolation=cv2.INTER_AREA), dtype=np.float32))
-    return levels
-
-
-def texture_gradients(model: mujoco.MjModel) -> FloatArray:
-    """`(nmeshface, 2, 3)` gradients of u and v on each mesh face [1/m]; zeros on meshes without coordinates."""
-    gradients = np.zeros((model.nmeshface, 2, 3))
-    for mesh in np.flatnonzero(model.mesh_texcoordadr >= 0):
-        faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
-        corners = model.mesh_vert[model.mesh_vertadr[mesh] + model.mesh_face[faces]].astype(np.float64)
-        uv = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + model.mesh_facetexcoord[faces]].astype(np.float64)
-        edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        normal = np.cross(edge_1, edge_2)
-        square = np.maximum((normal**2).sum(axis=1, keepdims=True), 1e-24)
-        # Vectors in the face whose product with one edge is 1 and with the other 0.
-        dual = np.stack([np.cross(edge_2, normal), np.cross(normal, edge_1)], axis=1) / square[:, None]
-        gradients[faces] = np.einsum("feu,fex->fux", uv[:, 1:] - uv[:, :1], dual)
-    return gradients
 
 
 def _array(values: NDArray[Any], dtype: Any) -> Any:
