@@ -14,6 +14,7 @@ from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
 from pftrack_sim.scene import places
 from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
+from pftrack_sim.scene.places.fixed import fixed_props
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 KINDS = get_args(Place.model_fields["kind"].annotation)
@@ -92,6 +93,20 @@ def test_same_seed_gives_the_same_model(kind: str) -> None:
     second = spec.compile()
     for field in ("geom_pos", "geom_quat", "body_pos", "body_quat", "mesh_vert", "mesh_texcoord", "mesh_face"):
         np.testing.assert_array_equal(getattr(first, field), getattr(second, field))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_fixed_props_are_built_once_and_other_seeds_do_not_change_them(kind: str) -> None:
+    first, _ = built_place(kind, 3)
+    built = fixed_props.cache_info().misses
+    again: list[mujoco.MjModel] = []
+    for seed, patches in ((4, 0.3), (3, 0.0)):
+        spec = SceneSpec()
+        places.add_place(spec, Place(kind=kind), Lights(patches=patches), stream(seed, "place"))
+        again.append(spec.compile())
+    assert fixed_props.cache_info().misses == built
+    for field in ("geom_pos", "geom_rgba", "mesh_vert", "mesh_normal", "mesh_texcoord", "mesh_face", "tex_data"):
+        np.testing.assert_array_equal(getattr(first, field), getattr(again[1], field))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,15 +13,13 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Bounds, Footprint, WalkableArea
+from pftrack_sim.scene.places.fixed import Collider, Section, fixed_props
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
 from pftrack_sim.scene.places.shade import foliage, roof_with_windows
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 _LEAST_WINDOW_SUN_DEG = 40.0  # A lower sun would meet the walls, not the floor
-
-Collider: TypeAlias = tuple[float, float, float]
-"""Half width along x, half width along y, height [m] of a box that stands on the ground."""
 
 
 class LooseProp(NamedTuple):
@@ -80,6 +78,11 @@ class PlaceBuilder:
             half_x, half_y, height = collider
             _add_collider(body, name, collider, 0.5 * height - z)
             self._footprints.append(Footprint(name, (float(x), float(y)), (half_x, half_y), float(yaw_rad), height))
+
+    def add_fixed(self, section: Section, *variant: bool) -> None:
+        """Add what a section of the place adds, which is the same for every seed."""
+        for fixed in fixed_props(section, *variant):
+            self.add(*fixed)
 
     def add_loose(self, items: Sequence[LooseProp], displacement: Sequence[float]) -> None:
         """Add a random share `clutter` of the loose props of the place; item k is named `<kind>-<k + 1>`.

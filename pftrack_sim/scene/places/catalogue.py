@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.data_files import asset_table
+from pftrack_sim.scene.places.fixed import built_once
 from pftrack_sim.scene.places.materials import Texture, texture
 from pftrack_sim.scene.places.meshes import (
     ALL_FACES,
@@ -28,7 +28,7 @@ from pftrack_sim.scene.places.meshes import (
 _FACES = {"all": ALL_FACES, "sides": SIDES, "wall": ("-y", "+x", "-x", "+z")}
 
 
-@cache
+@built_once
 def load_prop(name: str, **textures: str) -> Prop:
     """Build a prop of the catalogue, once per set of textures.
 

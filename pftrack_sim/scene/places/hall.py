@@ -8,6 +8,7 @@ from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
 from pftrack_sim.scene.places.catalogue import load_prop
+from pftrack_sim.scene.places.fixed import FixedProps
 from pftrack_sim.scene.places.materials import texture, tiling
 from pftrack_sim.scene.places.meshes import ALL_FACES, SIDES, Prop, box, cylinder, quad
 from pftrack_sim.scene.places.props import advertising_column, framed_poster, planter, potted_plant, signboard
@@ -24,9 +25,13 @@ _COUCHES = ((7.0, 4.2, 0.0), (13.0, 4.2, 0.0), (19.0, 4.4, 0.0), (10.0, -5.0, np
 
 def build_hall(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     """Build the hall; the sun reaches it through its roof only."""
-    _add_floor_and_roof(builder)
-    _add_walls(builder)
-    _add_fixed_props(builder)
+    builder.add_fixed(_add_floor_and_roof)
+    builder.add_fixed(_add_walls)
+    _add_posters(builder)
+    builder.add_fixed(_add_columns)
+    column = advertising_column(int(builder.rng.integers(16)))
+    builder.add("advertising-column", column, (17.0, -4.4), collider=(0.7, 0.7, 3.2))
+    builder.add_fixed(_add_machines)
     builder.add_loose(_loose_props(builder.rng), (0.15, 0.12, 0.05))
     area = (15.0, 0.0, 23.0)
     if lights.patches:
@@ -41,13 +46,13 @@ def build_hall(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     return builder.finish(BOUNDS, GOALS)
 
 
-def _add_floor_and_roof(builder: PlaceBuilder) -> None:
+def _add_floor_and_roof(props: FixedProps) -> None:
     dark, yellow = texture("steel-dark"), texture("paint-yellow")
     floor = [quad(tiling("terrazzo"), (_LEFT, _LOW, 0), (_LENGTH, 0, 0), (0, _WIDTH, 0), (44, 26))]
     floor += [quad(dark, (_LEFT, y - 0.2, 0.003), (_LENGTH, 0, 0), (0, 0.4, 0), (44, 1)) for y in _COLUMNS_Y]
     floor += [quad(dark, (x - 0.15, _COLUMNS_Y[0], 0.003), (0.3, 0, 0), (0, 12.4, 0), (1, 13)) for x in _COLUMNS_X]
     floor += [quad(yellow, (_LEFT, -0.2, 0.004), (_LENGTH, 0, 0), (0, 0.3, 0), (44, 1))]
-    builder.add("floor", floor, casts_shadow=False)
+    props.add("floor", floor, casts_shadow=False)
     steel = texture("steel")
     roof = [
         quad(tiling("roof"), (_LEFT, _HIGH, _ROOF), (_LENGTH, 0, 0), (0, -_WIDTH, 0), (22, 12)),
@@ -59,10 +64,10 @@ def _add_floor_and_roof(builder: PlaceBuilder) -> None:
             for y in (-8.0, -3.0, 3.0, 8.0)
         ),
     ]
-    builder.add("roof", roof, casts_shadow=False)
+    props.add("roof", roof, casts_shadow=False)
 
 
-def _add_walls(builder: PlaceBuilder) -> None:
+def _add_walls(props: FixedProps) -> None:
     """Add shops below and windows above on the long walls, and doors at both ends."""
     x, y, east, west = 0.5 * (_LEFT + _RIGHT), 0.5 * (_LOW + _HIGH), -0.5 * np.pi, 0.5 * np.pi
     gate = load_prop("gate")
@@ -73,12 +78,15 @@ def _add_walls(builder: PlaceBuilder) -> None:
         ("wall-west", _front(_WIDTH, 1), (_LEFT, y), west),
         ("gate-1", gate, (_RIGHT, 2.6), east),
         ("gate-2", gate, (_LEFT, -2.6), west),
-        *(
-            (f"poster-{k + 1}", framed_poster(int(builder.rng.integers(16)), 1.3, 1.7, 1.0), (_RIGHT - 0.02, at), east)
-            for k, at in enumerate((-1.2, 6.4, -7.0))
-        ),
     ):
-        builder.add(name, prop, position, yaw, casts_shadow=False)
+        props.add(name, prop, position, yaw, casts_shadow=False)
+
+
+def _add_posters(builder: PlaceBuilder) -> None:
+    """Add random posters at the eastern end."""
+    for k, y in enumerate((-1.2, 6.4, -7.0)):
+        poster = framed_poster(int(builder.rng.integers(16)), 1.3, 1.7, 1.0)
+        builder.add(f"poster-{k + 1}", poster, (_RIGHT - 0.02, y), -0.5 * np.pi, casts_shadow=False)
 
 
 def _front(length: float, first: int) -> Prop:
@@ -134,18 +142,21 @@ def _departures() -> Prop:
     return (box(black, (0, 0, 0.75), (0.22, 4.0, 1.5), ALL_FACES), *rows, *hangers)
 
 
-def _add_fixed_props(builder: PlaceBuilder) -> None:
+def _add_columns(props: FixedProps) -> None:
+    """Add the columns and the departure boards."""
     for row, y in enumerate(_COLUMNS_Y):
         for index, x in enumerate(_COLUMNS_X):
-            builder.add(f"pillar-{row * len(_COLUMNS_X) + index + 1}", _column(), (x, y), collider=(0.36, 0.36, _ROOF))
+            props.add(f"pillar-{row * len(_COLUMNS_X) + index + 1}", _column(), (x, y), collider=(0.36, 0.36, _ROOF))
     for index, x in enumerate((9.0, 25.0)):
-        builder.add(f"departures-{index + 1}", _departures(), (x, 0.0, 3.6), casts_shadow=False)
-    column = advertising_column(int(builder.rng.integers(16)))
-    builder.add("advertising-column", column, (17.0, -4.4), collider=(0.7, 0.7, 3.2))
-    builder.add("kiosk-1", load_prop("kiosk"), (22.6, 8.6), collider=(1.75, 1.6, 2.8))
+        props.add(f"departures-{index + 1}", _departures(), (x, 0.0, 3.6), casts_shadow=False)
+
+
+def _add_machines(props: FixedProps) -> None:
+    """Add the kiosk and the ticket machines."""
+    props.add("kiosk-1", load_prop("kiosk"), (22.6, 8.6), collider=(1.75, 1.6, 2.8))
     for index, x in enumerate((1.0, 1.9, 2.8)):
         machine = _ticket_machine(f"display-{index}")
-        builder.add(f"ticket-machine-{index + 1}", machine, (x, 6.6), collider=(0.35, 0.25, 1.8))
+        props.add(f"ticket-machine-{index + 1}", machine, (x, 6.6), collider=(0.35, 0.25, 1.8))
 
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box, sun_direction
 from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
+from pftrack_sim.scene.places.fixed import FixedProps
 from pftrack_sim.scene.places.materials import add_skybox, tiling
 from pftrack_sim.scene.places.meshes import quad
 from pftrack_sim.scene.places.props import (
@@ -56,9 +56,12 @@ def build_plaza(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     add_skybox(builder.spec, "sky-day")
     builder.add("paving", (quad(tiling("paving"), (-40, -45, 0), (125, 0, 0), (0, 90, 0)),), casts_shadow=False)
     sun = sun_direction(lights.sun_azimuth_deg, lights.sun_elevation_deg)
-    _add_houses(builder, sun)
-    _add_side_street(builder)
-    _add_fixed_props(builder)
+    builder.add_fixed(_add_houses, bool(sun[0] < 0.0), bool(sun[0] > 0.0), bool(sun[1] < 0.0), bool(sun[1] > 0.0))
+    builder.add_fixed(_add_side_street)
+    builder.add_fixed(_add_trees)
+    column = advertising_column(int(builder.rng.integers(16)))
+    builder.add("advertising-column", column, (11.0, -3.6), collider=(0.7, 0.7, 3.2))
+    builder.add_fixed(_add_fixed_props)
     builder.add_loose(_loose_props(builder.rng), (0.25, 0.25, 0.12))
     builder.add_main_light("sun", sun, (0.60, 0.57, 0.50), (13.0, 0.0, 26.0))
     builder.add_foliage(BOUNDS, _FOLIAGE_M)
@@ -68,56 +71,58 @@ def build_plaza(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     return builder.finish(BOUNDS, GOALS)
 
 
-def _add_houses(builder: PlaceBuilder, sun: FloatArray) -> None:
+def _add_houses(props: FixedProps, east: bool, west: bool, north: bool, south: bool) -> None:
+    """Add the rows of houses; those cast a shadow in which direction the sun is."""
     # A row casts a shadow on the square only if the sun is behind it; every triangle costs time in the shadow pass.
-    sun_x, sun_y = sun[:2].tolist()
     for row, houses, (x, y), (dx, dy), yaw, casts_shadow in (
-        ("north", _NORTH, (-12.0, 17.5), (12.0, 0.0), 0.0, sun_y < 0.0),
-        ("south", _SOUTH, (36.0, -17.5), (-12.0, 0.0), np.pi, sun_y > 0.0),
-        ("east", _EAST, (36.0, 17.5), (0.0, -23.0), -0.5 * np.pi, sun_x < 0.0),
-        ("west", _WEST, (-12.0, -17.5), (0.0, 12.0), 0.5 * np.pi, sun_x > 0.0),
+        ("north", _NORTH, (-12.0, 17.5), (12.0, 0.0), 0.0, north),
+        ("south", _SOUTH, (36.0, -17.5), (-12.0, 0.0), np.pi, south),
+        ("east", _EAST, (36.0, 17.5), (0.0, -23.0), -0.5 * np.pi, east),
+        ("west", _WEST, (-12.0, -17.5), (0.0, 12.0), 0.5 * np.pi, west),
     ):
         for index, style in enumerate(houses):
             position = (x + dx * index, y + dy * index)
-            builder.add(f"house-{row}-{index + 1}", house(*style), position, yaw, casts_shadow=casts_shadow)
+            props.add(f"house-{row}-{index + 1}", house(*style), position, yaw, casts_shadow=casts_shadow)
 
 
-def _add_side_street(builder: PlaceBuilder) -> None:
+def _add_side_street(props: FixedProps) -> None:
     """Add the street that leads away to the east, and the houses at its end."""
     rng = np.random.default_rng(11)
     road = quad(tiling("asphalt"), (37.0, -2.6, 0.004), (40, 0, 0), (0, 4.6, 0))
-    builder.add("far-road", (road,), casts_shadow=False)
+    props.add("far-road", (road,), casts_shadow=False)
     for index, style in enumerate(_FAR):
         position = (80.0, 14.0 - 12.0 * index)
-        builder.add(f"far-house-{index + 1}", house(*style), position, -0.5 * np.pi, casts_shadow=False)
+        props.add(f"far-house-{index + 1}", house(*style), position, -0.5 * np.pi, casts_shadow=False)
     for index, x in enumerate((48.0, 60.0)):
         left, right = house("office", 3, storeys=2), house("rose", 1, balconies=True, storeys=2)
-        builder.add(f"far-house-{index + 4}", left, (x - 2.0, 6.5), casts_shadow=False)
-        builder.add(f"far-house-{index + 6}", right, (x + 10.0, -6.5), np.pi, casts_shadow=False)
-    builder.add("car-1", load_prop("car", paint="paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
-    builder.add("car-2", load_prop("car", paint="paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
-    builder.add("car-3", load_prop("car", paint="paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
-    builder.add("van-1", load_prop("van"), (34.1, -9.5), -0.5 * np.pi)
+        props.add(f"far-house-{index + 4}", left, (x - 2.0, 6.5), casts_shadow=False)
+        props.add(f"far-house-{index + 6}", right, (x + 10.0, -6.5), np.pi, casts_shadow=False)
+    props.add("car-1", load_prop("car", paint="paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
+    props.add("car-2", load_prop("car", paint="paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
+    props.add("car-3", load_prop("car", paint="paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
+    props.add("van-1", load_prop("van"), (34.1, -9.5), -0.5 * np.pi)
     for index, position in enumerate(_FAR_TREES):
         prop = tree(rng, 6.5, "leaves-light" if index % 2 else "leaves-dark", lobes=1)
-        builder.add(f"far-tree-{index + 1}", prop, position, casts_shadow=False)
+        props.add(f"far-tree-{index + 1}", prop, position, casts_shadow=False)
 
 
-def _add_fixed_props(builder: PlaceBuilder) -> None:
+def _add_trees(props: FixedProps) -> None:
+    """Add trees, fountain and kiosk."""
     rng = np.random.default_rng(5)
     for index, position in enumerate(_TREES):
         prop = tree(rng, 5.6 + 0.5 * (index % 3), "leaves-light" if index % 3 == 1 else "leaves-dark")
-        builder.add(f"tree-{index + 1}", prop, position, collider=(0.68, 0.68, 2.2))
-    builder.add("fountain", fountain(), (20.0, -4.6), collider=(1.65, 1.65, 1.2))
-    builder.add("kiosk", load_prop("kiosk"), (20.6, 9.3), collider=(1.75, 1.6, 2.8))
-    column = advertising_column(int(builder.rng.integers(16)))
-    builder.add("advertising-column", column, (11.0, -3.6), collider=(0.7, 0.7, 3.2))
+        props.add(f"tree-{index + 1}", prop, position, collider=(0.68, 0.68, 2.2))
+    props.add("fountain", fountain(), (20.0, -4.6), collider=(1.65, 1.65, 1.2))
+    props.add("kiosk", load_prop("kiosk"), (20.6, 9.3), collider=(1.75, 1.6, 2.8))
+
+
+def _add_fixed_props(props: FixedProps) -> None:
     for index, (x, y, yaw) in enumerate(_LAMP_POSTS):
-        builder.add(f"lamp-post-{index + 1}", lamp_post(0.9), (x, y), yaw, collider=(0.14, 0.14, 4.6))
+        props.add(f"lamp-post-{index + 1}", lamp_post(0.9), (x, y), yaw, collider=(0.14, 0.14, 4.6))
     for index in (0, 1, 2, 3, 5, 6, 7):
-        builder.add(f"bollard-{index + 1}", load_prop("bollard"), (30.8, -7.0 + 2.0 * index), casts_shadow=False)
+        props.add(f"bollard-{index + 1}", load_prop("bollard"), (30.8, -7.0 + 2.0 * index), casts_shadow=False)
     for index, (x, y, length) in enumerate(((18.0, 14.6, 5.0), (25.0, -14.6, 4.0), (1.5, -14.6, 5.0))):
-        builder.add(f"hedge-{index + 1}", hedge(length), (x, y), collider=(0.5 * length, 0.35, 1.1))
+        props.add(f"hedge-{index + 1}", hedge(length), (x, y), collider=(0.5 * length, 0.35, 1.1))
 
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise, product
 
 import numpy as np
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.places.catalogue import load_prop
+from pftrack_sim.scene.places.fixed import built_once
 from pftrack_sim.scene.places.materials import CARTONS, texture
 from pftrack_sim.scene.places.meshes import (
     ALL_FACES,
@@ -64,6 +64,7 @@ def planter(rng: np.random.Generator, plants: str) -> Prop:
     return (box(texture("concrete"), (0, 0, 0.26), (1.6, 0.62, 0.52), SIDES), soil, *heads)
 
 
+@built_once
 def hedge(length: float) -> Prop:
     """A clipped hedge along x, in blocks so that its leaves keep their size."""
     count = max(1, round(length / 1.2))
@@ -73,6 +74,7 @@ def hedge(length: float) -> Prop:
     )
 
 
+@built_once
 def advertising_column(first: int) -> Prop:
     """A round column, 3.2 m tall, with two rows of six posters from index `first` on."""
     angle, green, radius = np.linspace(0.0, 2.0 * np.pi, 7), texture("paint-green"), 0.62
@@ -118,6 +120,7 @@ def parasol_table(rng: np.random.Generator, cloth: str) -> Prop:
     return tuple(meshes)
 
 
+@built_once
 def lamp_post(reach: float) -> Prop:
     """A street lamp, 4.6 m tall, with an arm along +y; the lamp emits light."""
     iron, height = texture("steel-dark"), 4.6
@@ -130,6 +133,7 @@ def lamp_post(reach: float) -> Prop:
     )
 
 
+@built_once
 def fountain() -> Prop:
     """A round basin with water and a column."""
     stone, water = texture("stone"), texture("paint-blue")
@@ -143,7 +147,7 @@ def fountain() -> Prop:
     )
 
 
-@cache
+@built_once
 def bicycle(paint: str) -> Prop:
     """A bicycle. Its tyres are rings: the background is visible through the wheels."""
     frame, chrome = texture(paint), texture("chrome")
@@ -195,16 +199,19 @@ def bicycle_stand(rng: np.random.Generator, count: int) -> Prop:
     return tuple(meshes)
 
 
+@built_once
 def signboard(index: int) -> Prop:
     """An A-board with posters `index` and `index + 3`."""
     return load_prop("signboard", front=f"poster-{index}", back=f"poster-{(index + 3) % 16}")
 
 
+@built_once
 def numbered_door(leaf: str, number: int) -> Prop:
     """A door with a number plate in a wall at y = 0, facing -y."""
     return (*load_prop("door", leaf=leaf), *load_prop("number-plate", plate="sign-aisle" if number % 2 else "white"))
 
 
+@built_once
 def lockers(paint: str) -> Prop:
     """A row of six lockers along x with their backs to +y."""
     carcass = box(texture("steel-dark"), (0, 0.02, 0.95), (0.36 * 6 + 0.04, 0.32, 1.9))
@@ -212,6 +219,7 @@ def lockers(paint: str) -> Prop:
     return (carcass, *(mesh for front in fronts for mesh in front))
 
 
+@built_once
 def framed_poster(index: int, width: float, height: float, z: float) -> Prop:
     """A poster or notice board on a wall at y = 0, facing -y, with its lower edge at `z`."""
     frame = texture("wood-dark" if index % 8 == 7 else "steel-dark")
@@ -292,6 +300,7 @@ def carton_stack(rng: np.random.Generator, layers: int) -> Prop:
     return tuple(meshes)
 
 
+@built_once
 def pallet_pile(count: int) -> Prop:
     """Empty pallets on top of each other."""
     return tuple(mesh for k in range(count) for mesh in translated(load_prop("pallet"), 0.0, 0.0, 0.145 * k))

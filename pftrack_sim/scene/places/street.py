@@ -10,6 +10,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
 from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
+from pftrack_sim.scene.places.fixed import FixedProps
 from pftrack_sim.scene.places.materials import add_skybox, texture, tiling
 from pftrack_sim.scene.places.meshes import quad
 from pftrack_sim.scene.places.props import advertising_column, bicycle_stand, lamp_post, signboard, tree
@@ -37,11 +38,9 @@ _SOUTH = (("office", 2, None), ("rose", 3, "awning-blue"), ("brick", 0, None), (
 def build_street(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     """Build the street; the sun has set."""
     add_skybox(builder.spec, "sky-night")
-    _add_ground(builder)
-    _add_houses(builder)
-    for index, (x, side) in enumerate((*_LAMPS, *_UNLIT_LAMPS)):
-        position, yaw, collider = (x, side * (_KERB + 0.4)), 0.0 if side > 0 else np.pi, (0.13, 0.13, 4.6)
-        builder.add(f"lamp-post-{index + 1}", lamp_post(1.05), position, yaw, collider, casts_shadow=False)
+    builder.add_fixed(_add_ground)
+    builder.add_fixed(_add_houses)
+    builder.add_fixed(_add_lamp_posts)
     _add_parked_cars(builder)
     builder.add_loose(_loose_props(builder.rng), (0.3, 0.08))
     patches = lights.patches
@@ -63,7 +62,7 @@ def _lamp_colours(patches: float, rng: np.random.Generator) -> FloatArray:
     return brightness * (sodium + whiteness[:, None] * (white - sodium))
 
 
-def _add_ground(builder: PlaceBuilder) -> None:
+def _add_ground(props: FixedProps) -> None:
     """Add the road with its markings, and the pavements."""
     asphalt, pavement, white = tiling("asphalt"), tiling("pavement"), texture("white")
     length, width, ends = _EAST - _WEST, _FRONT - _KERB, (_WEST - 14.0, _EAST)
@@ -73,34 +72,40 @@ def _add_ground(builder: PlaceBuilder) -> None:
         *(quad(white, (x, -0.07, 0.003), (2.0, 0, 0), (0, 0.14, 0)) for x in np.arange(-6.0, 42.0, 4.5)),
         *(quad(white, (15.6, y, 0.003), (3.2, 0, 0), (0, 0.5, 0)) for y in np.arange(-2.75, 2.6, 1.0)),
     ]
-    builder.add("road", road, casts_shadow=False)
+    props.add("road", road, casts_shadow=False)
     for name, low, kerb in (("north", _KERB, _KERB), ("south", -_FRONT, -_KERB)):
         meshes = [
             quad(pavement, (_WEST, low, 0.0), (length, 0, 0), (0, width, 0), (66, 6)),
             *(quad(pavement, (x, low, 0.0), (14, 0, 0), (0, width, 0), (4, 2)) for x in ends),
             quad(texture("stone"), (_WEST - 14, kerb - 0.12, 0.003), (length + 28, 0, 0), (0, 0.24, 0), (82, 1)),
         ]
-        builder.add(f"pavement-{name}", meshes, casts_shadow=False)
+        props.add(f"pavement-{name}", meshes, casts_shadow=False)
 
 
-def _add_houses(builder: PlaceBuilder) -> None:
+def _add_houses(props: FixedProps) -> None:
     """Add the fronts on both sides and across both ends. The same windows are lit for every seed."""
     rng = np.random.default_rng(23)
     for index, style in enumerate(_NORTH):
         prop = house(*style, balconies=index % 2 == 1, lit_windows=rng, fine=True)
-        builder.add(f"house-north-{index + 1}", prop, (-12.0 + 12.0 * index, _FRONT))
+        props.add(f"house-north-{index + 1}", prop, (-12.0 + 12.0 * index, _FRONT))
     for index, style in enumerate(_SOUTH):
         prop = house(*style, balconies=index % 2 == 0, lit_windows=rng, fine=True)
-        builder.add(f"house-south-{index + 1}", prop, (48.0 - 12.0 * index, -_FRONT), np.pi)
+        props.add(f"house-south-{index + 1}", prop, (48.0 - 12.0 * index, -_FRONT), np.pi)
     for index, (x, kind) in enumerate(((-24.0, "rose"), (48.0, "cream"))):
         north, south = house(kind, index, lit_windows=rng), house(kind, index + 2, lit_windows=rng)
-        builder.add(f"house-north-{index + 6}", north, (x, _FRONT))
-        builder.add(f"house-south-{index + 6}", south, (x + 12.0, -_FRONT), np.pi)
+        props.add(f"house-north-{index + 6}", north, (x, _FRONT))
+        props.add(f"house-south-{index + 6}", south, (x + 12.0, -_FRONT), np.pi)
     for index, y in enumerate((12.0, 0.0)):
         east = house("cream", 3 - index, balconies=True, lit_windows=rng)
         west = house("office", index, lit_windows=rng)
-        builder.add(f"house-east-{index + 1}", east, (58.0, y), -0.5 * np.pi)
-        builder.add(f"house-west-{index + 1}", west, (-24.0, -y), 0.5 * np.pi)
+        props.add(f"house-east-{index + 1}", east, (58.0, y), -0.5 * np.pi)
+        props.add(f"house-west-{index + 1}", west, (-24.0, -y), 0.5 * np.pi)
+
+
+def _add_lamp_posts(props: FixedProps) -> None:
+    for index, (x, side) in enumerate((*_LAMPS, *_UNLIT_LAMPS)):
+        position, yaw, collider = (x, side * (_KERB + 0.4)), 0.0 if side > 0 else np.pi, (0.13, 0.13, 4.6)
+        props.add(f"lamp-post-{index + 1}", lamp_post(1.05), position, yaw, collider, casts_shadow=False)
 
 
 def _add_parked_cars(builder: PlaceBuilder) -> None:
