@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import mujoco
 
@@ -17,7 +18,7 @@ from pftrack_sim.scene.people.person import Person, add_person, sample_people
 from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.places.builder import add_ground_plane
 from pftrack_sim.scene.places.seats import Seat
-from pftrack_sim.scene.robot import PREFIX, add_robot
+from pftrack_sim.scene.robot import PREFIX, RobotForm, add_robot
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
@@ -39,7 +40,7 @@ def build_stage(
     patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
     lights = settings.lights.model_copy(update={"patches": patches})
     layout = places.add_place(spec, settings.place, lights, rng, patch_rng, seats)
-    add_robot(spec, settings.robot, settings.camera)
+    add_robot(spec, RobotForm.of(settings.robot, settings.camera))
     return spec, layout
 
 
@@ -53,18 +54,20 @@ def solid_stage(settings: ResolvedScenario, stage: mujoco.MjSpec) -> mujoco.MjSp
         for geom in body.geoms:
             if _collides(geom):
                 _add_solid(twin, geom)
-    add_robot(solids, settings.robot, settings.camera)
+    add_robot(solids, RobotForm.of(settings.robot, settings.camera))
     return solids
 
 
-def compile_robot_alone(settings: ResolvedScenario, step_s: float) -> mujoco.MjModel:
+@lru_cache(maxsize=8)
+def compile_robot_alone(form: RobotForm, step_s: float) -> mujoco.MjModel:
     """The robot on the ground without anything else, and without sensors.
 
-    As long as it touches nothing but the ground it moves as in any place, to the bit, in less than half the time.
+    As long as it touches nothing but the ground it moves as in any place, to the bit, in less than half the time. The
+    model is kept for those who ask again, perhaps in other threads: it must not be changed.
     """
     spec = _empty(step_s)
     add_ground_plane(spec)
-    add_robot(spec, settings.robot, settings.camera)
+    add_robot(spec, form)
     for geom in spec.geoms:
         if not _collides(geom) and geom.mass == 0.0:
             spec.delete(geom)

@@ -70,17 +70,32 @@ class Mast:
         return MAST_KG_M * max(self.length_m, 0.0)
 
 
-def add_robot(spec: mujoco.MjSpec, robot: model.Robot, camera: model.Camera) -> None:
+@dataclass(frozen=True)
+class RobotForm:
+    """What the robot's model depends on."""
+
+    floor_friction: float
+    camera_height_m: float
+    camera_tilt_deg: float
+    camera_fovy_deg: float
+
+    @classmethod
+    def of(cls, robot: model.Robot, camera: model.Camera) -> RobotForm:
+        """That of a scenario."""
+        return cls(robot.floor_friction, camera.height_m, camera.tilt_deg, camera.fovy_deg)
+
+
+def add_robot(spec: mujoco.MjSpec, form: RobotForm) -> None:
     """Attach the robot to the world at the origin, facing +x, resting on the ground z = 0.
 
     The spec gains bodies, joints, actuators, sensors and the camera, all named `"robot/..."`. It needs a colliding
     ground plane at z = 0 and gravity along -z. The drive (`agents.robot`) applies the speed limits.
     """
     mjcf = mujoco.MjSpec.from_file(str(assets_dir() / "robot.xml"))
-    mast = Mast.for_camera(camera.height_m, math.radians(camera.tilt_deg))
-    mjcf.camera("camera").fovy = camera.fovy_deg
+    mast = Mast.for_camera(form.camera_height_m, math.radians(form.camera_tilt_deg))
+    mjcf.camera("camera").fovy = form.camera_fovy_deg
     for side in ("left", "right"):
-        mjcf.geom(f"tyre-{side}").friction[0] = robot.floor_friction
+        mjcf.geom(f"tyre-{side}").friction[0] = form.floor_friction
     _set_mast(mjcf, mast)
     _preload_suspension(mjcf, BASE_KG + FOOT_KG + mast.pole_kg + PAN_KG + HEAD_KG)
     spec.attach(mjcf, prefix=PREFIX, frame=spec.worldbody.add_frame())

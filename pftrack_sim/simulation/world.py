@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -29,6 +31,7 @@ from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
+from pftrack_sim.scene.robot import RobotForm
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.feasibility import path_problems, placement_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
@@ -53,8 +56,8 @@ class World:
         if problems := seat_problems(seats, layout):
             raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
         self._script = self._robot_script(layout)
-        robot_alone = compile_robot_alone(settings, self.clock.step_s)
-        self._equilibrium = Equilibrium(robot_alone)
+        form, step_s = RobotForm.of(settings.robot, settings.camera), self.clock.step_s
+        robot_alone, self._equilibrium = compile_robot_alone(form, step_s), _equilibrium(form, step_s)
 
         def run_in(model: mujoco.MjModel, until_s: float) -> DryRun:
             alone = self._crowd(Plan(layout), distractors=0, groups=())
@@ -73,7 +76,8 @@ class World:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.people = tuple(person.name for person in people)
-        self.robot = self._robot(self.model, robot_alone)
+        # A copy: its sensors will be switched on.
+        self.robot = self._robot(self.model, copy.copy(robot_alone))
         crowd = self._crowd(plan, settings.distractors.count, settings.groups)
         carried = self._carried(people[0].anatomy) if settings.target.carries else None
         self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
@@ -194,3 +198,9 @@ class World:
             target_axis=settings.axes.target,
             groups=groups,
         )
+
+
+@lru_cache(maxsize=8)
+def _equilibrium(form: RobotForm, step_s: float) -> Equilibrium:
+    """That of a robot, the same for every seed of a scenario."""
+    return Equilibrium(compile_robot_alone(form, step_s))

@@ -205,7 +205,7 @@ class Drive:
 
 
 class Equilibrium:
-    """Joint positions of the robot at rest, simulated far from everything.
+    """Joint positions of the robot at rest, simulated far from everything. Several threads may share it.
 
     Args:
         model: With the robot on the ground, and whatever else.
@@ -219,9 +219,9 @@ class Equilibrium:
         self._last: tuple[bytes, FloatArray] | None = None
 
     def at(self, head_rad: FloatArray) -> FloatArray:
-        """Joint positions, with the middle of the axle about the origin, for `(2,)` pan and tilt."""
-        key = head_rad.tobytes()
-        if self._last is None or self._last[0] != key:
+        """Joint positions, with the middle of the axle about the origin, for `(2,)` pan and tilt; read-only."""
+        key, last = head_rad.tobytes(), self._last
+        if last is None or last[0] != key:
             scratch, free = mujoco.MjData(self._model), self._qpos.start
             scratch.qpos[free : free + 2] = _FAR_M
             scratch.qpos[self._joints[2:]] = head_rad
@@ -230,8 +230,9 @@ class Equilibrium:
             rest = scratch.qpos[self._qpos].copy()
             rest[:2] -= _FAR_M
             rest[self._joints[:2] - free] = 0.0
-            self._last = (key, rest)
-        return self._last[1]
+            rest.setflags(write=False)
+            self._last = last = (key, rest)
+        return last[1]
 
 
 def _robot_qpos(model: mujoco.MjModel) -> slice:

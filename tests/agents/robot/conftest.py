@@ -10,7 +10,8 @@ import pytest
 
 from pftrack_sim.agents.robot.drive import Drive
 from pftrack_sim.scenario.model import Camera, Robot, StillRoute
-from pftrack_sim.scene.robot import add_robot
+from pftrack_sim.scene.robot import RobotForm, add_robot
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 TICK_S = 1.0 / 60.0
 
@@ -41,13 +42,13 @@ class Lab:
 @pytest.fixture
 def lab() -> Callable[..., Lab]:
     def build(
-        furnish: Callable[[mujoco.MjSpec], None] | None = None,
+        furnish: Callable[[SceneSpec], None] | None = None,
         steps: int = 9,
         robot: Robot | None = None,
         degree: bool = True,
         **camera: Any,
     ) -> Lab:
-        spec = mujoco.MjSpec()
+        spec = SceneSpec()
         spec.compiler.degree = degree
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         spec.option.timestep = TICK_S / steps
@@ -58,7 +59,7 @@ def lab() -> Callable[..., Lab]:
             furnish(spec)
         robot = robot or Robot(route=StillRoute(kind="still"))
         eye = Camera(**camera)
-        add_robot(spec, robot, eye)
+        add_robot(spec, RobotForm.of(robot, eye))
         model = spec.compile()
         data = mujoco.MjData(model)
         drive = Drive(model, robot, eye)
