@@ -23,8 +23,7 @@ pytest.importorskip("mujoco_warp")
 SIZE = {"camera.width_px": 160, "camera.height_px": 120}
 
 
-# One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again. In
-# `plaza-dock` OpenGL's sky hides the farthest houses (docs/renderers.md).
+# One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again.
 SAME_PLACES = ("plaza-dock", "hall-wait")
 
 
