@@ -23,7 +23,9 @@ from pftrack_sim.scenario.teleoperation import Operator, Sills
 class Place(Section):
     """The place and its loose furniture."""
 
-    kind: Literal["plaza", "corridor", "warehouse", "street", "hall", "park"] = Field(description="Kind of place.")
+    kind: Literal["plaza", "corridor", "warehouse", "street", "street-day", "hall", "park"] = Field(
+        description="Kind of place; 'street': at night."
+    )
     clutter: Share = Field(default=1.0, description="Share of the place's loose furniture that is present.")
 
 

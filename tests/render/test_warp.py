@@ -23,7 +23,8 @@ pytest.importorskip("mujoco_warp")
 SIZE = {"camera.width_px": 160, "camera.height_px": 120}
 
 
-# One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again.
+# One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again, and
+# `street-day` is the street in the light of the plaza.
 SAME_PLACES = ("plaza-dock", "hall-wait")
 
 

@@ -18,7 +18,7 @@ from pftrack_sim.scene.places.fixed import fixed_props
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 KINDS = get_args(Place.model_fields["kind"].annotation)
-SHIPPED = ("plaza-walk", "corridor", "warehouse", "street-night", "hall", "park")
+SHIPPED = ("plaza-walk", "corridor", "warehouse", "street-night", "real/pavement", "hall", "park")
 
 
 @cache
@@ -247,7 +247,7 @@ def test_number_of_lights_and_shadows(kind: str) -> None:
     assert head.diffuse.max() == 0.0
     assert head.ambient.min() > 0.0
     assert head.ambient.max() < 0.7
-    assert ("light/sun" in names) == (kind in ("plaza", "park"))
+    assert ("light/sun" in names) == (kind in ("plaza", "street-day", "park"))
 
 
 def test_sun_direction_follows_the_scenario() -> None:

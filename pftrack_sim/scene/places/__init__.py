@@ -1,4 +1,4 @@
-"""The places: plaza, corridor, warehouse, street, hall and park."""
+"""The places: plaza, corridor, warehouse, street by night and by day, hall and park."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pftrack_sim.scene.places.hall import build_hall
 from pftrack_sim.scene.places.park import build_park
 from pftrack_sim.scene.places.plaza import build_plaza
 from pftrack_sim.scene.places.seats import Seat, add_seats
-from pftrack_sim.scene.places.street import build_street
+from pftrack_sim.scene.places.street import build_street, build_street_by_day
 from pftrack_sim.scene.places.warehouse import build_warehouse
 from pftrack_sim.scene.scene_spec import SceneSpec
 
@@ -23,6 +23,7 @@ _BUILDERS: dict[str, Callable[[PlaceBuilder, Lights], WalkableArea]] = {
     "corridor": build_corridor,
     "warehouse": build_warehouse,
     "street": build_street,
+    "street-day": build_street_by_day,
     "hall": build_hall,
     "park": build_park,
 }

@@ -1,4 +1,4 @@
-"""A street at night: lamps with pools of light, shop windows, parked cars, a few lit windows."""
+"""A street with shops and parked cars: at night with pools of lamplight and a few lit windows, or by day in the sun."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
+from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box, sun_direction
 from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.fixed import FixedProps
@@ -25,6 +25,8 @@ _LAMPS = ((0.5, 1.0), (10.5, 1.0), (20.5, 1.0), (30.5, 1.0), (5.5, -1.0), (25.5,
 _UNLIT_LAMPS = ((-7.0, 1.0), (40.5, 1.0), (15.5, -1.0), (36.0, -1.0), (-4.5, -1.0))
 """Lamp posts without a light source, far from where people walk: OpenGL has eight lights."""
 
+_FOLIAGE_M = 7.0
+
 _CAR_PAINTS = ("paint-silver", "paint-blue", "paint-red", "paint-green", "paint-maroon", "paint-black", "paint-cream",
                "white")  # fmt: skip
 
@@ -38,11 +40,7 @@ _SOUTH = (("office", 2, None), ("rose", 3, "awning-blue"), ("brick", 0, None), (
 def build_street(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     """Build the street; the sun has set."""
     add_skybox(builder.spec, "sky-night")
-    builder.add_fixed(_add_ground)
-    builder.add_fixed(_add_houses)
-    builder.add_fixed(_add_lamp_posts)
-    _add_parked_cars(builder)
-    builder.add_loose(_loose_props(builder.rng), (0.3, 0.08))
+    _add_street(builder, night=True)
     patches = lights.patches
     colours = _lamp_colours(patches, builder.patch_rng)
     for index, (x, side) in enumerate(_LAMPS):
@@ -52,6 +50,27 @@ def build_street(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     builder.add_fill_light("moon", (0.35, 0.5, -0.7), sky * np.array([0.12, 0.13, 0.165]))
     builder.set_ambient_light(sky * np.array([0.19, 0.19, 0.22]))
     return builder.finish(BOUNDS, GOALS)
+
+
+def build_street_by_day(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
+    """Build the same street by day."""
+    add_skybox(builder.spec, "sky-day")
+    _add_street(builder, night=False)
+    sun = sun_direction(lights.sun_azimuth_deg, lights.sun_elevation_deg)
+    builder.add_main_light("sun", sun, (0.60, 0.57, 0.50), (15.0, 0.0, 26.0))
+    builder.add_foliage(BOUNDS, _FOLIAGE_M)
+    builder.add_fill_light("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), (0.10, 0.11, 0.13))
+    builder.set_ambient_light((0.37, 0.39, 0.43))
+    return builder.finish(BOUNDS, GOALS)
+
+
+def _add_street(builder: PlaceBuilder, night: bool) -> None:
+    """Add all but the lights."""
+    builder.add_fixed(_add_ground)
+    builder.add_fixed(_add_houses, night)
+    builder.add_fixed(_add_lamp_posts)
+    _add_parked_cars(builder)
+    builder.add_loose(_loose_props(builder.rng), (0.3, 0.08))
 
 
 def _lamp_colours(patches: float, rng: np.random.Generator) -> FloatArray:
@@ -82,9 +101,9 @@ def _add_ground(props: FixedProps) -> None:
         props.add(f"pavement-{name}", meshes, casts_shadow=False)
 
 
-def _add_houses(props: FixedProps) -> None:
-    """Add the fronts on both sides and across both ends. The same windows are lit for every seed."""
-    rng = np.random.default_rng(23)
+def _add_houses(props: FixedProps, night: bool) -> None:
+    """Add the fronts on both sides and across both ends. At night the same windows are lit for every seed."""
+    rng = np.random.default_rng(23) if night else None
     for index, style in enumerate(_NORTH):
         prop = house(*style, balconies=index % 2 == 1, lit_windows=rng, fine=True)
         props.add(f"house-north-{index + 1}", prop, (-12.0 + 12.0 * index, _FRONT))
