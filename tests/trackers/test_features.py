@@ -16,10 +16,11 @@ from pftrack_sim.trackers.features.histogram import (
     similarities,
     uniform_layout,
 )
+from pftrack_sim.trackers.features.histogram_kernels import CELLS, GENERAL, MIRRORED, count_all
 from pftrack_sim.trackers.features.histogram_model import Feature, HistogramModel, log_mixture
 from pftrack_sim.trackers.features.pixel_codes import cs_lbp_codes, hsv_codes, rgb_codes
 
-LAYOUTS = [uniform_layout(3, 16), epanechnikov_layout(3, 128), cell_layout(4, 4, 1, 16)]
+LAYOUTS = [uniform_layout(3, 16), epanechnikov_layout(3, 128), cell_layout(4, 4, 1, 16), cell_layout(2, 3, 1, 16)]
 RNG = np.random.default_rng(0)
 
 
@@ -58,6 +59,47 @@ def test_histogram_agrees_with_a_reference_implementation(layout: BinLayout, x: 
     total = layout.weights.sum() * layout.channel_count
     alike = similarities(codes, box[None], layout, model)
     assert np.allclose(alike, np.sqrt(slow / total * model).sum(), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("layout", "way"),
+    [(uniform_layout(3, 16), MIRRORED), (epanechnikov_layout(1, 128), MIRRORED), (cell_layout(4, 4, 1, 16), CELLS)],
+)
+@settings(max_examples=15)
+@given(x=st.floats(0, 9), y=st.floats(0, 9), w=st.floats(0.5, 50), h=st.floats(0.5, 60))
+def test_the_fast_ways_to_count_agree_with_the_general_one(
+    layout: BinLayout, way: int, x: float, y: float, w: float, h: float
+):
+    codes, box = random_codes(layout), np.array([[x, y, w, h]])
+    fast, general = np.empty((2, 1, layout.size), np.int32)
+    assert layout.tables.way == way
+    count_all(codes, box, layout.tables, fast)
+    count_all(codes, box, layout.tables._replace(way=GENERAL), general)
+    assert np.array_equal(fast, general)
+    assert np.array_equal(fast[0], reference_histogram(codes, box[0], layout))
+
+
+def test_a_layout_that_is_not_symmetric_is_counted_in_the_general_way():
+    weights = np.ones((ROWS, COLUMNS), np.int32)
+    weights[0, 0] = 2
+    codes, box = np.zeros((70, 60, 1), np.uint8), np.array([2.0, 3, 40, 50])
+    codes[:30] = 1
+    layout = BinLayout(weights, np.zeros((ROWS, COLUMNS), np.int64), 1, 1, 4)
+    slow = reference_histogram(codes, box, layout)
+    assert layout.tables.way == GENERAL
+    assert np.allclose(histogram(codes, box, layout), slow / slow.sum(), rtol=0, atol=1e-12)
+
+
+def test_one_code_everywhere_fills_a_cell_of_every_pattern():
+    """72 points of one pattern in each cell: no field of the packed counts may overflow into the next."""
+    layout = cell_layout(4, 4, 1, 16)
+    for code in range(16):
+        codes = np.full((70, 60, 1), code, np.uint8)
+        found = np.empty((1, layout.size), np.int32)
+        count_all(codes, np.array([[2.0, 3, 40, 50]]), layout.tables, found)
+        expected = np.zeros((16, 16), np.int32)
+        expected[:, code] = 72
+        assert np.array_equal(found.reshape(16, 16), expected)
 
 
 def test_epanechnikov_histogram_of_whole_pixels_against_numpy():
@@ -123,7 +165,7 @@ def reference_cs_lbp(grey: np.ndarray) -> np.ndarray:
     padded = np.pad(grey.astype(int), 1, mode="edge")
     around = [(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)]
     n = [padded[1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width] for dy, dx in around]
-    return sum(((n[i] - n[i + 4]) >= 1).astype(int) << i for i in range(4))
+    return np.sum([((n[i] - n[i + 4]) >= 1).astype(int) << i for i in range(4)], axis=0)
 
 
 @settings(max_examples=30)

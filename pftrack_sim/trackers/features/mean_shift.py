@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.features.histogram import BinLayout, BinTables, Codes, count_points
+from pftrack_sim.trackers.features.histogram import BinLayout
+from pftrack_sim.trackers.features.histogram_kernels import BinTables, Codes, count_box, new_scratch
 
 LEAST_STEP = 0.01
 """The box has arrived when a step is shorter than this share of its size."""
@@ -40,11 +41,9 @@ def _climb(
     codes: Codes, box: FloatArray, tables: BinTables, total: float, model: FloatArray, iteration_count: int
 ) -> float:
     """Move `box`; return the similarity where it arrives."""
-    offsets, counts = np.empty(tables.weights.shape[1], np.uintp), np.empty(model.size, np.int32)
-    pulls = np.empty(model.size)
+    scratch, counts, pulls = new_scratch(tables), np.empty(model.size, np.int32), np.empty(model.size)
     for iteration in range(iteration_count + 1):
-        counts[:] = 0
-        count_points(codes, box, tables, offsets, counts)
+        count_box(codes, box, tables, scratch, counts)
         if iteration == iteration_count:
             break
         for k in range(model.size):

@@ -1,0 +1,227 @@
+"""Counting of the histograms of `histogram`: weighted counts of pixel codes at the points of a box.
+
+All three ways to count give the same whole numbers. Boxes inside the image whose layout is symmetric, or has small
+cells of equal weights, are counted in a half or a third of the time of the general loop. What costs there is that
+neighbours often fall into the same bin: an addition then waits for the one before it to be stored.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pftrack_sim.core.types import FloatArray
+
+Codes: TypeAlias = NDArray[np.uint8]  # `(H, W, C)` pixel codes
+
+GENERAL, MIRRORED, CELLS = 0, 1, 2
+"""Ways to count: any layout; one cell whose weights are the same upside down and left to right; the layout of
+`CELL_GRID`^2 cells of weight 1 with one channel of at most `PATTERN_COUNT` codes."""
+ROWS, COLUMNS = 48, 24
+CELL_GRID = 4
+PATTERN_COUNT = 16
+_CELL_ROWS, _CELL_COLUMNS = ROWS // CELL_GRID, COLUMNS // CELL_GRID
+
+
+class BinTables(NamedTuple):
+    """A `BinLayout` as the kernels need it.
+
+    Attributes:
+        weights: `(rows, columns)` weight of each point.
+        spans: `(rows, 2)` first point of each row with a weight, and one after the last.
+        first_bins: `(rows, columns)` first bin of each point's cell.
+        bin_count: Bins per channel and cell.
+        way: How boxes inside the image are counted: `GENERAL`, `MIRRORED` or `CELLS`.
+    """
+
+    weights: NDArray[np.int32]
+    spans: NDArray[np.int64]
+    first_bins: NDArray[np.uintp]
+    bin_count: int
+    way: int
+
+
+class Scratch(NamedTuple):
+    """Memory of one call, for all its boxes.
+
+    Attributes:
+        lines: `(rows,)` place of the image line of each row of points in the flat codes.
+        places: `(columns,)` place of each column of points within a line.
+        quarters: `(4 bin_count,)` counts of one channel, of a quarter of the points each.
+    """
+
+    lines: NDArray[np.uintp]
+    places: NDArray[np.uintp]
+    quarters: NDArray[np.int32]
+
+
+@njit(nogil=True, cache=True)
+def new_scratch(tables: BinTables) -> Scratch:
+    """Memory for `count_box`."""
+    rows, columns = tables.weights.shape
+    return Scratch(np.empty(rows, np.uintp), np.empty(columns, np.uintp), np.empty(4 * tables.bin_count, np.int32))
+
+
+@njit(nogil=True, cache=True)
+def count_all(codes: Codes, boxes: FloatArray, tables: BinTables, out: NDArray[np.int32]) -> None:
+    """Fill `(N, size)` with the counts of `(N, 4)` boxes."""
+    scratch = new_scratch(tables)
+    for n in range(boxes.shape[0]):
+        count_box(codes, boxes[n], tables, scratch, out[n])
+
+
+@njit(nogil=True, cache=True)
+def compare(codes: Codes, boxes: FloatArray, tables: BinTables, root_model: FloatArray, out: FloatArray) -> None:
+    """Fill `out` with sum(sqrt(counts) * root_model) of every box."""
+    scratch = new_scratch(tables)
+    counts = np.empty(root_model.size, np.int32)
+    for n in range(boxes.shape[0]):
+        count_box(codes, boxes[n], tables, scratch, counts)
+        out[n] = _affinity(counts, root_model)
+
+
+# Reassociation lets the square roots be vectorised.
+@njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _affinity(counts: NDArray[np.int32], root_model: FloatArray) -> float:
+    total = 0.0
+    for k in range(counts.size):
+        total += np.sqrt(np.float64(counts[k])) * root_model[k]
+    return total
+
+
+@njit(nogil=True, cache=True)
+def count_box(codes: Codes, box: FloatArray, tables: BinTables, scratch: Scratch, out: NDArray[np.int32]) -> None:
+    """Fill `out` with the counts of one box.
+
+    Unsigned indices spare a test for negative ones at every access.
+    """
+    rows, columns = tables.weights.shape
+    top, bottom = _inside(box[1], box[3], codes.shape[0], codes.shape[1] * codes.shape[2], scratch.lines)
+    left, right = _inside(box[0], box[2], codes.shape[1], codes.shape[2], scratch.places)
+    whole = top == 0 and bottom == rows and left == 0 and right == columns
+    if whole and tables.way == MIRRORED:
+        _count_mirrored(codes, tables, scratch, out)
+    elif whole and tables.way == CELLS:
+        _count_cells(codes, scratch, out)
+    else:
+        out[:] = 0
+        _count_points(codes, tables, scratch, (top, bottom, left, right), out)
+
+
+@njit(nogil=True, cache=True)
+def _inside(near: float, size: float, limit: int, step: int, places: NDArray[np.uintp]) -> tuple[int, int]:
+    """Fill `places` with the pixels along an axis, times `step`; first point inside the image, one after the last."""
+    count = places.size
+    first, last = count, 0
+    for k in range(count):
+        pixel = int(np.floor(near + (k + 0.5) * size / count))
+        if 0 <= pixel < limit:
+            places[k] = np.uintp(pixel * step)
+            first, last = min(first, k), k + 1
+    return first, last
+
+
+@njit(nogil=True, cache=True)
+def _count_mirrored(codes: Codes, tables: BinTables, scratch: Scratch, out: NDArray[np.int32]) -> None:
+    """Count four points of one weight at a time, each into a histogram of its own, so that none waits for another."""
+    weights, spans = tables.weights, tables.spans
+    lines, places, quarters = scratch
+    rows, columns = weights.shape
+    flat = codes.reshape(-1)
+    one = np.uintp(tables.bin_count)
+    two, three = one + one, one + one + one
+    last_row, last_column = np.uintp(rows - 1), np.uintp(columns - 1)
+    for c in range(np.uintp(codes.shape[2])):
+        quarters[:] = 0
+        for i in range(np.uintp(rows // 2)):
+            upper, lower = lines[i] + c, lines[last_row - i] + c
+            for j in range(np.uintp(spans[i, 0]), np.uintp(columns // 2)):
+                weight, left, right = weights[i, j], places[j], places[last_column - j]
+                quarters[np.uintp(flat[upper + left])] += weight
+                quarters[one + np.uintp(flat[upper + right])] += weight
+                quarters[two + np.uintp(flat[lower + left])] += weight
+                quarters[three + np.uintp(flat[lower + right])] += weight
+        for k in range(one):
+            out[c * one + k] = quarters[k] + quarters[one + k] + quarters[two + k] + quarters[three + k]
+
+
+@njit(nogil=True, cache=True)
+def _count_cells(codes: Codes, scratch: Scratch, out: NDArray[np.int32]) -> None:
+    """Count in registers: of two rows of a cell in 16 fields of 4 bits, of the cell in 16 fields of 8 bits."""
+    lines, places = scratch.lines, scratch.places
+    flat = codes.reshape(-1)
+    one = np.uintp(1)
+    for a in range(CELL_GRID):
+        even_1 = even_2 = even_3 = even_4 = np.uint64(0)
+        odd_1 = odd_2 = odd_3 = odd_4 = np.uint64(0)
+        for i in range(np.uintp(a * _CELL_ROWS), np.uintp((a + 1) * _CELL_ROWS), np.uintp(2)):
+            upper, lower = lines[i], lines[i + one]
+            both_1 = both_2 = both_3 = both_4 = np.uint64(0)
+            # Four cells beside each other, so that no addition waits for another.
+            for j in range(np.uintp(_CELL_COLUMNS)):
+                place = places[j]
+                both_1 += _field(flat, upper + place) + _field(flat, lower + place)
+                place = places[j + np.uintp(_CELL_COLUMNS)]
+                both_2 += _field(flat, upper + place) + _field(flat, lower + place)
+                place = places[j + np.uintp(2 * _CELL_COLUMNS)]
+                both_3 += _field(flat, upper + place) + _field(flat, lower + place)
+                place = places[j + np.uintp(3 * _CELL_COLUMNS)]
+                both_4 += _field(flat, upper + place) + _field(flat, lower + place)
+            even_1, odd_1 = even_1 + (both_1 & _EVEN), odd_1 + ((both_1 >> _FOUR) & _EVEN)
+            even_2, odd_2 = even_2 + (both_2 & _EVEN), odd_2 + ((both_2 >> _FOUR) & _EVEN)
+            even_3, odd_3 = even_3 + (both_3 & _EVEN), odd_3 + ((both_3 >> _FOUR) & _EVEN)
+            even_4, odd_4 = even_4 + (both_4 & _EVEN), odd_4 + ((both_4 >> _FOUR) & _EVEN)
+        first = CELL_GRID * PATTERN_COUNT * a
+        _unpack(even_1, odd_1, out[first : first + PATTERN_COUNT])
+        _unpack(even_2, odd_2, out[first + PATTERN_COUNT : first + 2 * PATTERN_COUNT])
+        _unpack(even_3, odd_3, out[first + 2 * PATTERN_COUNT : first + 3 * PATTERN_COUNT])
+        _unpack(even_4, odd_4, out[first + 3 * PATTERN_COUNT : first + 4 * PATTERN_COUNT])
+
+
+_EVEN, _FOUR = np.uint64(0x0F0F0F0F0F0F0F0F), np.uint64(4)
+
+
+@njit(nogil=True, cache=True)
+def _field(codes: Codes, place: np.uintp) -> np.uint64:
+    """A one in the field of 4 bits of the code at a place."""
+    return np.uint64(1) << (_FOUR * np.uint64(codes[place]))
+
+
+@njit(nogil=True, cache=True)
+def _unpack(even: np.uint64, odd: np.uint64, out: NDArray[np.int32]) -> None:
+    """Fill `(PATTERN_COUNT,)` with the fields of 8 bits of the even and the odd codes."""
+    for k in range(PATTERN_COUNT // 2):
+        shift = np.uint64(8 * k)
+        out[2 * k] = np.int32((even >> shift) & np.uint64(255))
+        out[2 * k + 1] = np.int32((odd >> shift) & np.uint64(255))
+
+
+@njit(nogil=True, cache=True)
+def _count_points(
+    codes: Codes, tables: BinTables, scratch: Scratch, inside: tuple[int, int, int, int], out: NDArray[np.int32]
+) -> None:
+    """Add the counts of the points in rows and columns `inside` (top, bottom, left, right).
+
+    Unrolled loops over one or three channels are faster.
+    """
+    weights, spans, first_bins = tables.weights, tables.spans, tables.first_bins
+    lines, places = scratch.lines, scratch.places
+    channels = codes.shape[2]
+    flat = codes.reshape(-1)
+    stride, one = np.uintp(tables.bin_count), np.uintp(1)
+    for i in range(inside[0], inside[1]):
+        row = lines[i]
+        for j in range(np.uintp(max(spans[i, 0], inside[2])), np.uintp(min(spans[i, 1], inside[3]))):
+            weight, at, first = weights[i, j], row + places[j], first_bins[i, j]
+            if channels == 3:
+                out[first + np.uintp(flat[at])] += weight
+                out[first + stride + np.uintp(flat[at + one])] += weight
+                out[first + stride + stride + np.uintp(flat[at + one + one])] += weight
+            elif channels == 1:
+                out[first + np.uintp(flat[at])] += weight
+            else:
+                for c in range(channels):
+                    out[first + np.uintp(c) * stride + np.uintp(flat[at + np.uintp(c)])] += weight
