@@ -22,6 +22,7 @@ DIRECTION_COUNT = 8
 SIZE = CELL_ROWS * CELL_COLUMNS * DIRECTION_COUNT
 
 _BLUR_PX = 2  # radius of the blur
+_STRIDE = COLUMNS + 2 * _BLUR_PX
 _TANGENT = math.tan(math.pi / DIRECTION_COUNT)
 
 
@@ -42,13 +43,13 @@ def hog(grey: NDArray[np.uint8], boxes: FloatArray) -> FloatArray:
 
 @njit(nogil=True, cache=True)
 def _describe(grey: Floats, boxes: FloatArray, out: FloatArray) -> None:
-    """Fill `out`. Inner loops apply the same operations to every column of a row, so that they are vectorised."""
-    patch = np.empty((ROWS + 2 * _BLUR_PX, COLUMNS + 2 * _BLUR_PX), np.float32)
-    smooth = np.empty((ROWS + 2, COLUMNS + 2), np.float32)
-    column_sums = np.empty(COLUMNS + 2 * _BLUR_PX, np.float32)
+    """Fill `out`. Loops apply the same operations to all pixels, so that they are vectorised."""
+    patch = np.empty((ROWS + 2 * _BLUR_PX, _STRIDE), np.float32)
+    smooth = np.zeros((ROWS + 3, _STRIDE), np.float32)
+    column_sums = np.zeros((ROWS + 1) * _STRIDE, np.float32)
     line = np.empty(grey.shape[1], np.float32)
     lefts, rights, shares = np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.float32)
-    magnitudes, sectors = np.empty(COLUMNS, np.float32), np.empty(COLUMNS, np.int32)
+    magnitudes, sectors = np.empty(ROWS * _STRIDE, np.float32), np.empty(ROWS * _STRIDE, np.int32)
     for n in range(boxes.shape[0]):
         _resize(grey, boxes[n], lefts, rights, shares, line, patch)
         _blur(patch, column_sums, smooth)
@@ -101,18 +102,21 @@ def _resize(
 
 @njit(nogil=True, cache=True)
 def _blur(patch: Floats, column_sums: Floats, smooth: Floats) -> None:
-    """Blur `patch`, columns first, into the middle of `smooth`, and replicate its border."""
+    """Blur `patch`, columns first, into the middle of `smooth`, and replicate its border.
+
+    The loops run over all rows at once; what they put between two rows is overwritten or never read.
+    """
     four, six, scale = np.float32(4), np.float32(6), np.float32(1 / 256)
-    for i in range(ROWS):
-        above, upper, middle, lower, below = patch[i], patch[i + 1], patch[i + 2], patch[i + 3], patch[i + 4]
-        for j in range(COLUMNS + 2 * _BLUR_PX):
-            column_sums[j] = above[j] + below[j] + four * (upper[j] + lower[j]) + six * middle[j]
-        row = smooth[i + 1]
-        for j in range(COLUMNS):
-            outer = column_sums[j] + column_sums[j + 4]
-            row[j + 1] = (outer + four * (column_sums[j + 1] + column_sums[j + 3]) + six * column_sums[j + 2]) * scale
-        row[0] = row[1]
-        row[COLUMNS + 1] = row[COLUMNS]
+    pixels, out = patch.reshape(-1), smooth.reshape(-1)[_STRIDE + 1 :]
+    for k in range(ROWS * _STRIDE):
+        upper, lower = pixels[k + _STRIDE], pixels[k + 3 * _STRIDE]
+        column_sums[k] = pixels[k] + pixels[k + 4 * _STRIDE] + four * (upper + lower) + six * pixels[k + 2 * _STRIDE]
+    for k in range(ROWS * _STRIDE):
+        outer = column_sums[k] + column_sums[k + 4]
+        out[k] = (outer + four * (column_sums[k + 1] + column_sums[k + 3]) + six * column_sums[k + 2]) * scale
+    for i in range(1, ROWS + 1):
+        smooth[i, 0] = smooth[i, 1]
+        smooth[i, COLUMNS + 1] = smooth[i, COLUMNS]
     smooth[0] = smooth[1]
     smooth[ROWS + 1] = smooth[ROWS]
 
@@ -122,22 +126,24 @@ def _gradients(smooth: Floats, magnitudes: Floats, sectors: NDArray[np.int32], o
     """Add the gradient magnitudes of `smooth` to their cells and directions."""
     out[:] = 0.0
     tangent = np.float32(_TANGENT)
-    for i in range(ROWS):
-        above, row, below = smooth[i], smooth[i + 1], smooth[i + 2]
-        for j in range(COLUMNS):
-            gx, gy = row[j + 2] - row[j], below[j + 1] - above[j + 1]
-            magnitudes[j] = np.sqrt(gx * gx + gy * gy)
-            across, down = abs(gx), abs(gy)
-            sectors[j] = (
-                np.int32(gx > 0)
-                + np.int32(2) * np.int32(gy > 0)
-                + np.int32(4) * np.int32(down < tangent * across)
-                + np.int32(8) * np.int32(across < tangent * down)
-            )
-        first_cell = (i // CELL_PX) * CELL_COLUMNS
-        for j in range(COLUMNS):
-            k = (first_cell + j // CELL_PX) * DIRECTION_COUNT + _DIRECTIONS[np.uintp(sectors[j])]
-            out[np.uintp(k)] += magnitudes[j]
+    pixels = smooth.reshape(-1)
+    for k in range(ROWS * _STRIDE):
+        gx = pixels[k + _STRIDE + 2] - pixels[k + _STRIDE]
+        gy = pixels[k + 2 * _STRIDE + 1] - pixels[k + 1]
+        magnitudes[k] = np.sqrt(gx * gx + gy * gy)
+        across, down = abs(gx), abs(gy)
+        sectors[k] = (
+            np.int32(gx > 0)
+            + np.int32(2) * np.int32(gy > 0)
+            + np.int32(4) * np.int32(down < tangent * across)
+            + np.int32(8) * np.int32(across < tangent * down)
+        )
+    for i in range(np.uintp(ROWS)):
+        first_cell = (i // np.uintp(CELL_PX)) * np.uintp(CELL_COLUMNS)
+        for j in range(np.uintp(COLUMNS)):
+            k = i * np.uintp(_STRIDE) + j
+            first = (first_cell + j // np.uintp(CELL_PX)) * np.uintp(DIRECTION_COUNT)
+            out[first + np.uintp(_DIRECTIONS[np.uintp(sectors[k])])] += magnitudes[k]
 
 
 # Reassociation lets the sum be vectorised.
