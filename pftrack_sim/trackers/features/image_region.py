@@ -36,11 +36,18 @@ class ImageRegion:
 
     def to_region(self, boxes: FloatArray) -> FloatArray:
         """`(N, 4)` boxes [px of the region], given `(N, 4)` boxes [px of the image]."""
-        out = boxes.copy()
-        out[:, :2] -= self.origin
-        out[:, :2] /= self.step
-        out[:, 2:] /= self.step
+        out = np.empty((len(boxes), 4))
+        _to_region(boxes, self.origin, self.step, out)
         return out
+
+
+@njit(nogil=True, cache=True)
+def _to_region(boxes: FloatArray, origin: FloatArray, step: FloatArray, out: FloatArray) -> None:
+    """Fill `(N, 4)` with boxes in pixels of the region."""
+    for n in range(boxes.shape[0]):
+        for axis in range(2):
+            out[n, axis] = (boxes[n, axis] - origin[axis]) / step[axis]
+            out[n, axis + 2] = boxes[n, axis + 2] / step[axis]
 
 
 def crop(image: Image, boxes: FloatArray) -> ImageRegion:
@@ -171,9 +178,18 @@ def _shrink(
 
 def _blocks_touched(boxes: FloatArray, axis: int, step: float, count: int) -> tuple[int, int]:
     """First block and one after the last that boxes touch along an axis, with a margin of one; at least one."""
-    near, far = boxes[:, axis].min(), (boxes[:, axis] + boxes[:, axis + 2]).max()
+    near, far = _hull(boxes, axis)
     first = min(max(math.floor(near / step) - 1, 0), count - 1)
     return first, max(min(math.ceil(far / step) + 1, count), first + 1)
+
+
+@njit(nogil=True, cache=True)
+def _hull(boxes: FloatArray, axis: int) -> tuple[float, float]:
+    """Least and greatest coordinate of `(N, 4)` boxes along an axis, N >= 1."""
+    near, far = boxes[0, axis], boxes[0, axis] + boxes[0, axis + 2]
+    for n in range(1, boxes.shape[0]):
+        near, far = min(near, boxes[n, axis]), max(far, boxes[n, axis] + boxes[n, axis + 2])
+    return near, far
 
 
 @njit(nogil=True, cache=True)

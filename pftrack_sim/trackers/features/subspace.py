@@ -73,5 +73,6 @@ def residuals(vectors: FloatArray, basis: FloatArray) -> FloatArray:
 
     Lee et al. 2012, eq. 12 and 13, where a norm is meant.
     """
-    rest = vectors - (vectors @ basis) @ basis.T
+    rest = (vectors @ basis) @ basis.T
+    np.subtract(vectors, rest, out=rest)
     return np.sqrt(np.einsum("ij,ij->i", rest, rest))
