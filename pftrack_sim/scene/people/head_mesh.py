@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from pftrack_sim.core.types import FloatArray
@@ -28,8 +30,17 @@ _EYE_RING = 7
 def head_mesh(anatomy: Anatomy) -> TriangleMesh:
     """The head above the base of the neck (the origin), facing along x."""
     scale = anatomy.head_m / _CROWN_Z
-    mesh = merged([_skull(), _ear(-1.0), _ear(1.0), *_hair(anatomy.hair_style)])
+    mesh = _unscaled(anatomy.hair_style)
     return TriangleMesh(mesh.vertices * scale, mesh.normals, mesh.pixels, mesh.faces)
+
+
+@cache
+def _unscaled(style: HairStyle) -> TriangleMesh:
+    """A head with this hair; read-only."""
+    mesh = merged([_skull(), _ear(-1.0), _ear(1.0), *_hair(style)])
+    for array in (mesh.vertices, mesh.normals, mesh.pixels, mesh.faces):
+        array.setflags(write=False)
+    return mesh
 
 
 def _skull() -> TriangleMesh:

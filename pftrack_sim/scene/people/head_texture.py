@@ -7,6 +7,8 @@ are a direction [rad], 0 at the front, and a height [statures] above the base of
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,6 +20,16 @@ from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
 HEAD_SIZE = (112, 256)  # height and width of the texture [px]
 _TOP_Z, _BOTTOM_Z = 0.165, -0.025  # heights that the first and the last row show
 _OVERSAMPLING = 2
+_CANVAS = (HEAD_SIZE[0] * _OVERSAMPLING, HEAD_SIZE[1] * _OVERSAMPLING)
+
+
+class _Spot(NamedTuple):
+    """A spot on the canvas: its rows and columns, the share of each pixel, and the tint of the skin."""
+
+    rows: slice
+    columns: slice
+    share: FloatArray
+    tint: FloatArray
 
 
 def texture_row(z: ArrayLike) -> FloatArray:
@@ -35,38 +47,16 @@ def hairline(style: HairStyle, angle: FloatArray) -> FloatArray:
 
 def paint_head(anatomy: Anatomy) -> NDArray[np.uint8]:
     """`(112, 256, 3)` RGB texture of head and neck."""
-    height, width = HEAD_SIZE[0] * _OVERSAMPLING, HEAD_SIZE[1] * _OVERSAMPLING
     skin, hair = np.array(anatomy.skin, float), np.array(anatomy.hair, float)
     # Channel by channel: numpy is slow over a last axis of 3.
-    image = np.broadcast_to(skin[:, None, None], (3, height, width)).copy()
-    rows = np.arange(height)[:, None] / _OVERSAMPLING
-    angle = (np.arange(width)[None] / width - 0.5) * 2.0 * np.pi
-
-    def blend_spot(strength: float, z: float, spot_angle: float, size_z: float, size_angle: float, tint: FloatArray):
-        """Blend in a Gaussian spot of tinted skin."""
-        down = (rows[:, 0] - texture_row(z)) / (size_z / (_TOP_Z - _BOTTOM_Z) * HEAD_SIZE[0])
-        around = (angle[0] - spot_angle) / size_angle
-        near, wide = (_run(np.abs(distance) < 2.5) for distance in (down, around))
-        spot = strength * np.exp(-(down[near] ** 2))[:, None] * np.exp(-(around[wide] ** 2))
-        _mix(image[:, near, wide], spot, skin * tint)
-
-    shadow, blush = np.array([0.55, 0.45, 0.42]), np.array([1.0, 0.72, 0.68])
-    blend_spot(0.55, 0.020, 0.0, 0.012, 1.2, shadow)  # below the chin
-    for side in (-1.0, 1.0):
-        blend_spot(0.42, 0.0945, 0.37 * side, 0.006, 0.17, shadow)  # eye sockets
-        blend_spot(0.22, 0.066, 0.52 * side, 0.010, 0.18, blush)  # cheeks
-        blend_spot(0.16, 0.0660, 0.13 * side, 0.007, 0.035, shadow)  # beside the nose
-        blend_spot(0.40, 0.0610, 0.07 * side, 0.0016, 0.04, shadow)  # nostrils
-    blend_spot(0.18, 0.0590, 0.0, 0.003, 0.12, shadow)  # below the nose
+    image = np.broadcast_to(skin[:, None, None], (3, *_CANVAS)).copy()
+    for rows, columns, share, tint in _spots():
+        _mix(image[:, rows, columns], share, skin * tint)
     if anatomy.beard > 0.05:
-        jaw = texture_row(0.070) + 9.0 * np.clip(1.0 - np.abs(angle) / 0.5, 0.0, 1.0)
-        mask = np.clip((jaw - rows) / -3.0, 0.0, 1.0) * np.clip((texture_row(0.026) - rows) / 3.0, 0.0, 1.0)
-        mask = mask * np.clip((1.5 - np.abs(angle)) / 0.2, 0.0, 1.0)
-        _mix(image, 0.75 * anatomy.beard * mask, hair)
-    scalp = np.clip((texture_row(hairline(anatomy.hair_style, angle)) - rows) / 1.5 + 0.5, 0.0, 1.0)
-    if anatomy.hair_style == "bald":
-        scalp = scalp * 0.18
-    _mix(image, scalp, hair)
+        rows, mask = _beard()
+        _mix(image[:, rows], 0.75 * anatomy.beard * mask, hair)
+    rows, scalp = _scalp(anatomy.hair_style)
+    _mix(image[:, rows], scalp, hair)
     np.clip(image, 0, 255, out=image)
 
     canvas = np.asarray(cv2.merge(list(image.astype(np.uint8))), dtype=np.uint8)
@@ -80,6 +70,67 @@ def paint_head(anatomy: Anatomy) -> NDArray[np.uint8]:
     _draw_ellipse(canvas, 0.0, 0.0480, 0.27, 0.0030, lips)
     _draw_line(canvas, ((-0.27, 0.0484), (0.0, 0.0478), (0.27, 0.0484)), [int(value * 0.6) for value in lips], 0.8)
     return np.asarray(cv2.resize(canvas, HEAD_SIZE[::-1], interpolation=cv2.INTER_AREA), np.uint8)
+
+
+@cache
+def _grid() -> tuple[FloatArray, FloatArray]:
+    """Rows of the texture `(h, 1)` and directions `(1, w)` [rad] of the pixels of the canvas; read-only."""
+    height, width = _CANVAS
+    rows = np.arange(height)[:, None] / _OVERSAMPLING
+    angle = (np.arange(width)[None] / width - 0.5) * 2.0 * np.pi
+    return _frozen(rows), _frozen(angle)
+
+
+@cache
+def _spots() -> tuple[_Spot, ...]:
+    """Gaussian spots of tinted skin; read-only."""
+    rows, angle = _grid()
+
+    def spot(strength: float, z: float, spot_angle: float, size_z: float, size_angle: float, tint: FloatArray) -> _Spot:
+        down = (rows[:, 0] - texture_row(z)) / (size_z / (_TOP_Z - _BOTTOM_Z) * HEAD_SIZE[0])
+        around = (angle[0] - spot_angle) / size_angle
+        near, wide = (_run(np.abs(distance) < 2.5) for distance in (down, around))
+        share = strength * np.exp(-(down[near] ** 2))[:, None] * np.exp(-(around[wide] ** 2))
+        return _Spot(near, wide, _frozen(share), tint)
+
+    shadow, blush = _frozen(np.array([0.55, 0.45, 0.42])), _frozen(np.array([1.0, 0.72, 0.68]))
+    found = [spot(0.55, 0.020, 0.0, 0.012, 1.2, shadow)]  # below the chin
+    for side in (-1.0, 1.0):
+        found += [
+            spot(0.42, 0.0945, 0.37 * side, 0.006, 0.17, shadow),  # eye sockets
+            spot(0.22, 0.066, 0.52 * side, 0.010, 0.18, blush),  # cheeks
+            spot(0.16, 0.0660, 0.13 * side, 0.007, 0.035, shadow),  # beside the nose
+            spot(0.40, 0.0610, 0.07 * side, 0.0016, 0.04, shadow),  # nostrils
+        ]
+    return (*found, spot(0.18, 0.0590, 0.0, 0.003, 0.12, shadow))  # below the nose
+
+
+@cache
+def _beard() -> tuple[slice, FloatArray]:
+    """Rows of the canvas with the beard, and its share of each of their pixels; read-only."""
+    rows, angle = _grid()
+    jaw = texture_row(0.070) + 9.0 * np.clip(1.0 - np.abs(angle) / 0.5, 0.0, 1.0)
+    mask = np.clip((jaw - rows) / -3.0, 0.0, 1.0) * np.clip((texture_row(0.026) - rows) / 3.0, 0.0, 1.0)
+    return _occupied(mask * np.clip((1.5 - np.abs(angle)) / 0.2, 0.0, 1.0))
+
+
+@cache
+def _scalp(style: HairStyle) -> tuple[slice, FloatArray]:
+    """Rows of the canvas with the scalp, and its share of each of their pixels; read-only."""
+    rows, angle = _grid()
+    scalp = np.clip((texture_row(hairline(style, angle)) - rows) / 1.5 + 0.5, 0.0, 1.0)
+    return _occupied(scalp * 0.18 if style == "bald" else scalp)
+
+
+def _occupied(share: FloatArray) -> tuple[slice, FloatArray]:
+    """The rows of a `(h, w)` share in which it is not zero, and the share there."""
+    rows = _run(share.max(axis=1) > 0.0)
+    return rows, _frozen(share[rows].copy())
+
+
+def _frozen(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array
 
 
 def _mix(image: FloatArray, share: FloatArray, colour: FloatArray) -> None:
