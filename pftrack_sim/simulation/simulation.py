@@ -219,7 +219,7 @@ class Simulation:
     def _bind_renderer(self, world: World, size: tuple[int, int]) -> Renderer:
         """The renderer, bound to the new model; opened again where the size has changed."""
         if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) == size:
-            self._renderer.rebind(world.model)
+            self._renderer.rebind(world.model, exclusive=True)
             return self._renderer
         if self._renderer is not None:
             self._renderer.close()

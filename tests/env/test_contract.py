@@ -126,6 +126,32 @@ def test_frames_and_truth_are_the_same_in_two_processes():
     assert len(digests.pop().strip()) == 64
 
 
+@pytest.mark.slow
+def test_an_episode_does_not_depend_on_those_before_it_in_its_process():
+    code = (
+        "import hashlib, pickle, sys\n"
+        "import gymnasium as gym, pftrack_sim\n"
+        "for episode in sys.argv[1:]:\n"
+        "    name, seed, patches = episode.split(':')\n"
+        f"    given = {SMALL!r} | {{'lights.patches': float(patches)}}\n"
+        "    env = gym.make('pftrack_sim/Track-v0', scenario=name, overrides=given)\n"
+        "    env.reset(seed=int(seed) + 1)\n"
+        "    observation, info = env.reset(seed=int(seed))\n"
+        "    found = hashlib.sha1(observation['image'].tobytes())\n"
+        "    observation, _, _, _, info = env.step([0.0, 0.0, 5.0, 5.0])\n"
+        "    found.update(observation['image'].tobytes() + pickle.dumps(tuple(info['people'])))\n"
+        "    print(episode, found.hexdigest())\n"
+        "    env.close()\n"
+    )
+    episodes = ["plaza-walk:3:0.0", "street-night:3:0.4", "plaza-walk:7:0.4", "warehouse:3:0.0", "follow/plaza:3:0.0"]
+    printed = [
+        subprocess.run([sys.executable, "-c", code, *order], capture_output=True, text=True, check=True).stdout
+        for order in (episodes, episodes[::-1])
+    ]
+    assert sorted(printed[0].splitlines()) == sorted(printed[1].splitlines())
+    assert len({line.split()[1] for line in printed[0].splitlines()}) == len(episodes)
+
+
 def test_the_first_frame_holds_the_box_and_the_others_do_not(env: gym.Env[Any, Any]):
     observation, info = env.reset(seed=1)
     assert observation["first"] == 1

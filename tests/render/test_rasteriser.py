@@ -300,3 +300,21 @@ def test_culling_geoms_out_of_view_changes_no_pixel(shadows: bool, drawing: Draw
                 patch.setattr(ModelScene, "_cull", lambda *_: None)
                 assert np.array_equal(picture, renderer.color(stage.data, pose, K))
     assert left_out > 20
+
+
+def test_a_model_of_its_own_is_drawn_alike_and_left_as_it_was():
+    stage = build(3)
+    group = stage.model.geom_group.copy()
+    shown = np.isin(stage.model.geom_group, [PEOPLE_GROUP])
+    found = []
+    for exclusive in (False, True):
+        with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
+            renderer.rebind(stage.model, exclusive=exclusive)
+            pose = looking((0.0, 0.0, 1.2), (4.0, 0.0, 1.0))
+            some = renderer.ids(stage.data, pose, K, geoms=shown).ids.copy()
+            np.testing.assert_array_equal(stage.model.geom_group, group)
+            found.append([some, renderer.ids(stage.data, pose, K).ids.copy(), renderer.color(stage.data, pose, K)])
+    assert np.isin(found[0][0], [-1, *np.flatnonzero(shown)]).all()
+    assert (found[0][0] >= 0).any()
+    for first, second in zip(*found, strict=True):
+        np.testing.assert_array_equal(first, second)

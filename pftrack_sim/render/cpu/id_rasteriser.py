@@ -30,7 +30,7 @@ class IdRasteriser(Renderer):
         super().__init__(width_px, height_px)
         self.rebind(model)
 
-    def rebind(self, model: mujoco.MjModel) -> None:
+    def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
         """See `Renderer.rebind`."""
         self._read_model(model)
         triangles = model_triangles(model, self.visible_geoms)

@@ -59,7 +59,7 @@ class Rasteriser(Renderer):
         """See `Renderer.drawing`; the OpenGL context is current in the block."""
         return self._context.current()
 
-    def rebind(self, model: mujoco.MjModel) -> None:
+    def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
         """Draw another model from now on. It takes over the textures and meshes of the last one that equal its own."""
         self.unbind()
         with self._context.current():
@@ -68,7 +68,7 @@ class Rasteriser(Renderer):
                     self._resources.pop().free()
                 self._resources.append(Resources(model, (self.width_px, self.height_px)))
         self._read_model(model)
-        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self.far_m))
+        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self.far_m), exclusive)
 
     def unbind(self) -> None:
         """See `Renderer.unbind`. Textures and meshes stay in OpenGL's memory until the next `rebind`."""

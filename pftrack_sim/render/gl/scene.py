@@ -26,10 +26,13 @@ _NO_PERTURBATION = mujoco.MjvPerturb()
 class ModelScene:
     """MuJoCo scenes of one model, for color images and for segmentations.
 
-    Of `(ngeom,)` geoms those that are `visible` are drawn at all; `clip_m` are the depths of the near and far plane.
+    Of `(ngeom,)` geoms those that are `visible` are drawn at all; `clip_m` are the depths of the near and far plane;
+    `exclusive` is that of `Renderer.rebind`.
     """
 
-    def __init__(self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float]) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float], exclusive: bool = False
+    ) -> None:
         self._model = model
         self._order = np.flatnonzero(visible)
         self._clip_m = clip_m
@@ -38,8 +41,9 @@ class ModelScene:
         self._color = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._color.flags[mujoco.mjtRndFlag.mjRND_FOG] = False
         self._color_geoms = list(self._color.geoms)
-        # Segmentations hide geoms by their group, in a copy of the model: several threads may share the caller's.
-        self._ids_model = copy.copy(model)
+        # Segmentations hide geoms by their group, in a copy of the model where several threads may share the caller's.
+        self._ids_model = model if exclusive else copy.copy(model)
+        self._groups = model.geom_group.copy()
         self._ids = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._ids.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True
         self._ids.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
@@ -62,6 +66,7 @@ class ModelScene:
         """What a segmentation shows, and the geom id of each colour code: -1 of code 0."""
         self._ids_model.geom_group[:] = np.where(geoms, SCENERY_GROUP, _NEVER_DRAWN_GROUP)
         self._compose(self._ids, self._ids_model, data, T_world_camera, K, size)
+        self._ids_model.geom_group[:] = self._groups
         order = np.flatnonzero(geoms)
         if self._ids.ngeom != order.size:
             # MuJoCo left some geoms out or added others.

@@ -101,7 +101,7 @@ class PooledRaycaster(Renderer):
         self._closed = False
         self.rebind(model)
 
-    def rebind(self, model: mujoco.MjModel) -> None:
+    def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
         """Draw another model from now on."""
         self.unbind()
         self._read_model(model)
