@@ -23,7 +23,9 @@ import gymnasium as gym
 import numpy as np
 
 import pftrack_sim  # noqa: F401 - registers the environments
+from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.render.selection import warp_installed
+from pftrack_sim.scenario import load
 
 AIM = 100_000
 ON_GPU, ON_CPU = (1, 4, 16, 64, 256, 1024, 4096), (1, 4)
@@ -139,24 +141,28 @@ def measure_all(scenario: str, size_px: int, worlds: int, processes: int) -> lis
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--worlds", help=f"numbers of worlds; {ON_GPU} on a GPU, {ON_CPU} without")
-    parser.add_argument("--processes", type=int, help="one for each core on a GPU, 1 without")
+    parser.add_argument("--worlds", type=_counts, help=f"numbers of worlds; {ON_GPU} on a GPU, {ON_CPU} without")
+    parser.add_argument("--processes", type=_count, help="one for each core on a GPU, 1 without")
     parser.add_argument("--seconds", type=float, default=300.0, help="begin nothing that would end later")
-    parser.add_argument("--size", type=int, default=84, help="width and height of the images [px]")
+    parser.add_argument("--size", type=_count, default=84, help="width and height of the images [px]")
     parser.add_argument("--scenario", default="plaza-walk")
     options = parser.parse_args()
     if not warp_installed():
         print("the ray caster is not installed (pip install 'pftrack-sim[warp]'): nothing to measure")
         return
+    try:
+        load(options.scenario)
+    except PftrackError as error:
+        parser.error(str(error))
     from pftrack_sim.render.warp import rays
 
     device = rays.wp.get_device()
     on_gpu = bool(device.is_cuda)
-    worlds = [int(one) for one in options.worlds.split(",")] if options.worlds else ON_GPU if on_gpu else ON_CPU
+    worlds = options.worlds or (ON_GPU if on_gpu else ON_CPU)
     processes = options.processes or ((os.cpu_count() or 1) if on_gpu else 1)
     print(f"{options.scenario}, {options.size}x{options.size}, with shadows as the scenario has them, on {device.name}")
     if not on_gpu:
-        print("NOT RUN ON A GPU: Warp finds none here, and these are frames of one processor core.")
+        print("NOT RUN ON A GPU: Warp finds none here, and the times are those of the processor.")
     print(f"{'worlds':>6} {'processes':>9} {'frames/s':>9} {'cast':>5} {'reset s':>8} {'host MB':>8} {'device MB':>9}")
     begin, best, per_world_s, per_world_mb = time.perf_counter(), 0.0, 0.0, (0.0, 0.0)
     for count in worlds:
@@ -168,13 +174,12 @@ def main() -> None:
         if short := [name for name, mb in zip(rooms, per_world_mb, strict=True) if mb * count > rooms[name]]:
             print(f"stopped before {count} worlds: not enough memory ({', '.join(short)})")
             break
-        start = time.perf_counter()
         try:
             found = measure_all(options.scenario, options.size, count, processes)
         except RuntimeError as error:
             print(f"stopped at {count} worlds: {error}")
             break
-        per_world_s = (time.perf_counter() - start) * len(found) / count
+        per_world_s = sum(one.reset_s + 2.0 * one.step_s for one in found) / count
         step_s = max(one.step_s for one in found)
         speed, cast = count * STEPS / step_s, sum(one.cast_s for one in found) / sum(one.step_s for one in found)
         host, used = (sum(getattr(one, name) for one in found) / count for name in ("host_mb", "device_mb"))
@@ -183,6 +188,17 @@ def main() -> None:
         print(f"{count:6d} {len(found):9d} {speed:9.1f} {cast:5.0%} {reset_s:8.2f} {host:8.1f} {used:9.1f}", flush=True)
     if on_gpu:
         print(f"at most {best:,.0f} frames/s; the aim is {AIM:,} at 84x84 on one data-centre card")
+
+
+def _count(text: str) -> int:
+    count = int(text) if text.isdecimal() else 0
+    if count < 1:
+        raise argparse.ArgumentTypeError(f"a whole number above 0 is wanted, got {text!r}")
+    return count
+
+
+def _counts(text: str) -> list[int]:
+    return [_count(one) for one in text.split(",")]
 
 
 def _free_mb(device: Any) -> dict[str, float]:
