@@ -125,3 +125,13 @@ def test_the_same_texture_is_on_the_device_once_and_not_longer_than_it_is_used()
     gc.collect()
     shared.get((texels,), make)
     assert len(made) == 3
+
+
+def test_a_texture_takes_at_most_ten_bytes_a_texel():
+    from pftrack_sim.render.warp.assets import Assets
+
+    model = World(load("corridor").resolve(1), 1).model
+    for texture, levels in enumerate(Assets(model).textures):
+        sizes = [level.width * level.height * level.num_channels * np.dtype(level.dtype).itemsize for level in levels]
+        texels = model.tex_width[texture] * model.tex_height[texture]
+        assert 4 * texels <= sum(sizes) <= 10 * texels

@@ -75,13 +75,14 @@ def _texture(model: mujoco.MjModel, index: int, shared: SharedAssets) -> MipLeve
 
 
 def _levels_on_device(texels: NDArray[np.uint8], flat: bool) -> MipLevels:
-    rgba = np.zeros((*texels.shape[:2], 4), dtype=np.float32)
-    rgba[..., 3] = 1.0
-    rgba[..., : min(texels.shape[2], 4)] = texels[..., :4] / np.float32(255.0)
+    rgba = np.full((*texels.shape[:2], 4), 255, dtype=np.uint8)
+    rgba[..., : min(texels.shape[2], 4)] = texels[..., :4]
     linear = wp.TextureFilterMode.LINEAR
     if not flat:
         return MipLevels([wp.Texture2D(rgba, filter_mode=linear)])
-    levels = [np.ascontiguousarray(level) for level in mip_levels(rgba)]
+    # The largest level keeps its bytes, which Warp reads as shares of 255; means of texels are no bytes.
+    _, *smaller = mip_levels(np.divide(rgba, np.float32(255.0), dtype=np.float32))
+    levels = [rgba, *(np.ascontiguousarray(level) for level in smaller)]
     return MipLevels(
         wp.Texture2D(level, filter_mode=linear, address_mode=wp.TextureAddressMode.WRAP) for level in levels
     )
