@@ -62,6 +62,45 @@ def test_a_context_restores_the_one_that_was_current_before():
     second.close()
 
 
+def test_a_context_of_another_owner_is_current_again_afterwards():
+    opened = open_context()
+    if opened.info.backend != "egl":
+        pytest.skip("EGL draws nothing here")
+    theirs = importlib.import_module("mujoco.egl").GLContext(16, 16)
+    current = importlib.import_module("OpenGL.platform").PLATFORM.GetCurrentContext
+    with theirs.as_current():
+        before = current()
+        with opened.current():
+            assert current() not in (None, before)
+        assert current() == before
+    theirs.free()
+    opened.close()
+
+
+def test_a_context_that_another_thread_uses_raises():
+    opened = open_context()
+    if opened.info.backend != "egl":
+        pytest.skip("EGL draws nothing here")
+    errors: list[str] = []
+
+    def use() -> None:
+        try:
+            with opened.current():
+                pass
+        except RenderError as error:
+            errors.append(str(error))
+
+    with opened.current():
+        thread = threading.Thread(target=use)
+        thread.start()
+        thread.join()
+    assert len(errors) == 1
+    assert "another thread" in errors[0]
+    use()
+    assert len(errors) == 1
+    opened.close()
+
+
 def test_an_unknown_backend_raises_with_the_known_names():
     with pytest.raises(UnknownNameError, match="egl"):
         open_context("elg")

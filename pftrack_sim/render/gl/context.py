@@ -22,6 +22,7 @@ from typing import Any
 import mujoco
 
 from pftrack_sim.core.errors import RenderError, UnknownNameError
+from pftrack_sim.render.gl.egl import EGLBinding
 
 BACKENDS = ("egl", "osmesa")  # OpenGL libraries that can be asked for by name
 
@@ -66,6 +67,7 @@ class GLContext:
     def __init__(self, context: Any, info: OpenGLInfo) -> None:
         self.info = info
         self._context: Any = context
+        self._binding: Any = EGLBinding(context) if info.backend == "egl" else context
         self._pid = os.getpid()
 
     @property
@@ -95,7 +97,7 @@ class GLContext:
             raise RenderError(_FORKED)
         with ExitStack() as stack:
             try:
-                stack.enter_context(self._context.as_current())
+                stack.enter_context(self._binding.as_current())
             except Exception as error:  # PyOpenGL and the four backends each raise types of their own
                 raise RenderError(
                     f"the OpenGL context is not available; does another thread use it? {error}"
@@ -108,7 +110,7 @@ class GLContext:
         """Free it; a second call does nothing."""
         if self.usable:
             self._context.free()
-        self._context = None
+        self._context = self._binding = None
 
 
 def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480)) -> GLContext:

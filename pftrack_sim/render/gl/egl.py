@@ -1,0 +1,61 @@
+"""Making an EGL context current by EGL's own functions.
+
+`mujoco.egl` does it through PyOpenGL, whose checks and conversions take ten times as long as the calls, in every frame.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Any
+
+_DRAW, _READ = 0x3059, 0x305A
+_HANDLE = ctypes.c_void_p
+
+
+class EGLBinding:
+    """Makes one context of `mujoco.egl` current and restores the one before.
+
+    Args:
+        context: A `mujoco.egl.GLContext`.
+    """
+
+    def __init__(self, context: Any) -> None:
+        self._module: Any = sys.modules["mujoco.egl"]
+        self._display = ctypes.cast(self._module.EGL_DISPLAY, _HANDLE).value
+        self._context = ctypes.cast(context._context, _HANDLE).value
+        self._make_current = _function("eglMakeCurrent", ctypes.c_uint, _HANDLE, _HANDLE, _HANDLE, _HANDLE)
+        self._current_context = _function("eglGetCurrentContext", _HANDLE)
+        self._current_display = _function("eglGetCurrentDisplay", _HANDLE)
+        self._current_surface = _function("eglGetCurrentSurface", _HANDLE, ctypes.c_int)
+
+    @contextmanager
+    def as_current(self) -> Generator[None]:
+        """Make it current in this thread, and restore the thread's previous context at the end.
+
+        Raises:
+            RuntimeError: It is current in another thread.
+        """
+        before = self._current_context()
+        # Without a display, `mujoco.egl` has ended it: at the exit of the interpreter, everything is freed already.
+        if before == self._context or self._module.EGL_DISPLAY is None:
+            yield
+            return
+        place = (
+            (self._current_display(), self._current_surface(_DRAW), self._current_surface(_READ)) if before else None
+        )
+        if not self._make_current(self._display, None, None, self._context):
+            raise RuntimeError("eglMakeCurrent failed")
+        try:
+            yield
+        finally:
+            if self._module.EGL_DISPLAY is not None:
+                self._make_current(*(place or (self._display, None, None)), before)
+
+
+def _function(name: str, result: Any, *arguments: Any) -> Any:
+    library = importlib.import_module("OpenGL.platform").PLATFORM.EGL
+    return ctypes.CFUNCTYPE(result, *arguments)((name, library))
