@@ -33,10 +33,11 @@ def checked(box: ArrayLike, *, what: str = "box") -> Box:
         raise BoxError(f"{what} must be four numbers x, y, w, h in pixels, got {box!r}") from error
     if array.shape != (4,):
         raise BoxError(f"{what} must have shape (4,) (x, y, w, h in pixels), got shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise BoxError(f"{what} must be finite, got {array.tolist()}")
-    if array[2] < 0 or array[3] < 0:
-        raise BoxError(f"{what} must have a width and height >= 0, got w={array[2]:g}, h={array[3]:g}")
+    numbers = array.tolist()
+    if not all(map(math.isfinite, numbers)):
+        raise BoxError(f"{what} must be finite, got {numbers}")
+    if numbers[2] < 0 or numbers[3] < 0:
+        raise BoxError(f"{what} must have a width and height >= 0, got w={numbers[2]:g}, h={numbers[3]:g}")
     return array
 
 

@@ -21,6 +21,9 @@ from pftrack_sim.truth.detector import DetectionModel
 
 Observation = dict[str, Any]
 
+_PROPRIO_LOW = -PROPRIO_HIGH
+_PROPRIO_LOW.setflags(write=False)
+
 
 class CameraEnv(gym.Env[Observation, Any]):
     """Base of the environments; see `TrackEnv`, `FollowEnv` and `TrackAndFollowEnv`.
@@ -88,7 +91,7 @@ class CameraEnv(gym.Env[Observation, Any]):
                 # A selected box lies inside the image.
                 "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
                 "first": gym.spaces.Discrete(2),
-                "proprio": gym.spaces.Box(-PROPRIO_HIGH, PROPRIO_HIGH, dtype=np.float32),
+                "proprio": gym.spaces.Box(_PROPRIO_LOW, PROPRIO_HIGH, dtype=np.float32),
             }
         )
         self.simulation = Simulation(self.scenario, backend=backend, image=image)
@@ -168,10 +171,10 @@ class CameraEnv(gym.Env[Observation, Any]):
             self._selected_in = frame.index
         first = int(frame.index == self._selected_in)
         box = frame.truth.box.copy() if first else np.zeros(4)
-        proprio = np.clip(self.simulation.world.proprio(), -PROPRIO_HIGH, PROPRIO_HIGH)
+        proprio = np.minimum(np.maximum(self.simulation.world.proprio(), _PROPRIO_LOW), PROPRIO_HIGH)
         # Copies: wrappers and learners may write into an observation.
         pixels = {"image": frame.image.copy()} if self._image else {}
-        return {**pixels, "init_box": box, "first": first, "proprio": proprio.astype(np.float32)}
+        return {**pixels, "init_box": box, "first": first, "proprio": proprio}
 
     def _info(self, frame: Frame) -> dict[str, Any]:
         return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -235,7 +236,7 @@ class TruthObserver:
             boxes_of,
             boxes_of if swept is amodal else self._of_people(swept),
             self._image_motion(boxes_of).tolist(),
-            np.linalg.norm(body_positions[self._pelvis] - pose[:3, 3], axis=1).tolist(),
+            _lengths(body_positions[self._pelvis] - pose[:3, 3]).tolist(),
             np.asarray(T_world_people, dtype=np.float64),
             pose,
             distortion,
@@ -306,7 +307,7 @@ class TruthObserver:
         """`(P,)` displacement of the box centres since the last frame [px]; stores the centres for the next."""
         centres = amodal[:, :2] + 0.5 * amodal[:, 2:]
         previous, self._centres = self._centres, centres
-        return np.zeros(len(centres)) if previous is None else np.linalg.norm(centres - previous, axis=1)
+        return np.zeros(len(centres)) if previous is None else _lengths(centres - previous)
 
     def _occluders(self, silhouette: Silhouette) -> tuple[str, ...]:
         """Names of what occludes a person, by number of pixels, then by name."""
@@ -363,9 +364,14 @@ def _unit_sphere() -> FloatArray:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
 
 
+def _lengths(vectors: FloatArray) -> FloatArray:
+    """`(N,)` lengths of `(N, D)` vectors."""
+    return np.sqrt((vectors * vectors).sum(axis=1))
+
+
 def _clipped(amodal: FloatArray, width_px: int, height_px: int) -> tuple[FloatArray, float]:
     """Amodal box clipped to the image, and the share of its area outside; an empty box and 1 behind the camera."""
-    if not np.isfinite(amodal).all():
+    if not all(map(math.isfinite, amodal.tolist())):
         return np.zeros(4), 1.0
     box, area = boxes.clip(amodal, width_px, height_px), boxes.area(amodal)
     return box, min(1.0, max(0.0, 1.0 - boxes.area(box) / area)) if area > 0.0 else 1.0
