@@ -78,6 +78,8 @@ def compare(mode: str, num_envs: int, steps: int, **more: Any) -> None:
     with pytest.raises(CommandError, match="finite"):
         envs.step(wrong)
     assert envs.closed
+    assert envs._pool._groups == []
+    assert not envs._pool._shared._known
     for single in singles:
         single.close()
 
