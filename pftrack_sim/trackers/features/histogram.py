@@ -3,8 +3,8 @@
 Every box, whatever its size, is sampled at the same ROWS x COLUMNS points, so that cost does not depend on size and
 histograms of different boxes are comparable. They are counted from *pixel codes* (a colour's bin, a texture's pattern);
 a `BinLayout` holds the weight of each point and the part of the histogram that it counts into. `histogram_kernels`
-counts all histograms of the papers. Weights are whole numbers, as only their ratios matter: their sums are exact in any order and
-faster than those of floats.
+counts all histograms of the papers. Weights are whole numbers, as only their ratios matter: their sums are exact in any
+order and faster than those of floats.
 """
 
 from __future__ import annotations
