@@ -19,7 +19,8 @@ def rgb_codes(image: Image, bin_count: int) -> NDArray[np.uint8]:
 
 def hsv_codes(image: Image, bin_count: int) -> NDArray[np.uint8]:
     """`(H, W, 3)` bins of hue, saturation and value (Ko et al. 2012, section 2.1), as those of `rgb_codes`."""
-    return _hsv(image) >> _shift(bin_count)
+    codes = _hsv(image)
+    return np.right_shift(codes, _shift(bin_count), out=codes)
 
 
 def hsv_joint_codes(image: Image, bin_counts: tuple[int, int, int]) -> NDArray[np.uint8]:
