@@ -41,7 +41,7 @@ class FixedProps:
         casts_shadow: bool = True,
     ) -> None:
         """See `PlaceBuilder.add`."""
-        merged = merged_by_material(prop)
+        merged = _frozen(merged_by_material(prop))
         self.added.append(FixedProp(name, merged, tuple(position), yaw_rad, collider, casts_shadow))
 
 
@@ -58,10 +58,18 @@ def fixed_props(section: Section, *variant: bool) -> tuple[FixedProp, ...]:
 
 
 def built_once(build: Callable[_Arguments, Prop]) -> Callable[_Arguments, Prop]:
-    """Keep the props of a function without randomness by its arguments, with one mesh per material."""
+    """Keep the props of a function without randomness by its arguments, with one mesh per material; read-only."""
 
     @lru_cache(maxsize=128)
     def build_once(*arguments: _Arguments.args, **named: _Arguments.kwargs) -> Prop:
-        return merged_by_material(build(*arguments, **named))
+        return _frozen(merged_by_material(build(*arguments, **named)))
 
     return cast(Callable[_Arguments, Prop], build_once)
+
+
+def _frozen(prop: Prop) -> Prop:
+    """The prop, read-only from now on: environments in several threads share it."""
+    for mesh in prop:
+        for array in (mesh.vertices, mesh.normals, mesh.uv, mesh.faces):
+            array.setflags(write=False)
+    return prop
