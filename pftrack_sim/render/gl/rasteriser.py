@@ -20,9 +20,9 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import BoolArray
 from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
 from pftrack_sim.render.gl.context import GLContext, open_context
+from pftrack_sim.render.gl.resources import Resources
 from pftrack_sim.render.gl.scene import ModelScene
 
-_GL_RGBA = 0x1908
 _CODE_BITS = np.uint32(0xFFFFFF)
 
 
@@ -49,8 +49,8 @@ class Rasteriser(Renderer):
         self.info = self._context.info
         self.description = f"{self.info.backend}: {self.info.renderer}, {self.info.vendor}, OpenGL {self.info.version}"
         self._scene: ModelScene | None = None
-        self._resources: list[mujoco.MjrContext] = []
-        """Textures, meshes and framebuffers on the graphics card: one of a bound model, none otherwise."""
+        self._resources: list[Resources] = []
+        """One of the last model bound; none before."""
         self._finalizer = weakref.finalize(self, _free, self._context, self._resources)
         self._pixels = np.empty((self.height_px, self.width_px, 4), dtype=np.uint8)
         self.rebind(model)
@@ -60,25 +60,19 @@ class Rasteriser(Renderer):
         return self._context.current()
 
     def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
-        """Draw another model from now on. The textures and meshes of the last one are freed; the context stays."""
+        """Draw another model from now on. It takes over the textures and meshes of the last one that equal its own."""
         self.unbind()
         with self._context.current():
-            resources = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
-            self._resources.append(resources)
-            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources)
-            if (resources.offWidth, resources.offHeight) != (self.width_px, self.height_px):
-                mujoco.mjr_resizeOffscreen(self.width_px, self.height_px, resources)
-            resources.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # the buffer's own values, not converted
-            resources.readPixelFormat = _GL_RGBA  # the buffer's own format: ten times quicker to read than RGB
+            if not self._resources or not self._resources[0].replace(model):
+                if self._resources:
+                    self._resources.pop().free()
+                self._resources.append(Resources(model, (self.width_px, self.height_px)))
         self._read_model(model)
         self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self.far_m), exclusive)
 
     def unbind(self) -> None:
-        """See `Renderer.unbind`."""
+        """See `Renderer.unbind`. Textures and meshes stay in OpenGL's memory until the next `rebind`."""
         self._scene = None
-        if self._resources:
-            with self._context.current():
-                self._resources.pop().free()
 
     def color(
         self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
@@ -97,7 +91,7 @@ class Rasteriser(Renderer):
         with self._context.current():
             scene.sky.update(self._resources[0])
             self._draw(drawn, area)
-            mujoco.mjr_readPixels(pixels, None, area, self._resources[0])
+            mujoco.mjr_readPixels(pixels, None, area, self._resources[0].context)
         # OpenGL counts rows from the bottom.
         return np.asarray(cv2.flip(cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB), 0), dtype=np.uint8)
 
@@ -123,7 +117,7 @@ class Rasteriser(Renderer):
         area = mujoco.MjrRect(rect.left, self.height_px - rect.top - rect.height, rect.width, rect.height)
         with self._context.current():
             self._draw(drawn, mujoco.MjrRect(0, 0, *size))
-            mujoco.mjr_readPixels(pixels, inverse_depth, area, self._resources[0])
+            mujoco.mjr_readPixels(pixels, inverse_depth, area, self._resources[0].context)
         codes = pixels.view("<u4")[:, :, 0] & _CODE_BITS
         return Segmentation(rect, geom_of_code.take(codes)[::-1], inverse_depth[::-1])
 
@@ -143,11 +137,12 @@ class Rasteriser(Renderer):
         return self._scene
 
     def _draw(self, scene: mujoco.MjvScene, area: mujoco.MjrRect) -> None:
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._resources[0])
-        mujoco.mjr_render(area, scene, self._resources[0])
+        context = self._resources[0].context
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+        mujoco.mjr_render(area, scene, context)
 
 
-def _free(context: GLContext, resources: list[mujoco.MjrContext]) -> None:
+def _free(context: GLContext, resources: list[Resources]) -> None:
     """Free on `close`, garbage collection or the interpreter's exit."""
     if context.usable:
         with context.current():

@@ -13,6 +13,7 @@ from pftrack_sim.camera.pinhole import frustum
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.render.backend import DRAWN_GROUPS, sky_material
 from pftrack_sim.render.culling import Bounds
+from pftrack_sim.render.gl.resources import Resources
 from pftrack_sim.scene.layout import SCENERY_GROUP
 
 _NEVER_DRAWN_GROUP = 5
@@ -131,7 +132,7 @@ class Sky:
         self._texture = int(skies[0]) if self._material >= 0 and skies.size else -1
         self._uploaded = 1.0
 
-    def update(self, resources: mujoco.MjrContext) -> None:
+    def update(self, resources: Resources) -> None:
         """Upload the texture again if the brightness has changed; the OpenGL context must be current."""
         model, texture = self._model, self._texture
         if texture < 0 or (brightness := float(model.mat_emission[self._material])) == self._uploaded:
@@ -142,7 +143,7 @@ class Sky:
         original = texels.copy()
         levels = np.clip(np.round(np.arange(256) * brightness), 0.0, 255.0).astype(np.uint8)
         texels[:] = cv2.LUT(original, levels).reshape(-1)
-        mujoco.mjr_uploadTexture(model, resources, texture)
+        resources.upload_texture(model, texture)
         texels[:] = original
         self._uploaded = brightness
 

@@ -1,0 +1,131 @@
+"""Textures, meshes and framebuffers in OpenGL's memory, of which the next model takes over what is equal to its own."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+_GL_RGBA = 0x1908
+_PLANE, _SKYBOX = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+_GRAPHICS = ("global_", "quality", "map", "rgba")
+"""The parts of MuJoCo's `mjVisual` that resources are made by: all but the headlight and the sizes of decoration."""
+
+Settings: TypeAlias = tuple[object, ...]
+
+
+class Resources:
+    """The resources of one model after the other; the OpenGL context must be current in all methods.
+
+    Args:
+        model: What to draw.
+        size: Width and height of the framebuffer [px].
+
+    Attributes:
+        context: MuJoCo's handles of them.
+    """
+
+    def __init__(self, model: mujoco.MjModel, size: tuple[int, int]) -> None:
+        self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
+        if (self.context.offWidth, self.context.offHeight) != size:
+            mujoco.mjr_resizeOffscreen(*size, self.context)
+        self.context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # the buffer's own values, not converted
+        self.context.readPixelFormat = _GL_RGBA  # the buffer's own format: ten times quicker to read than RGB
+        self._settings = _settings(model)
+        self._textures: list[object] = _texture_digests(model)
+        self._meshes = _mesh_digests(model)
+
+    def replace(self, model: mujoco.MjModel) -> bool:
+        """Upload what differs in another model; False if it needs resources of its own, and nothing is done."""
+        context = self.context
+        kinds = np.asarray(context.textureType)[: context.ntexture]
+        if (
+            _settings(model) != self._settings
+            or 2 * model.nmesh > context.rangeMesh
+            or model.ntex > context.ntexture
+            or (kinds[: model.ntex] != model.tex_type).any()
+            # MuJoCo draws the first skybox that there is.
+            or (kinds[model.ntex :] == _SKYBOX).any()
+        ):
+            return False
+        for texture, digest in enumerate(_texture_digests(model)):
+            if digest != self._textures[texture]:
+                mujoco.mjr_uploadTexture(model, context, texture)
+                self._textures[texture] = digest
+        meshes = _mesh_digests(model)
+        for mesh, digest in enumerate(meshes):
+            if mesh >= len(self._meshes) or digest != self._meshes[mesh]:
+                mujoco.mjr_uploadMesh(model, context, mesh)
+        self._meshes = meshes
+        for ours, theirs in (
+            (context.mat_texid, model.mat_texid),
+            (context.mat_texuniform, model.mat_texuniform),
+            (context.mat_texrepeat, model.mat_texrepeat),
+        ):
+            ours.reshape(-1)[: theirs.size] = theirs.reshape(-1)
+        return True
+
+    def upload_texture(self, model: mujoco.MjModel, texture: int) -> None:
+        """Upload a texture as the model has it now, for a while: the next model does not take it over."""
+        mujoco.mjr_uploadTexture(model, self.context, texture)
+        self._textures[texture] = object()
+
+    def free(self) -> None:
+        """Free OpenGL's memory."""
+        self.context.free()
+
+
+def _settings(model: mujoco.MjModel) -> Settings:
+    """What resources are made by, besides textures, meshes and materials."""
+    planes = model.geom_type == _PLANE
+    groups = [getattr(model.vis, name) for name in _GRAPHICS]
+    return (
+        *(_plain(getattr(group, name)) for group in groups for name in dir(group) if not name.startswith("_")),
+        float(model.stat.extent),
+        model.geom_size[planes].tobytes(),
+        model.geom_matid[planes].tobytes(),
+        # Height fields and skins are not compared.
+        *([object()] if model.nhfield or model.nskin else []),
+    )
+
+
+def _plain(value: Any) -> object:
+    return value.tobytes() if isinstance(value, np.ndarray) else value
+
+
+def _texture_digests(model: mujoco.MjModel) -> list[object]:
+    from pftrack_sim.render.gl.digest_kernels import words_digest  # numba: imported when it is used
+
+    digests: list[object] = []
+    for texture in range(model.ntex):
+        form = [int(getattr(model, f"tex_{name}")[texture]) for name in ("type", "width", "height", "nchannel")]
+        start, size = int(model.tex_adr[texture]), form[1] * form[2] * form[3]
+        texels: NDArray[np.uint8] = model.tex_data[start : start + size]
+        whole = size // 8 * 8
+        words = np.frombuffer(texels[:whole].tobytes() if start % 8 else texels[:whole], dtype=np.uint64)
+        rest = texels[whole:].tobytes()
+        digests.append((*form, int(model.tex_colorspace[texture]), int(words_digest(words)), rest))
+    return digests
+
+
+def _mesh_digests(model: mujoco.MjModel) -> list[object]:
+    from pftrack_sim.render.gl.digest_kernels import rows_digests  # numba: imported when it is used
+
+    digests = np.arange(1, 1 + model.nmesh, dtype=np.uint64)
+    vertices, normals = (model.mesh_vertadr, model.mesh_vertnum), (model.mesh_normaladr, model.mesh_normalnum)
+    coordinates, faces = (model.mesh_texcoordadr, model.mesh_texcoordnum), (model.mesh_faceadr, model.mesh_facenum)
+    for array, (starts, counts) in (
+        (model.mesh_vert, vertices),
+        (model.mesh_normal, normals),
+        (model.mesh_texcoord, coordinates),
+        (model.mesh_face, faces),
+        (model.mesh_facenormal, faces),
+        (model.mesh_facetexcoord, faces),
+    ):
+        rows_digests(digests, np.ascontiguousarray(array).view(np.uint32), starts, counts)
+    # The convex hull that belongs to a mesh with a graph is drawn too; it is not compared.
+    graphs = model.mesh_graphadr.tolist()
+    return [digest if graph < 0 else object() for digest, graph in zip(digests.tolist(), graphs, strict=True)]
