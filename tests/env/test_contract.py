@@ -372,12 +372,13 @@ def test_resets_do_not_grow_memory():
         "    now = mallinfo2()\n"
         "    megabytes.append((now.uordblks + now.hblkhd) / 2**20)\n"
         "    objects.append(sys.getallocatedblocks())\n"
-        "print(max(megabytes[60:]) - max(megabytes[:60]), max(objects[60:]) - max(objects[:60]))"
+        "from statistics import median\n"
+        "print(median(megabytes[60:]) - median(megabytes[:60]), max(objects[60:]) - max(objects[:60]))"
     )
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     grown_mb, grown_objects = map(float, printed.split())
     # What is allocated, not what the process holds: the allocator keeps or returns a freed model (15 MB) as it likes.
-    # A tenth of a megabyte or a hundred Python objects kept per reset show.
+    # A tenth of a megabyte or a hundred Python objects kept per reset show; one episode with a larger model does not.
     assert grown_mb < 4
     assert grown_objects < 6000
 
