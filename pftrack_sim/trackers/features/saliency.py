@@ -65,7 +65,7 @@ def _smooth_spectrum(channels: NDArray[np.float32]) -> NDArray[np.complex64]:
     along = channels[:, :, 0] - channels[:, :, -1]
     jumps[:, :, 0] += along
     jumps[:, :, -1] -= along
-    smooth = rfft2(jumps) / _negative_laplacian(height, width)
+    smooth = np.asarray(rfft2(jumps) / _negative_laplacian(height, width), dtype=np.complex64)
     smooth[:, 0, 0] = 0.0
     return smooth
 
