@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.core.photometry import gain
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import LightAxis
 from pftrack_sim.scenario.model import LightRamp, Lights, LightStep
 from pftrack_sim.scene.layout import SKY
@@ -45,7 +46,7 @@ class Lighting:
     Lights named "light/lamp..." and materials named "glow-lamp..." are lamps; every other light is sun. Ambient light
     (the headlight's) and the sky's texture belong to the sun or moon; where there are only lamps, they belong to the
     lamps, as their light is reflected by the walls. Every call starts from the model's original light; one that would
-    set the light of the last call again leaves the model as it is.
+    set the light of the last call again, where nobody else has changed it, leaves the model as it is.
 
     Args:
         axis: Stress axis on top; its colour is applied by the camera.
@@ -74,6 +75,8 @@ class Lighting:
         self._emission = model.mat_emission.copy()
         self._headlight = np.array(model.vis.headlight.ambient)
         self._gains: tuple[float, float, float] | None = None
+        self._shown = model.light_diffuse, model.mat_emission, model.vis.headlight.ambient
+        self._set: list[FloatArray] = []
 
     def apply(self, time_s: float, target_s_m: float = 0.0, exposure_ev: float = 0.0) -> None:
         """Set the model's lights.
@@ -92,9 +95,11 @@ class Lighting:
         sun_gain = gain(ev(self._lights, time_s, "sun") + sun)
         lamp_gain = gain(ev(self._lights, time_s, "lamps") + lamps)
         other_gain = gain(exposure_ev)
-        if self._gains == (sun_gain, lamp_gain, other_gain):
+        gains = sun_gain, lamp_gain, other_gain
+        # Others may have set the lights of the model meanwhile.
+        if self._gains == gains and all(map(np.array_equal, self._shown, self._set)):
             return
-        self._gains = sun_gain, lamp_gain, other_gain
+        self._gains = gains
         sky_gain = lamp_gain if self._only_lamps else sun_gain
         model = self._model
         light_gains = np.where(self._is_lamp, lamp_gain, sun_gain)[:, None]
@@ -104,3 +109,4 @@ class Lighting:
         material_gains = np.where(self._is_sky, sky_gain, other_gain)
         model.mat_emission[:] = self._emission * np.where(self._is_lamp_material, lamp_gain, material_gains)
         model.vis.headlight.ambient[:] = self._headlight * sky_gain
+        self._set = [values.copy() for values in self._shown]
