@@ -45,8 +45,8 @@ class Lighting:
 
     Lights named "light/lamp..." and materials named "glow-lamp..." are lamps; every other light is sun. Ambient light
     (the headlight's) and the sky's texture belong to the sun or moon; where there are only lamps, they belong to the
-    lamps, as their light is reflected by the walls. Every call starts from the model's original light; one that would
-    set the light of the last call again, where nobody else has changed it, leaves the model as it is.
+    lamps, as their light is reflected by the walls. Every call starts from the model's original light. A
+    call with the same light as the one before does nothing, unless the model's lights were changed in between.
 
     Args:
         axis: Stress axis on top; its colour is applied by the camera.
@@ -75,8 +75,8 @@ class Lighting:
         self._emission = model.mat_emission.copy()
         self._headlight = np.array(model.vis.headlight.ambient)
         self._gains: tuple[float, float, float] | None = None
-        self._shown = model.light_diffuse, model.mat_emission, model.vis.headlight.ambient
-        self._set: list[FloatArray] = []
+        self._outputs = model.light_diffuse, model.mat_emission, model.vis.headlight.ambient
+        self._written: list[FloatArray] = []
 
     def apply(self, time_s: float, target_s_m: float = 0.0, exposure_ev: float = 0.0) -> None:
         """Set the model's lights.
@@ -96,8 +96,8 @@ class Lighting:
         lamp_gain = gain(ev(self._lights, time_s, "lamps") + lamps)
         other_gain = gain(exposure_ev)
         gains = sun_gain, lamp_gain, other_gain
-        # Others may have set the lights of the model meanwhile.
-        if self._gains == gains and all(map(np.array_equal, self._shown, self._set)):
+        # Another Lighting of the same model may have changed them since.
+        if self._gains == gains and all(map(np.array_equal, self._outputs, self._written)):
             return
         self._gains = gains
         sky_gain = lamp_gain if self._only_lamps else sun_gain
@@ -109,4 +109,4 @@ class Lighting:
         material_gains = np.where(self._is_sky, sky_gain, other_gain)
         model.mat_emission[:] = self._emission * np.where(self._is_lamp_material, lamp_gain, material_gains)
         model.vis.headlight.ambient[:] = self._headlight * sky_gain
-        self._set = [values.copy() for values in self._shown]
+        self._written = [values.copy() for values in self._outputs]
