@@ -151,8 +151,9 @@ def test_an_answer_that_was_cut_in_the_middle_is_not_waited_for(monkeypatch: pyt
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_ctrl_c_leaves_no_process():
     code = (
-        "import gymnasium as gym, numpy as np, pftrack_sim\n"
+        "import signal; import gymnasium as gym, numpy as np, pftrack_sim\n"
         "if __name__ == '__main__':\n"
+        "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background jobs ignore it
         "    envs = gym.make_vec('pftrack_sim/Follow-v0', 2, vectorization_mode='vector_entry_point', image=False,\n"
         f"        scenario='corridor', overrides={SMALL!r})\n"
         "    try:\n"

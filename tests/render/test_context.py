@@ -337,4 +337,24 @@ def test_errors_of_mujoco_become_render_errors(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(context, "_process", context._Process())
     monkeypatch.setattr(mujoco, "MjrContext", broken)
     with pytest.raises(RenderError, match="gladLoadGL"):
-        open_context()
+        open_context(context.candidates()[0])
+
+
+def test_egl_draws_after_every_library_failed_once(osmesa_present: None):
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from unittest import mock; import mujoco; from render_stage import HEIGHT, WIDTH, build\n"
+        "from pftrack_sim.core.errors import RenderError\n"
+        "from pftrack_sim.render.gl.context import open_context\n"
+        "from pftrack_sim.render.gl.rasteriser import Rasteriser\n"
+        "try:\n"
+        "    with mock.patch.object(mujoco, 'MjrContext', side_effect=mujoco.FatalError('no memory')): open_context()\n"
+        "except RenderError as error:\n"
+        "    assert str(error).count('no memory') == 2, error\n"
+        "with Rasteriser(build().model, WIDTH, HEIGHT) as renderer: print(renderer.info)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(Path(__file__).parents[1])], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "egl" in done.stdout

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import ctypes
-import importlib
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -57,5 +56,5 @@ class EGLBinding:
 
 
 def _function(name: str, result: Any, *arguments: Any) -> Any:
-    library = importlib.import_module("OpenGL.platform").PLATFORM.EGL
-    return ctypes.CFUNCTYPE(result, *arguments)((name, library))
+    # Not by PyOpenGL's platform, which is another library's where OSMesa was tried after an EGL that failed.
+    return ctypes.CFUNCTYPE(result, *arguments)((name, ctypes.CDLL("libEGL.so.1")))
