@@ -90,6 +90,7 @@ def test_wrong_names_are_refused(
         compare_runs(stored, stored, trackers, measure=measure)
 
 
+@pytest.mark.slow
 def test_runs_without_a_common_episode_are_refused(stored: RunStore, tmp_path: Path):
     with pytest.raises(RunError, match="no scenario, condition and seed in common"):
         compare_runs(stored, make_run(tmp_path / "other", ["stay"], [7], SCENARIOS[1:]))

@@ -60,6 +60,7 @@ def test_recoveries_stand_beside_the_overlap(swept: RunStore):
     assert [row.means["oracle"] for row in rows] == [1.0, 1.0]
 
 
+@pytest.mark.slow
 def test_level_zero_is_shared_only_by_equal_scenarios(tmp_path: Path):
     small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
     base = make_plan(["easy/corridor"], ["stay"], [0], axes={"jitter": (0,)}, overrides=small)
@@ -80,6 +81,7 @@ def test_axes_have_their_own_unit():
     assert (named.axis, named.label) == ("stranger occlusion", "occlusion (stranger) [s]")
 
 
+@pytest.mark.slow
 def test_axes_swept_together_give_a_map_and_its_marginal_curves(tmp_path: Path):
     axes = {"noise": (0, 2), "stream": (0, 3)}
     plan = make_plan(["easy/corridor"], ["ncc"], [3], axes=axes, overrides={**SMALL, "duration_s": 1.0})
@@ -93,6 +95,7 @@ def test_axes_swept_together_give_a_map_and_its_marginal_curves(tmp_path: Path):
         assert curves["noise over stream", level] == pytest.approx((cells[level, 0] + cells[level, 3]) / 2, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_an_axis_with_one_level_is_no_part_of_a_map(tmp_path: Path):
     axes = {"noise": (0, 2), "stream": (3,)}
     plan = make_plan(["easy/corridor"], ["stay"], [3], axes=axes, overrides={**SMALL, "duration_s": 0.5})

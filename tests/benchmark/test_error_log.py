@@ -37,6 +37,7 @@ def test_the_frame_of_an_error_and_its_text_are_kept(stopped: RunStore):
     assert error_picture(stopped.path, fine, stopped.plan.labels) is None
 
 
+@pytest.mark.slow
 def test_a_run_that_stopped_at_an_error_goes_on_and_errors_are_part_of_it(stopped: RunStore, tmp_path: Path):
     assert len({one.file for one in stopped.results}) == 1
     assert not stopped.finished
@@ -49,6 +50,7 @@ def test_a_run_that_stopped_at_an_error_goes_on_and_errors_are_part_of_it(stoppe
     assert check(whole.path).problems == (f"{PICTURE.format(1)}: missing",)
 
 
+@pytest.mark.slow
 def test_the_command_line_prints_the_traceback_and_exits_with_1(tmp_path: Path):
     settings = [word for key, value in SMALL.items() for word in ("--set", f"{key}={str(value).lower()}")]
     for words in (

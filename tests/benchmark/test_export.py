@@ -60,7 +60,9 @@ def scores(episode: list[Frame]) -> list[float]:
     return [summary.mean_overlap, summary.centre_error_median_px]
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize(
+    "layout", [name if name in ("otb", "mot") else pytest.param(name, marks=pytest.mark.slow) for name in LAYOUTS]
+)
 def test_a_sequence_has_the_frames_boxes_and_scores_of_the_episode(
     tmp_path: Path, layout: str, episode: list[Frame], scores: list[float]
 ):
@@ -85,7 +87,8 @@ def test_a_sequence_has_the_frames_boxes_and_scores_of_the_episode(
         assert (out / name).read_text() == "".join(pieces)
 
 
-@pytest.mark.parametrize("layout", ["mot", pytest.param("lasot", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("layout", ["mot", "lasot"])
 def test_a_video_stands_for_the_images_and_is_read_back(tmp_path: Path, layout: str, episode: list[Frame]):
     names = ["easy-plaza-walk-0003", "easy-plaza-walk-0004"]
     out = export(plan([3, 4]), tmp_path / "out", layout, image="mp4", quality=5, maps=["masks"])
@@ -173,7 +176,7 @@ def test_workers_write_the_same_bytes(tmp_path: Path):
     assert files(alone) == files(together)
 
 
-@pytest.mark.parametrize("layout", ["otb", "webdataset"])
+@pytest.mark.parametrize("layout", ["otb", pytest.param("webdataset", marks=pytest.mark.slow)])
 def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str):
     written: list[object] = []
 

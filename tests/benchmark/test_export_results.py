@@ -24,9 +24,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     return run(plan, tmp_path_factory.mktemp("run") / "run", videos="none")
 
 
-@pytest.mark.parametrize(
-    "form", [pytest.param(form, marks=[pytest.mark.slow] if form in ("otb", "vot") else []) for form in RESULT_FORMATS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("form", RESULT_FORMATS)
 def test_scores_of_the_files_are_those_of_the_run(tmp_path: Path, finished: RunStore, form: str):
     dataset = export(finished.plan, tmp_path / "data", form)
     files = export_results(finished, tmp_path / "results", form)
@@ -54,6 +53,7 @@ def test_scores_of_the_files_are_those_of_the_run(tmp_path: Path, finished: RunS
         assert f"{found.benchmark['ncc']['ao']:.4f}" in done.stdout
 
 
+@pytest.mark.slow
 def test_only_finished_runs_in_open_loop_have_results(tmp_path: Path, finished: RunStore):
     (tmp_path / "file").write_text("mine")
     with pytest.raises(RunError, match="is not a folder"):
@@ -69,6 +69,7 @@ def test_only_finished_runs_in_open_loop_have_results(tmp_path: Path, finished: 
     assert "did you mean 'got10k'" in done.stderr
 
 
+@pytest.mark.slow
 def test_results_of_other_sequences_are_refused(tmp_path: Path, finished: RunStore):
     export_results(finished, tmp_path / "results", "otb")
     dataset = export(make_plan(["corridor"], ["stay"], [5], overrides=TINY), tmp_path / "data", "otb")

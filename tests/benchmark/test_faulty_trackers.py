@@ -43,6 +43,7 @@ def together(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     return run(plan, tmp_path_factory.mktemp("together") / "run", videos="none", limits=LIMITS)
 
 
+@pytest.mark.slow
 def test_other_trackers_give_the_same_bits(alone: RunStore, together: RunStore):
     with alone.database() as quiet, together.database() as noisy:
         assert str(quiet.sql(ROWS).fetchall()) == str(noisy.sql(ROWS).fetchall())
@@ -80,6 +81,7 @@ def test_printed_output_is_recorded_and_not_shown(together: RunStore, capfd: pyt
     assert "rubbish" not in "".join(capfd.readouterr())
 
 
+@pytest.mark.slow
 def test_an_isolated_tracker_gives_the_same_bits(alone: RunStore, tmp_path: Path):
     plan = small_plan(range(4, 5), ["ko2012"])
     apart = run(plan, tmp_path / "run", videos="none", isolation="always")

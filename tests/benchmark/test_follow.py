@@ -113,6 +113,7 @@ def test_sensors_and_people_of_every_drive_are_stored(one: RunStore):
     assert people == [(label, seed, 4) for label in labels for seed in (0, 1)]
 
 
+@pytest.mark.slow
 def test_without_images_the_robot_drives_the_same_way(one: RunStore, tmp_path: Path):
     bare = run(driving(range(1), ("oracle",)), tmp_path / "bare", backend="none")
     drive = "after_x_m, after_y_m, after_distance_m, visible_fraction, target_x_m"
@@ -133,6 +134,7 @@ def test_two_workers_and_another_order_give_the_same_bits(one: RunStore, tmp_pat
     assert contents(two.path) == contents(one.path)
 
 
+@pytest.mark.slow
 def test_a_resumed_run_runs_only_missing_episodes(one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)

@@ -170,6 +170,7 @@ def test_parameters_reach_one_tracker_or_all(tmp_path: Path):
     assert "ko2012[alpha=0.3,particle_count=50]" in brackets.stdout, brackets.stderr
 
 
+@pytest.mark.slow
 def test_tables_name_a_tracker_with_its_parameters(tmp_path: Path):
     trackers = "stay,ncc[preset=paper]"
     done = pftrack_sim(
@@ -271,6 +272,7 @@ def test_a_failing_tracker_is_named_and_the_exit_code_is_1(fault: str, words: st
     assert "stay" in recorded.stdout
 
 
+@pytest.mark.slow
 def test_queries_only_select(tmp_path: Path):
     out = tmp_path / "run"
     pftrack_sim("bench", "plaza-walk", "--trackers", "stay", "--seeds", "0", "--out", str(out), *SMALL)

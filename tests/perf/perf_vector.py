@@ -8,7 +8,9 @@ to one environment is what to compare between machines.
 
 from __future__ import annotations
 
+import multiprocessing
 import time
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import gymnasium as gym
@@ -44,6 +46,26 @@ def steps_per_s(name: str, count: int) -> float:
     return STEPS * count / seconds
 
 
+def steps_per_s_apart(count: int) -> float:
+    """Steps per second of single environments at once, in processes that exchange nothing: what a machine allows."""
+    processes = multiprocessing.get_context("forkserver")
+    with processes.Manager() as manager, ProcessPoolExecutor(count, processes) as pool:
+        return sum(pool.map(_steps_per_s_alone, [manager.Barrier(count)] * count))
+
+
+def _steps_per_s_alone(others: Any) -> float:
+    """Steps per second of one environment in this process, from the moment at which all others are ready."""
+    env = make()
+    env.reset(seed=3)
+    still = 0.0 * env.action_space.sample()
+    env.step(still)
+    others.wait()
+    start = time.perf_counter()
+    for _ in range(STEPS):
+        env.step(still)
+    return STEPS / (time.perf_counter() - start)
+
+
 def main() -> None:
     """Print the table."""
     alone: float | None = None
@@ -53,6 +75,9 @@ def main() -> None:
             speed = steps_per_s(name, count)
             alone = speed if alone is None else alone
             print(f"{count:>4} {name:>6} {speed:8.1f} {speed / alone:6.2f}", flush=True)
+    for count in (1, 2):
+        speed = steps_per_s_apart(count)
+        print(f"{count:>4} {'apart':>6} {speed:8.1f} {speed / alone:6.2f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -98,6 +98,7 @@ def test_figures_for_papers(finished: Path, tmp_path: Path, name: str):
     assert [path.name for path in target.parent.iterdir()] == [name]
 
 
+@pytest.mark.slow
 def test_axes_swept_together_are_drawn_as_maps_and_curves(tmp_path: Path):
     axes = {"noise": (0, 2), "stream": (0, 3)}
     small = {**SMALL, "camera.rate_hz": 10.0}

@@ -49,6 +49,7 @@ def test_it_opens_from_disk_and_ranks(opened: Any):
     assert opened.locator(".strip img").count() >= 5
 
 
+@pytest.mark.slow
 def test_plots_of_several_axes_stand_beside_each_other(opened: Any):
     opened.evaluate("DATA.axes.push(...DATA.axes.map((row) => ['other [m]', ...row.slice(1)])); drawAxes()")
     first, second = (plot.bounding_box() for plot in opened.locator("#axes .plot").all())
@@ -57,6 +58,7 @@ def test_plots_of_several_axes_stand_beside_each_other(opened: Any):
     assert drawn["width"] <= first["width"]
 
 
+@pytest.mark.slow
 def test_one_tracker_has_no_table_of_pairs(opened: Any):
     pairs = opened.locator("section:has(#matrix)")
     assert pairs.is_visible()
@@ -64,6 +66,7 @@ def test_one_tracker_has_no_table_of_pairs(opened: Any):
     assert not pairs.is_visible()
 
 
+@pytest.mark.slow
 def test_filters_change_the_board(opened: Any):
     everywhere = board(opened)["stay"][1]
     opened.select_option("#filter-scenario", label="corridor")
@@ -74,6 +77,7 @@ def test_filters_change_the_board(opened: Any):
     assert board(opened)["stay"][0] == "2"
 
 
+@pytest.mark.slow
 def test_a_click_on_the_curve_seeks_the_video_and_keys_step(opened: Any):
     opened.wait_for_function("document.getElementById('video').readyState >= 1")
     opened.locator("#overlap").scroll_into_view_if_needed()
@@ -100,6 +104,7 @@ def test_a_name_that_is_a_script_stays_text(browser: Any, hostile: Path):
     page.close()
 
 
+@pytest.mark.slow
 def test_everything_can_be_reached_by_keyboard(opened: Any):
     reached = set()
     for _ in range(90):  # Plotly has buttons of its own
@@ -108,6 +113,7 @@ def test_everything_can_be_reached_by_keyboard(opened: Any):
     assert {"checkbox", "filter-scenario", "filter-condition", "episode", "viewer"} <= reached
 
 
+@pytest.mark.slow
 def test_nothing_is_fetched_from_elsewhere(browser: Any, finished: Path):
     page = browser.new_page()
     asked: list[str] = []

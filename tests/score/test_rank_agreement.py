@@ -29,6 +29,7 @@ def test_correlation_is_scipys_with_ties_too(pairs: list[tuple[float, float]]):
         assert ours == pytest.approx(stats.spearmanr(first, second).statistic)
 
 
+@pytest.mark.slow
 def test_interval_agrees_with_scipys_bootstrap_of_paired_seeds():
     draws = np.random.default_rng(1)
     first = np.linspace(0.2, 0.8, 8)[:, None] + draws.normal(0.0, 0.3, (8, 12))

@@ -60,6 +60,7 @@ def test_hog_agrees_with_a_reference_implementation(seed: int, x: float, y: floa
     assert np.allclose(found, slow / slow.sum(), rtol=0, atol=tolerance)
 
 
+@pytest.mark.slow
 def test_the_blur_is_that_of_opencv():
     """The descriptor of a patch equals that of the gradients of OpenCV's blur, cell by cell."""
     grey = np.random.default_rng(3).integers(0, 256, (ROWS, COLUMNS), dtype=np.uint8)

@@ -40,6 +40,7 @@ def _said(sandboxed: bool, params: dict[str, Any]) -> str | None:
     return tracker.printed
 
 
+@pytest.mark.slow
 @sandboxed
 def test_what_a_sandbox_refuses(tmp_path: Path):
     (tmp_path / "secret").write_text("1")

@@ -248,6 +248,7 @@ def test_the_code_of_a_command_is_what_its_files_hold(tmp_path: Path, monkeypatc
 # The other direction ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_library_drives_our_tracker_to_the_same_boxes():
     trax = pytest.importorskip("trax")
     client = pytest.importorskip("trax.client")

@@ -71,6 +71,7 @@ def test_profile_has_the_spectrum_of_its_class(road_class: str):
     assert density[~inside & (cycles < 0.49)].max() < 1e-12
 
 
+@pytest.mark.slow
 def test_each_class_doubles_the_acceleration(lab: Callable[..., Any]):
     rms = [vertical_acceleration(lab, road_class, 0.8) for road_class in "ABC"]
     assert abs(np.array(rms[1:]) / rms[:-1] / 2.0 - 1.0).max() < 0.25
