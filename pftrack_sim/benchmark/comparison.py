@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TypeAlias, get_args
 
 import numpy as np
-from scipy import stats
+import scipy  # it imports its packages at first use
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.losses import overlaps_by_tag
@@ -75,7 +75,7 @@ class Difference:
         """
         if math.isnan(self.spread):
             return None
-        quantiles = float(stats.norm.ppf(1.0 - 0.5 * LEVEL) + stats.norm.ppf(_POWER))
+        quantiles = float(scipy.stats.norm.ppf(1.0 - 0.5 * LEVEL) + scipy.stats.norm.ppf(_POWER))
         return max(math.ceil((quantiles * self.spread / difference) ** 2), math.ceil(math.log2(2.0 / LEVEL)))
 
 

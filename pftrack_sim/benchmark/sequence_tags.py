@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy  # it imports its packages at first use
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from pftrack_sim.core.records import Truth
 from pftrack_sim.core.types import BoolArray, FloatArray
@@ -49,6 +49,6 @@ def frame_tags(truths: Sequence[Truth], rate_hz: float) -> Mapping[str, NDArray[
 def _changes(values: FloatArray, reach: int, factor: float) -> BoolArray:
     """`(N,)` whether the largest of the values around is more than `factor` times the least; NaN is left out."""
     unknown = np.isnan(values)
-    high = maximum_filter1d(np.where(unknown, -np.inf, values), reach, mode="nearest")
-    low = minimum_filter1d(np.where(unknown, np.inf, values), reach, mode="nearest")
+    high = scipy.ndimage.maximum_filter1d(np.where(unknown, -np.inf, values), reach, mode="nearest")
+    low = scipy.ndimage.minimum_filter1d(np.where(unknown, np.inf, values), reach, mode="nearest")
     return high > factor * low

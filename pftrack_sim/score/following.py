@@ -13,8 +13,8 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
+import scipy  # it imports its packages at first use
 from numpy.typing import ArrayLike
-from scipy.signal import savgol_filter
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
@@ -179,7 +179,7 @@ def jerk_rms(xy_m: ArrayLike, time_s: ArrayLike, window_s: float = 0.5) -> float
     half = max(2, round(0.5 * window_s / interval_s))
     if len(path) < 2 * half + 1:
         return math.nan
-    jerk: FloatArray = savgol_filter(path, 2 * half + 1, 3, deriv=3, delta=interval_s, axis=0)
+    jerk: FloatArray = scipy.signal.savgol_filter(path, 2 * half + 1, 3, deriv=3, delta=interval_s, axis=0)
     jerk = jerk[half : len(path) - half]
     return _rms(np.hypot(*jerk.T))
 

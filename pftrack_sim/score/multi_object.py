@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy  # it imports its packages at first use
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from pftrack_sim.core.boxes import pairwise_iou
 from pftrack_sim.core.errors import ParameterError
@@ -140,7 +140,7 @@ def _add_hota(
     alignment = aligned / (either - aligned)
     together = np.zeros((len(ALPHAS), *shape))
     for mine, theirs, overlap in frames:
-        rows, columns = linear_sum_assignment(-alignment[np.ix_(mine, theirs)] * overlap)
+        rows, columns = scipy.optimize.linear_sum_assignment(-alignment[np.ix_(mine, theirs)] * overlap)
         found = overlap[rows, columns]
         matched = found[None, :] >= ALPHAS[:, None] - _TINY
         counts.matches += matched.sum(axis=1)
@@ -158,7 +158,7 @@ def _add_identities(
     agree = np.zeros(shape)
     for mine, theirs, overlap in frames:
         agree[np.ix_(mine, theirs)] += overlap >= _MATCH
-    rows, columns = linear_sum_assignment(-agree)
+    rows, columns = scipy.optimize.linear_sum_assignment(-agree)
     counts.same_identity += int(agree[rows, columns].sum())
 
 
@@ -172,7 +172,7 @@ def _add_clear(counts: _Counts, frames: Sequence[tuple[Identities, Identities, F
             continue
         value = overlap + _KEPT * (theirs[None, :] == previous[mine][:, None])
         value[overlap < _MATCH - _TINY] = 0.0
-        rows, columns = linear_sum_assignment(-value)
+        rows, columns = scipy.optimize.linear_sum_assignment(-value)
         kept = value[rows, columns] > _TINY
         people, identities = mine[rows[kept]], theirs[columns[kept]]
         counts.switches += int(((last[people] >= 0) & (last[people] != identities)).sum())

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # it imports its packages at first use
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
@@ -68,7 +68,7 @@ def proportion_interval(values: ArrayLike) -> tuple[float, float]:
         raise ParameterError(f"a proportion needs (N,) zeros and ones, got {given.tolist()}")
     if not known.size:
         return math.nan, math.nan
-    interval = stats.binomtest(int(known.sum()), known.size).proportion_ci(0.95, method="wilson")
+    interval = scipy.stats.binomtest(int(known.sum()), known.size).proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)
 
 
@@ -93,7 +93,7 @@ def paired_difference(
     mean, interval = float(differences.mean()), bootstrap_interval(differences, rng)
     if differences.size == 1:
         return mean, interval, 1.0
-    test = stats.permutation_test(
+    test = scipy.stats.permutation_test(
         (differences,), np.mean, permutation_type="samples", vectorized=True, n_resamples=SIGN_FLIPS, rng=rng
     )
     return mean, interval, float(test.pvalue)
@@ -209,7 +209,7 @@ def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
         raise ParameterError(f"two scores need the same number of finite values, got {one.shape} and {other.shape}")
     if one.size < 2 or np.ptp(one) == 0.0 or np.ptp(other) == 0.0:
         return math.nan
-    return float(np.corrcoef(stats.rankdata(one), stats.rankdata(other))[0, 1])
+    return float(np.corrcoef(scipy.stats.rankdata(one), scipy.stats.rankdata(other))[0, 1])
 
 
 def rank_agreement(
