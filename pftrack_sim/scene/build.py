@@ -27,14 +27,21 @@ _MAX_SHADE = 0.9
 
 
 def build_stage(
-    settings: ResolvedScenario, seed: int, step_s: float, seats: Sequence[Seat] = ()
+    settings: ResolvedScenario, seed: int, step_s: float, seats: Sequence[Seat] = (), *, draws: bool = True
 ) -> tuple[SceneSpec, WalkableArea]:
     """Build the place with the robot in it, and the seats that people sit on.
+
+    Args:
+        settings: The scenario.
+        seed: That of the episode.
+        step_s: Length of a physics step.
+        seats: Where people sit.
+        draws: Whether the scene is drawn in colour.
 
     Returns:
         The spec, which `add_agents` completes, and the walkable area.
     """
-    spec = _empty(step_s)
+    spec = _empty(step_s, draws=draws)
     _set_graphics(spec, settings)
     rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
     patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
@@ -76,8 +83,8 @@ def compile_robot_alone(form: RobotForm, step_s: float) -> mujoco.MjModel:
     return model
 
 
-def _empty(step_s: float) -> SceneSpec:
-    spec = SceneSpec()
+def _empty(step_s: float, *, draws: bool = False) -> SceneSpec:
+    spec = SceneSpec(draws=draws)
     spec.option.timestep = step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     return spec

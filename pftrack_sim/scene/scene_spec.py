@@ -13,16 +13,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _TEXTURE_2D = mujoco.mjtTexture.mjTEXTURE_2D
+BLANK = np.zeros((6, 1, 3), np.uint8)  # In place of every image where nothing is drawn in colour
 
 
 class SceneSpec(mujoco.MjSpec):
     """A spec whose meshes are binary files in memory, and whose images are written into the compiled model.
 
     Until then its textures have the size of their image and one colour.
+
+    Attributes:
+        draws: Whether the model is drawn in colour; if not, a texture is a single texel, or one for each face.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, draws: bool = True) -> None:
         mujoco.MjSpec.__init__(self)
+        self.draws = draws
         self._mesh_files: dict[str, bytes] = {}
         self._images: dict[str, NDArray[np.uint8]] = {}
 
@@ -39,6 +44,8 @@ class SceneSpec(mujoco.MjSpec):
 
         The six faces of cubes and skyboxes lie below each other. `properties` are others of MuJoCo's textures.
         """
+        if not self.draws:
+            image = BLANK[:1] if kind == _TEXTURE_2D else BLANK
         height, width = image.shape[:2]
         flat = mujoco.mjtBuiltin.mjBUILTIN_FLAT
         self.add_texture(name=name, type=kind, width=width, height=height, nchannel=3, builtin=flat, **properties)

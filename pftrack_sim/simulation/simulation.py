@@ -165,7 +165,7 @@ class Simulation:
         self._world = self._frame = self._frame_capture = self._truth = None
         if self._renderer is not None:
             self._renderer.unbind()
-        world = World(settings, seed)
+        world = World(settings, seed, draws=self._draws)
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
         self._shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         self._frame_capture = make_frame_capture(settings, world.model, self._K, self._shake)

@@ -41,18 +41,23 @@ from pftrack_sim.simulation.seating import planned_seats, seat_problems
 class World:
     """Place, robot, people and carts of one episode, at time 0.
 
+    Args:
+        settings: The scenario.
+        seed: That of the episode.
+        draws: Whether it is drawn in colour; if not, its textures are blank.
+
     Raises:
         ScenarioError: A requested occlusion, oncoming pedestrian or swing of the robot is impossible, the robot's or
             the target's way meets an obstacle, or the target is never in view.
     """
 
-    def __init__(self, settings: ResolvedScenario, seed: int) -> None:
+    def __init__(self, settings: ResolvedScenario, seed: int, *, draws: bool = True) -> None:
         self.settings = settings
         self.clock = Clock.for_rate(settings.camera.rate_hz)
         self._seed = seed
         self._path = Path(settings.target.path_m)
         seats = planned_seats(settings, self._path)
-        spec, layout = build_stage(settings, seed, self.clock.step_s, seats)
+        spec, layout = build_stage(settings, seed, self.clock.step_s, seats, draws=draws)
         if problems := seat_problems(seats, layout):
             raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
         self._script = self._robot_script(layout)

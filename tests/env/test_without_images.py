@@ -18,6 +18,7 @@ import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.geometric import GeometricFinder
 from pftrack_sim.truth.silhouettes import Silhouette
 from pftrack_sim.wrappers import BoxObservation
@@ -25,6 +26,15 @@ from pftrack_sim.wrappers import BoxObservation
 ROOT = Path(__file__).parents[2]
 SMALL = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 1.0}
 GEOMETRY_AXES = {f"axes.{name}.severity": 1.0 for name in ("jitter", "blur", "rolling_shutter", "distortion", "stream")}
+
+
+def test_the_model_has_the_same_shapes_and_blank_textures():
+    resolved = scenario.load("easy/warehouse").resolve(3)  # with a pillar, and boxes whose texture has six faces
+    drawn, bare = World(resolved, 3).model, World(resolved, 3, draws=False).model
+    for field in ("geom_type", "geom_size", "geom_rgba", "geom_matid", "mat_texid", "mesh_vert", "mesh_face"):
+        np.testing.assert_array_equal(getattr(bare, field), getattr(drawn, field))
+    assert bare.ntexdata < 100 < drawn.ntexdata
+    assert not bare.tex_data.any()
 
 
 @pytest.mark.parametrize(

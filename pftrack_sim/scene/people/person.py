@@ -19,7 +19,7 @@ from pftrack_sim.scene.people.head_mesh import head_mesh
 from pftrack_sim.scene.people.mesh import TriangleMesh, mirrored
 from pftrack_sim.scene.people.outfit import Outfit, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
-from pftrack_sim.scene.scene_spec import SceneSpec, mesh_file
+from pftrack_sim.scene.scene_spec import BLANK, SceneSpec, mesh_file
 
 _PAIRED_PARTS = {
     "upper-arm": body_meshes.upper_arm_mesh,
@@ -124,7 +124,7 @@ def add_person(spec: SceneSpec, person: Person) -> None:
     """
     name = person.name
     texture = f"{name}/skin-and-cloth"
-    spec.add_image(texture, paint_atlas(person.anatomy, person.outfit))
+    spec.add_image(texture, paint_atlas(person.anatomy, person.outfit) if spec.draws else BLANK)
     material = spec.add_material(name=f"{name}/surface", specular=0.06, shininess=0.1, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture
     capsules = _collision_capsules(person.anatomy)
