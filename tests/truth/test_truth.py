@@ -146,6 +146,20 @@ def test_people_and_the_robot_are_named_as_occluders(drawing: Drawing):
     assert set(truths["distractor-2"].occluders) == {"distractor-1", "target", "robot"}
 
 
+def test_of_two_at_equal_depth_the_larger_geom_is_in_front_as_in_one_drawing(drawing: Drawing):
+    stage = build(people=2, pillars=0, ground=False)
+    stage.model.body_pos[stage.model.body("robot/mast").id] = (-9.0, 0.0, 0.0)
+    for name in stage.people:
+        stage.place(name, (4.0, 0.0, 0.0))
+    renderer = drawing(stage)
+    truths = observed(stage, renderer, LEVEL)
+    shown = renderer.ids(stage.data, LEVEL, K).ids
+    owners = {stage.owner(geom) for geom in np.unique(shown[shown >= 0])}
+    assert owners == {"distractor-1"}
+    assert (truths["target"].visible_fraction, truths["distractor-1"].visible_fraction) == (0.0, 1.0)
+    assert truths["target"].occluders == ("distractor-1",)
+
+
 def test_image_motion_is_counted_from_the_previous_frame(drawing: Drawing):
     stage = alone()
     renderer = drawing(stage)
