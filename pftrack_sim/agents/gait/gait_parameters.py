@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -59,8 +60,9 @@ def stride_length(speed_m_s: ArrayLike, height_m: ArrayLike) -> FloatArray:
     return np.asarray(height * (60.0 / 64.8) * np.maximum(np.asarray(speed_m_s) / height, 1e-4) ** 0.43)
 
 
+@lru_cache(maxsize=64)
 def walking_table(anatomy: Anatomy) -> FloatArray:
-    """`(S, 9)` lookup table of all parameters but the last, at `S` speeds, for `walking_parameters`."""
+    """`(S, 9)` lookup table of all parameters but the last, at `S` speeds, for `walking_parameters`; read-only."""
     speed = _SPEEDS_M_S
     stride = stride_length(speed, anatomy.height_m)
     # Linear fit to Murray et al., American Journal of Physical Medicine 45:8 (1966), and Murray et al., Acta
@@ -92,7 +94,9 @@ def walking_table(anatomy: Anatomy) -> FloatArray:
     # Slow walkers hardly pitch their feet and lift them higher instead.
     clearance = anatomy.height_m * (0.011 + 0.014 * np.exp(-speed / 0.4))
     amplitude = stride / stride_length(1.3, anatomy.height_m) * moving
-    return np.stack([stride, stance, heel_strike, toe_off, low, high, clearance, sway, amplitude], 1)
+    table = np.stack([stride, stance, heel_strike, toe_off, low, high, clearance, sway, amplitude], 1)
+    table.setflags(write=False)
+    return table
 
 
 def walking_parameters(tables: FloatArray, speed_m_s: FloatArray) -> GaitParameters:

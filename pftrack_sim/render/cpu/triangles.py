@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import mujoco
@@ -17,7 +18,6 @@ _BOX_FACES = np.array(
      [1, 5, 7], [1, 7, 3]]
 )  # fmt: skip
 """Corners of each triangle of a box with the corners `CORNERS`, counter-clockwise from outside."""
-
 
 _QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 _NOTHING = np.empty((0, 3)), np.empty((0, 3), dtype=np.intp)
@@ -43,23 +43,29 @@ class Triangles(NamedTuple):
 
 def model_triangles(model: Any, drawn: BoolArray) -> Triangles:
     """Triangles of the `(ngeom,)` drawn geoms of a model; others have none."""
-    shapes = [_shape(model, geom) if drawn[geom] else _NOTHING for geom in range(len(drawn))]
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, int(model.vis.quality.numstacks) + 1)
+    arc = angles, np.cos(angles), np.sin(angles)
+    shapes = [_shape(model, geom, *arc) if drawn[geom] else _NOTHING for geom in range(len(drawn))]
+    vertices = np.concatenate([vertices for vertices, _ in shapes])
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)]).astype(np.intp)
+    distances_m = np.linalg.norm(vertices, axis=1)
     return Triangles(
-        np.concatenate([vertices for vertices, _ in shapes]),
+        vertices,
         np.concatenate([faces for _, faces in shapes]).astype(np.int32),
-        np.cumsum([0, *(len(vertices) for vertices, _ in shapes)]).astype(np.intp),
+        starts,
         np.cumsum([0, *(len(faces) for _, faces in shapes)]).astype(np.intp),
-        np.array([np.linalg.norm(vertices, axis=1).max(initial=0.0) for vertices, _ in shapes]),
+        np.array([distances_m[start:end].max(initial=0.0) for start, end in pairwise(starts.tolist())]),
     )
 
 
-def _shape(model: Any, geom: int) -> tuple[FloatArray, IntArray]:
-    """`(V, 3)` vertices and `(F, 3)` triangles of a geom, as finely divided as OpenGL draws it."""
+def _shape(model: Any, geom: int, angles: FloatArray, cos: FloatArray, sin: FloatArray) -> tuple[FloatArray, IntArray]:
+    """`(V, 3)` vertices and `(F, 3)` triangles of a geom, as finely divided as OpenGL draws it.
+
+    `(S + 1,)` angles, from the bottom of a sphere to its top, and their cosines and sines divide round geoms.
+    """
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     size: FloatArray = np.asarray(model.geom_size[geom], dtype=np.float64)
-    slices, stacks = int(model.vis.quality.numslices), int(model.vis.quality.numstacks)
-    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, stacks + 1)
-    cos, sin = np.cos(angles), np.sin(angles)
+    slices = int(model.vis.quality.numslices)
     match kind:
         case mujoco.mjtGeom.mjGEOM_MESH:
             mesh = int(model.geom_dataid[geom])
