@@ -21,6 +21,7 @@ from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.scene_spec import SceneSpec
 from pftrack_sim.simulation.dry_run import DryRun
+from pftrack_sim.simulation.occlusion import static
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, covered_by_person, plan_crossing
 from pftrack_sim.simulation.occlusion.static import covered_by_box, plan_static, spans
 
@@ -123,6 +124,24 @@ def test_straight_behind_the_target_a_static_occluder_is_impossible() -> None:
     request = model.Occluder(kind="pillar", at_s=3.0)
     with pytest.raises(ParameterError, match=r"occluders\[1\].*walker"):
         plan_static(request, run, HALL, "occluders[1]")
+
+
+@pytest.mark.parametrize("once_from", [0.55, 1.0])
+def test_a_place_that_covers_the_target_only_once_is_preferred(
+    once_from: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the requested depth the target is covered a second time, at others from `once_from` on it is not."""
+
+    def fit(kind: model.Occluder, run: DryRun, rays: object, depth: float, turn_rad: float) -> Placement:
+        covered_s = ((2.0, 3.0), (8.0, 8.5)) if depth < once_from else ((2.0, 3.0),)
+        return Placement(kind.kind, (depth, 0.0), (0.2, 0.2), turn_rad, 2.6, depth, covered_s)
+
+    monkeypatch.setattr(static, "_fit", fit)
+    monkeypatch.setattr(static, "_objection", lambda *_: None)
+    run = dry_run_of(camera_of("beside", np.random.default_rng(0)))
+    asked = model.Occluder(kind="pillar", at_s=2.0, duration_s=1.0, depth=0.5)
+    placed = plan_static(asked, run, HALL)
+    assert (placed.depth, placed.yaw_rad) == ((0.56, 0.0) if once_from < 1.0 else (0.5, 0.0))
 
 
 def test_an_occlusion_after_the_end_is_an_error() -> None:
