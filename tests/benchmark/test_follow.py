@@ -160,6 +160,7 @@ def test_a_resumed_run_runs_only_missing_episodes(one: RunStore, tmp_path: Path)
     assert not half.exists()
 
 
+@pytest.mark.slow
 def test_a_busy_tracker_skips_frames_and_the_latency_axis_replaces_its_latency(one: RunStore, tmp_path: Path):
     plan = driving(range(1), ("oracle",), axes={"latency": [0.0, 130.0]}, latency_ms={"oracle": 500.0})
     late = run(plan, tmp_path / "late", videos="none")
@@ -175,9 +176,9 @@ def test_a_busy_tracker_skips_frames_and_the_latency_axis_replaces_its_latency(o
 @pytest.mark.parametrize(
     ("controller", "says", "clipped"),
     [
-        ("Raises", "frame 2: RuntimeError: the motor is on fire", 0),
+        pytest.param("Raises", "frame 2: RuntimeError: the motor is on fire", 0, marks=pytest.mark.slow),
         ("Unsure", "frame 0: CommandError: a command must be finite", 0),
-        ("Greedy", None, 4),
+        pytest.param("Greedy", None, 4, marks=pytest.mark.slow),
     ],
 )
 def test_the_failure_of_a_controller_is_recorded(controller: str, says: str | None, clipped: int, tmp_path: Path):

@@ -103,6 +103,7 @@ def test_a_program_without_its_guard_is_told_so(tmp_path: Path):
     assert "must be below `if __name__ == '__main__':`" in done.stderr.splitlines()[-1]
 
 
+@pytest.mark.slow
 def test_an_error_in_one_environment_is_raised_as_it_was_and_ends_all():
     envs = make_vec(overrides={**SMALL, "camera.width_px": {"choice": [64, 96]}})
     assert [envs.env_fns[0]().scenario.resolve(seed).camera.width_px for seed in (0, 1, 3)] == [64, 64, 96]

@@ -31,6 +31,7 @@ def written(folder: Path, column: str, rows: list[tuple[str, int, float]]) -> Pa
     return folder
 
 
+@pytest.mark.slow
 def test_correlation_is_over_the_episodes_that_all_trackers_have(tmp_path: Path):
     seeds = range(4)
     overlaps = {"a": 0.2, "b": 0.5, "c": 0.9}

@@ -48,6 +48,7 @@ def test_an_open_loop_run_has_no_closed_loop_episodes(finished: Path):
     assert following_episodes(RunStore(finished), {}) == []
 
 
+@pytest.mark.slow
 def test_the_slider_moves_cone_cursor_and_video(driven: Path, browser: Any):
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     complaints: list[str] = []

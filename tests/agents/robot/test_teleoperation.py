@@ -104,6 +104,7 @@ def test_the_motion_does_not_depend_on_the_rate_of_the_camera():
     assert np.hypot(fast["x"][::2] - slow["x"], fast["y"][::2] - slow["y"]).max() < 0.08
 
 
+@pytest.mark.slow
 def test_the_aim_wanders_by_its_rms_at_its_period():
     times = np.arange(0.0, 4000.0, 0.25)
     value = np.array([Wander(0.2, 4.0, np.random.default_rng(0)).at(t) for t in times.tolist()])
