@@ -48,6 +48,20 @@ def test_frames_ticks_and_steps_are_nested(rate_hz: float):
     assert clock.time_s(1000 * clock.ticks) == pytest.approx(1000 / rate_hz, rel=1e-14)
 
 
+def test_a_late_command_waits_over_as_many_ticks_as_its_delay(monkeypatch: pytest.MonkeyPatch):
+    simulated = world({**FREE, "camera.rate_hz": 10.0})  # three ticks of 33 ms
+    delays_s: list[float] = []
+    update = simulated.robot.update
+
+    def recorded(*given: Any) -> None:
+        delays_s.append(given[-1])
+        update(*given)
+
+    monkeypatch.setattr(simulated.robot, "update", recorded)
+    simulated.advance(np.array([1.0, 0.0, 0.0, 0.0]), delay_s=0.05)
+    np.testing.assert_allclose(delays_s, [1 / 30, 0.05 - 1 / 30, 0.0], atol=1e-12)
+
+
 def test_the_time_of_a_frame_is_its_index_over_the_rate():
     simulated = world(FREE)
     for _ in range(45):
