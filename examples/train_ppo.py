@@ -1,11 +1,14 @@
 """Learn to follow by reinforcement: proximal policy optimisation on the oracle's boxes, unchanged Stable-Baselines3.
 
     pip install 'pftrack-sim[learn]'
-    python examples/train_ppo.py --minutes 8 --out ppo
+    python examples/train_ppo.py --minutes 2 --out ppo
 
 Minutes are those of the processor: the environments run without images, all in this process. Writes the policy,
 `curve.json` and `curve.png`, and prints the mean reward of a step, beside that of `servo` and `still`, over a whole
 episode's length: an episode that ends early earns nothing for the rest.
+
+It learns under wider limits than it is tested under: an episode that ends as soon as the target is lost shows a
+beginner almost nothing. The policy is linear in its ten inputs, as a visual servo is.
 """
 
 from __future__ import annotations
@@ -40,6 +43,7 @@ OVERRIDES = {
     "lights.shadows": False,
     "distractors.count": 0,
 }
+WIDE_LIMITS = {"follow.distance_limit_m": 8.0, "follow.bearing_limit_deg": 90.0, "follow.lost_after_s": 1.0}
 STEPS = 120
 GAMMA = 0.95
 """Two seconds ahead: what a turn of the head or the base is good for shows within one."""
@@ -47,16 +51,16 @@ GAMMA = 0.95
 TEST_SEEDS = range(1900, 1905)
 
 
-def make_env(first_seed: int = 0) -> gym.Env[Any, Any]:
+def make_env(first_seed: int = 0, **limits: float) -> gym.Env[Any, Any]:
     """The oracle's boxes, ten a second, without images."""
-    env = Monitor(BoxObservation(make_follow()))
+    env = Monitor(BoxObservation(make_follow(**limits)))
     env.reset(seed=first_seed)
     return env
 
 
-def make_follow() -> gym.Env[Any, Any]:
+def make_follow(**limits: float) -> gym.Env[Any, Any]:
     """The environment under it."""
-    return gym.make("pftrack_sim/Follow-v0", scenario=SCENARIO, overrides=OVERRIDES, image=False)
+    return gym.make("pftrack_sim/Follow-v0", scenario=SCENARIO, overrides={**OVERRIDES, **limits}, image=False)
 
 
 def score_of(act: Callable[[Any], Any]) -> float:
@@ -113,17 +117,17 @@ class Clock(BaseCallback):
 def main() -> None:
     """Train, then compare."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=8.0)
+    parser.add_argument("--minutes", type=float, default=2.0)
     parser.add_argument("--envs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("ppo"))
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
-    makers = [lambda number=number: make_env(number) for number in range(given.envs)]
+    makers = [lambda number=number: make_env(number, **WIDE_LIMITS) for number in range(given.envs)]
     envs = VecNormalize(DummyVecEnv(makers), gamma=GAMMA)
     model = PPO(
-        "MlpPolicy", envs, n_steps=256, batch_size=64, learning_rate=1e-3, gamma=GAMMA,
-        policy_kwargs={"log_std_init": -0.7}, seed=1, device="cpu",
+        "MlpPolicy", envs, n_steps=128, batch_size=64, learning_rate=3e-3, gamma=GAMMA,
+        policy_kwargs={"log_std_init": -0.7, "net_arch": {"pi": [], "vf": [64, 64]}}, seed=1, device="cpu",
     )  # fmt: skip
     clock = Clock(60.0 * given.minutes)
     model.learn(10_000_000, callback=clock)
@@ -141,11 +145,11 @@ def draw(curve: list[tuple[float, int, float]], scores: dict[str, float], path: 
     """The learning curve, with what it is measured against."""
     figure, axes = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
     minutes, _, rewards = zip(*curve, strict=True)
-    axes.plot(np.array(minutes) / 60.0, rewards, label="PPO, while it explores")
+    axes.plot(np.array(minutes) / 60.0, rewards, label="PPO, while it explores, under wide limits")
     for name, style in (("servo", "--"), ("ppo", "-."), ("still", ":")):
         axes.axhline(scores[name], linestyle=style, color="0.4", label=f"{name}, on test seeds")
     axes.set(xlabel="minutes of one processor", ylabel="mean reward of a step", ylim=(0.0, 1.0))
-    axes.legend(loc="center left", frameon=False)
+    axes.legend(loc="center right", frameon=False)
     figure.savefig(path, dpi=120)
 
 
