@@ -149,7 +149,7 @@ def draw(curve: list[tuple[float, int, float]], scores: dict[str, float], path: 
     for name, style in (("servo", "--"), ("ppo", "-."), ("still", ":")):
         axes.axhline(scores[name], linestyle=style, color="0.4", label=f"{name}, on test seeds")
     axes.set(xlabel="minutes of one processor", ylabel="mean reward of a step", ylim=(0.0, 1.0))
-    axes.legend(loc="center right", frameon=False)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
     figure.savefig(path, dpi=120)
 
 
