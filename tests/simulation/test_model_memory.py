@@ -30,10 +30,10 @@ def test_the_old_model_is_freed_before_the_next_is_compiled(
     alive: list[bool] = []
     build = module.World
 
-    def recording_build(*arguments: Any) -> Any:
+    def recording_build(*arguments: Any, **options: Any) -> Any:
         gc.collect()
         alive.append(any(model() is not None for model in models))
-        world = build(*arguments)
+        world = build(*arguments, **options)
         models.append(weakref.ref(world.model))
         return world
 
