@@ -58,6 +58,7 @@ def test_the_observation_has_the_requested_senses(follow: gym.Env[Any, Any]):
     assert seen.shape == env.observation_space.shape == (7,)
 
 
+@pytest.mark.slow
 def test_every_episode_has_a_new_tracker(follow: gym.Env[Any, Any]):
     env = BoxObservation(follow, "ko2012", particle_count=30)
 

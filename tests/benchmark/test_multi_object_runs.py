@@ -40,6 +40,7 @@ def dataset(finished: RunStore, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return export(finished.plan, tmp_path_factory.mktemp("data") / "data", "mot", detections=True)
 
 
+@pytest.mark.slow
 def test_everybody_in_view_is_scored_as_the_result_files_are(finished: RunStore, dataset: Path, tmp_path: Path):
     stay, chau = finished.results
     assert [stay.number(name) for name in SCORES] == pytest.approx([float("nan")] * len(SCORES), nan_ok=True)

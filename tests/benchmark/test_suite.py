@@ -176,7 +176,10 @@ def test_unknown_and_unreadable_suites(tmp_path: Path):
     assert load_suite(good).scenarios == ("corridor",)
 
 
-@pytest.mark.parametrize("name", suite_names())
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow) if name in ("follow", "stress") else name for name in suite_names()],
+)
 def test_every_shipped_suite_names_what_exists(name: str):
     suite = load_suite(name)
     assert set(suite.trackers) <= set(trackers.names())

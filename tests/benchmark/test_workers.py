@@ -56,6 +56,7 @@ def test_two_workers_that_are_killed_give_the_same_bits(
     assert check(two.path).good
 
 
+@pytest.mark.slow
 def test_a_resumed_run_runs_only_missing_episodes(plan: Plan, one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)
@@ -76,6 +77,7 @@ def test_a_resumed_run_runs_only_missing_episodes(plan: Plan, one: RunStore, tmp
     assert check(begun).good
 
 
+@pytest.mark.slow
 def test_parts_are_merged(plan: Plan, one: RunStore, tmp_path: Path):
     for k in (1, 2):
         run(plan, tmp_path / f"part-{k}", videos="first", part=(k, 2))

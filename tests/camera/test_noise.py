@@ -121,6 +121,7 @@ def test_the_argument_is_not_changed():
     assert not np.shares_memory(read, image)
 
 
+@pytest.mark.slow
 def test_same_bits_in_another_process():
     script = (
         "import hashlib, numpy as np\n"

@@ -98,6 +98,7 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     assert "scenarios.plaza-walk: its content or its --set differ" in again.stderr
 
 
+@pytest.mark.slow
 def test_follow_prints_a_table_and_goes_on_with_the_latency_that_it_measured(tmp_path: Path):
     out = tmp_path / "run"
     command = ["follow", "plaza-walk", "--trackers", "oracle,stay", "--seeds", "0", "--latency", "stay=measured"]

@@ -76,6 +76,7 @@ def test_same_seed_same_bits(env_id: str, name: str):
     assert runs[0] == runs[1]
 
 
+@pytest.mark.slow
 def test_detections_are_of_everybody_in_the_frame_unless_the_detector_is_stressed(env: gym.Env[Any, Any]):
     _, info = env.reset(seed=3)
     for _ in range(3):

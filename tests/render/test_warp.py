@@ -172,6 +172,7 @@ def test_dimmed_lights_darken_the_image(pair):
     assert caster.color(world.data, world.camera_pose(), K).mean() == before
 
 
+@pytest.mark.slow
 def test_a_schedule_of_lights_dims_both_renderers_equally():
     from pftrack_sim.render.warp.raycaster import Raycaster
 
@@ -277,6 +278,7 @@ def test_warp_is_imported_only_when_chosen():
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
+@pytest.mark.slow
 def test_only_the_ray_caster_of_mujoco_warp_is_imported():
     program = (
         "import sys\n"

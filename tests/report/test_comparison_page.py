@@ -20,6 +20,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.report.comparison import _parting_s
 
 
+@pytest.mark.slow
 def test_it_shows_differences_and_videos_at_the_moment_of_parting(browser: Any, lost: Path, tmp_path: Path):
     store = RunStore(lost)
     found = compare_runs(store, store, ["oracle", "stay"])

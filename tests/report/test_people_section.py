@@ -22,6 +22,7 @@ def crowd(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     return run(plan, tmp_path_factory.mktemp("crowd") / "run", videos="none", workers=0)
 
 
+@pytest.mark.slow
 def test_the_page_has_a_table_of_everybody_in_view(browser: Any, crowd: RunStore):
     scores = [one.number("hota") for one in crowd.results if one.label == "chau2011"]
     assert len(scores) == 2

@@ -57,6 +57,7 @@ def test_the_page_and_the_table_have_the_scores(scored: Scored, tmp_path: Path):
     assert "ms_median" not in [name for name, _ in data["measures"]]
 
 
+@pytest.mark.slow
 def test_it_opens_and_ranks_by_sequences(scored: Scored, tmp_path: Path, browser: Any):
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     complaints: list[str] = []

@@ -48,6 +48,7 @@ def test_resuming_at_nothing_is_a_reset():
         assert equal(one.reset(1), one.resume(1, []))
 
 
+@pytest.mark.slow
 def test_a_retuned_axis_acts_from_the_next_frame_and_the_base_returns_to_the_bit():
     # Without a road: the suspension would remember it.
     base = scenarios.load("easy/corridor", {**SMALL, "axes.jitter.sources": ["wind", "ground"]})

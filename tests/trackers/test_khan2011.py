@@ -41,6 +41,7 @@ def test_histograms_sum_to_one_inside_and_rotate_with_the_box():
     assert not area_histograms(codes_of(TRUE), TRUE[None] + 1e4, PARTITION, 5).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [(8.0, 0.0), (0.0, -15.0), (-7.0, 12.0)])
 @pytest.mark.parametrize("angle", [0.0, 0.5])
 def test_it_climbs_back_from_beside_the_target(shift: tuple[float, float], angle: float):
