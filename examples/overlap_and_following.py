@@ -30,9 +30,7 @@ JOINED = """
 """
 
 
-FOLLOWING = """
-    SELECT column_name FROM (DESCRIBE SELECT * FROM read_parquet($closed)) WHERE starts_with(column_name, 'follow_')
-"""
+COLUMNS = "SELECT column_name FROM (DESCRIBE SELECT * FROM read_parquet($closed))"
 
 
 @dataclass(frozen=True)
@@ -53,9 +51,10 @@ class Pairs:
 def read(opened: Path, closed: Path, measure: str) -> Pairs:
     """Scores of the episodes that both runs have for every tracker and condition."""
     files = {"opened": str(opened / "summary.parquet"), "closed": str(closed / "summary.parquet")}
-    measures = [str(row[0]) for row in duckdb.execute(FOLLOWING, {"closed": files["closed"]}).fetchall()]
+    measures = [str(row[0]) for row in duckdb.execute(COLUMNS, {"closed": files["closed"]}).fetchall()]
     if measure not in measures:
-        sys.exit(f"{closed} has no measure {measure!r} of following; it has {', '.join(measures)}")
+        following = ", ".join(one for one in measures if one.startswith("follow_"))
+        sys.exit(f"{closed} has no measure {measure!r}; of following it has {following}")
     rows = duckdb.execute(JOINED.format(measure=measure), files).fetchall()
     points = sorted({row[:2] for row in rows})
     counts = dict.fromkeys((row[2:4] for row in rows), 0)

@@ -130,7 +130,7 @@ class WithoutPixels:
 
 
 def trackers() -> Row:
-    """Default presets against TrackerMIL: 640x480, a box of 80x160."""
+    """Default presets with 100 particles against TrackerMIL: 640x480, a box of 80x160."""
     ms = costs_ms({name: make(name) for name in ("opencv-mil", *TRACKERS)}, Walk(), 12)
     return {f"{name} / cv2.TrackerMIL": ms[name] / ms["opencv-mil"] for name in TRACKERS}
 

@@ -22,7 +22,7 @@ from typing import Any
 import mujoco
 
 from pftrack_sim.core.errors import RenderError, UnknownNameError
-from pftrack_sim.render.gl.egl import EGLBinding
+from pftrack_sim.render.gl.egl import EGL_LIBRARY, EGLBinding
 
 BACKENDS = ("egl", "osmesa")  # OpenGL libraries that can be asked for by name
 
@@ -35,7 +35,7 @@ INSTALL_HINTS = """\
   Windows:         needs a graphics driver with OpenGL 1.5 or newer (GLFW)"""
 
 _SHARED_LIBRARIES: dict[str, tuple[tuple[str, ...], ...]] = {
-    "egl": (("libEGL.so.1",), ("libGL.so.1", "libOpenGL.so.0")),
+    "egl": ((EGL_LIBRARY,), ("libGL.so.1", "libOpenGL.so.0")),
     "osmesa": (("libOSMesa.so.8", "libOSMesa.so.6"),),
 }
 """What each backend loads on Linux: one file of each group."""

@@ -11,6 +11,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
+EGL_LIBRARY = "libEGL.so.1"
 _DRAW, _READ = 0x3059, 0x305A
 _HANDLE = ctypes.c_void_p
 
@@ -57,4 +58,4 @@ class EGLBinding:
 
 def _function(name: str, result: Any, *arguments: Any) -> Any:
     # Not by PyOpenGL's platform, which is another library's where OSMesa was tried after an EGL that failed.
-    return ctypes.CFUNCTYPE(result, *arguments)((name, ctypes.CDLL("libEGL.so.1")))
+    return ctypes.CFUNCTYPE(result, *arguments)((name, ctypes.CDLL(EGL_LIBRARY)))
