@@ -47,19 +47,21 @@ def hairline(style: HairStyle, angle: FloatArray) -> FloatArray:
 
 def paint_head(anatomy: Anatomy) -> NDArray[np.uint8]:
     """`(112, 256, 3)` RGB texture of head and neck."""
+    from pftrack_sim.scene.people.texture_kernels import interleaved, mix  # numba: imported when it is used
+
     skin, hair = np.array(anatomy.skin, float), np.array(anatomy.hair, float)
-    # Channel by channel: numpy is slow over a last axis of 3.
-    image = np.broadcast_to(skin[:, None, None], (3, *_CANVAS)).copy()
+    # Channel by channel: a kernel takes several pixels of a row at a time.
+    image = np.empty((3, *_CANVAS))
+    image[:] = skin[:, None, None]
     for rows, columns, share, tint in _spots():
-        _mix(image[:, rows, columns], share, skin * tint)
+        mix(image, rows.start, columns.start, share, skin * tint)
     if anatomy.beard > 0.05:
         rows, mask = _beard()
-        _mix(image[:, rows], 0.75 * anatomy.beard * mask, hair)
+        mix(image, rows.start, 0, 0.75 * anatomy.beard * mask, hair)
     rows, scalp = _scalp(anatomy.hair_style)
-    _mix(image[:, rows], scalp, hair)
-    np.clip(image, 0, 255, out=image)
+    mix(image, rows.start, 0, scalp, hair)
 
-    canvas = np.asarray(cv2.merge(list(image.astype(np.uint8))), dtype=np.uint8)
+    canvas = interleaved(image)
     brow = [int(value) for value in 0.75 * hair + 0.12 * skin]
     lips = [int(value) for value in skin * (0.80, 0.52, 0.50)]
     for side in (-1, 1):
@@ -131,14 +133,6 @@ def _occupied(share: FloatArray) -> tuple[slice, FloatArray]:
 def _frozen(array: FloatArray) -> FloatArray:
     array.setflags(write=False)
     return array
-
-
-def _mix(image: FloatArray, share: FloatArray, colour: FloatArray) -> None:
-    """Mix a `(h, w)` share of a `(3,)` colour into a `(3, h, w)` image, in place."""
-    for channel, value in zip(image, colour.tolist(), strict=True):
-        difference = value - channel
-        difference *= share
-        channel += difference
 
 
 def _run(chosen: BoolArray) -> slice:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +36,11 @@ class TriangleMesh:
 
 def load_profile(name: str) -> FloatArray:
     """The table of `profile` for a part of the body, from `assets/people.toml`."""
+    return _profile(name).copy()
+
+
+@cache
+def _profile(name: str) -> FloatArray:
     return profile(**asset_table("people")["profiles"][name])
 
 
@@ -59,10 +64,7 @@ def superellipse_rings(table: FloatArray, count: int, *, power: float = 2.0) -> 
 
     `table` is that of `profile`, `(R, 6)`. A `power` of 2 gives ellipses, more gives squarer rings.
     """
-    angle = ring_angles(count)
-    cos, sin = np.cos(angle), np.sin(angle)
-    forward = np.sign(cos) * np.abs(cos) ** (2.0 / power)
-    sideward = np.sign(sin) * np.abs(sin) ** (2.0 / power)
+    forward, sideward = _superellipse(count, power)
     z, x, y, front, back, side = (column[:, None] for column in table.T)
     rings = np.empty((len(table), count, 3))
     rings[..., 0] = x + np.where(forward > 0.0, front, back) * forward
@@ -71,27 +73,29 @@ def superellipse_rings(table: FloatArray, count: int, *, power: float = 2.0) -> 
     return rings
 
 
+@cache
+def _superellipse(count: int, power: float) -> tuple[FloatArray, FloatArray]:
+    """`(count,)` coordinates forward and sideward of the points of a superellipse with half-axes 1; read-only."""
+    angle = ring_angles(count)
+    cos, sin = np.cos(angle), np.sin(angle)
+    forward = np.sign(cos) * np.abs(cos) ** (2.0 / power)
+    sideward = np.sign(sin) * np.abs(sin) ** (2.0 / power)
+    for array in (forward, sideward):
+        array.setflags(write=False)
+    return forward, sideward
+
+
 def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
     """The surface through consecutive `(R, N, 3)` rings [m], with `(R, N + 1, 2)` pixels of the texture.
 
     The last column of pixels belongs to the first point, at the texture's other edge.
     """
-    vertices = np.concatenate([rings, rings[:, :1]], axis=1).reshape(-1, 3)
-    poles = np.flatnonzero((rings.max(axis=1) - rings.min(axis=1)).max(axis=1) < 1e-9)
-    faces, corners, welded = _triangles(*rings.shape[:2], tuple(poles.tolist()))
-    first, second, third = (vertices[corners[:, corner]] for corner in range(3))
-    area_normals = _cross(second - first, third - first)
-    if float((first * area_normals).sum()) < 0.0:
-        faces, area_normals = faces[:, ::-1], -area_normals
-    # Summed over the first corners of all faces, then over the second and the third.
-    ends, count = corners.T.ravel(), len(vertices)
-    normals = np.empty_like(vertices)
-    for axis, column in enumerate(np.concatenate([area_normals] * 3).T):
-        normals[:, axis] = np.bincount(ends, column, count)
-    normals = normals[welded]
-    length = np.sqrt((normals * normals).sum(axis=1, keepdims=True))
-    normals = np.where(length > 1e-12, normals / np.maximum(length, 1e-12), (0.0, 0.0, 1.0))
-    return TriangleMesh(vertices, normals, pixels.reshape(-1, 2).astype(float), faces)
+    from pftrack_sim.scene.people.mesh_kernels import closed_rings, vertex_normals  # numba: imported when it is used
+
+    vertices, is_pole = closed_rings(rings)
+    faces, corners, welded = _triangles(*rings.shape[:2], tuple(np.flatnonzero(is_pole).tolist()))
+    normals, clockwise = vertex_normals(vertices, corners, welded)
+    return TriangleMesh(vertices, normals, pixels.reshape(-1, 2).astype(float), faces[:, ::-1] if clockwise else faces)
 
 
 @lru_cache(maxsize=64)
@@ -115,12 +119,6 @@ def _triangles(
     for array in found:
         array.setflags(write=False)
     return found
-
-
-def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    """`(F, 3)` cross products of `(F, 3)` vectors, as `np.cross`, which takes three times as long."""
-    (a, b, c), (d, e, f) = first.T, second.T
-    return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
 
 
 def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:

@@ -90,19 +90,25 @@ def cloth_mesh(
     The front of the body, in `(R, N, 3)` rings [m], shows `front_column` of the region, and the height `top_m` shows
     its row `first_row`. The region's rows are stretched over `length_m`; None keeps the scale of the cloth.
     """
-    closed = np.concatenate([rings, rings[:, :1]], axis=1)
-    step = np.sqrt((np.diff(closed, axis=1) ** 2).sum(axis=2))
-    arc = np.concatenate([np.zeros((len(rings), 1)), np.cumsum(step, axis=1)], axis=1)
-    girth = arc[:, -1:]
-    share = np.where(girth > 1e-9, arc / np.maximum(girth, 1e-9), np.linspace(0.0, 1.0, arc.shape[1]))
-    front = rings.shape[1] // 2
+    from pftrack_sim.scene.people.mesh_kernels import arc_lengths, cloth_pixels  # numba: imported when it is used
+
+    lengths = arc_lengths(rings)
     # All rings share one girth, so that vertical lines of a pattern run straight from ring to ring.
-    columns = front_column + (share - share[:, front : front + 1]) * _quantile(girth.ravel(), 0.7) / PIXEL_M
-    columns = np.clip(columns, 1.0, region.width - 1.0)
-    pixel_m = PIXEL_M if length_m is None else length_m / region.height
-    rows = np.clip(first_row + (top_m - rings[..., 2]) / pixel_m, 1.0, region.height - 1.0)
-    rows = np.concatenate([rows, rows[:, :1]], axis=1)
-    return lofted_mesh(rings, np.stack([region.column + columns, region.row + rows], axis=-1))
+    girth_m = _quantile(lengths[:, -1], 0.7)
+    row_m = PIXEL_M if length_m is None else length_m / region.height
+    pixels = cloth_pixels(
+        rings, lengths, _even_shares(lengths.shape[1]), region, front_column, (girth_m, PIXEL_M),
+        (first_row, top_m, row_m),
+    )  # fmt: skip
+    return lofted_mesh(rings, pixels)
+
+
+@cache
+def _even_shares(count: int) -> FloatArray:
+    """`(count,)` numbers from 0 to 1; read-only."""
+    shares = np.linspace(0.0, 1.0, count)
+    shares.setflags(write=False)
+    return shares
 
 
 def _quantile(values: FloatArray, share: float) -> float:
