@@ -93,7 +93,8 @@ class Rasteriser(Renderer):
             self._draw(drawn, area)
             mujoco.mjr_readPixels(pixels, None, area, self._resources[0].context)
         # OpenGL counts rows from the bottom.
-        return np.asarray(cv2.flip(cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB), 0), dtype=np.uint8)
+        image = cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB)
+        return np.asarray(cv2.flip(image, 0, image), dtype=np.uint8)
 
     def ids(
         self,
