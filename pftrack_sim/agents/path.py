@@ -75,6 +75,17 @@ class Path:
         self._ends_m: list[float] = ends.tolist()
         self._rows: list[list[float]] = np.stack([self._origin, *table[[0, 1, 2, 4]]], axis=1).tolist()
 
+    def __eq__(self, other: object) -> bool:
+        """Whether it is a path through the same points with the same corners."""
+        return isinstance(other, Path) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
+
+    @property
+    def _content(self) -> tuple[bytes, float]:
+        return self._corners.tobytes(), self._corner_m
+
     def pose(self, s_m: float) -> tuple[float, float, float]:
         """x, y [m] and heading [rad] at one arc length, as `at`, in a fraction of its time."""
         origin, x, y, heading, bend = self._rows[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)]

@@ -52,7 +52,7 @@ class Traffic:
         """Right after `reset`: let the target's box have its median width over a stride in a `(4, 4)` camera pose."""
         crowd = self.crowd
         start = crowd.positions_m[0], float(crowd.headings_rad[0]), float(crowd.speeds_m_s[0])
-        gait = self._gait_of([self._target] * len(PHASES))
+        gait = self._gait_of([self._target], len(PHASES))
         self._gait.feet.start_phase[0] = median_width_phase(self._target, gait, *start, T_world_camera)
         self._reset_gait(data)
 
@@ -77,9 +77,9 @@ class Traffic:
         self._gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s, self.crowd.postures)
         self.write(data)
 
-    def _gait_of(self, people: Sequence[Person]) -> Gait:
+    def _gait_of(self, people: Sequence[Person], copies: int = 1) -> Gait:
         rngs = [random_streams.stream(self._seed, "gait", person.name) for person in people]
-        return Gait([person.anatomy for person in people], rngs)
+        return Gait([person.anatomy for person in people], rngs, copies)
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""

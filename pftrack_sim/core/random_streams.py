@@ -26,5 +26,7 @@ def stream(seed: int, *names: str | int) -> np.random.Generator:
         raise ParameterError(f"seed must be >= 0, got {seed}")
     # Escaped, so that ("a", "b") and ("a/b",) are two streams.
     key = "/".join(str(name).replace("\\", "\\\\").replace("/", "\\/") for name in names).encode()
-    words = np.frombuffer(hashlib.sha256(key).digest()[:16], dtype="<u4")
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *(int(word) for word in words)])))
+    # The words of 32 bits that numpy makes of the seed itself, in more time.
+    root = int(seed).to_bytes(4 * max(1, (int(seed).bit_length() + 31) // 32), "little")
+    words = np.frombuffer(root + hashlib.sha256(key).digest()[:16], dtype="<u4")
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))

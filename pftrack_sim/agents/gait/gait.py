@@ -27,12 +27,14 @@ class Gait:
 
     Args:
         rngs: One generator per person, for individual step width, arm swing, posture and start phase.
+        copies: How many times each person is there, with equal draws.
     """
 
-    def __init__(self, anatomies: Sequence[Anatomy], rngs: Sequence[np.random.Generator]) -> None:
+    def __init__(self, anatomies: Sequence[Anatomy], rngs: Sequence[np.random.Generator], copies: int = 1) -> None:
+        normal = np.array([rng.normal(size=6) for rng in rngs]).reshape(-1, 6).clip(-2.0, 2.0).repeat(copies, axis=0).T
+        uniform = np.array([rng.random(4) for rng in rngs]).reshape(-1, 4).repeat(copies, axis=0).T
+        anatomies = [one for one in anatomies for _ in range(copies)]
         people = len(anatomies)
-        normal = np.array([rng.normal(size=6) for rng in rngs]).reshape(-1, 6).clip(-2.0, 2.0).T
-        uniform = np.array([rng.random(4) for rng in rngs]).reshape(-1, 4).T
         height, girth, hip_half, shoulder_half, upper_arm = np.array(
             [(b.height_m, b.girth, b.hip_half_m, b.shoulder_half_m, b.upper_arm_m) for b in anatomies]
         ).T

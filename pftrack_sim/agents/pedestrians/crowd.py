@@ -77,6 +77,7 @@ class Crowd:
         self._members = dict(enumerate(group_members(groups, target_path), start=len(self.names)))
         self.names += tuple(f"member-{i + 1}" for i in range(len(self._members)))
         self._robot_column = len(self.names)
+        self._at_start = False
         self.reset()
 
     @property
@@ -111,7 +112,9 @@ class Crowd:
         return (self._target.posture, *[PLAIN] * others, *(member.posture for member in self._members.values()))
 
     def reset(self) -> None:
-        """Return everything to the start of the episode."""
+        """Return everything to the start of the episode, unless it is there."""
+        if self._at_start:
+            return
         # Rows x, y, vx, vy; columns pedestrians, robot, carts.
         self._state = np.zeros((4, self._robot_column + 1 + len(self.carts)))
         self._state[:2, self._robot_column] = SENTINEL_M
@@ -136,6 +139,7 @@ class Crowd:
         for column, cart in enumerate(self.carts, start=self._robot_column + 1):
             cart.reset(self._state[:, column])
         self._group()
+        self._at_start = True
 
     def _reset_distractor(self, person: int, rng: np.random.Generator, occupied: list[FloatArray]) -> None:
         walking_speed = self._distractors.speed_m_s * float(np.clip(rng.normal(1.0, 0.12), 0.75, 1.25))
@@ -170,6 +174,7 @@ class Crowd:
 
     def tick(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
         """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at these places."""
+        self._at_start = False
         self._target.update(dt_s, self._moved_robot(dt_s, robot_m), camera_m)
         self._store_target()
         for person, member in self._members.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -50,16 +51,7 @@ class Lane:
             left, lead = route.offset_m, -route.distance_m
         else:
             left, lead = (route.distance_m if route.side == "left" else -route.distance_m), route.lead_m
-        path = target.offset(left)
-        samples = np.linspace(0.0, target.length_m, 2 + math.ceil(target.length_m / _SAMPLE_M))
-        x, y, heading = target.at(samples)
-        points = np.stack([x - left * np.sin(heading), y + left * np.cos(heading)], axis=1)
-        s_m = np.empty(len(samples))
-        near = path.project(points[0], 0.0)
-        for index, point in enumerate(points):
-            # In a bend sharper than the offset the point abreast runs backwards: the robot waits there.
-            near = max(near, path.project(point, near))
-            s_m[index] = near
+        path, samples, s_m = _beside(target, left)
         return cls(path, samples - lead, s_m)
 
     def swung(
@@ -113,6 +105,27 @@ class Lane:
         after = min(max(bisect.bisect_right(x, target_s_m), 1), len(x) - 1)
         before = after - 1
         return (y[after] - y[before]) / (x[after] - x[before]) * (target_s_m - x[before]) + y[before]
+
+
+@lru_cache(maxsize=8)
+def _beside(target: Path, left_m: float) -> tuple[Path, FloatArray, FloatArray]:
+    """The path parallel to a target's, and `(N,)` arc lengths of the target with those abreast on it [m]; read-only.
+
+    For the seeds of most scenarios it is the same.
+    """
+    path = target.offset(left_m)
+    samples = np.linspace(0.0, target.length_m, 2 + math.ceil(target.length_m / _SAMPLE_M))
+    x, y, heading = target.at(samples)
+    points = np.stack([x - left_m * np.sin(heading), y + left_m * np.cos(heading)], axis=1)
+    s_m = np.empty(len(samples))
+    near = path.project(points[0], 0.0)
+    for index, point in enumerate(points):
+        # In a bend sharper than the offset the point abreast runs backwards: the robot waits there.
+        near = max(near, path.project(point, near))
+        s_m[index] = near
+    for array in (samples, s_m):
+        array.setflags(write=False)
+    return path, samples, s_m
 
 
 def _room(

@@ -379,3 +379,11 @@ def test_a_raised_arm_leaves_everything_else_in_place(postures: dict[str, Postur
     assert (waving[:, forearm, 2] > plain[:, neck, 2]).all()
     others = [index for index in range(len(PARTS)) if index != forearm]
     assert np.abs(waving[:, others] - plain[:, others]).max() < 1e-9
+
+
+def test_copies_of_a_person_draw_alike():
+    anatomy = sample_anatomy(np.random.default_rng(1))
+    copies = Gait([anatomy], [np.random.default_rng(2)], copies=3)
+    alike = Gait([anatomy] * 3, [np.random.default_rng(2) for _ in range(3)])
+    np.testing.assert_array_equal(copies.poses()[0], alike.poses()[0])
+    np.testing.assert_array_equal(copies.feet.start_phase, alike.feet.start_phase)
