@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.random_streams import stream
+from pftrack_sim.core.random_streams import pick, stream
 
 
 def test_different_names_give_different_streams():
@@ -32,3 +32,11 @@ def test_a_stream_is_that_of_the_words_of_its_seed_and_name(seed: int):
     words = np.frombuffer(hashlib.sha256(b"a/b").digest()[:16], dtype="<u4").tolist()
     expected = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *words])))
     assert stream(seed, "a", "b").random(3).tolist() == expected.random(3).tolist()
+
+
+def test_a_pick_is_drawn_as_a_choice_of_numpy():
+    for count in (1, 2, 3, 7, 16):
+        options = tuple(f"option {index}" for index in range(count))
+        ours, theirs = np.random.default_rng(count), np.random.default_rng(count)
+        assert [pick(ours, options) for _ in range(50)] == [str(theirs.choice(options)) for _ in range(50)]
+        assert ours.random() == theirs.random()

@@ -124,7 +124,8 @@ class PlaceBuilder:
         lights = self.lights
         if lights.patches:
             crowns = foliage(bounds, lights.patches, lights.patch_m, height_m, self.patch_rng)
-            self.add("foliage", (crowns,))
+            if len(crowns.faces):
+                self.add("foliage", (crowns,))
 
     def add_windowed_roof(
         self,

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pftrack_sim.core.random_streams import pick
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
@@ -149,7 +150,7 @@ def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     north, south = _LOBBY_HALF_WIDTH, -_LOBBY_HALF_WIDTH
 
     def random_couch() -> Prop:
-        return load_prop("couch", cloth=str(rng.choice(("fabric-blue", "fabric-red", "fabric-green"))))
+        return load_prop("couch", cloth=pick(rng, ("fabric-blue", "fabric-red", "fabric-green")))
 
     def plant(x: float, y: float, height: float) -> LooseProp:
         prop = potted_plant(rng, height)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pftrack_sim.core.random_streams import pick
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
@@ -161,7 +162,7 @@ def _add_machines(props: FixedProps) -> None:
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     cloths = ("fabric-blue", "fabric-red", "fabric-green")
-    items = [LooseProp("couch", pose, load_prop("couch", cloth=str(rng.choice(cloths)))) for pose in _COUCHES]
+    items = [LooseProp("couch", pose, load_prop("couch", cloth=pick(rng, cloths))) for pose in _COUCHES]
     for x, y in ((8.6, 4.4), (28.0, 5.0), (28.0, -5.0), (4.0, -5.0)):
         plant = potted_plant(rng, float(rng.uniform(1.3, 1.8)))
         half_x, half_y, top = bounding_box(plant)

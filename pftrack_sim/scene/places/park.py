@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pftrack_sim.core.random_streams import pick
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, sun_direction
@@ -133,9 +134,9 @@ def _add_fixed_props(props: FixedProps) -> None:
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     woods = ("wood-light", "wood-green", "wood-dark")
     flowers = ("flowers-red", "flowers-yellow", "leaves-light")
-    items = [LooseProp("bench", pose, load_prop("bench", wood=str(rng.choice(woods)))) for pose in _BENCHES]
+    items = [LooseProp("bench", pose, load_prop("bench", wood=pick(rng, woods))) for pose in _BENCHES]
     for pose in ((20.6, 6.4, 0.0), (27.4, 6.8, 0.4), (15.0, -8.0, np.pi / 2), (21.0, -8.2, np.pi / 2)):
-        items.append(LooseProp("planter", pose, planter(rng, str(rng.choice(flowers)))))
+        items.append(LooseProp("planter", pose, planter(rng, pick(rng, flowers))))
     items += [
         LooseProp("bin", (x, y, 0.0), load_prop("litter-bin")) for x, y in ((7.6, 4.9), (20.6, -6.2), (-4.2, 1.9))
     ]

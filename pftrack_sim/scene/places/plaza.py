@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pftrack_sim.core.random_streams import pick
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box, sun_direction
@@ -127,7 +128,7 @@ def _add_fixed_props(props: FixedProps) -> None:
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     def any_of(*names: str) -> str:
-        return str(rng.choice(names))
+        return pick(rng, names)
 
     items = [
         LooseProp("bench", pose, load_prop("bench", wood=any_of("wood-light", "wood-green", "wood-dark")))

@@ -7,6 +7,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.fixed import built_once
@@ -99,10 +100,20 @@ def advertising_column(first: int) -> Prop:
 
 def parasol_table(rng: np.random.Generator, cloth: str) -> Prop:
     """A cafe table with four chairs under a parasol."""
+    meshes = list(_parasol(cloth))
+    for k in range(4):
+        yaw = 0.5 * np.pi * k + float(rng.uniform(-0.3, 0.3))
+        meshes += translated(rotated(load_prop("chair"), yaw), 0.82 * np.sin(yaw), -0.82 * np.cos(yaw))
+    return tuple(meshes)
+
+
+@built_once
+def _parasol(cloth: str) -> Prop:
+    """The table and its parasol."""
     iron, parasol, sides, radius = texture("steel-dark"), texture(cloth), 8, 1.5
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1) + 0.2
     rim = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(sides + 1, 2.05)])
-    meshes = [
+    return (
         cylinder(texture("wood-dark"), (0, 0, 0.71), 0.42, 0.04, 10),
         cylinder(iron, (0, 0, 0), 0.04, 2.6, 6),
         cylinder(iron, (0, 0, 0), 0.3, 0.05, 8),
@@ -113,11 +124,7 @@ def parasol_table(rng: np.random.Generator, cloth: str) -> Prop:
             quad(parasol, rim[k + 1], rim[k] - rim[k + 1], np.array([0, 0, 2.25]) - 0.5 * (rim[k] + rim[k + 1]))
             for k in range(sides)
         ),
-    ]
-    for k in range(4):
-        yaw = 0.5 * np.pi * k + float(rng.uniform(-0.3, 0.3))
-        meshes += translated(rotated(load_prop("chair"), yaw), 0.82 * np.sin(yaw), -0.82 * np.cos(yaw))
-    return tuple(meshes)
+    )
 
 
 @built_once
@@ -193,7 +200,7 @@ def bicycle_stand(rng: np.random.Generator, count: int) -> Prop:
     meshes: list[TexturedMesh] = []
     for k in range(count):
         y = 0.75 * (k - 0.5 * (count - 1))
-        meshes += translated(bicycle(str(rng.choice(paints))), float(rng.uniform(-0.1, 0.1)), y)
+        meshes += translated(bicycle(pick(rng, paints)), float(rng.uniform(-0.1, 0.1)), y)
         meshes += [box(steel, (x, y + 0.2, 0.4), (0.05, 0.05, 0.8)) for x in (-0.3, 0.3)]
         meshes.append(box(steel, (0, y + 0.2, 0.8), (0.65, 0.05, 0.05), ALL_FACES))
     return tuple(meshes)
@@ -290,13 +297,13 @@ def _goods(rng: np.random.Generator, length: float, depth: float) -> Prop:
             return tuple(meshes)
         middle = x + 0.5 * wide
         if rng.random() < 0.86:
-            carton = texture(str(rng.choice(CARTONS)))
+            carton = texture(pick(rng, CARTONS))
             tall = float(rng.uniform(0.32, 0.6))
             deep = depth * float(rng.uniform(0.7, 0.92))
             meshes.append(box(carton, (middle, 0, 0.5 * tall), (wide - 0.03, deep, tall)))
             if style > 0.45 and rng.random() < 0.75:
                 upper = float(rng.uniform(0.25, 0.5))
-                carton = texture(str(rng.choice(CARTONS)))
+                carton = texture(pick(rng, CARTONS))
                 meshes.append(box(carton, (middle, 0, tall + 0.5 * upper), (0.85 * wide, 0.9 * deep, upper)))
         x += wide + float(rng.uniform(0.0, 0.12))
 
@@ -304,12 +311,12 @@ def _goods(rng: np.random.Generator, length: float, depth: float) -> Prop:
 def carton_stack(rng: np.random.Generator, layers: int) -> Prop:
     """A pallet with cartons of several kinds and an incomplete top layer."""
     meshes = list(load_prop("pallet"))
-    common = str(rng.choice(CARTONS))
+    common = pick(rng, CARTONS)
     for layer in range(layers):
         for x, y in product((-0.29, 0.29), (-0.195, 0.195)):
             if layer == layers - 1 and rng.random() < 0.35:
                 continue
-            carton = common if rng.random() < 0.6 else str(rng.choice(CARTONS))
+            carton = common if rng.random() < 0.6 else pick(rng, CARTONS)
             meshes.append(box(texture(carton), (x, y, 0.14 + 0.4 * (layer + 0.5)), (0.57, 0.38, 0.39)))
     return tuple(meshes)
 
@@ -325,7 +332,7 @@ def drums(rng: np.random.Generator) -> Prop:
     paints = ("paint-blue", "paint-red", "paint-green", "steel-blue", "paint-yellow")
     meshes: list[TexturedMesh] = []
     for x, y in product((-0.32, 0.32), repeat=2):
-        meshes.append(cylinder(texture(str(rng.choice(paints))), (x, y, 0), 0.29, 0.88, 12))
+        meshes.append(cylinder(texture(pick(rng, paints)), (x, y, 0), 0.29, 0.88, 12))
         meshes.append(cylinder(texture("steel-dark"), (x, y, 0.42), 0.297, 0.04, 12))
     return tuple(meshes)
 
@@ -336,7 +343,7 @@ def trolley(rng: np.random.Generator) -> Prop:
     return (
         box(blue, (0, 0, 0.22), (1.2, 0.62, 0.08), ALL_FACES),
         *(
-            box(texture(str(rng.choice(CARTONS))), (-0.35 + 0.36 * k, 0, 0.28 + 0.5 * h), (0.34, 0.5, h))
+            box(texture(pick(rng, CARTONS)), (-0.35 + 0.36 * k, 0, 0.28 + 0.5 * h), (0.34, 0.5, h))
             for k, h in enumerate(rng.uniform(0.25, 0.6, 3).tolist())
         ),
         *(cylinder(rubber, (x, y, 0.0), 0.07, 0.14, 8) for x in (-0.45, 0.45) for y in (-0.24, 0.24)),

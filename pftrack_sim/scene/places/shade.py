@@ -6,19 +6,19 @@ All faces look upwards, and cameras are below them: back faces are not drawn, bu
 from __future__ import annotations
 
 import math
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scene.layout import Bounds
 from pftrack_sim.scene.places.materials import texture
-from pftrack_sim.scene.places.meshes import TexturedMesh, merged_by_material, quad
+from pftrack_sim.scene.places.meshes import TexturedMesh
 
 _CORNERS = 9  # Of the outline of a crown
 _LEAVES = 2  # Clusters of leaves around a crown
+_LEAF_CORNERS = 5
 _FILLED = 0.84  # Mean area of a crown with its leaves over that of a disc of the mean diameter
 _BAR_M, _PANE_M, _BEAM_M = 0.09, 0.8, 0.27  # Bars of a window, their distance, and the beams between rows of windows
 _SURROUND_M = 6.0
@@ -35,15 +35,20 @@ def foliage(bounds: Bounds, share: float, patch_m: float, height_m: float, rng: 
     # Of a Boolean model with intensity n and mean area a the covered share is 1 - exp(-n a).
     area = _FILLED * np.pi * half**2
     count = int(rng.poisson(-math.log(1.0 - min(share, 0.97)) * (right - left) * (high - low) / area))
-    discs: list[TexturedMesh] = []
-    for x, y in rng.uniform((left, low), (right, high), (count, 2)):
-        radius = half * rng.uniform(0.6, 1.3)
-        discs.append(_disc(x, y, height_m, radius * rng.uniform(0.75, 1.15, _CORNERS)))
-        for angle in rng.uniform(0.0, 2.0 * np.pi, _LEAVES):
-            away, size = radius * rng.uniform(1.0, 1.4), radius * rng.uniform(0.12, 0.3)
-            centre = x + away * np.cos(angle), y + away * np.sin(angle)
-            discs.append(_disc(*centre, height_m, size * rng.uniform(0.7, 1.2, 5)))
-    return merged_by_material(discs)[0]
+    centres = rng.uniform((left, low), (right, high), (count, 2))
+    # The numbers of one crown and its leaves in a row: radius, corners, and place and corners of the leaves.
+    draws = rng.random((count, 1 + _CORNERS + _LEAVES * (1 + 2 + _LEAF_CORNERS)))
+    radius, corners = half * _between(draws[:, :1], 0.6, 1.3), draws[:, 1 : 1 + _CORNERS]
+    angles, leaves = np.split(draws[:, 1 + _CORNERS :], [_LEAVES], axis=1)
+    leaves = leaves.reshape(count, _LEAVES, 2 + _LEAF_CORNERS)
+    angles = _between(angles, 0.0, 2.0 * np.pi)
+    away, size = radius * _between(leaves[..., 0], 1.0, 1.4), radius * _between(leaves[..., 1], 0.12, 0.3)
+    beside = np.stack([away * np.cos(angles), away * np.sin(angles)], axis=-1)
+    radii = size[..., None] * _between(leaves[..., 2:], 0.7, 1.2)
+    crowns = _discs(centres[:, None], height_m, (radius * _between(corners, 0.75, 1.15))[:, None])
+    vertices = np.concatenate([crowns, _discs(centres[:, None] + beside, height_m, radii)], axis=1).reshape(-1, 3)
+    fans = [_fan(_CORNERS), *(_fan(_LEAF_CORNERS) + 1 + _CORNERS + k * (1 + _LEAF_CORNERS) for k in range(_LEAVES))]
+    return _from_below(vertices, np.concatenate(fans), count, (0.5, 0.5))
 
 
 def roof_with_windows(
@@ -56,10 +61,10 @@ def roof_with_windows(
     left, low, right, high = bounds
     around = _SURROUND_M
     sheets = [
-        _sheet(left - around, low - around, right + around, low, height_m),
-        _sheet(left - around, high, right + around, high + around, height_m),
-        _sheet(left - around, low, left, high, height_m),
-        _sheet(right, low, right + around, high, height_m),
+        (left - around, low - around, right + around, low),
+        (left - around, high, right + around, high + around),
+        (left - around, low, left, high),
+        (right, low, right + around, high),
     ]
     rows = np.linspace(low, high, 1 + max(1, round((high - low) / (1.5 * patch_m))))
     panes = (1.0 - _BAR_M / _PANE_M) * (1.0 - _BEAM_M / (rows[1] - rows[0]))
@@ -70,33 +75,47 @@ def roof_with_windows(
             window = patch_m * rng.uniform(0.6, 1.4)
             closed = window * (1.0 / open_share - 1.0) * rng.uniform(0.7, 1.3)
             if closed > 0.0:
-                sheets.append(_sheet(x, bottom, min(x + closed, right), top, height_m))
+                sheets.append((x, bottom, min(x + closed, right), top))
             x += closed
             for bar in np.arange(x, min(x + window, right), _PANE_M):
-                sheets.append(_sheet(bar, bottom, bar + _BAR_M, top, height_m))
+                sheets.append((bar, bottom, bar + _BAR_M, top))
             x += window
-        sheets.append(_sheet(left, top - _BEAM_M, right, top, height_m))
-    return merged_by_material(sheets)[0]
+        sheets.append((left, top - _BEAM_M, right, top))
+    edges = np.array(sheets)[:, None]
+    u, v = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]).T
+    vertices = np.empty((len(sheets), 4, 3))
+    vertices[..., 0] = edges[..., 0] + u * (edges[..., 2] - edges[..., 0])
+    vertices[..., 1] = edges[..., 1] + v * (edges[..., 3] - edges[..., 1])
+    vertices[..., 2] = height_m
+    return _from_below(vertices.reshape(-1, 3), np.array([[0, 1, 3], [0, 3, 2]]), len(sheets), np.stack([u, v], axis=1))
 
 
-def _sheet(left: float, low: float, right: float, high: float, z: float) -> TexturedMesh:
-    return quad(texture("stone"), (left, low, z), (right - left, 0.0, 0.0), (0.0, high - low, 0.0))
+def _between(shares: FloatArray, low: float, high: float) -> FloatArray:
+    """Numbers drawn from [0, 1) as `Generator.uniform` makes them numbers from `low` to `high`."""
+    return low + (high - low) * shares
 
 
-def _disc(x: float, y: float, z: float, radii: FloatArray) -> TexturedMesh:
-    """A star-shaped polygon that faces upwards."""
-    cos, sin, normals, uv, faces = _unit_disc(len(radii))
-    vertices = np.empty((len(radii) + 1, 3))
-    vertices[0] = x, y, z
-    vertices[1:, 0], vertices[1:, 1], vertices[1:, 2] = x + radii * cos, y + radii * sin, z
-    return TexturedMesh(texture("stone").material, vertices, normals, uv, faces)
+def _discs(centres_m: FloatArray, z_m: float, radii_m: FloatArray) -> FloatArray:
+    """`(N, K (C + 1), 3)` middles and corners of star-shaped polygons, by `(N, K, 2)` middles and `(N, K, C)` radii."""
+    angle = np.linspace(0.0, 2.0 * np.pi, radii_m.shape[-1], endpoint=False)
+    vertices = np.empty((*radii_m.shape[:2], radii_m.shape[-1] + 1, 3))
+    vertices[:, :, 0, :2] = centres_m
+    vertices[:, :, 1:, 0] = centres_m[..., :1] + radii_m * np.cos(angle)
+    vertices[:, :, 1:, 1] = centres_m[..., 1:] + radii_m * np.sin(angle)
+    vertices[..., 2] = z_m
+    return vertices.reshape(len(vertices), -1, 3)
 
 
-@cache
-def _unit_disc(corners: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.int32]]:
-    """Cosines and sines of the corners of a disc, and the normals, texture coordinates and faces of its mesh."""
-    angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+def _fan(corners: int) -> IntArray:
+    """`(C, 3)` faces of a disc, whose middle is its first vertex."""
     ring = np.arange(1, corners + 1)
-    faces = np.column_stack([np.zeros_like(ring), ring, np.roll(ring, -1)]).astype(np.int32)
-    uv = texture("stone").coordinates(np.full((corners + 1, 2), 0.5), 1.0)
-    return np.cos(angle), np.sin(angle), np.tile([0.0, 0.0, 1.0], (corners + 1, 1)), uv, faces
+    return np.column_stack([np.zeros_like(ring), ring, np.roll(ring, -1)])
+
+
+def _from_below(vertices: FloatArray, faces: IntArray, count: int, unit: ArrayLike) -> TexturedMesh:
+    """A mesh of `count` equal parts that look upwards, with the faces and places in the texture of one part."""
+    surface, each = texture("stone"), len(vertices) // max(count, 1)
+    part = surface.coordinates(np.broadcast_to(np.asarray(unit, dtype=np.float64), (each, 2)), 1.0)
+    triangles = (each * np.arange(count)[:, None, None] + faces).reshape(-1, 3).astype(np.int32)
+    normals = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
+    return TexturedMesh(surface.material, vertices, normals, np.tile(part, (count, 1)), triangles)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
@@ -130,7 +131,7 @@ def _add_lamp_posts(props: FixedProps) -> None:
 def _add_parked_cars(builder: PlaceBuilder) -> None:
     """Add cars along the southern kerb, with random paint, and one at each end of the street."""
     for index, x in enumerate((-3.0, 3.2, 9.4, 20.4, 27.0, 33.4, 39.0)):
-        prop = load_prop("van") if index == 4 else load_prop("car", paint=str(builder.rng.choice(_CAR_PAINTS)))
+        prop = load_prop("van") if index == 4 else load_prop("car", paint=pick(builder.rng, _CAR_PAINTS))
         if index == 2:
             prop += load_prop("rear-lights")
         yaw = np.pi if index % 3 == 1 else 0.0
