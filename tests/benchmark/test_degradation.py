@@ -16,7 +16,7 @@ SMALL: dict[str, Any] = {
     "camera.rate_hz": 10.0,
     "lights.shadows": False,
     "duration_s": 4.0,
-    "axes.occlusion.end_s": 2.5,
+    "axes.occlusion.end_s": 2.8,
     "distractors.count": 0,
 }
 

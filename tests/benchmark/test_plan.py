@@ -119,7 +119,7 @@ def test_wrong_names_and_levels():
         make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter.bandhz": [1]})
     with pytest.raises(ScenarioError, match="severity"):
         make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter": [-1]})
-    with pytest.raises(ScenarioError, match=r"corridor occlusion=1.*\n.*its first event ends at 6 s"):
+    with pytest.raises(ScenarioError, match=r"corridor occlusion=1.*\n.*its first event ends at 7 s"):
         make_plan(["corridor"], ["stay"], [0], axes={"occlusion": [0, 1]}, overrides={"duration_s": 3.0})
     with pytest.raises(ParameterError, match="given twice: stay"):
         make_plan(["plaza-walk"], ["stay", "stay"], [0])

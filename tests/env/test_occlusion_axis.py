@@ -71,7 +71,7 @@ KINDS = ("pillar", "wall", "stranger", "lookalike")
 def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
     at_s = NEXT_TO_PILLARS_AT_S if name == "easy/warehouse" else AT_S
     share = 0.5 if kind == "wall" else 1.0
-    observed = truths(name, at_s + 1.5, from_s=at_s - 0.5, kind=kind, end_s=at_s + 1.0, share=share)
+    observed = truths(name, at_s + 1.5, from_s=at_s - 0.5, kind=kind, duration_s=1.0, end_s=at_s + 1.0, share=share)
     assert_as_requested(np.array([one.visible_fraction for one in observed]), at_s - 0.5, ((at_s, 1.0),), share)
     middle = observed[round(1.0 * RATE_HZ)]
     assert middle.occluders[0] == {"pillar": "cabinet-1", "wall": "cart-1"}.get(kind, "crosser-1")
@@ -79,7 +79,9 @@ def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
 def test_a_low_cart_covers_the_requested_share(share: float):
-    observed = truths("easy/corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", end_s=AT_S + 1.0, share=share)
+    observed = truths(
+        "easy/corridor", AT_S + 1.4, from_s=AT_S - 0.4, kind="wall", duration_s=1.0, end_s=AT_S + 1.0, share=share
+    )
     assert_as_requested(np.array([one.visible_fraction for one in observed]), AT_S - 0.4, ((AT_S, 1.0),), share)
 
 
@@ -116,7 +118,7 @@ def test_what_follows_the_end_is_the_same_at_every_severity(kind: str):
     ("given", "words"),
     [
         ({"severity": 7.0}, "would begin before 0 s"),
-        ({"severity": 2.0, "count": 2, "every_s": 1.5}, "at least the 2 s"),
+        ({"severity": 2.0, "count": 2, "every_s": 1.5}, "at least the 2.6 s"),
     ],
 )
 def test_covers_that_do_not_fit_are_refused(given: dict[str, Any], words: str):
@@ -144,6 +146,7 @@ def test_occlusions_are_equal_on_every_route(route: dict[str, Any]):
         "robot.route": route,
         "place.clutter": 0.0,
         "axes.occlusion.kind": "pillar",
+        "axes.occlusion.duration_s": 1.0,
         "axes.occlusion.end_s": AT_S + 1.0,
     }
     with Simulation(scenario.load("easy/plaza-walk", {**CLEAR, **keys})) as simulation:

@@ -26,13 +26,13 @@ def test_what_begins_after_the_end_is_named():
     ]
     assert scenario.late_events(settings(duration_s=10.0)) == []
     twice = settings(**{"axes.occlusion": {"severity": 1.0, "count": 2, "end_s": 3.0}, "occluders": []})
-    assert "axes.occlusion, event 2 at 8 s" in scenario.late_events(twice)
+    assert "axes.occlusion, event 2 at 7.7 s" in scenario.late_events(twice)
 
 
 @pytest.mark.parametrize(
     ("axis", "table", "words"),
     [
-        ("occlusion", {"severity": 1.0}, "ends at 6 s"),
+        ("occlusion", {"severity": 1.0}, "ends at 7 s"),
         ("occlusion", {"severity": 0.0}, None),
         ("occlusion", {"severity": 1.0, "end_s": 3.0}, None),
         ("distractors", {"severity": 1.0, "at_s": 4.0}, "begins at 4 s"),
