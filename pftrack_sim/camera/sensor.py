@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -14,8 +13,8 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes, NoiseAxis
 
-_WEIGHTS_256 = (32, 192, 32)
-"""Weights of the kernel in `blur_kernels` along each axis, in 256ths."""
+_NARROW_PX = 0.5
+"""Up to this sigma OpenCV, which rounds the weights of bytes to 256ths, gives none to pixels two columns away."""
 
 
 class Sensor:
@@ -29,9 +28,9 @@ class Sensor:
         self._grey = grey
         self._exposure = AutoExposure(axes.light) if axes.light.on else None
         self.retune(axes, seed)
-        self._radius_px = max(1, math.ceil(4.0 * settings.psf_sigma_px))
+        narrow = settings.psf_sigma_px <= _NARROW_PX
+        self._radius_px = 1 if narrow else math.ceil(4.0 * settings.psf_sigma_px)
         self._sigma_px = sampled_sigma(settings.psf_sigma_px, self._radius_px) if settings.psf_sigma_px > 0.0 else 0.0
-        self._in_16_bits = self._sigma_px > 0.0 and _weights_need_16_bits(self._gaussian)
 
     def retune(self, axes: Axes, seed: int) -> None:
         """Set noise and compression; the exposure goes on."""
@@ -59,20 +58,10 @@ class Sensor:
         """
         if self._sigma_px > 0.0:
             # On display-coded values, as the renderer's light.
-            image = self._blurred(image)
+            size = 2 * self._radius_px + 1
+            blurred = cv2.GaussianBlur(image, (size, size), self._sigma_px, borderType=cv2.BORDER_REPLICATE)
+            image = np.asarray(blurred, dtype=np.uint8)
         return image if self._exposure is None else self._exposure.balance(image, time_s)
-
-    def _blurred(self, image: Image) -> Image:
-        if not self._in_16_bits:
-            return self._gaussian(image)
-        from pftrack_sim.camera.blur_kernels import blurred  # numba: imported when it is used
-
-        return blurred(np.ascontiguousarray(image))
-
-    def _gaussian(self, image: Image) -> Image:
-        size = 2 * self._radius_px + 1
-        blurred = cv2.GaussianBlur(image, (size, size), self._sigma_px, borderType=cv2.BORDER_REPLICATE)
-        return np.asarray(blurred, dtype=np.uint8)
 
     def read(self, image: Image, index: int) -> Image:
         """Read out and transmit the frame exposed last: noise, luma, JPEG.
@@ -87,17 +76,6 @@ class Sensor:
             luma = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
             image = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2RGB), dtype=np.uint8)
         return image if self._quality is None else compress(image, self._quality)
-
-
-def _weights_need_16_bits(gaussian: Callable[[Image], Image]) -> bool:
-    """Whether OpenCV rounds the weights of a Gaussian to those of the kernel in `blur_kernels`.
-
-    A point on one row shows the weights along it: 255 / 256 of each, rounded half up.
-    """
-    point = np.zeros((1, 15, 3), dtype=np.uint8)
-    point[:, 7] = 255
-    seen = [(255 * weight + 128) >> 8 for weight in (*[0] * 6, *_WEIGHTS_256, *[0] * 6)]
-    return gaussian(point)[0, :, 0].tolist() == seen
 
 
 def compress(image: Image, quality: int) -> Image:

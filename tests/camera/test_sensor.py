@@ -1,10 +1,7 @@
-import math
-
 import cv2
 import numpy as np
 import pytest
 
-from pftrack_sim.camera.blur_kernels import blurred
 from pftrack_sim.camera.sensor import Sensor, sampled_sigma
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes
@@ -55,26 +52,14 @@ def test_blur_keeps_shape_and_type_and_the_argument(sigma_px: float):
     assert (expose(image, sigma_px) == out).all()
 
 
-@pytest.mark.parametrize("size", [(1, 1), (1, 9), (7, 1), (2, 2), (24, 33), (61, 40)])
-def test_the_kernel_of_the_default_blur_equals_opencv_to_the_bit(size: tuple[int, int]):
+@pytest.mark.parametrize("sigma_px", [0.1, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (24, 33)])
+def test_a_narrow_blur_gives_no_weight_to_pixels_two_columns_away(size: tuple[int, int], sigma_px: float):
     rng = np.random.default_rng(sum(size))
-    radius_px = 2
-    sigma_px = sampled_sigma(0.5, radius_px)
+    sigma = sampled_sigma(sigma_px, 2)
     for image in (rng.integers(0, 256, (*size, 3), dtype=np.uint8), 255 * rng.integers(0, 2, (*size, 3), np.uint8)):
-        expected = cv2.GaussianBlur(image, (5, 5), sigma_px, borderType=cv2.BORDER_REPLICATE)
-        assert np.array_equal(blurred(image), expected)
-        assert np.array_equal(expose(image, 0.5), expected)
-        assert np.array_equal(expose(image[::-1], 0.5), expected[::-1])
-
-
-@pytest.mark.parametrize("sigma_px", SIGMAS)
-def test_every_blur_equals_opencv_to_the_bit(sigma_px: float):
-    image = np.random.default_rng(0).integers(0, 256, (20, 30, 3), dtype=np.uint8)
-    radius_px = math.ceil(4.0 * sigma_px)
-    size, sigma = (2 * radius_px + 1,) * 2, sampled_sigma(sigma_px, radius_px)
-    assert np.array_equal(
-        expose(image, sigma_px), cv2.GaussianBlur(image, size, sigma, borderType=cv2.BORDER_REPLICATE)
-    )
+        wide = cv2.GaussianBlur(image, (5, 5), sigma, borderType=cv2.BORDER_REPLICATE)
+        assert np.array_equal(expose(image, sigma_px), wide)
 
 
 def test_a_uniform_image_stays_uniform():
