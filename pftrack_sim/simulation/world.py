@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import mujoco
@@ -64,17 +65,21 @@ class World:
         form, step_s = RobotForm.of(settings.robot, settings.camera), self.clock.step_s
         robot_alone, self._equilibrium = compile_robot_alone(form, step_s), _equilibrium(form, step_s)
 
-        def run_in(model: mujoco.MjModel, until_s: float) -> DryRun:
+        def run_in(model: mujoco.MjModel, until_s: float, first_s: float | None = None) -> DryRun:
             alone = self._crowd(Plan(layout), distractors=0, groups=())
-            return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m)
+            return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m, first_s)
 
-        def run(until_s: float) -> DryRun:
-            found = run_in(robot_alone, until_s)
+        def run(until_s: float, first_s: float | None = None) -> DryRun:
+            return among_solids(run_in(robot_alone, until_s, first_s), until_s)
+
+        def among_solids(found: DryRun, until_s: float) -> DryRun:
             reach_m = ROBOT_RADIUS_M + settings.robot.max_speed_m_s * self.clock.tick_s
-            if ObstacleMap(layout).clearance_m(found.robot_m).min() > reach_m:
+            if ObstacleMap(layout).clearance_m(found.robot_m).min() <= reach_m:
+                # It may touch something: with everything that it collides with.
+                return run_in(solid_stage(settings, spec).compile(), until_s)
+            if (rest := found.rest) is None:
                 return found
-            # It may touch something: with everything that it collides with.
-            return run_in(solid_stage(settings, spec).compile(), until_s)
+            return replace(found, rest=replace(rest, finish=lambda: among_solids(rest.finish(), until_s)))
 
         plan = make_plan(settings, seed, layout, self._path, seats, run)
         people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)

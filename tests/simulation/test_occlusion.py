@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import mujoco
@@ -20,7 +21,7 @@ from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
 from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.scene_spec import SceneSpec
-from pftrack_sim.simulation.dry_run import DryRun
+from pftrack_sim.simulation.dry_run import DryRun, Rest
 from pftrack_sim.simulation.occlusion import static
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, covered_by_person, plan_crossing
 from pftrack_sim.simulation.occlusion.static import covered_by_box, plan_static, spans
@@ -94,6 +95,23 @@ def hidden_share(placement: Placement, camera: np.ndarray, target: np.ndarray) -
     heights = (np.arange(400) + 0.5) / 400 * HEIGHT_M
     sight = CAMERA_Z_M + along * (heights[:, None] - CAMERA_Z_M)
     return float(((sight <= placement.height_m) & within).any(axis=1).mean())
+
+
+@pytest.mark.parametrize(("first_s", "cut_off"), [(1.5, False), (0.3, True)])
+def test_a_crossing_planned_on_the_first_part_of_a_run_is_that_of_the_whole(first_s: float, cut_off: bool) -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        whole, finished = dry_run_of(camera_of(("behind", "beside")[seed % 2], rng)), list[bool]()
+        request = occluder_of("walker", rng).model_copy(update={"duration_s": 0.5})
+
+        def finish(whole: DryRun = whole, finished: list[bool] = finished) -> DryRun:
+            finished.append(True)
+            return whole
+
+        first = whole.until(request.at_s + 0.5 + first_s)
+        first = replace(first, rest=Rest(whole.end_s, finish))
+        assert plan_crossing(request, first, HALL) == plan_crossing(request, whole, HALL)
+        assert bool(finished) == cut_off
 
 
 @pytest.mark.parametrize("kind", ["pillar", "wall", "boxes"])

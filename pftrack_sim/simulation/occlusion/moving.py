@@ -81,7 +81,11 @@ def plan_crossing(
         ParameterError: Every course leads through obstacles while it covers the target, or the times do not fit.
     """
     check_times(occluder, run, name)
-    best = _best_candidate(occluder, run, ObstacleMap(layout), mover)
+    try:
+        best = _best_candidate(occluder, run, ObstacleMap(layout), mover)
+    except _CutOffError:
+        run = run.whole()
+        best = _best_candidate(occluder, run, ObstacleMap(layout), mover)
     if best.hits_obstacle:
         raise ParameterError(
             f"{name}: a {mover.name} that covers the target from {occluder.at_s:g} s to "
@@ -134,6 +138,10 @@ def cart_height_m(axis: OcclusionAxis, crossing: Crossing, run: DryRun) -> float
     return max(min(camera_z + (top - camera_z) * face / distance for face in faces), _MIN_CART_HEIGHT_M)
 
 
+class _CutOffError(Exception):
+    """A course is not over by the end of the first part of a dry run."""
+
+
 @dataclass(frozen=True)
 class _Candidate:
     crossing: Crossing
@@ -160,7 +168,7 @@ def _candidates(
 ) -> Iterator[_Candidate]:
     """Crossings from both sides and from several waiting places, with their costs."""
     sides: tuple[Literal[-1, 1], ...] = (1, -1)
-    begin_s, end_s = float(run.times_s[0]), float(run.times_s[-1])
+    begin_s, end_s, known_s = float(run.times_s[0]), run.end_s, float(run.times_s[-1])
     until_s = occluder.at_s + occluder.duration_s
     for side in sides:
         for aside in mover.asides_m:
@@ -171,9 +179,13 @@ def _candidates(
             )
             start_s = max(occluder.at_s - lead - 5.0 * STEP_S, begin_s)
             times = np.arange(start_s, min(until_s + 3.2, end_s), STEP_S)
+            recorded = times <= known_s
+            times = times[recorded]
             camera, target = run.at(times)
             track = crossing_track(crossing, start_s, STEP_S, camera[:, :2], target)
             known = ~np.isnan(track[:, 0])
+            if known.all() and not recorded.all():
+                raise _CutOffError
             track, target, times = track[known], target[known], times[known]
             clearance = obstacles.clearance_m(track)
             cost = _course_cost(crossing, track, target, clearance[times <= until_s])

@@ -55,7 +55,7 @@ def plan_static(occluder: model.Occluder, run: DryRun, layout: WalkableArea, nam
 
 def check_times(occluder: model.Occluder, run: DryRun, name: str) -> None:
     """Raise a `ParameterError` unless an occlusion begins and ends within the dry run."""
-    first, last = float(run.times_s[0]), float(run.times_s[-1])
+    first, last = float(run.times_s[0]), run.end_s
     until_s = occluder.at_s + occluder.duration_s
     if occluder.at_s < first or until_s > last:
         raise ParameterError(
