@@ -127,8 +127,9 @@ def test_the_dry_run_of_the_robot_alone_is_that_among_everything_to_the_bit(monk
     real = world_module.dry_run
 
     def recorded(model: mujoco.MjModel, *arguments: Any) -> Any:
-        runs.append((model, real(model, *arguments)))
-        return runs[-1][1]
+        found = real(model, *arguments)
+        runs.append((model, found.whole()))
+        return found
 
     monkeypatch.setattr(world_module, "dry_run", recorded)
     # Something is that near wherever the robot is: it is simulated among everything too.
