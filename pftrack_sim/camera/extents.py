@@ -77,6 +77,42 @@ class Bodies:
         extents, ranges = self.extents(positions, rotations, T_world_camera, near_m)
         return gather_bodies(extents, ranges, self._ends, focal_and_centre(K))
 
+    def boxes_in_scene(
+        self,
+        geoms: IntArray,
+        positions: FloatArray,
+        rotations: FloatArray,
+        T_world_camera: FloatArray,
+        intrinsics: tuple[float, float, float, float],
+        near_m: float,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """`boxes` of parts that are geoms of a scene, equal to the bit and in less time.
+
+        Args:
+            geoms: `(S,)` ids of the parts.
+            positions: `(ngeom, 3)` of all geoms [m].
+            rotations: `(ngeom, 9)` of all geoms.
+            T_world_camera: `(4, 4)` camera pose.
+            intrinsics: Focal lengths fx, fy and principal point cx, cy [px].
+            near_m: Distance of the near plane.
+        """
+        from pftrack_sim.camera.extents_kernels import gather_bodies, measure_bodies  # numba: imported when it is used
+
+        *found, cut = measure_bodies(
+            self._joined, self._first, self._ends, geoms, positions, rotations, T_world_camera, intrinsics, near_m,
+            self._fused,
+        )  # fmt: skip
+        if cut:
+            parts = positions[geoms], rotations[geoms].reshape(-1, 3, 3)
+            return gather_bodies(*self.extents(*parts, T_world_camera, near_m), self._ends, intrinsics)
+        boxes, depths, lowest = found
+        return boxes, depths, lowest
+
+    def some(self, bodies: Sequence[int]) -> Bodies:
+        """Some of the bodies, by their indices."""
+        starts, ends = self._ends[:-1].tolist(), self._ends[1:].tolist()
+        return Bodies([self.vertices[starts[body] : ends[body]] for body in bodies], fused=self._fused)
+
     def extents(
         self, positions: ArrayLike, rotations: ArrayLike, T_world_camera: ArrayLike, near_m: float
     ) -> tuple[FloatArray, FloatArray]:

@@ -2,31 +2,71 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 
+from pftrack_sim.core.fused import fused_dot
 from pftrack_sim.core.types import FloatArray, IntArray
 
 
-def _fused(_: Any, a: Any, b: Any, c: Any) -> Any:
-    """Product of two numbers plus a third, rounded once."""
+@njit(cache=True, nogil=True)
+def measure_bodies(
+    vertices: FloatArray,
+    first: IntArray,
+    ends: IntArray,
+    geoms: IntArray,
+    positions: FloatArray,
+    rotations: FloatArray,
+    pose: FloatArray,
+    intrinsics: tuple[float, float, float, float],
+    near_m: float,
+    fused: bool,
+) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
+    """What `Bodies.boxes` gives, of parts that are geoms of a scene; and whether the near plane cuts any of them.
 
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.fma(*arguments)
+    The boxes are those of parts that the plane does not cut.
 
-    return types.float64(a, b, c), generate
-
-
-_fused_multiply_add: Any = intrinsic(_fused)
+    Args:
+        vertices: `(V, 3)` of all parts, one part after the other.
+        first: `(S + 1,)` index of each part's first vertex.
+        ends: `(B + 1,)` index of each body's first part.
+        geoms: `(S,)` ids of the parts.
+        positions: `(ngeom, 3)` of the geoms.
+        rotations: `(ngeom, 9)` of the geoms.
+        pose: `(4, 4)` T_world_camera.
+        intrinsics: fx, fy, cx, cy [px].
+        near_m: Distance of the near plane.
+        fused: See `project_parts`; the poses of parts in camera axes are always products added unrounded.
+    """
+    parts = len(geoms)
+    centres, axes = np.empty((parts, 3)), np.empty((parts, 3, 3))
+    places, turned = np.empty((parts, 3)), np.empty((parts, 3, 3))
+    for part in range(parts):
+        geom = geoms[part]
+        for row in range(3):
+            places[part, row] = positions[geom, row]
+            for column in range(3):
+                turned[part, row, column] = rotations[geom, 3 * row + column]
+        x, y, z = places[part, 0] - pose[0, 3], places[part, 1] - pose[1, 3], places[part, 2] - pose[2, 3]
+        for axis in range(3):
+            centres[part, axis] = fused_dot(pose[:, axis], x, y, z)
+            for column in range(3):
+                along = turned[part, 0, column], turned[part, 1, column], turned[part, 2, column]
+                axes[part, axis, column] = fused_dot(pose[:, axis], along[0], along[1], along[2])
+    extents, ranges = project_parts(vertices, first, centres, axes, places, turned, fused)
+    cut = False
+    for part in range(parts):
+        if ranges[part, 0] < near_m:
+            cut = cut or ranges[part, 1] >= near_m
+            extents[part] = np.nan
+    boxes, depths, lowest = gather_bodies(extents, ranges, ends, intrinsics)
+    return boxes, depths, lowest, cut
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _dot(row: FloatArray, x: float, y: float, z: float, fused: bool) -> float:
     if fused:
-        return _fused_multiply_add(row[2], z, _fused_multiply_add(row[1], y, row[0] * x))
+        return fused_dot(row, x, y, z)
     return row[0] * x + row[1] * y + row[2] * z
 
 

@@ -7,6 +7,7 @@ changes no pixel.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import mujoco
@@ -38,7 +39,8 @@ class Bounds:
         middle, half = np.ascontiguousarray(boxes[:, 0]), np.ascontiguousarray(boxes[:, 1])
         radii = np.linalg.norm(np.abs(middle) + half, axis=1)
         self._boxes = middle, half, radii
-        self._unbounded = ~np.isin(model.geom_type, _BOUNDED_TYPES)
+        self.unbounded: BoolArray = ~np.isin(model.geom_type, _BOUNDED_TYPES)
+        """`(ngeom,)` geoms without a box: nothing is ever ruled out for them."""
         self._ids: IntArray = np.arange(model.ngeom)
         vertices, faces = np.empty((0, 3), dtype=np.float32), np.empty((0, 3), dtype=np.int32)
         self._meshes = vertices, faces, np.zeros((model.ngeom, 3), dtype=np.intp)
@@ -68,7 +70,48 @@ class Bounds:
         ids, poses = self._ids if geoms is None else geoms, (data.geom_xpos, data.geom_xmat)
         pose, rect = np.ascontiguousarray(T_world_camera, dtype=np.float64), (0, 0, *size)
         found = boxes_in_view(ids, poses, self._boxes, pose, focal_and_centre(K), rect, near_m)
-        return self._unbounded[ids] | found
+        return self.unbounded[ids] | found
+
+    def hidden(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        K: FloatArray,
+        size: tuple[int, int],
+        near_m: float,
+        geoms: IntArray,
+    ) -> IntArray:
+        """`(M,)` places among `(N,)` geoms of those that change no pixel of a color image of `size`, see `in_view`.
+
+        None where a material of the model reflects; none that casts a shadow, where a light casts any.
+        """
+        from pftrack_sim.render.culling_kernels import hidden_boxes  # numba: imported when it is used
+
+        poses, rect = (data.geom_xpos, data.geom_xmat), (0, 0, *size)
+        pose = np.ascontiguousarray(T_world_camera, dtype=np.float64)
+        return hidden_boxes(
+            geoms, poses, self._boxes, self.unbounded, pose, focal_and_centre(K), rect, near_m, model.mat_reflectance,
+            model.light_active, model.light_castshadow, model.geom_castshadow,
+        )  # fmt: skip
+
+    def any_in_view(
+        self,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        intrinsics: tuple[float, float, float, float],
+        size: tuple[int, int],
+        near_m: float,
+        geoms: IntArray,
+    ) -> bool:
+        """Whether any of some geoms, none of them `unbounded`, may be visible; see `in_view`.
+
+        The intrinsics are the focal lengths fx, fy and the principal point cx, cy [px].
+        """
+        from pftrack_sim.render.culling_kernels import any_box_in_view  # numba: imported when it is used
+
+        poses, rect = (data.geom_xpos, data.geom_xmat), (0, 0, *size)
+        return any_box_in_view(geoms, poses, self._boxes, T_world_camera, intrinsics, rect, near_m)
 
     def may_occlude(
         self,
@@ -105,4 +148,37 @@ class Bounds:
             geoms, poses, self._boxes, Meshes(*self._meshes), pose, focal_and_centre(K), np.array(rects), near_m,
             farthest_m, above_m, np.concatenate(limbs), ends,
         )  # fmt: skip
-        return self._unbounded[geoms, None] | found
+        return self.unbounded[geoms, None] | found
+
+    def any_may_occlude(
+        self,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        intrinsics: tuple[float, float, float, float],
+        geoms: IntArray,
+        limbs: IntArray,
+        rect: PixelRect,
+        farthest_m: float,
+        lowest_m: float,
+        near_m: float,
+    ) -> bool:
+        """Whether any of some geoms, none of them `unbounded`, may occlude a person; see `may_occlude`.
+
+        Args:
+            data: Poses.
+            T_world_camera: `(4, 4)` camera pose.
+            intrinsics: Focal lengths fx, fy and principal point cx, cy [px].
+            geoms: `(N,)` ids.
+            limbs: Geom ids of the person.
+            rect: Rectangle of the image around the person.
+            farthest_m: Depth of the person's farthest point.
+            lowest_m: Height of the person's lowest point.
+            near_m: Depth of the near plane.
+        """
+        from pftrack_sim.render.culling_kernels import Meshes, any_box_before  # numba: imported when it is used
+
+        above_m = lowest_m + GROUND_CONTACT_M if T_world_camera[2, 3] > lowest_m else -math.inf
+        return any_box_before(
+            geoms, (data.geom_xpos, data.geom_xmat), self._boxes, Meshes(*self._meshes), T_world_camera, intrinsics,
+            (rect.left, rect.top, rect.width, rect.height), near_m, farthest_m, above_m, limbs,
+        )  # fmt: skip

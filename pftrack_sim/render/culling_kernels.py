@@ -59,6 +59,71 @@ def boxes_in_view(
 
 
 @njit(cache=True, nogil=True)
+def hidden_boxes(
+    geoms: IntArray,
+    poses: Poses,
+    boxes: Boxes,
+    unbounded: BoolArray,
+    pose: FloatArray,
+    intrinsics: Intrinsics,
+    rect: tuple[int, int, int, int],
+    near_m: float,
+    reflectance: NDArray[np.float32],
+    light_active: BoolArray,
+    light_castshadow: BoolArray,
+    geom_castshadow: BoolArray,
+) -> IntArray:
+    """`(M,)` places among `(N,)` geoms of those that neither reach into a view nor show in it otherwise.
+
+    Args:
+        geoms: `(N,)` ids.
+        poses: See above.
+        boxes: See above.
+        unbounded: `(ngeom,)` geoms without a box, never hidden.
+        pose: See above.
+        intrinsics: See above.
+        rect: See above.
+        near_m: Depth of the near plane.
+        reflectance: `(nmat,)` of the materials; with one that reflects, nothing is hidden.
+        light_active: `(nlight,)` lights that are on.
+        light_castshadow: `(nlight,)` lights that cast shadows.
+        geom_castshadow: `(ngeom,)` geoms that cast shadows, hidden only if no light does.
+    """
+    count, shadows = 0, False
+    places = np.empty(len(geoms), dtype=np.intp)
+    for material in range(len(reflectance)):
+        if reflectance[material] > 0.0:
+            return places[:0]
+    for light in range(len(light_active)):
+        shadows = shadows or (light_active[light] and light_castshadow[light])
+    planes = _planes(pose, intrinsics, rect, near_m, np.inf)
+    for index in range(len(geoms)):
+        geom = geoms[index]
+        shown = unbounded[geom] or (shadows and geom_castshadow[geom]) or _reaches(geom, planes, poses, boxes)
+        if not shown:
+            places[count] = index
+            count += 1
+    return places[:count]
+
+
+@njit(cache=True, nogil=True)
+def any_box_in_view(
+    geoms: IntArray,
+    poses: Poses,
+    boxes: Boxes,
+    pose: FloatArray,
+    intrinsics: Intrinsics,
+    rect: tuple[int, int, int, int],
+    near_m: float,
+) -> bool:
+    """Whether the box of any of some geoms may reach into a view, see `boxes_in_view`."""
+    planes, found = _planes(pose, intrinsics, rect, near_m, np.inf), False
+    for geom in geoms:
+        found = found or _reaches(geom, planes, poses, boxes)
+    return found
+
+
+@njit(cache=True, nogil=True)
 def boxes_before_people(
     geoms: IntArray,
     poses: Poses,
@@ -95,16 +160,49 @@ def boxes_before_people(
         planes = _planes(pose, intrinsics, (left, top, width, height), near_m, farthest_m[person])
         own = limbs[ends[person] : ends[person + 1]]
         for index in range(len(geoms)):
-            geom = geoms[index]
-            before[index, person] = (
-                _reaches(geom, planes, poses, boxes)
-                and _top(geom, poses, boxes) > above_m[person]
-                and not _separates(geom, pose, own, poses, boxes)
-                and (
-                    meshes.ranges[geom, 2] == 0 or _some_triangle_reaches(geom, planes, above_m[person], poses, meshes)
-                )
-            )
+            before[index, person] = _before(geoms[index], planes, above_m[person], own, poses, boxes, meshes, pose)
     return before
+
+
+@njit(cache=True, nogil=True)
+def any_box_before(
+    geoms: IntArray,
+    poses: Poses,
+    boxes: Boxes,
+    meshes: Meshes,
+    pose: FloatArray,
+    intrinsics: Intrinsics,
+    rect: tuple[int, int, int, int],
+    near_m: float,
+    farthest_m: float,
+    above_m: float,
+    limbs: IntArray,
+) -> bool:
+    """Whether any of some geoms may be between a camera and one person, see `boxes_before_people`."""
+    planes, found = _planes(pose, intrinsics, rect, near_m, farthest_m), False
+    for geom in geoms:
+        found = found or _before(geom, planes, above_m, limbs, poses, boxes, meshes, pose)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _before(
+    geom: int,
+    planes: tuple[FloatArray, FloatArray],
+    above_m: float,
+    limbs: IntArray,
+    poses: Poses,
+    boxes: Boxes,
+    meshes: Meshes,
+    pose: FloatArray,
+) -> bool:
+    """Whether a geom may be between a camera and a person with these limbs."""
+    return (
+        _reaches(geom, planes, poses, boxes)
+        and _top(geom, poses, boxes) > above_m
+        and not _separates(geom, pose, limbs, poses, boxes)
+        and (meshes.ranges[geom, 2] == 0 or _some_triangle_reaches(geom, planes, above_m, poses, meshes))
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import weakref
 from collections import deque
@@ -13,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.extents import CORNERS, Bodies
+from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core import boxes
 from pftrack_sim.core.deferred import DeferredPeople
@@ -24,12 +25,10 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.scene.layout import PEOPLE_GROUP, owner_name
+from pftrack_sim.truth.geom_points import surface_points
 from pftrack_sim.truth.projection import project_people
-from pftrack_sim.truth.search import FrameSearch
+from pftrack_sim.truth.search import FrameSearch, FrameView
 from pftrack_sim.truth.silhouettes import Measured, Silhouette, SilhouetteFinder
-
-_SPHERE_POINTS, _RIM_POINTS = 2000, 96
-"""Vertices of a sphere and of each rim of a cylinder: 0.1 % of the radius short of the surface."""
 
 _LEAST_PELVIS_PX = 2.0  # Whatever is as large both ways, and no needle, covers the centre of a pixel
 
@@ -37,17 +36,32 @@ _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
 
 
-class _FrameGeometry(NamedTuple):
-    """Boxes [px], image motion, distances and root poses of all people in one frame, by person; its camera and time."""
+class _PersonGeometry(NamedTuple):
+    """Boxes [px], image motion, distance and root pose of one person in one frame."""
 
     amodal: FloatArray
     swept: FloatArray
-    motion_px: list[float]
-    distance_m: list[float]
-    roots: FloatArray
+    motion_px: float
+    distance_m: float
+    root: FloatArray
+
+
+class _FrameGeometry(NamedTuple):
+    """What is known of everybody in one frame before silhouettes are looked at; its camera and time.
+
+    Attributes:
+        people: Geometry of everybody, found when it is first asked for; that of the target is at hand.
+    """
+
+    target: _PersonGeometry
+    people: Callable[[], Sequence[_PersonGeometry]]
     pose: FloatArray
     distortion: FloatArray
     time_s: float
+
+    def of(self, person: int) -> _PersonGeometry:
+        """That of a person."""
+        return self.people()[person] if person else self.target
 
 
 class TruthObserver:
@@ -97,7 +111,7 @@ class TruthObserver:
         # The size of the target's pelvis tells whether any pixel shows the target.
         pelvis = np.flatnonzero(in_group & (model.geom_bodyid == self._pelvis[0]))
         boxed = [*boxed, pelvis] if pelvis.size else boxed
-        bodies = [[_vertices(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]]
+        bodies = [[surface_points(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]]
         if renderer.draws_color:
             self._finder = SilhouetteFinder(model, renderer, geoms, Bodies(bodies), boxed)
         else:
@@ -105,7 +119,10 @@ class TruthObserver:
 
             self._finder = GeometricFinder(model, renderer, geoms, Bodies(bodies, fused=False), boxed)
         self._has_pelvis, self._has_parts = bool(pelvis.size), bool(parts)
-        self._centres: FloatArray | None = None
+        self._target_centre: tuple[float, float] | None = None
+        self._centres: Callable[[], FloatArray] | None = None
+        """`(P, 2)` centres of the amodal boxes in the last frame; None before the first."""
+        self._view: FrameView | None = None
         self._silhouettes: Callable[[], Mapping[int, Silhouette]] = dict[int, Silhouette]
         self._searches: deque[weakref.ref[FrameSearch]] = deque()
 
@@ -154,10 +171,10 @@ class TruthObserver:
         """
         pose = np.asarray(T_world_camera, dtype=np.float64)
         self._check(image, T_world_people)
-        measured = self._finder.measure(data, pose, self._K)
-        frame = self._frame(measured.boxes, measured.boxes, time_s, pose, T_world_people, data.xpos, _NO_DISTORTION)
-        search = FrameSearch(self._finder, data, pose, self._K, measured)
-        self._silhouettes = search.everybody
+        view, before = FrameView(self._finder, data, pose, self._K), self._view
+        frame = self._frame_of_view(view, time_s, T_world_people, data.xpos[self._pelvis])
+        search = FrameSearch(data, view, before)
+        self._view, self._silhouettes = view, search.everybody
         # Poses are kept for the last two frames only: the truth of older ones that are still referenced is completed.
         self._finish_but(1)
         self._searches.append(weakref.ref(search))
@@ -172,8 +189,9 @@ class TruthObserver:
             found = (truth(person) for person in range(1, len(self._people)))
             return tuple(one for one in found if one is not None)
 
-        if self._surely_shows_target(measured) and self._finder.nothing_before_first(data, pose, self._K, measured):
-            known = self._known(frame, 0, *_clipped(frame.amodal[0], *self._size))
+        first = view.first
+        if self._surely_shows_target(first) and self._finder.nothing_before_first(data, pose, self._K, first):
+            known = self._known(frame, 0, *_clipped(frame.target.amodal, *self._size))
             shown = Truth.deferred(target, state="visible", visible_fraction=1.0, occluders=(), **known)
             return DeferredPeople(shown, others)
         return DeferredPeople(target(), others)
@@ -187,8 +205,13 @@ class TruthObserver:
         self._check(image, roots)
         projection = project_people(captured, self._finder)
         pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
-        boxes_of = projection.amodal_boxes, projection.swept_boxes
-        frame = self._frame(*boxes_of, time_s, pose, roots, captured.body_positions, distortion)
+        amodal, swept = self._of_people(projection.amodal_boxes), self._of_people(projection.swept_boxes)
+        before = self._centres
+        self._centres = functools.partial(_centres, amodal)
+        people = _geometry(
+            amodal, swept, before, captured.body_positions[self._pelvis], pose, np.asarray(roots, dtype=np.float64)
+        )
+        frame = _FrameGeometry(people[0], lambda: people, frozen_array(pose, (4, 4)), distortion, float(time_s))
         found = projection.silhouettes
         self._silhouettes = lambda: found
         truths = (self._truth(frame, person, found.get(person), image) for person in range(len(self._people)))
@@ -220,28 +243,32 @@ class TruthObserver:
         if image is not None and image.shape != (height, width, 3):
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
 
-    def _frame(
-        self,
-        amodal: FloatArray,
-        swept: FloatArray,
-        time_s: float,
-        pose: FloatArray,
-        T_world_people: ArrayLike,
-        body_positions: FloatArray,
-        distortion: FloatArray,
+    def _frame_of_view(
+        self, view: FrameView, time_s: float, T_world_people: ArrayLike, pelvis_m: FloatArray
     ) -> _FrameGeometry:
-        """What is known of everybody before silhouettes are looked at; keeps the boxes for the image motion."""
-        pose, boxes_of = frozen_array(pose, (4, 4)), self._of_people(amodal)
-        return _FrameGeometry(
-            boxes_of,
-            boxes_of if swept is amodal else self._of_people(swept),
-            self._image_motion(boxes_of).tolist(),
-            _lengths(body_positions[self._pelvis] - pose[:3, 3]).tolist(),
+        """The geometry of a frame that is an instant, with `(P, 3)` places of the pelvises; keeps the centres."""
+        pose, roots, before = (
+            frozen_array(view.T_world_camera, (4, 4)),
             np.asarray(T_world_people, dtype=np.float64),
-            pose,
-            distortion,
-            float(time_s),
+            self._centres,
         )
+
+        def amodal() -> FloatArray:
+            return self._of_people(view.all.boxes)
+
+        def everybody() -> list[_PersonGeometry]:
+            boxes_px = amodal()
+            return _geometry(boxes_px, boxes_px, before, pelvis_m, pose, roots)
+
+        # The same steps for the target alone, on numbers: arrays of one person cost more than their arithmetic.
+        box = view.first.boxes[1 if self._has_parts else 0]
+        x, y, w, h = box.tolist()
+        centre, last = (x + 0.5 * w, y + 0.5 * h), self._target_centre
+        motion_px = 0.0 if last is None else _length(centre[0] - last[0], centre[1] - last[1])
+        away = [ours - its for ours, its in zip(pelvis_m[0].tolist(), pose[:3, 3].tolist(), strict=True)]
+        self._target_centre, self._centres = centre, lambda: _centres(amodal())
+        target = _PersonGeometry(box, box, motion_px, _length(*away), roots[0])
+        return _FrameGeometry(target, functools.cache(everybody), pose, _NO_DISTORTION, float(time_s))
 
     def _surely_shows_target(self, measured: Measured) -> bool:
         """Whether a pixel shows the target unless something is before it: the pelvis is in the image, and no speck."""
@@ -255,7 +282,7 @@ class TruthObserver:
         self, frame: _FrameGeometry, person: int, silhouette: Silhouette | None, image: Image | None
     ) -> Truth | None:
         """Truth of a person; None for others than the target without an amodal pixel in the image."""
-        box, truncation = _clipped(frame.amodal[person], *self._size)
+        box, truncation = _clipped(frame.of(person).amodal, *self._size)
         inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
         if person and not inside:
             return None
@@ -283,31 +310,27 @@ class TruthObserver:
 
     def _known(self, frame: _FrameGeometry, person: int, box: FloatArray, truncation: float) -> dict[str, Any]:
         """Fields of a person's truth that do not depend on silhouettes."""
+        geometry = frame.of(person)
+        amodal = frozen_array(geometry.amodal)
         return {
             "name": self._people[person],
             "box": frozen_array(box),
-            "amodal_box": frozen_array(frame.amodal[person]),
-            "swept_box": frozen_array(frame.swept[person]),
+            "amodal_box": amodal,
+            "swept_box": frozen_array(geometry.swept),
             "truncation": truncation,
-            "distance_m": frame.distance_m[person],
+            "distance_m": geometry.distance_m,
             "T_world_camera": frame.pose,
-            "T_world_target": frozen_array(frame.roots[person]),
+            "T_world_target": frozen_array(geometry.root),
             "K": self._K,
             "distortion": frame.distortion,
             "time_s": frame.time_s,
-            "image_motion_px": frame.motion_px[person],
+            "image_motion_px": geometry.motion_px,
         }
 
     def _of_people(self, found: FloatArray) -> FloatArray:
         """`(P, 4)` boxes of people; the target's is that of its parts, which comes next, where these are asked for."""
         people = len(self._people)
         return np.concatenate([found[people : people + 1], found[1:people]]) if self._has_parts else found[:people]
-
-    def _image_motion(self, amodal: FloatArray) -> FloatArray:
-        """`(P,)` displacement of the box centres since the last frame [px]; stores the centres for the next."""
-        centres = amodal[:, :2] + 0.5 * amodal[:, 2:]
-        previous, self._centres = self._centres, centres
-        return np.zeros(len(centres)) if previous is None else _lengths(centres - previous)
 
     def _occluders(self, silhouette: Silhouette) -> tuple[str, ...]:
         """Names of what occludes a person, by number of pixels, then by name."""
@@ -327,41 +350,32 @@ def _pelvis(model: mujoco.MjModel, name: str) -> int:
     return body
 
 
-def _vertices(model: mujoco.MjModel, geom: int) -> FloatArray:
-    """`(V, 3)` vertices of a geom in its own frame [m]; of a curved one, points on its surface.
+def _geometry(
+    amodal: FloatArray,
+    swept: FloatArray,
+    before: Callable[[], FloatArray] | None,
+    pelvis_m: FloatArray,
+    pose: FloatArray,
+    roots: FloatArray,
+) -> list[_PersonGeometry]:
+    """The geometry of everybody from `(P, 4)` boxes, `(P, 3)` places of the pelvises and `(P, 4, 4)` root poses.
 
-    Raises:
-        ParameterError: A geom type without a finite convex shape (plane, height field).
+    `before` gives the centres of the boxes in the last frame.
     """
-    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), np.asarray(model.geom_size[geom])
-    match kind:
-        case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return size[0] * _unit_sphere()
-        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return size * _unit_sphere()
-        case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            return np.concatenate([size[0] * _unit_sphere() + (0.0, 0.0, z) for z in (-size[1], size[1])])
-        case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            angles = 2.0 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-            circle = size[0] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-            return np.concatenate([np.column_stack([circle, np.full(_RIM_POINTS, z)]) for z in (-size[1], size[1])])
-        case mujoco.mjtGeom.mjGEOM_BOX:
-            return CORNERS * size
-        case mujoco.mjtGeom.mjGEOM_MESH:
-            mesh = int(model.geom_dataid[geom])
-            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-            return np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
-        case _:
-            raise ParameterError(f"geom {model.geom(geom).name!r} of a person has type {kind.name}, which has no box")
+    motion_px = np.zeros(len(amodal)) if before is None else _lengths(_centres(amodal) - before())
+    distance_m = _lengths(pelvis_m - pose[:3, 3])
+    columns = amodal, amodal if swept is amodal else swept, motion_px.tolist(), distance_m.tolist(), roots
+    return [_PersonGeometry(*row) for row in zip(*columns, strict=True)]
 
 
-def _unit_sphere() -> FloatArray:
-    """`(V, 3)` points spread evenly over the unit sphere (Fibonacci spiral)."""
-    index = np.arange(_SPHERE_POINTS)
-    height = 1.0 - (2.0 * index + 1.0) / _SPHERE_POINTS
-    angle = index * np.pi * (3.0 - np.sqrt(5.0))
-    radius = np.sqrt(1.0 - height * height)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+def _centres(boxes_px: FloatArray) -> FloatArray:
+    """`(N, 2)` centres of `(N, 4)` boxes [px]."""
+    return boxes_px[:, :2] + 0.5 * boxes_px[:, 2:]
+
+
+def _length(*components: float) -> float:
+    """Of one vector, as `_lengths`."""
+    return math.sqrt(sum(one * one for one in components))
 
 
 def _lengths(vectors: FloatArray) -> FloatArray:

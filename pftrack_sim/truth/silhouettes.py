@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.camera.extents import Bodies
+from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, bounding_rect
 from pftrack_sim.render.culling import Bounds
@@ -41,6 +42,13 @@ class Silhouette:
     def occluding_geoms(self) -> NDArray[np.int32]:
         """Geom id on each amodal pixel that is not visible."""
         return self.top[self.amodal & ~self.visible]
+
+
+class GeomPoses(NamedTuple):
+    """`(ngeom, 3)` positions [m] and `(ngeom, 9)` rotations of all geoms, named as in `MjData`."""
+
+    geom_xpos: FloatArray
+    geom_xmat: FloatArray
 
 
 class Measured(NamedTuple):
@@ -82,6 +90,8 @@ class SilhouetteFinder:
         self.batches = [range(len(geoms))]
         """People who are best found together."""
         self._geoms_of = geoms
+        self._first = bodies.some([0, *range(len(geoms), len(geoms) + len(boxed))])
+        self._first_geoms = np.concatenate([geoms[0], *boxed])
         # One more entry than geoms: id -1, no geom, reads the last one.
         self._masks = np.zeros((len(geoms), model.ngeom + 1), dtype=np.bool_)
         for mask, ids in zip(self._masks, geoms, strict=True):
@@ -90,6 +100,8 @@ class SilhouetteFinder:
         self._others = np.flatnonzero(renderer.visible_geoms & ~self._masks[0, :-1])
         """All but the first person."""
         self._bounds = Bounds(model, triangles=True)
+        self._others_bounded = not self._bounds.unbounded[self._others].any()
+        self._intrinsics: tuple[FloatArray, tuple[float, float, float, float]] | None = None
 
     def release(self) -> None:
         """Release the model, once everybody has been found."""
@@ -99,18 +111,48 @@ class SilhouetteFinder:
         """`(S, 3)` positions [m] and `(S, 3, 3)` rotations of the parts."""
         return data.geom_xpos[self.geoms], data.geom_xmat[self.geoms].reshape(-1, 3, 3)
 
-    def measure(self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray) -> Measured:
-        """Measure all bodies, placed as in `data`, from a `(4, 4)` camera pose with a `(3, 3)` camera matrix [px]."""
-        return Measured(*self.bodies.boxes(*self.poses(data), T_world_camera, K, self.renderer.near_m))
+    def measure(self, scene: mujoco.MjData | GeomPoses, T_world_camera: FloatArray, K: FloatArray) -> Measured:
+        """Measure all bodies, placed as in `scene`, from a `(4, 4)` camera pose with a `(3, 3)` camera matrix [px]."""
+        return self._measured(self.bodies, self.geoms, scene, T_world_camera, K)
+
+    def measure_first(self, scene: mujoco.MjData | GeomPoses, T_world_camera: FloatArray, K: FloatArray) -> Measured:
+        """The same of the first person, and of the bodies of which only boxes are wanted."""
+        return self._measured(self._first, self._first_geoms, scene, T_world_camera, K)
+
+    def _measured(
+        self,
+        bodies: Bodies,
+        geoms: IntArray,
+        scene: mujoco.MjData | GeomPoses,
+        T_world_camera: FloatArray,
+        K: FloatArray,
+    ) -> Measured:
+        positions, rotations = np.ascontiguousarray(scene.geom_xpos), np.ascontiguousarray(scene.geom_xmat)
+        pose, near_m = np.ascontiguousarray(T_world_camera, dtype=np.float64), self.renderer.near_m
+        return Measured(*bodies.boxes_in_scene(geoms, positions, rotations, pose, self._fx_fy_cx_cy(K), near_m))
+
+    def _fx_fy_cx_cy(self, K: FloatArray) -> tuple[float, float, float, float]:
+        """Focal lengths and principal point of a camera matrix, read once where nobody can change it."""
+        if K.flags.writeable:
+            return focal_and_centre(K)
+        if self._intrinsics is None or self._intrinsics[0] is not K:
+            self._intrinsics = K, focal_and_centre(K)
+        return self._intrinsics[1]
 
     def nothing_before_first(
         self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, measured: Measured
     ) -> bool:
-        """Whether the first person is in front of the camera, and nothing else may occlude any part of the person."""
+        """Whether the first person is in front of the camera, and nothing else may occlude any part of the person.
+
+        `measured` begins with the first person.
+        """
         rect = pixels_around(measured.boxes[0], (self.renderer.width_px, self.renderer.height_px))
-        return (
-            rect is not None and not self._may_occlude(data, T_world_camera, K, measured, self._others, {0: rect}).any()
-        )
+        if rect is None or not self._others_bounded:
+            return False
+        return not self._bounds.any_may_occlude(
+            data, T_world_camera, self._fx_fy_cx_cy(K), self._others, self._geoms_of[0], rect,
+            float(measured.depths_m[0, 1]), float(measured.lowest_m[0]), self.renderer.near_m,
+        )  # fmt: skip
 
     def find(
         self,
@@ -126,7 +168,7 @@ class SilhouetteFinder:
             data: Positions.
             T_world_camera: `(4, 4)` camera pose.
             K: `(3, 3)` camera matrix [px].
-            measured: What `measure` gives for these.
+            measured: What `measure` gives for these; what `measure_first` gives is enough for the first person.
             people: Indices of the people to find; None finds all.
 
         Returns:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.camera.extents import CORNERS, Bodies
-from pftrack_sim.camera.pinhole import intrinsics
+from pftrack_sim.camera.pinhole import focal_and_centre, intrinsics
 from pftrack_sim.core.errors import ParameterError
 
 NEAR = 0.05
@@ -186,3 +186,25 @@ def test_outlines_of_some_parts_are_those_of_all():
     for chosen in [[], [0], [2], [1, 3]]:
         wanted = np.isin(np.arange(len(parts)), chosen)
         assert np.array_equal(bodies.outlines(centres, turns, EYE, NEAR, wanted), every[wanted])
+
+
+@pytest.mark.parametrize("fused", [True, False])
+@pytest.mark.parametrize("depth_m", [4.0, 0.3, -4.0])
+def test_boxes_of_geoms_in_a_scene_are_those_of_their_poses_to_the_bit(fused: bool, depth_m: float):
+    """In front of the camera, cut by the near plane, and behind it."""
+    rng = np.random.default_rng(11)
+    bodies = Bodies([random_parts(rng) for _ in range(5)], fused=fused)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation(rng), rng.normal(size=3)
+    positions = rng.normal((0.0, 0.0, depth_m), 0.3, (50, 3)) @ pose[:3, :3].T + pose[:3, 3]
+    turns, geoms = np.stack([rotation(rng) for _ in positions]), rng.permutation(50)[:20].astype(np.intp)
+    expected = bodies.boxes(positions[geoms], turns[geoms], pose, K, NEAR)
+    view = pose, focal_and_centre(K), NEAR
+    found = bodies.boxes_in_scene(geoms, positions, turns.reshape(-1, 9), *view)
+    for one, other in zip(expected, found, strict=True):
+        np.testing.assert_array_equal(one, other)
+    own = np.concatenate([geoms[4:8], geoms[16:20]])
+    for one, other in zip(
+        expected, bodies.some([1, 4]).boxes_in_scene(own, positions, turns.reshape(-1, 9), *view), strict=True
+    ):
+        np.testing.assert_array_equal(one[[1, 4]], other)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.camera.extents import CORNERS
-from pftrack_sim.camera.pinhole import intrinsics
+from pftrack_sim.camera.pinhole import focal_and_centre, intrinsics
 from pftrack_sim.render.backend import PixelRect
 from pftrack_sim.render.culling import Bounds
 
@@ -17,6 +17,8 @@ K = intrinsics(*SIZE, 0.9)
 def shapes(rng: np.random.Generator, spread_m: float) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """A plane, and shapes at random."""
     spec = mujoco.MjSpec()
+    spec.worldbody.add_light()
+    spec.add_material(name="matt")
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1])
     for kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE) * 60:
         place, turn, size = rng.normal(0.0, spread_m, 3), rng.normal(size=4), rng.uniform(0.02, 1.0, 3)
@@ -65,6 +67,25 @@ def test_geoms_in_view_are_those_of_planes_on_arrays():
         np.testing.assert_array_equal(bounds.in_view(data, pose, K, SIZE, NEAR, some), expected[some])
 
 
+def test_geoms_that_are_hidden_are_out_of_view_and_cast_no_shadow():
+    rng = np.random.default_rng(4)
+    model, data = shapes(rng, 4.0)
+    bounds, geoms = Bounds(model), rng.permutation(model.ngeom)[:100]
+    model.geom_castshadow[::2] = False
+    for shadows in (False, True):
+        light = model.light_active[:] = model.light_castshadow[:] = shadows
+        pose = random_pose(rng)
+        shown = bounds.in_view(data, pose, K, SIZE, NEAR, geoms)
+        assert bounds.any_in_view(data, pose, focal_and_centre(K), SIZE, NEAR, geoms[shown & (geoms > 0)])
+        assert not bounds.any_in_view(data, pose, focal_and_centre(K), SIZE, NEAR, geoms[~shown])
+        shown |= light & model.geom_castshadow[geoms]
+        hidden = bounds.hidden(model, data, pose, K, SIZE, NEAR, geoms)
+        np.testing.assert_array_equal(hidden, np.flatnonzero(~shown))
+        assert hidden.size > 10
+    model.mat_reflectance[0] = 0.1
+    assert not bounds.hidden(model, data, pose, K, SIZE, NEAR, geoms).size
+
+
 def test_geoms_that_may_occlude_people_are_those_of_planes_on_arrays():
     rng = np.random.default_rng(1)
     model, data = shapes(rng, 2.0)
@@ -76,6 +97,10 @@ def test_geoms_that_may_occlude_people_are_those_of_planes_on_arrays():
         found = bounds.may_occlude(data, pose, K, geoms, limbs, rects, farthest, lowest, NEAR)
         assert bounds.may_occlude(data, pose, K, np.array([0]), limbs, rects, farthest, lowest, NEAR).all()
         for person, (rect, own) in enumerate(zip(rects, limbs, strict=True)):
+            known = own, rect, float(farthest[person]), float(lowest[person]), NEAR
+            for some in (geoms, geoms[~found[:, person]]):
+                may_occlude = bounds.any_may_occlude(data, pose, focal_and_centre(K), some, *known)
+                assert may_occlude == (some is geoms and found[:, person].any())
             depth = (points[geoms] - pose[:3, 3]) @ pose[:3, 2]
             before = in_rectangle(points[geoms], pose, rect).all(axis=1) & (depth.min(axis=1) < farthest[person] + 0.01)
             high = points[geoms, :, 2].max(axis=1) > lowest[person] + 1e-4
