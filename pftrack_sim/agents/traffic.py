@@ -10,6 +10,7 @@ import numpy as np
 
 from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.gait.gait import Gait
+from pftrack_sim.agents.mocap_kernels import write_parts
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.camera.extents import Bodies
@@ -64,7 +65,7 @@ class Traffic:
 
     def write(self, data: mujoco.MjData) -> None:
         """Write the poses of limbs and carts."""
-        data.mocap_pos[self._part_ids], data.mocap_quat[self._part_ids] = self._gait.poses()
+        write_parts(self._part_ids, *self._gait.poses(), data.mocap_pos, data.mocap_quat)
         if self._carried is not None:
             positions, rotations = self._gait.part_poses()
             self._carried.write(data, self._time_s, positions[0], rotations[0])

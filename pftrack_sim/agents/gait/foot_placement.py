@@ -84,7 +84,10 @@ class FootPlacement:
         return (self.phase[:, None] + _PHASE_OFFSETS) % 1.0
 
     def advance(self, dt_s: float, positions: FloatArray, headings: FloatArray, running: BoolArray) -> None:
-        """Follow the bodies to `(P, 2)` positions [m] and headings [rad]; changing to a run takes about two steps."""
+        """Follow the bodies to `(P, 2)` positions [m] and headings [rad]; changing to a run takes about two steps.
+
+        Both are kept: nobody may change them afterwards.
+        """
         if running.any() or self.running.any():
             step = dt_s / _RUN_TRANSITION_S
             self.running = np.clip(self.running + np.where(running, step, -step), 0.0, 1.0)
@@ -94,7 +97,7 @@ class FootPlacement:
             dt_s, *_shares(dt_s), positions, headings, self._positions, self._headings, self._velocity,
             self.turn,
         )  # fmt: skip
-        self._positions, self._headings = positions.copy(), headings.copy()
+        self._positions, self._headings = positions, headings
         self._set_speed(speed)
         parameters = self.parameters
         phases, heel_strike = advance_phase(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.gait.foot_placement import SIDES, FootPlacement
-from pftrack_sim.agents.gait.kernels import assemble, body_rotations, root_poses
+from pftrack_sim.agents.gait.kernels import pose_bodies
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
@@ -80,7 +80,7 @@ class Gait:
         self._headings = np.array(headings_rad, dtype=float)
         self._set_postures(postures or (PLAIN,) * len(self._headings))
         self.feet.reset(self._positions, self._headings, np.asarray(speeds_m_s, dtype=float))
-        self._pose: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        self._pose: tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None = None
 
     def advance(
         self, dt_s: float, positions_m: ArrayLike, headings_rad: ArrayLike, postures: Sequence[Posture]
@@ -105,31 +105,26 @@ class Gait:
 
     def poses(self) -> tuple[FloatArray, FloatArray]:
         """`(P, 13, 3)` positions [m] and `(P, 13, 4)` quaternions w, x, y, z, in the order of `person.PARTS`."""
-        positions, _, quaternions = self._computed()
+        positions, _, quaternions, _ = self._computed()
         return positions, quaternions
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
-        return root_poses(self._headings, self._computed()[0])
+        return self._computed()[3].copy()
 
     def part_poses(self) -> tuple[FloatArray, FloatArray]:
         """`(P, 13, 3)` positions [m] and `(P, 13, 3, 3)` rotations."""
         return self._computed()[:2]
 
-    def _computed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Positions, rotations and quaternions of all parts, computed once after `reset` or `advance`."""
+    def _computed(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Positions, rotations and quaternions of parts, and root poses; computed once after `reset` or `advance`."""
         if self._pose is None:
             feet, parameters = self.feet, self.feet.parameters
-            parts = body_rotations(
+            self._pose = pose_bodies(
                 self._arm_rolls, self._arm_swing, self._held, self._idle_phase, self._idle_rate, self._time_s,
                 self._lean, self._headings, self._posture, parameters.amplitude, feet.phase, feet.running, feet.speed,
-                feet.turn, feet.yaw, feet.pitch,
-            )  # fmt: skip
-            upper_arms = parts[:, 1, None] @ parts[:, 5:7]
-            self._pose = assemble(
-                parts, upper_arms, upper_arms @ parts[:, 7:9], self._offsets, self._spine, self._legs,
-                self._positions, self._headings, self._posture, self._seated_m, parameters.hip_low_m,
-                parameters.hip_high_m, parameters.sway_m, feet.phase, feet.running, feet.ankles, feet.yaw,
+                feet.turn, feet.yaw, feet.pitch, self._offsets, self._spine, self._legs, self._positions,
+                self._seated_m, parameters.hip_low_m, parameters.hip_high_m, parameters.sway_m, feet.ankles,
             )  # fmt: skip
             self._pose[0].setflags(write=False)
         return self._pose

@@ -1,7 +1,7 @@
 """Kernels of the gait: angles of the body's parts, and their positions and rotations in the world.
 
 They take the same steps in the same order as the formulas would on arrays of all people, so their results do not depend
-on how they are computed. Exponentials, powers and products of matrices are left to NumPy, whose last bits are its own.
+on how they are computed. Exponentials and powers are left to NumPy, whose last bits are its own.
 All kernels that call each other are in this module: the cache of a kernel does not see changes in another module.
 """
 
@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from pftrack_sim.agents.gait.gait_parameters import MAX_EXTENSION, RUN_STANCE_FRACTION
+from pftrack_sim.core.fused import fused_dot
 from pftrack_sim.core.types import FloatArray
 
 _GRAVITY = 9.81
@@ -38,6 +39,58 @@ _ELBOW, _ELBOW_SWING, _RUNNING_ELBOW = math.radians(13.0), math.radians(11.0), m
 
 # Indices into `person.PARTS`: pelvis, torso, head, then left and right of upper arms, forearms, thighs, shanks, feet.
 _UPPER_ARMS, _FOREARMS, _THIGHS, _SHANKS, _FEET, _PARTS = 3, 5, 7, 9, 11, 13
+
+
+@njit(cache=True, nogil=True)
+def pose_bodies(
+    arm_rolls: FloatArray,
+    arm_swing: FloatArray,
+    held: FloatArray,
+    idle_phase: FloatArray,
+    idle_rate: FloatArray,
+    time_s: float,
+    lean_rad: FloatArray,
+    headings: FloatArray,
+    posture: FloatArray,
+    amplitudes: FloatArray,
+    phase: FloatArray,
+    running: FloatArray,
+    speed: FloatArray,
+    turn: FloatArray,
+    feet_yaw: FloatArray,
+    feet_pitch: FloatArray,
+    offsets: FloatArray,
+    spine_m: FloatArray,
+    legs_m: FloatArray,
+    places: FloatArray,
+    seated_m: FloatArray,
+    hip_low_m: FloatArray,
+    hip_high_m: FloatArray,
+    sway_m: FloatArray,
+    ankles: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """All parts: `assemble` of `body_rotations`, whose arguments these are; and `root_poses`."""
+    parts = body_rotations(
+        arm_rolls, arm_swing, held, idle_phase, idle_rate, time_s, lean_rad, headings, posture, amplitudes, phase,
+        running, speed, turn, feet_yaw, feet_pitch,
+    )  # fmt: skip
+    arms = np.empty((2, len(headings), 2, 3, 3))
+    for person, side in np.ndindex(len(headings), 2):
+        _multiply(parts[person, 1], parts[person, 5 + side], arms[0, person, side])
+        _multiply(arms[0, person, side], parts[person, 7 + side], arms[1, person, side])
+    positions, rotations, quaternions = assemble(
+        parts, arms[0], arms[1], offsets, spine_m, legs_m, places, headings, posture, seated_m, hip_low_m, hip_high_m,
+        sway_m, phase, running, ankles, feet_yaw,
+    )  # fmt: skip
+    return positions, rotations, quaternions, root_poses(headings, positions)
+
+
+@njit(cache=True, nogil=True)
+def _multiply(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
+    """Product of two rotations, with the bits of a product of matrices."""
+    for row in range(3):
+        for column in range(3):
+            out[row, column] = fused_dot(left[row], right[0, column], right[1, column], right[2, column])
 
 
 @njit(cache=True, nogil=True)
@@ -182,8 +235,6 @@ def assemble(
     feet_yaw: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """All parts: positions `(P, 13, 3)` [m], rotations `(P, 13, 3, 3)`, quaternions `(P, 13, 4)` w, x, y, z.
-
-    Arms and trunk are found by forward kinematics.
 
     Args:
         part_rotations: `(P, 9, 3, 3)` in the world of pelvis, torso, head and feet; the others are not used.

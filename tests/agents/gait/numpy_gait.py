@@ -173,8 +173,14 @@ class NumpyGait(Gait):
     def _computed(self):
         if self._pose is None:
             positions, rotations = self._compute_pose()
-            self._pose = positions, rotations, quaternions(rotations)
+            self._pose = positions, rotations, quaternions(rotations), self._root_poses(positions)
         return self._pose
+
+    def _root_poses(self, positions: FloatArray) -> FloatArray:
+        roots, (cos, sin) = np.tile(np.eye(4), (len(positions), 1, 1)), (np.cos(self._headings), np.sin(self._headings))
+        roots[:, 0, 0], roots[:, 0, 1], roots[:, 1, 0], roots[:, 1, 1] = cos, -sin, sin, cos
+        roots[:, :2, 3] = positions[:, _PELVIS, :2]
+        return roots
 
     def _compute_pose(self) -> tuple[FloatArray, FloatArray]:
         """Positions `(P, 13, 3)` [m] and rotations `(P, 13, 3, 3)` of all parts."""

@@ -7,6 +7,7 @@ from numpy_gait import NumpyGait
 
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.gait.posture import PLAIN, Arm, Posture
+from pftrack_sim.agents.mocap_kernels import write_parts
 from pftrack_sim.scene.people.anatomy import sample_anatomy
 
 COUNT, DT = 5, 1.0 / 30.0
@@ -33,5 +34,18 @@ def test_poses_are_those_of_arrays():
         )
         np.testing.assert_allclose(positions, expected, rtol=0.0, atol=1e-12)
         np.testing.assert_allclose(quaternions, expected_quaternions, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(made[0].root_poses(), made[1].root_poses(), rtol=0.0, atol=1e-12)
         np.testing.assert_array_equal(made[0].feet.in_stance, made[1].feet.in_stance)
     assert made[0].feet.speed.max() < 0.06
+
+
+def test_parts_are_written_to_their_mocap_bodies():
+    rng = np.random.default_rng(1)
+    ids = rng.permutation(40)[:26].reshape(2, 13).astype(np.intp)
+    positions, quaternions = rng.normal(size=(2, 13, 3)), rng.normal(size=(2, 13, 4))
+    places, turns = rng.normal(size=(40, 3)), rng.normal(size=(40, 4))
+    expected_places, expected_turns = places.copy(), turns.copy()
+    expected_places[ids], expected_turns[ids] = positions, quaternions
+    write_parts(ids, positions, quaternions, places, turns)
+    np.testing.assert_array_equal(places, expected_places)
+    np.testing.assert_array_equal(turns, expected_turns)
