@@ -13,7 +13,6 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.core.photometry import gain
-from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import LightAxis
 from pftrack_sim.scenario.model import LightRamp, Lights, LightStep
 from pftrack_sim.scene.layout import SKY
@@ -76,7 +75,7 @@ class Lighting:
         self._headlight = np.array(model.vis.headlight.ambient)
         self._gains: tuple[float, float, float] | None = None
         self._outputs = model.light_diffuse, model.mat_emission, model.vis.headlight.ambient
-        self._written: list[FloatArray] = []
+        self._written: list[bytes] = []
 
     def apply(self, time_s: float, target_s_m: float = 0.0, exposure_ev: float = 0.0) -> None:
         """Set the model's lights.
@@ -97,7 +96,7 @@ class Lighting:
         other_gain = gain(exposure_ev)
         gains = sun_gain, lamp_gain, other_gain
         # Another Lighting of the same model may have changed them since.
-        if self._gains == gains and all(map(np.array_equal, self._outputs, self._written)):
+        if self._gains == gains and [values.tobytes() for values in self._outputs] == self._written:
             return
         self._gains = gains
         sky_gain = lamp_gain if self._only_lamps else sun_gain
@@ -109,4 +108,4 @@ class Lighting:
         material_gains = np.where(self._is_sky, sky_gain, other_gain)
         model.mat_emission[:] = self._emission * np.where(self._is_lamp_material, lamp_gain, material_gains)
         model.vis.headlight.ambient[:] = self._headlight * sky_gain
-        self._written = [values.copy() for values in self._outputs]
+        self._written = [values.tobytes() for values in self._outputs]

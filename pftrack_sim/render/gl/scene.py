@@ -47,8 +47,7 @@ class ModelScene:
         self._ids = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._ids.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True
         self._ids.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
-        self._views: dict[mujoco.MjvScene, tuple[bytes, bytes, tuple[int, int]]] = {}
-        """The view in which each scene's camera stands."""
+        self._views = {scene: _View(scene) for scene in (self._color, self._ids)}
         self.sky = Sky(model)
 
     def color_scene(
@@ -87,20 +86,7 @@ class ModelScene:
         `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the tiles of an
         infinite plane) would come from the camera of the previous frame.
         """
-        key = (T_world_camera.tobytes(), K.tobytes(), size)
-        if self._views.get(scene) != key:
-            self._views[scene] = key
-            view = frustum(K, *size, *self._clip_m)
-            # MuJoCo draws the average of a left and a right eye: both get the same camera.
-            for eye in scene.camera:
-                eye.pos[:] = T_world_camera[:3, 3]
-                eye.forward[:] = T_world_camera[:3, 2]
-                eye.up[:] = -T_world_camera[:3, 1]
-                eye.frustum_center = 0.5 * (view.left + view.right)
-                eye.frustum_width = 0.5 * (view.right - view.left)
-                eye.frustum_bottom, eye.frustum_top = view.bottom, view.top
-                eye.frustum_near, eye.frustum_far = view.near, view.far
-                eye.orthographic = 0
+        self._views[scene].place(T_world_camera, K, size, self._clip_m)
         scene.ngeom = 0
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
 
@@ -110,13 +96,39 @@ class ModelScene:
         MuJoCo passes everything to OpenGL, and software OpenGL transforms every vertex of it.
         """
         model, order = self._model, self._order
-        if self._color.ngeom != order.size or (model.mat_reflectance > 0.0).any():
+        if self._color.ngeom != order.size:
             return
-        needed = self._bounds.in_view(data, T_world_camera, K, size, self._clip_m[0], order)
-        if (model.light_active & model.light_castshadow).any():
-            needed |= model.geom_castshadow[order]
-        for index in np.flatnonzero(~needed).tolist():
+        for index in self._bounds.hidden(model, data, T_world_camera, K, size, self._clip_m[0], order).tolist():
             self._color_geoms[index].type = _NOTHING
+
+
+class _View:
+    """The camera of one scene: MuJoCo draws the average of a left and a right eye, and both get the same camera."""
+
+    def __init__(self, scene: mujoco.MjvScene) -> None:
+        self._eyes = tuple(scene.camera)
+        self._pose: bytes | None = None
+        self._lens: tuple[bytes, tuple[int, int]] | None = None
+
+    def place(
+        self, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int], clip_m: tuple[float, float]
+    ) -> None:
+        """Set what differs from the last view."""
+        pose, lens = T_world_camera.tobytes(), (K.tobytes(), size)
+        if pose != self._pose:
+            self._pose = pose
+            position, forward, up = T_world_camera[:3, 3], T_world_camera[:3, 2], -T_world_camera[:3, 1]
+            for eye in self._eyes:
+                eye.pos[:], eye.forward[:], eye.up[:] = position, forward, up
+        if lens != self._lens:
+            self._lens = lens
+            view = frustum(K, *size, *clip_m)
+            for eye in self._eyes:
+                eye.frustum_center = 0.5 * (view.left + view.right)
+                eye.frustum_width = 0.5 * (view.right - view.left)
+                eye.frustum_bottom, eye.frustum_top = view.bottom, view.top
+                eye.frustum_near, eye.frustum_far = view.near, view.far
+                eye.orthographic = 0
 
 
 class Sky:
