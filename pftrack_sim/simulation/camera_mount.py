@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import clip_depths_m, geoms_drawn
 from pftrack_sim.render.culling import Bounds
@@ -28,8 +29,8 @@ class CameraMount:
         bodies = [model.body(name).id for name in _BODIES]
         self._geoms = np.flatnonzero(geoms_drawn(model) & np.isin(model.geom_bodyid, bodies))
         self._bounds, self._near_m = Bounds(model), clip_depths_m(model)[0]
-        self._K, self._size = np.array(K), size
-        self._K[:2, 2] = 0.5 * np.array(size)
+        self._unbounded = bool(self._bounds.unbounded[self._geoms].any())
+        self._intrinsics, self._size = (*focal_and_centre(K)[:2], 0.5 * size[0], 0.5 * size[1]), size
 
     def follow(self, data: mujoco.MjData, T_world_rest: FloatArray, T_world_camera: FloatArray) -> None:
         """Displace the mount rigidly with the camera if the camera would see a part of it.
@@ -39,7 +40,8 @@ class CameraMount:
             T_world_rest: `(4, 4)` camera pose without vibration.
             T_world_camera: `(4, 4)` camera pose with it.
         """
-        if not self._bounds.in_view(data, T_world_camera, self._K, self._size, self._near_m, self._geoms).any():
+        view = np.ascontiguousarray(T_world_camera), self._intrinsics, self._size, self._near_m, self._geoms
+        if not self._unbounded and not self._bounds.any_in_view(data, *view):
             return
         displacement = T_world_camera @ np.linalg.inv(T_world_rest)
         rotation, translation = displacement[:3, :3], displacement[:3, 3]

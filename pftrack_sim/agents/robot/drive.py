@@ -8,11 +8,12 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pftrack_sim.agents.robot.pose_kernels import camera_pose
 from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration, RangeFinder
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGES
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
-from pftrack_sim.scene.layout import owner_name, pose_matrix
+from pftrack_sim.scene.layout import owner_name
 from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD, TRACK_M, WHEEL_RADIUS_M
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
@@ -28,7 +29,6 @@ _SETTLE_S = 1.5
 _FAR_M = 1000.0
 _JOINTS = ("robot/axle-left", "robot/axle-right", "robot/pan", "robot/tilt")
 _MOTORS = ("robot/drive-left", "robot/drive-right", "robot/pan", "robot/tilt")
-_OPENCV_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
 _GROUND = "ground"
 
 
@@ -165,8 +165,7 @@ class Drive:
         """
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_camlight(self._model, data)
-        rotation = data.cam_xmat[self._camera].reshape(3, 3) @ _OPENCV_FROM_MUJOCO
-        return pose_matrix(data.cam_xpos[self._camera], rotation)
+        return camera_pose(data.cam_xpos, data.cam_xmat, self._camera)
 
     def proprio(self, data: mujoco.MjData) -> NDArray[np.float32]:
         """`(n,)` proprioception in the order of `pftrack_sim.core.proprioception.PROPRIO_NAMES`.
