@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -52,6 +52,16 @@ class WalkableArea:
     goals_m: tuple[tuple[float, float], ...]
 
 
+_EYE = np.eye(4)
+_EYE.setflags(write=False)
+
+
+def body_owners(model: Any) -> list[str]:
+    """`owner_name` of every body of a model."""
+    names: bytes = model.names
+    return [owner_name(names[start : names.index(b"\0", start)].decode()) for start in model.name_bodyadr.tolist()]
+
+
 def owner_name(body_name: str) -> str:
     """Name of the person or thing that a body belongs to: "target/left-shank" -> "target", "pillar-3" -> "pillar-3"."""
     return body_name.split("/", 1)[0]
@@ -59,7 +69,7 @@ def owner_name(body_name: str) -> str:
 
 def pose_matrix(position_m: FloatArray, rotation: FloatArray) -> FloatArray:
     """`(4, 4)` pose from a `(3,)` position [m] and a `(3, 3)` rotation."""
-    pose = np.eye(4)
+    pose = _EYE.copy()
     pose[:3, :3] = rotation
     pose[:3, 3] = position_m
     return pose

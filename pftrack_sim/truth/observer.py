@@ -24,7 +24,7 @@ from pftrack_sim.core.records import Image, State, Truth, frozen_array
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
-from pftrack_sim.scene.layout import PEOPLE_GROUP, owner_name
+from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
 from pftrack_sim.truth.geom_points import surface_points
 from pftrack_sim.truth.projection import project_people
 from pftrack_sim.truth.search import FrameSearch, FrameView
@@ -95,7 +95,7 @@ class TruthObserver:
         self._size = size if size is not None else (renderer.width_px, renderer.height_px)
         self._K = frozen_array(camera_matrix(K, *self._size))
         self._people = tuple(people)
-        owners = np.array([owner_name(model.body(body).name) for body in range(model.nbody)])
+        owners = np.array(body_owners(model))
         geom_owners = owners[model.geom_bodyid]
         names, self._owner_ids = np.unique(geom_owners, return_inverse=True)
         self._owner_names: list[str] = names.tolist()

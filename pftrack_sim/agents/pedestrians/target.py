@@ -137,7 +137,9 @@ def impossible_actions(path: Path, target: Target, axis: TargetAxis, until_s: fl
     """Messages about actions before `until_s` for which the path is too short."""
     problems: list[str] = []
     listed = sorted(enumerate(target.actions), key=lambda item: item[1].at_s)
-    planned = [(index, action) for index, action in listed if action.at_s < until_s]
+    # Only these need a part of the path.
+    kinds = Turn | Approach | Run | Pace | WalkOff
+    planned = [(index, action) for index, action in listed if action.at_s < until_s and isinstance(action, kinds)]
     places = places_alone(path, target, axis, [action.at_s for _, action in planned])
     for (index, action), (s_m, _) in zip(planned, places, strict=True):
         left_m, what = path.length_m - s_m, f"target.{title(index, action)}"

@@ -13,7 +13,7 @@ from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration, Rang
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGES
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
-from pftrack_sim.scene.layout import owner_name
+from pftrack_sim.scene.layout import body_owners
 from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD, TRACK_M, WHEEL_RADIUS_M
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
@@ -74,7 +74,8 @@ class Drive:
         self._qpos = _robot_qpos(model)
         self._free = self._qpos.start
         self._dofs = np.flatnonzero(model.body_rootid[model.dof_bodyid] == self._base)
-        self._owners: list[str] = [owner_name(model.body(body).name) for body in model.geom_bodyid]
+        owners = body_owners(model)
+        self._owners: list[str] = [owners[body] for body in model.geom_bodyid.tolist()]
         self._own_geoms = model.body_rootid[model.geom_bodyid] == self._base
         self._ignored_geoms = self._own_geoms | np.array([owner == _GROUND for owner in self._owners])
         # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.

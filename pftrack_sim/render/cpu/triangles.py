@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from functools import cache
 from typing import Any, NamedTuple
 
 import mujoco
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
+_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _UNBOUNDED_M = 1e3  # Half size of a plane without limits
 _BOX_FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
@@ -45,34 +46,53 @@ def model_triangles(model: Any, drawn: BoolArray) -> Triangles:
     """Triangles of the `(ngeom,)` drawn geoms of a model; others have none."""
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, int(model.vis.quality.numstacks) + 1)
     arc = angles, np.cos(angles), np.sin(angles)
-    shapes = [_shape(model, geom, *arc) if drawn[geom] else _NOTHING for geom in range(len(drawn))]
-    vertices = np.concatenate([vertices for vertices, _ in shapes])
+    slices, sizes = int(model.vis.quality.numslices), np.asarray(model.geom_size, dtype=np.float64)
+    kinds, meshes, shown = model.geom_type.tolist(), _meshes(model), np.asarray(drawn).tolist()
+    data: list[int] = model.geom_dataid.tolist()
+    shapes = [
+        _NOTHING
+        if not shown[geom]
+        else meshes[data[geom]]
+        if kind == _MESH
+        else _shape(mujoco.mjtGeom(kind), sizes[geom], slices, *arc)
+        for geom, kind in enumerate(kinds)
+    ]
+    vertices = np.concatenate([vertices for vertices, _ in shapes]).astype(np.float64, copy=False)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)]).astype(np.intp)
     distances_m = np.linalg.norm(vertices, axis=1)
+    radii_m, some = np.zeros(len(shapes)), starts[:-1] < starts[1:]
+    if some.any():
+        radii_m[some] = np.maximum.reduceat(distances_m, starts[:-1][some])
     return Triangles(
         vertices,
         np.concatenate([faces for _, faces in shapes]).astype(np.int32),
         starts,
         np.cumsum([0, *(len(faces) for _, faces in shapes)]).astype(np.intp),
-        np.array([distances_m[start:end].max(initial=0.0) for start, end in pairwise(starts.tolist())]),
+        radii_m,
     )
 
 
-def _shape(model: Any, geom: int, angles: FloatArray, cos: FloatArray, sin: FloatArray) -> tuple[FloatArray, IntArray]:
-    """`(V, 3)` vertices and `(F, 3)` triangles of a geom, as finely divided as OpenGL draws it.
+def _meshes(model: Any) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+    """`(V, 3)` vertices and `(F, 3)` triangles of every mesh."""
+    vertices, faces = model.mesh_vert, model.mesh_face
+    rows = zip(
+        *(array.tolist() for array in (model.mesh_vertadr, model.mesh_vertnum, model.mesh_faceadr, model.mesh_facenum)),
+        strict=True,
+    )
+    return [
+        (vertices[first : first + count], faces[start : start + faces_count])
+        for first, count, start, faces_count in rows
+    ]
+
+
+def _shape(
+    kind: mujoco.mjtGeom, size: FloatArray, slices: int, angles: FloatArray, cos: FloatArray, sin: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """`(V, 3)` vertices and `(F, 3)` triangles of a geom that is no mesh, as finely divided as OpenGL draws it.
 
     `(S + 1,)` angles, from the bottom of a sphere to its top, and their cosines and sines divide round geoms.
     """
-    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
-    size: FloatArray = np.asarray(model.geom_size[geom], dtype=np.float64)
-    slices = int(model.vis.quality.numslices)
     match kind:
-        case mujoco.mjtGeom.mjGEOM_MESH:
-            mesh = int(model.geom_dataid[geom])
-            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-            start, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-            vertices = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
-            return vertices, np.asarray(model.mesh_face[start : start + faces], dtype=np.intp)
         case mujoco.mjtGeom.mjGEOM_BOX:
             return CORNERS * size, _BOX_FACES
         case mujoco.mjtGeom.mjGEOM_PLANE:
@@ -93,10 +113,19 @@ def _shape(model: Any, geom: int, angles: FloatArray, cos: FloatArray, sin: Floa
 
 def _revolved(radii: FloatArray, heights: FloatArray, slices: int) -> tuple[FloatArray, IntArray]:
     """Surface of revolution around z of a profile, from bottom to top, that begins and ends on the axis."""
+    circle, faces = _revolution(len(radii), slices)
+    return (circle * np.stack([radii, radii, heights], axis=1)[:, None]).reshape(-1, 3), faces
+
+
+@cache
+def _revolution(rings: int, slices: int) -> tuple[FloatArray, IntArray]:
+    """`(slices, 3)` points of a circle with radius and height 1, and the triangles between such rings; read-only."""
     angles = 2.0 * np.pi * np.arange(slices) / slices
     circle = np.stack([np.cos(angles), np.sin(angles), np.ones(slices)], axis=1)
-    vertices = (circle * np.stack([radii, radii, heights], axis=1)[:, None]).reshape(-1, 3)
-    ring, slice_ = np.meshgrid(np.arange(len(radii) - 1), np.arange(slices), indexing="ij")
+    ring, slice_ = np.meshgrid(np.arange(rings - 1), np.arange(slices), indexing="ij")
     here, after = ring * slices + slice_, ring * slices + (slice_ + 1) % slices
     quads = np.stack([here, after, after + slices, here + slices], axis=-1).reshape(-1, 4)
-    return vertices, quads[:, _QUAD].reshape(-1, 3)
+    faces = quads[:, _QUAD].reshape(-1, 3)
+    for array in (circle, faces):
+        array.setflags(write=False)
+    return circle, faces

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from pftrack_sim.scene.people.anatomy import Colour, rgb
 Pattern: TypeAlias = Literal["plain", "stripes", "pinstripes", "checks", "print", "block", "dots"]
 
 _COLOUR_SIGMA = 13.0  # standard deviation of a cloth's pixel values through folds and pattern [8-bit units]
+_CONTRAST = {"top": 70.0, "bottom": 25.0, "shoes": 60.0}  # RGB distance of the accent, for the pattern to be visible
 # RGB distance of main colours from which two garments count as clearly different.
 _DISSIMILAR_DISTANCE = {"top": 110.0, "bottom": 70.0, "shoes": 40.0}
 
@@ -66,10 +67,60 @@ class Outfit:
 
 def sample_outfit(rng: np.random.Generator) -> Outfit:
     """Sample everyday clothes."""
-    return Outfit(
-        top=_sample_garment(rng, "top", contrast=70.0),
-        bottom=_sample_garment(rng, "bottom", contrast=25.0),
-        shoes=_sample_garment(rng, "shoes", contrast=60.0),
+    return _draw_outfit(rng).outfit()
+
+
+class _DrawnGarment(NamedTuple):
+    """What is drawn for a garment: colours, the first of which is its main one, tints, pattern, repeat, seed."""
+
+    colours: list[Colour]
+    tints: list[list[float]]
+    pattern: Pattern
+    scale_m: float
+    texture_seed: int
+
+    @property
+    def colour(self) -> Colour:
+        """Its main colour."""
+        return _tinted(self.colours[0], self.tints[0])
+
+    def garment(self, contrast: float) -> Garment:
+        """The garment: its accent is the first colour with enough contrast to it, else a light or dark grey."""
+        main, *others = self.colours
+        grey: Colour = (225, 225, 225) if sum(main) < 3 * 128 else (35, 35, 35)
+        accent = next((other for other in others if _distance(other, main) > contrast), grey)
+        return Garment(self.colour, _tinted(accent, self.tints[1]), self.pattern, self.scale_m, self.texture_seed)
+
+
+class _DrawnOutfit(NamedTuple):
+    """What is drawn for an outfit; most are only compared by their main colours."""
+
+    top: _DrawnGarment
+    bottom: _DrawnGarment
+    shoes: _DrawnGarment
+    long_sleeves: bool
+    long_legs: bool
+    open_front: bool
+    looseness: float
+
+    def outfit(self) -> Outfit:
+        """The outfit."""
+        return Outfit(
+            self.top.garment(_CONTRAST["top"]),
+            self.bottom.garment(_CONTRAST["bottom"]),
+            self.shoes.garment(_CONTRAST["shoes"]),
+            self.long_sleeves,
+            self.long_legs,
+            self.open_front,
+            self.looseness,
+        )
+
+
+def _draw_outfit(rng: np.random.Generator) -> _DrawnOutfit:
+    return _DrawnOutfit(
+        top=_draw_garment(rng, "top"),
+        bottom=_draw_garment(rng, "bottom"),
+        shoes=_draw_garment(rng, "shoes"),
         long_sleeves=bool(rng.random() < 0.6),
         long_legs=bool(rng.random() < 0.88),
         open_front=bool(rng.random() < 0.4),
@@ -84,8 +135,8 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
     of the colour histograms grows monotonically. The draws do not depend on the similarity: with the same random
     numbers, outfits form a path from clearly different clothes to the same clothes.
     """
-    candidates = [sample_outfit(rng) for _ in range(12)]
-    other = max(candidates, key=lambda candidate: min(_dissimilarity(candidate, reference), 1.0))
+    candidates = [_draw_outfit(rng) for _ in range(12)]
+    other = max(candidates, key=lambda candidate: min(_dissimilarity(candidate, reference), 1.0)).outfit()
     draws = rng.random(6)
     if similarity == 1.0:
         return reference
@@ -101,19 +152,14 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
     )
 
 
-def _sample_garment(rng: np.random.Generator, name: str, contrast: float) -> Garment:
+def _draw_garment(rng: np.random.Generator, name: str) -> _DrawnGarment:
     colours, colour_shares, patterns, pattern_shares = _palette(name)
     # Draws as `rng.choice(..., p=...)`, to the bit, in a third of its time.
     indices: list[int] = colour_shares.searchsorted(rng.random(8), side="right").tolist()
-    main, *others = [colours[index] for index in indices]
-    tints = rng.normal(0.0, 7.0, (2, 3)).tolist()
+    tints: list[list[float]] = rng.normal(0.0, 7.0, (2, 3)).tolist()
     pattern = patterns[int(pattern_shares.searchsorted(rng.random(), side="right"))]
-    scale = float(rng.uniform(0.045, 0.11))
-    texture_seed = int(rng.integers(2**31))
-    # The first colour with enough contrast for the pattern to be visible, else a light or dark grey.
-    grey: Colour = (225, 225, 225) if sum(main) < 3 * 128 else (35, 35, 35)
-    accent = next((other for other in others if _distance(other, main) > contrast), grey)
-    return Garment(_tinted(main, tints[0]), _tinted(accent, tints[1]), pattern, scale, texture_seed)
+    scale_m, texture_seed = float(rng.uniform(0.045, 0.11)), int(rng.integers(2**31))
+    return _DrawnGarment([colours[index] for index in indices], tints, pattern, scale_m, texture_seed)
 
 
 def _tinted(colour: Colour, tint: Sequence[float]) -> Colour:
@@ -153,7 +199,7 @@ def _limited(colour: Colour, reference: Colour, reach: float) -> Colour:
     return colour if distance <= reach else rgb(start + way * (reach / distance))
 
 
-def _dissimilarity(first: Outfit, second: Outfit) -> float:
+def _dissimilarity(first: _DrawnOutfit, second: Outfit) -> float:
     """Smallest of the garments' colour distances, each relative to a clearly different colour."""
     return min(
         _distance(getattr(first, name).colour, getattr(second, name).colour) / distance
@@ -162,5 +208,5 @@ def _dissimilarity(first: Outfit, second: Outfit) -> float:
 
 
 def _distance(first: Colour, second: Colour) -> float:
-    red, green, blue = (a - b for a, b in zip(first, second, strict=True))
+    red, green, blue = first[0] - second[0], first[1] - second[1], first[2] - second[2]
     return math.sqrt(red * red + green * green + blue * blue)
