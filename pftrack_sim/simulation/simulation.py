@@ -172,7 +172,7 @@ class Simulation:
         self._renderer = self._bind_renderer(
             world, size if self._frame_capture is None else self._frame_capture.render_size
         )
-        self._image_size = size
+        self._image_size, self._black = size, np.broadcast_to(np.uint8(0), (size[1], size[0], 3))
         self._world = world
         self._sensor = Sensor(settings.sensor, settings.axes, seed, grey=settings.camera.grey)
         self._observe(self._renderer)
@@ -277,8 +277,7 @@ class Simulation:
                 people = self._truth.observe_captured(captured, image, world.time_s)
             else:
                 people = self._truth.observe(world.data, captured, image, world.time_s, world.root_poses())
-        if image is None:
-            image = np.broadcast_to(np.uint8(0), (self.settings.camera.height_px, self.settings.camera.width_px, 3))
+        image = self._black if image is None else image
         image.setflags(write=False)
         self._frame = Frame(self._index, world.time_s, image, people[0], people)
         return self._frame

@@ -46,22 +46,30 @@ class _PersonGeometry(NamedTuple):
     root: FloatArray
 
 
-class _FrameGeometry(NamedTuple):
+class _FrameGeometry:
     """What is known of everybody in one frame before silhouettes are looked at; its camera and time.
 
-    Attributes:
-        people: Geometry of everybody, found when it is first asked for; that of the target is at hand.
+    The geometry of the target is at hand; `find` gives that of everybody, when another is first asked for.
     """
 
-    target: _PersonGeometry
-    people: Callable[[], Sequence[_PersonGeometry]]
-    pose: FloatArray
-    distortion: FloatArray
-    time_s: float
+    def __init__(
+        self,
+        target: _PersonGeometry,
+        find: Callable[[], list[_PersonGeometry]],
+        pose: FloatArray,
+        distortion: FloatArray,
+        time_s: float,
+    ) -> None:
+        self.target, self._find, self.pose, self.distortion, self.time_s = target, find, pose, distortion, time_s
+        self._people: list[_PersonGeometry] | None = None
 
     def of(self, person: int) -> _PersonGeometry:
         """That of a person."""
-        return self.people()[person] if person else self.target
+        if not person:
+            return self.target
+        if self._people is None:
+            self._people = self._find()
+        return self._people[person]
 
 
 class TruthObserver:
@@ -247,11 +255,8 @@ class TruthObserver:
         self, view: FrameView, time_s: float, T_world_people: ArrayLike, pelvis_m: FloatArray
     ) -> _FrameGeometry:
         """The geometry of a frame that is an instant, with `(P, 3)` places of the pelvises; keeps the centres."""
-        pose, roots, before = (
-            frozen_array(view.T_world_camera, (4, 4)),
-            np.asarray(T_world_people, dtype=np.float64),
-            self._centres,
-        )
+        pose, before = frozen_array(view.T_world_camera, (4, 4)), self._centres
+        roots = np.asarray(T_world_people, dtype=np.float64)
 
         def amodal() -> FloatArray:
             return self._of_people(view.all.boxes)
@@ -268,7 +273,7 @@ class TruthObserver:
         away = [ours - its for ours, its in zip(pelvis_m[0].tolist(), pose[:3, 3].tolist(), strict=True)]
         self._target_centre, self._centres = centre, lambda: _centres(amodal())
         target = _PersonGeometry(box, box, motion_px, _length(*away), roots[0])
-        return _FrameGeometry(target, functools.cache(everybody), pose, _NO_DISTORTION, float(time_s))
+        return _FrameGeometry(target, everybody, pose, _NO_DISTORTION, float(time_s))
 
     def _surely_shows_target(self, measured: Measured) -> bool:
         """Whether a pixel shows the target unless something is before it: the pelvis is in the image, and no speck."""

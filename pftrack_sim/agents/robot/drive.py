@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.agents.robot.pose_kernels import camera_pose
+from pftrack_sim.agents.robot.pose_kernels import camera_pose, readings
 from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration, RangeFinder
-from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGES
+from pftrack_sim.core.proprioception import RANGE_M
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scene.layout import body_owners
@@ -173,13 +173,10 @@ class Drive:
 
         Poses of bodies and geoms in `data` must be up to date.
         """
-        left, right = data.qpos[self._joints[:2]].tolist()
-        odometry = self._odometry.updated(left, right, self._calibration)
-        values = np.empty(len(PROPRIO_NAMES), dtype=np.float32)
-        values[:3] = odometry.x_m, odometry.y_m, odometry.heading_rad
-        values[PROPRIO_INDEX["wheel_left_m_s"] : RANGES.start] = data.sensordata[self._sensors] * self._sensor_scale
-        values[RANGES] = self._range_finder.measure(data)
-        return values
+        places = data.qpos.tolist()
+        odometry = self._odometry.updated(places[self._joints[0]], places[self._joints[1]], self._calibration)
+        place, ranges = (odometry.x_m, odometry.y_m, odometry.heading_rad), self._range_finder.cast(data)
+        return readings(place, data.sensordata, self._sensors, self._sensor_scale, ranges, RANGE_M)
 
     def collision(self, data: mujoco.MjData) -> str | None:
         """Owner of the geom in contact with the robot in the last physics step ("target", "pillar-3"), or None.

@@ -1,12 +1,13 @@
-"""Kernels of the poses of the robot's camera and of its beams: products of matrices, with NumPy's bits."""
+"""Kernels of what the robot senses: poses of its camera and beams, with NumPy's bits, and its proprioception."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from pftrack_sim.core.fused import fused_dot
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, IntArray
 
 
 @njit(cache=True, nogil=True)
@@ -38,3 +39,27 @@ def rays(
         for beam in range(len(beams)):
             directions[3 * beam + row] = fused_dot(beams[beam], axes[0], axes[1], axes[2])
     return origin, directions
+
+
+@njit(cache=True, nogil=True)
+def readings(
+    odometry: tuple[float, float, float],
+    sensed: FloatArray,
+    places: IntArray,
+    scale: FloatArray,
+    ranges_m: FloatArray,
+    farthest_m: float,
+) -> NDArray[np.float32]:
+    """`(3 + S + R,)` odometry, `(S,)` scaled places of what is sensed, and `(R,)` ranges.
+
+    A range is at most the farthest one, and that where it is -1: without a hit.
+    """
+    count = len(places)
+    values = np.empty(3 + count + len(ranges_m), dtype=np.float32)
+    values[0], values[1], values[2] = odometry
+    for index in range(count):
+        values[3 + index] = sensed[places[index]] * scale[index]
+    for beam in range(len(ranges_m)):
+        range_m = ranges_m[beam]
+        values[3 + count + beam] = farthest_m if range_m < 0.0 or range_m > farthest_m else range_m
+    return values

@@ -80,8 +80,8 @@ class RangeFinder:
         self._groups[HIDDEN_GROUP] = 1
         self._geoms = np.empty(len(self._beams), dtype=np.int32)
 
-    def measure(self, data: mujoco.MjData) -> FloatArray:
-        """`(37,)` ranges [m] along `proprioception.RANGE_ANGLES_RAD`, at most `RANGE_M`.
+    def cast(self, data: mujoco.MjData) -> FloatArray:
+        """`(37,)` ranges [m] along `proprioception.RANGE_ANGLES_RAD`; -1 without a hit within about `RANGE_M`.
 
         Poses of geoms in `data` must be up to date.
         """
@@ -89,5 +89,4 @@ class RangeFinder:
         ranges = np.empty(len(self._beams))
         ends = self._geoms, ranges, None, len(ranges), RANGE_M
         mujoco.mj_multiRay(self._model, data, origin, directions, self._groups, True, self._base, *ends)
-        # MuJoCo reports -1 without a hit.
-        return np.where(ranges < 0.0, RANGE_M, np.minimum(ranges, RANGE_M))
+        return ranges

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.robot.control_laws import bearing
-from pftrack_sim.agents.robot.pose_kernels import camera_pose, rays
+from pftrack_sim.agents.robot.pose_kernels import camera_pose, rays, readings
 from pftrack_sim.core.types import FloatArray
 
 COUNT = 60
@@ -48,3 +48,13 @@ def test_the_bearing_is_that_of_the_point_in_camera_axes(poses: tuple[FloatArray
         x, y, z = pose[:3, :3].T @ (np.array([1.5, -0.5, 1.1]) - pose[:3, 3])
         expected = math.atan2(-x, z), math.atan2(-y, max(math.hypot(x, z), 0.3))
         assert bearing(pose, (1.5, -0.5)) == expected
+
+
+def test_readings_are_scaled_and_limited():
+    rng = np.random.default_rng(1)
+    sensed, places, scale = rng.normal(size=20), np.array([4, 0, 11, 19], dtype=np.intp), rng.normal(size=4)
+    ranges_m = np.array([-1.0, 0.0, 4.999, 5.0, 5.001])
+    expected = np.concatenate([[0.1, 0.2, 0.3], sensed[places] * scale, [5.0, 0.0, 4.999, 5.0, 5.0]])
+    found = readings((0.1, 0.2, 0.3), sensed, places, scale, ranges_m, 5.0)
+    np.testing.assert_array_equal(found, expected.astype(np.float32))
+    assert found.dtype == np.float32
