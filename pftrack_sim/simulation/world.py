@@ -116,7 +116,8 @@ class World:
             self.robot.step(self.data)
             self._collision = self._collision or self.robot.collision(self.data)
             self._ticks += 1
-            self._state = self.robot.scene_state(self.data, self.clock.time_s(self._ticks))
+            last = tick == self.clock.ticks - 1
+            self._state = self.robot.scene_state(self.data, self.clock.time_s(self._ticks), posed_next=last)
             self.traffic.update(tick_s, self._state.time_s, *self._state.places_m)
             self.traffic.write(self.data)
         self._update_poses()

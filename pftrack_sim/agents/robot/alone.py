@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 
 from pftrack_sim.agents.clock import Clock
+from pftrack_sim.agents.robot.pose_kernels import camera_pose
 from pftrack_sim.core.types import FloatArray, IntArray
-from pftrack_sim.scene.robot import BASE
+from pftrack_sim.scene.robot import BASE, CAMERA
 
 _LIMB_M_S = 8.0  # Faster than any limb or cart moves
 _CONTACT_M = 0.02  # Margin of contacts, and rounding
@@ -43,6 +44,7 @@ class RobotAlone:
         self.model, self.data, self._scene = alone, mujoco.MjData(alone), model
         alone.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         self._state = np.empty(mujoco.mj_stateSize(alone, _STATE))
+        self._camera = int(alone.camera(CAMERA).id)
         own = model.body_rootid[model.geom_bodyid] == model.body(BASE).id
         solid = (model.geom_contype | model.geom_conaffinity) != 0
         types = np.bitwise_or.reduce(model.geom_contype[own]), np.bitwise_or.reduce(model.geom_conaffinity[own])
@@ -66,6 +68,12 @@ class RobotAlone:
         """Take time, positions, velocities and commands from the scene."""
         mujoco.mj_getState(self._scene, data, self._state, _STATE)
         mujoco.mj_setState(self.model, self.data, self._state, _STATE)
+
+    def camera_pose(self) -> FloatArray:
+        """See `Drive.camera_pose`; after the steps, of this model's state."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        return camera_pose(self.data.cam_xpos, self.data.cam_xmat, self._camera)
 
     def store(self, data: mujoco.MjData) -> None:
         """Write these, and the sensors, into the scene."""

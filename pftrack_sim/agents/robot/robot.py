@@ -85,8 +85,14 @@ class Robot:
         self._delay.reset()
         self.drive.reset(data, *self._script.start_pose())
 
-    def scene_state(self, data: mujoco.MjData, time_s: float) -> SceneState:
-        """What is observed now. Updates the poses of bodies, geoms and cameras in `data`."""
+    def scene_state(self, data: mujoco.MjData, time_s: float, *, posed_next: bool = False) -> SceneState:
+        """What is observed now.
+
+        Updates the poses of bodies, geoms and cameras in `data`; they may be left out if the caller does so next.
+        """
+        alone = self._alone
+        if posed_next and alone is not None and self._stepped_alone:
+            return SceneState(time_s, self.drive.pose(data), alone.camera_pose())
         return SceneState(time_s, self.drive.pose(data), self.drive.camera_pose(data))
 
     def update(

@@ -24,6 +24,7 @@ def test_steps_alone_are_those_in_the_scene_to_the_bit(rate_hz: int):
         mine, theirs = (world.data for world in worlds)
         for name in ("time", "qpos", "qvel", "ctrl", "sensordata", "geom_xpos", "geom_xmat"):
             np.testing.assert_array_equal(getattr(mine, name), getattr(theirs, name), err_msg=name)
+        assert worlds[0].camera_pose().tobytes() == worlds[1].camera_pose().tobytes()
         assert worlds[0].proprio().tobytes() == worlds[1].proprio().tobytes()
         assert worlds[0].collision() == worlds[1].collision()
         alone.append(worlds[0].robot._stepped_alone)
