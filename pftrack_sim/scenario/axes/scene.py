@@ -154,8 +154,7 @@ class TargetAxis(Axis):
     )
     source: ClassVar[str] = (
         "changes of posture, scale and view: Ko et al. 2012 and Kwon et al. 2005. The rates are chosen, since neither "
-        "paper counts them: at severity 1 a manoeuvre every 5 s, each kind once in an episode of 20 s. Out of view as "
-        "long as the axis of occlusion covers"
+        "paper counts them: at severity 1 a manoeuvre every 5 s, each kind once in an episode of 20 s"
     )
 
     per_minute: NotNegative = Field(default=12.0, description="Manoeuvres a minute at severity 1; 0 for none.")
@@ -173,7 +172,7 @@ class TargetAxis(Axis):
     period_s: Positive = Field(
         default=12.0, description="Period of that swing; a short one asks for more than the robot's top speed."
     )
-    leave_s: NotNegative = Field(default=1.3, description="How long the target is out of view at severity 1.")
+    leave_s: NotNegative = Field(default=0.5, description="How long the target is out of view at severity 1.")
     leave_at_s: NotNegative = Field(default=9.0, description="When it leaves; the operator's camera turns away.")
 
     def action(self, manoeuvre: Manoeuvre, at_s: float) -> Action:
