@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import Any
 
 EGL_LIBRARY = "libEGL.so.1"
@@ -32,28 +31,47 @@ class EGLBinding:
         self._current_display = _function("eglGetCurrentDisplay", _HANDLE)
         self._current_surface = _function("eglGetCurrentSurface", _HANDLE, ctypes.c_int)
 
-    @contextmanager
-    def as_current(self) -> Generator[None]:
+    def as_current(self) -> AbstractContextManager[None]:
         """Make it current in this thread, and restore the thread's previous context at the end.
 
         Raises:
             RuntimeError: It is current in another thread.
         """
+        return _Bound(self)
+
+    def bind(self) -> tuple[Any, ...] | None:
+        """Make it current; what `restore` takes, None where nothing is to be restored."""
         before = self._current_context()
         # Without a display, `mujoco.egl` has ended it: at the exit of the interpreter, everything is freed already.
         if before == self._context or self._module.EGL_DISPLAY is None:
-            yield
-            return
+            return None
         place = (
-            (self._current_display(), self._current_surface(_DRAW), self._current_surface(_READ)) if before else None
+            (self._current_display(), self._current_surface(_DRAW), self._current_surface(_READ))
+            if before
+            else (self._display, None, None)
         )
         if not self._make_current(self._display, None, None, self._context):
             raise RuntimeError("eglMakeCurrent failed")
-        try:
-            yield
-        finally:
-            if self._module.EGL_DISPLAY is not None:
-                self._make_current(*(place or (self._display, None, None)), before)
+        return *place, before
+
+    def restore(self, before: tuple[Any, ...]) -> None:
+        """Make current what was so before `bind`."""
+        if self._module.EGL_DISPLAY is not None:
+            self._make_current(*before)
+
+
+class _Bound(AbstractContextManager[None]):
+    """A block of `EGLBinding.as_current`; not a generator, which takes five times as long."""
+
+    def __init__(self, binding: EGLBinding) -> None:
+        self._binding = binding
+
+    def __enter__(self) -> None:
+        self._before = self._binding.bind()
+
+    def __exit__(self, *_: object) -> None:
+        if self._before is not None:
+            self._binding.restore(self._before)
 
 
 def _function(name: str, result: Any, *arguments: Any) -> Any:

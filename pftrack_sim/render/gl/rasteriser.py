@@ -52,6 +52,7 @@ class Rasteriser(Renderer):
         self._resources: list[Resources] = []
         """One of the last model bound; none before."""
         self._finalizer = weakref.finalize(self, _free, self._context, self._resources)
+        self._area = mujoco.MjrRect(0, 0, self.width_px, self.height_px)
         self._pixels = np.empty((self.height_px, self.width_px, 4), dtype=np.uint8)
         self.rebind(model)
 
@@ -86,7 +87,7 @@ class Rasteriser(Renderer):
             matrix[1, 2] -= rows.start
             height = rows.stop - rows.start
         pixels = self._pixels[:height]
-        area = mujoco.MjrRect(0, 0, self.width_px, height)
+        area = self._area if rows is None else mujoco.MjrRect(0, 0, self.width_px, height)
         drawn = scene.color_scene(data, checked_poses(T_world_camera), matrix, (self.width_px, height))
         with self._context.current():
             scene.sky.update(self._resources[0])
@@ -117,7 +118,7 @@ class Rasteriser(Renderer):
         inverse_depth = np.empty((rect.height, rect.width), dtype=np.float32)
         area = mujoco.MjrRect(rect.left, self.height_px - rect.top - rect.height, rect.width, rect.height)
         with self._context.current():
-            self._draw(drawn, mujoco.MjrRect(0, 0, *size))
+            self._draw(drawn, self._area)
             mujoco.mjr_readPixels(pixels, inverse_depth, area, self._resources[0].context)
         codes = pixels.view("<u4")[:, :, 0] & _CODE_BITS
         return Segmentation(rect, geom_of_code.take(codes)[::-1], inverse_depth[::-1])
