@@ -29,6 +29,7 @@ LINES = ("-", "--", ":", "-.")
 
 _WIDE, _HIGH = 4.6, 3.2  # Size of a plot [inches].
 _MAP_COLUMNS = 3
+_PANEL_COLUMNS = 4
 
 
 def write_figure(path: Path, target: Path) -> Path:
@@ -129,12 +130,12 @@ def _precision(store: RunStore, figure: Any) -> None:
 
 
 def _degradation(store: RunStore, figure: Any) -> None:
-    """The curve over the first axis; of axes swept together a map for each tracker, and below them the curves."""
+    """The curves, a panel for each axis; of axes swept together a map for each tracker, and below them the curves."""
     found = degradation(store)
     if not found.curves:
         raise ParameterError("this run has no axis with two levels: run bench with --axis NAME=0,1,2")
     if not found.maps:
-        _curves(store, found.curves, found.curves[0].at.label, _plot(figure))
+        _panels(store, found.curves, figure)
         return
     pair = (found.maps[0].first.axis, found.maps[0].second.axis)
     maps = [one for one in found.maps if (one.first.axis, one.second.axis) == pair]
@@ -152,7 +153,27 @@ def _degradation(store: RunStore, figure: Any) -> None:
     marginal = dict.fromkeys(one.at.label for one in found.curves if " over " in one.at.axis)
     labels = list(marginal)[:2]
     for place, label in enumerate(labels):
-        _curves(store, found.curves, label, _plot(lower, 1, len(labels), place + 1))
+        axes = _plot(lower, 1, len(labels), place + 1)
+        _curves(store, found.curves, label, axes)
+        _legend(axes)
+
+
+def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None:
+    labels = list(dict.fromkeys(one.at.label for one in curves))
+    columns = min(_PANEL_COLUMNS, len(labels))
+    rows = -(-len(labels) // columns)
+    if len(labels) > 1:
+        figure.set_size_inches(0.6 * _WIDE * columns, 0.7 * _HIGH * rows + 0.5)
+    for place, label in enumerate(labels):
+        axes = _plot(figure, rows, columns, place + 1)
+        _curves(store, curves, label, axes)
+        if place % columns:
+            axes.set(ylabel="", yticklabels=[])
+    # Beside the curves, which may lie anywhere.
+    names = figure.axes[0].get_legend_handles_labels()
+    legend = figure.legend(*names, loc="outside lower center", ncols=4, fontsize=7, frameon=False)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
 
 
 def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: Any) -> None:
@@ -168,7 +189,6 @@ def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: An
         style = _style(store, tracker)
         axes.plot(x, mean, marker="o", ms=3, label=tracker, **style)
         axes.fill_between(x, low, high, color=style["color"], alpha=0.15, lw=0)
-    _legend(axes)
 
 
 def _map(own: Sequence[Crossing], axes: Any) -> Any:

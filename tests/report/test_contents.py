@@ -13,6 +13,7 @@ from small_report import HOSTILE, SMALL
 from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore, make_plan, run
 from pftrack_sim.benchmark.integrity import write_sums
+from pftrack_sim.benchmark.planning import join_plans
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.report.contents import contents
 
@@ -107,6 +108,21 @@ def test_axes_swept_together_are_drawn_as_maps_and_curves(tmp_path: Path):
     for words in ("noise [", "stream [", "mean over stream", "mean over noise", "ncc", "stay"):
         assert words in drawn  # as comments beside the outlines of their letters
     assert drawn.count("<image") == 3  # a map for each tracker, and the colour bar
+
+
+@pytest.mark.slow
+def test_each_axis_has_a_panel_and_all_share_one_legend(tmp_path: Path):
+    small = {**SMALL, "camera.rate_hz": 10.0}
+    plans = [
+        make_plan(["easy/corridor"], ["ncc"], [0], axes={axis: levels}, overrides=small)
+        for axis, levels in {"noise": (0, 2), "stream": (3,)}.items()
+    ]
+    store = run(join_plans(plans), tmp_path / "run", videos="none")
+    drawn = report.write_figure(store.path, tmp_path / "axis.svg").read_text()
+    assert drawn.count('<g id="axes_') == 2
+    assert drawn.count('<g id="legend_') == 1
+    for words in ("noise [", "stream [", "ncc", "stay"):
+        assert words in drawn
 
 
 def test_unknown_figures_are_errors(finished: Path, tmp_path: Path):
