@@ -102,6 +102,22 @@ def test_the_response_s_peak_moves_with_the_target(moved: tuple[int, int]):
     assert (column - 10, row - 10) == moved
 
 
+def test_a_wider_search_window_weakens_a_distant_target_less():
+    """A target one of its sides from the window's centre."""
+    image = texture(240, 240, seed=3)
+    kept = {}
+    for power in (1.0, 0.5):
+        subject = CorrelationFilter(cells=30, size=(8.0, 8.0), sigma=1.0, ridge=0.001, search_window=power)
+        subject.learn(subject.spectrum(np.ascontiguousarray(image[60:180, 60:180])), 1.0)
+        near, far = (
+            subject.respond(subject.spectrum(np.ascontiguousarray(image[60:180, left : left + 120]), searched=True))
+            for left in (60, 28)
+        )
+        assert divmod(int(far.argmax()), 30) == (15, 23)
+        kept[power] = float(far.max() / near.max())
+    assert kept[0.5] > kept[1.0] + 0.1
+
+
 def test_colours_of_the_target_alone_score_high():
     patch = np.full((80, 80, 3), (40, 90, 160), np.uint8)
     patch[20:60, 30:50] = (200, 60, 30)
@@ -158,6 +174,22 @@ def test_a_square_box_is_compared_whole_and_an_elongated_one_in_its_middle():
     np.testing.assert_allclose(core(np.array([80.0, 40]), 0.4), [80, 25])
     np.testing.assert_allclose(core(np.array([20.0, 100]), 0.4), [8, 100])
     np.testing.assert_allclose(core(np.array([20.0, 100]), 1.0), [20, 100])
+
+
+def test_the_size_of_a_blurred_target_is_kept():
+    """A scene that rests, blurred as by motion from the eighth image on: its measured size changes."""
+    sharp = texture(320, 240, seed=6, grain=8)
+    images = [sharp] * 7 + [cv2.blur(sharp, (15, 1))] * 6
+    width: dict[float, np.ndarray] = {}
+    for unsure in (0.0, 0.4, 0.7):
+        found = run(images, (140, 90, 40, 60), scale_unsure=unsure, scale_sure=min(2 * unsure, 1.0))
+        assert min(one.confidence for one in found[:6]) > 0.9
+        assert max(one.confidence for one in found[6:]) < 0.7
+        width[unsure] = np.array([one.box[2] for one in found])
+    change = {unsure: float(np.abs(np.log(widths[6:] / widths[5])).max()) for unsure, widths in width.items()}
+    assert change[0.0] > 0.04
+    assert change[0.4] < 0.8 * change[0.0]
+    assert change[0.7] == 0.0
 
 
 def test_a_moving_target_is_followed_closely(make_scene: Callable[..., Scene]):

@@ -32,12 +32,18 @@ class CorrelationFilter:
         size: Width and height of the target [cells].
         sigma: Standard deviation of the label [cells].
         ridge: Regularisation, as a share of the mean spectral energy of the first patch.
+        search_window: Power of the Hann window over patches that are searched; patches that are learnt have the window
+            itself. Below 1 the response to a target far from the centre is weakened less: the filter ends near the
+            target's box, so the window is needed only against the patch's border.
     """
 
-    def __init__(self, cells: int, size: tuple[float, float], sigma: float, ridge: float) -> None:
+    def __init__(
+        self, cells: int, size: tuple[float, float], sigma: float, ridge: float, search_window: float = 1.0
+    ) -> None:
         self._cells = cells
         self._ridge_share = ridge
         self._window = np.outer(hann(cells), hann(cells))
+        self._search_window = self._window ** np.float32(search_window)
         self._support = np.outer(_support(cells, size[1]), _support(cells, size[0]))
         # The label's peak is at the corner for a centred target; responses are rolled so that it is in the middle.
         steps = np.minimum(np.arange(cells), cells - np.arange(cells))
@@ -49,14 +55,15 @@ class CorrelationFilter:
         self._ridge = np.float32(0)
         self._filter: Spectrum = self._label
 
-    def spectrum(self, patch: Image) -> Spectrum:
-        """`(CHANNELS + 1, cells, cells // 2 + 1)` spectrum of the features of an RGB patch."""
+    def spectrum(self, patch: Image, *, searched: bool = False) -> Spectrum:
+        """`(CHANNELS + 1, cells, cells // 2 + 1)` spectrum of the features of an RGB patch, to learn or to search."""
+        window = self._search_window if searched else self._window
         grey = np.asarray(cv2.cvtColor(patch, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
         features = np.empty((CHANNELS + 1, self._cells, self._cells), np.float32)
-        hog_map(grey, self._window, features[:CHANNELS])
+        hog_map(grey, window, features[:CHANNELS])
         means = cv2.resize(grey, (self._cells, self._cells), interpolation=cv2.INTER_AREA)
         brightness = np.asarray(means, dtype=np.float32) * np.float32(1 / 255)
-        features[CHANNELS] = (brightness - brightness.mean()) * self._window
+        features[CHANNELS] = (brightness - brightness.mean()) * window
         return scipy.fft.rfft2(features, axes=(1, 2))
 
     def learn(self, spectrum: Spectrum, rate: float) -> None:

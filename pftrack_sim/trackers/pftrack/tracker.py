@@ -37,6 +37,7 @@ class PftrackParameters(Parameters):
         cells: Cells of 4x4 pixels of the search window in each direction, even.
         padding: Side of the search window, as a multiple of the square root of the target's area.
         label_sigma: Standard deviation of the correlation filter's label, as a share of the square root of the area.
+        search_window: Power of the Hann window over patches that are searched; patches that are learnt have power 1.
         ridge: Regularisation of the correlation filter, as a share of the mean spectral energy of the first patch.
         rate: Weight of a new frame of confidence 1 in the correlation filter.
         colour_share: Weight of the colour response; the correlation filter has the rest. At 0 no occlusion is reported.
@@ -47,6 +48,8 @@ class PftrackParameters(Parameters):
         scale_interval: The scale filter is applied every so many frames.
         scale_cells: Approximate number of cells of its patches.
         scale_core: Share of the shorter side of an elongated box that its patches keep; 1: all of it.
+        scale_unsure: Confidence up to which the size is kept: of blurred targets it is measured too small.
+        scale_sure: Confidence from which on a change of size is taken whole; between the two its share grows linearly.
         camera_motion: Whether the search starts also where the camera's motion takes the target.
         camera_certainty: Least sum of the phase correlation around its peak for a motion to be used; 1 is a pure shift.
         recentre: Distance of the target from the window's centre above which the window is put around it and evaluated
@@ -61,6 +64,7 @@ class PftrackParameters(Parameters):
     cells: Annotated[int, Field(ge=8, le=128, multiple_of=2)] = 32
     padding: Annotated[float, Field(ge=1.1, le=10.0)] = 3.5
     label_sigma: Annotated[float, Field(gt=0.0, le=1.0)] = 0.07
+    search_window: Share = 0.5
     ridge: NotNegative = 0.001
     rate: Share = 0.015
     colour_share: Share = 0.3
@@ -71,6 +75,8 @@ class PftrackParameters(Parameters):
     scale_interval: Annotated[int, Field(ge=1, le=100)] = 2
     scale_cells: Annotated[int, Field(ge=4, le=1024)] = 36
     scale_core: Annotated[float, Field(gt=0.0, le=1.0)] = 0.4
+    scale_unsure: Share = 0.4
+    scale_sure: Share = 0.8
     camera_motion: bool = True
     camera_certainty: Share = 0.3
     recentre: NotNegative = 0.1
@@ -116,7 +122,7 @@ class Pftrack(BaseTracker):
         self._side = max(p.padding * area_root, 1.3 * float(self._size.max()))
         width, height = (float(side) / self._side * p.cells for side in self._size)
         sigma = p.label_sigma * math.sqrt(width * height)
-        self._filter = CorrelationFilter(p.cells, (width, height), sigma, p.ridge)
+        self._filter = CorrelationFilter(p.cells, (width, height), sigma, p.ridge, p.search_window)
         self._colour = ColourModel()
         self._scales = ScaleFilter(core(self._size, p.scale_core), p.scale_count, p.scale_step, p.scale_cells)
         self._camera = CameraMotion(p.camera_certainty)
@@ -142,7 +148,7 @@ class Pftrack(BaseTracker):
             self._velocity = 0.5 * (self._velocity + found.centre - carried)
             self._usual = usual + SLOW * (now - usual)
             if p.scale_count > 1 and self._frame % p.scale_interval == 0:
-                self._rescale(pyramid, image)
+                self._rescale(pyramid, image, confidence)
             self._learn(pyramid, confidence)
         size = self._scale * self._size
         return Estimate(np.concatenate([self._centre - 0.5 * size, size]), confidence, occluded)
@@ -174,7 +180,7 @@ class Pftrack(BaseTracker):
         """The best position in the window around a centre."""
         p = self.params
         patch = self._patch(pyramid, centre)
-        peaks = self._filter.respond(self._filter.spectrum(patch))
+        peaks = self._filter.respond(self._filter.spectrum(patch, searched=True))
         scores, colours = peaks, None
         if p.colour_share > 0.0:
             pixels = self._colour.respond(patch, *self._size_in_patch())
@@ -188,8 +194,12 @@ class Pftrack(BaseTracker):
         colour = 1.0 if colours is None else float(colours[row, column])
         return Match(float(scores[row, column]), float(peaks[row, column]), colour, at)
 
-    def _rescale(self, pyramid: ImagePyramid, image: Image) -> None:
-        scale = self._scale * self._scales.factor(pyramid, self._centre, self._scale)
+    def _rescale(self, pyramid: ImagePyramid, image: Image, confidence: float) -> None:
+        p = self.params
+        share = min(max((confidence - p.scale_unsure) / max(p.scale_sure - p.scale_unsure, 1e-6), 0.0), 1.0)
+        if share == 0.0:
+            return
+        scale = self._scale * self._scales.factor(pyramid, self._centre, self._scale) ** share
         least = min(MIN_SIZE_PX / float(self._size.min()), 1.0)
         most = max(2.0 * min(image.shape[1] / float(self._size[0]), image.shape[0] / float(self._size[1])), 1.0)
         self._scale = min(max(scale, least), most)
