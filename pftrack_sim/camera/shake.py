@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -89,12 +90,11 @@ class CameraShake:
         """`(4, 4)` pose of the shaken camera at a time, from that without shake; equal to the bit without shake."""
         if self._still:
             return np.array(T_world_camera, dtype=np.float64)
-        from pftrack_sim.camera.shake_kernels import displaced  # numba: imported when it is used
-
-        angle = self._omega * time_s
-        angle += self._phase
-        axes = self._amplitude * np.cos(angle, out=angle)
-        return displaced(np.ascontiguousarray(T_world_camera, dtype=np.float64), axes.sum(axis=-1))
+        rotation, translation = self.offset(time_s)
+        T_camera_shaken = np.eye(4)
+        T_camera_shaken[:3, :3] = cv2.Rodrigues(rotation)[0]
+        T_camera_shaken[:3, 3] = translation
+        return T_world_camera @ T_camera_shaken
 
 
 def camera_shake(base: Jitter, axis: JitterAxis, seed: int, mast_m: float) -> CameraShake:

@@ -1,4 +1,7 @@
-"""Products added unrounded, as BLAS libraries multiply matrices: kernels then equal NumPy's products to the bit."""
+"""Products added unrounded, as BLAS libraries multiply matrices: kernels then equal NumPy's products to the bit.
+
+After a change here, delete the caches of kernels in `__pycache__`: Numba does not see changes in another module.
+"""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ class SilhouetteFinder:
         return Measured(*bodies.boxes_in_scene(geoms, positions, rotations, pose, self._fx_fy_cx_cy(K), near_m))
 
     def _fx_fy_cx_cy(self, K: FloatArray) -> tuple[float, float, float, float]:
-        """Focal lengths and principal point of a camera matrix, read once where nobody can change it."""
+        """fx, fy, cx, cy [px] of a camera matrix; cached for a read-only array."""
         if K.flags.writeable:
             return focal_and_centre(K)
         if self._intrinsics is None or self._intrinsics[0] is not K:

@@ -1,11 +1,9 @@
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pftrack_sim.camera.shake import CameraShake, camera_shake
-from pftrack_sim.camera.shake_kernels import displaced
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scenario.model import Jitter
@@ -128,24 +126,3 @@ def test_invalid_sources_and_bands_raise():
         JitterAxis(ground_band_hz=(5.0, 2.0))
     with pytest.raises(ValueError, match="'wind', 'ground' or 'road'"):
         JitterAxis.model_validate({"sources": ["rain"]})
-
-
-def test_the_displaced_pose_is_the_product_of_matrices():
-    rng = np.random.default_rng(3)
-    for scale in (0.0, 1e-17, 1e-4, 0.1, 2.0):
-        for _ in range(40):
-            pose = np.eye(4)
-            pose[:3, :3], pose[:3, 3] = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=3)
-            axes = rng.normal(0.0, scale, 6)
-            moved = np.eye(4)
-            moved[:3, :3], moved[:3, 3] = cv2.Rodrigues(axes[:3])[0], axes[3:]
-            # Products and sines are rounded by the machine's libraries.
-            np.testing.assert_allclose(displaced(pose, axes), pose @ moved, rtol=0.0, atol=1e-14)
-
-
-def test_a_shaken_pose_is_displaced_by_the_offset_of_the_instant():
-    shake = vibration()
-    for time_s in (0.0, 0.4, 7.13):
-        rotation, translation = shake.offset(time_s)
-        expected = displaced(POSE, np.concatenate([rotation, translation]))
-        np.testing.assert_array_equal(shake.displace(POSE, time_s), expected)

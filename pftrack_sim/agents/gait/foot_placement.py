@@ -86,7 +86,7 @@ class FootPlacement:
     def advance(self, dt_s: float, positions: FloatArray, headings: FloatArray, running: BoolArray) -> None:
         """Follow the bodies to `(P, 2)` positions [m] and headings [rad]; changing to a run takes about two steps.
 
-        Both are kept: nobody may change them afterwards.
+        Keeps both arrays without a copy; the caller must not modify them.
         """
         if running.any() or self.running.any():
             step = dt_s / _RUN_TRANSITION_S

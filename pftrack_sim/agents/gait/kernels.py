@@ -2,7 +2,7 @@
 
 They take the same steps in the same order as the formulas would on arrays of all people, so their results do not depend
 on how they are computed. Exponentials and powers are left to NumPy, whose last bits are its own.
-All kernels that call each other are in this module: the cache of a kernel does not see changes in another module.
+Kernels that call each other are in this module (but `fused_dot`): a cache does not see changes in another module.
 """
 
 from __future__ import annotations
