@@ -63,7 +63,12 @@ def test_histogram_agrees_with_a_reference_implementation(layout: BinLayout, x: 
 
 @pytest.mark.parametrize(
     ("layout", "way"),
-    [(uniform_layout(3, 16), MIRRORED), (epanechnikov_layout(1, 128), MIRRORED), (cell_layout(4, 4, 1, 16), CELLS)],
+    [
+        (uniform_layout(3, 16), MIRRORED),
+        (epanechnikov_layout(3, 256), MIRRORED),
+        (epanechnikov_layout(1, 128), MIRRORED),
+        (cell_layout(4, 4, 1, 16), CELLS),
+    ],
 )
 @settings(max_examples=15)
 @given(x=st.floats(0, 9), y=st.floats(0, 9), w=st.floats(0.5, 50), h=st.floats(0.5, 60))
@@ -85,6 +90,15 @@ def test_a_layout_that_is_not_symmetric_is_counted_in_the_general_way():
     codes, box = np.zeros((70, 60, 1), np.uint8), np.array([2.0, 3, 40, 50])
     codes[:30] = 1
     layout = BinLayout(weights, np.zeros((ROWS, COLUMNS), np.int64), 1, 1, 4)
+    slow = reference_histogram(codes, box, layout)
+    assert layout.tables.way == GENERAL
+    assert np.allclose(histogram(codes, box, layout), slow / slow.sum(), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("layout", [uniform_layout(2, 16), uniform_layout(4, 16), uniform_layout(1, 300)])
+def test_layouts_of_other_channels_or_more_bins_than_a_byte_has_codes_are_counted_in_the_general_way(layout: BinLayout):
+    box = np.array([2.0, 3, 40, 50])
+    codes = random_codes(BinLayout(layout.weights, layout.cells, 1, layout.channel_count, 16))
     slow = reference_histogram(codes, box, layout)
     assert layout.tables.way == GENERAL
     assert np.allclose(histogram(codes, box, layout), slow / slow.sum(), rtol=0, atol=1e-12)

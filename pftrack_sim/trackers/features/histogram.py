@@ -20,6 +20,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.histogram_kernels import (
     CELL_GRID,
     CELLS,
+    CODE_COUNT,
     COLUMNS,
     GENERAL,
     MIRRORED,
@@ -65,7 +66,8 @@ class BinLayout:
         rows, columns = self.weights.shape
         if self.cell_count == 1:
             mirrored = all(np.array_equal(self.weights, np.flip(self.weights, axis)) for axis in (0, 1))
-            return MIRRORED if mirrored and rows % 2 == columns % 2 == 0 else GENERAL
+            counted = self.channel_count in (1, 3) and self.bin_count <= CODE_COUNT
+            return MIRRORED if mirrored and counted and rows % 2 == columns % 2 == 0 else GENERAL
         patterns = self.channel_count == 1 and self.bin_count == PATTERN_COUNT and bool((self.weights == 1).all())
         return CELLS if patterns and np.array_equal(self.cells, _grid(CELL_GRID, CELL_GRID)) else GENERAL
 

@@ -18,11 +18,12 @@ from pftrack_sim.core.types import FloatArray
 Codes: TypeAlias = NDArray[np.uint8]  # `(H, W, C)` pixel codes
 
 GENERAL, MIRRORED, CELLS = 0, 1, 2
-"""Ways to count: any layout; one cell whose weights are the same upside down and left to right; the layout of
-`CELL_GRID`^2 cells of weight 1 with one channel of at most `PATTERN_COUNT` codes."""
+"""Ways to count: any layout; one cell of one or three channels, whose weights are the same upside down and left to
+right; the layout of `CELL_GRID`^2 cells of weight 1 with one channel of at most `PATTERN_COUNT` codes."""
 ROWS, COLUMNS = 48, 24
 CELL_GRID = 4
 PATTERN_COUNT = 16
+CODE_COUNT = 256  # Of a byte
 _CELL_ROWS, _CELL_COLUMNS = ROWS // CELL_GRID, COLUMNS // CELL_GRID
 
 
@@ -50,7 +51,7 @@ class Scratch(NamedTuple):
     Attributes:
         lines: `(rows,)` place of the image line of each row of points in the flat codes.
         places: `(columns,)` place of each column of points within a line.
-        quarters: `(4 bin_count,)` counts of one channel, of a quarter of the points each.
+        quarters: `(4 * channels * CODE_COUNT,)` counts of a quarter of the points each.
     """
 
     lines: NDArray[np.uintp]
@@ -59,16 +60,17 @@ class Scratch(NamedTuple):
 
 
 @njit(nogil=True, cache=True)
-def new_scratch(tables: BinTables) -> Scratch:
+def new_scratch(tables: BinTables, channels: int) -> Scratch:
     """Memory for `count_box`."""
     rows, columns = tables.weights.shape
-    return Scratch(np.empty(rows, np.uintp), np.empty(columns, np.uintp), np.empty(4 * tables.bin_count, np.int32))
+    quarters = np.empty(4 * channels * CODE_COUNT, np.int32)
+    return Scratch(np.empty(rows, np.uintp), np.empty(columns, np.uintp), quarters)
 
 
 @njit(nogil=True, cache=True)
 def count_all(codes: Codes, boxes: FloatArray, tables: BinTables, out: NDArray[np.int32]) -> None:
     """Fill `(N, size)` with the counts of `(N, 4)` boxes."""
-    scratch = new_scratch(tables)
+    scratch = new_scratch(tables, codes.shape[2])
     for n in range(boxes.shape[0]):
         count_box(codes, boxes[n], tables, scratch, out[n])
 
@@ -76,7 +78,7 @@ def count_all(codes: Codes, boxes: FloatArray, tables: BinTables, out: NDArray[n
 @njit(nogil=True, cache=True)
 def compare(codes: Codes, boxes: FloatArray, tables: BinTables, root_model: FloatArray, out: FloatArray) -> None:
     """Fill `out` with sum(sqrt(counts) * root_model) of every box."""
-    scratch = new_scratch(tables)
+    scratch = new_scratch(tables, codes.shape[2])
     counts = np.empty(root_model.size, np.int32)
     for n in range(boxes.shape[0]):
         count_box(codes, boxes[n], tables, scratch, counts)
@@ -103,7 +105,11 @@ def count_box(codes: Codes, box: FloatArray, tables: BinTables, scratch: Scratch
     left, right = _inside(box[0], box[2], codes.shape[1], codes.shape[2], scratch.places)
     whole = top == 0 and bottom == rows and left == 0 and right == columns
     if whole and tables.way == MIRRORED:
-        _count_mirrored(codes, tables, scratch, out)
+        if codes.shape[2] == 3:
+            _count_mirrored_colours(codes, tables, scratch)
+        else:
+            _count_mirrored(codes, tables, scratch)
+        _add_quarters(scratch.quarters, codes.shape[2], tables.bin_count, out)
     elif whole and tables.way == CELLS:
         _count_cells(codes, scratch, out)
     else:
@@ -125,27 +131,75 @@ def _inside(near: float, size: float, limit: int, step: int, places: NDArray[np.
 
 
 @njit(nogil=True, cache=True)
-def _count_mirrored(codes: Codes, tables: BinTables, scratch: Scratch, out: NDArray[np.int32]) -> None:
+def _count_mirrored(codes: Codes, tables: BinTables, scratch: Scratch) -> None:
     """Count four points of one weight at a time, each into a histogram of its own, so that none waits for another."""
     weights, spans = tables.weights, tables.spans
     lines, places, quarters = scratch
     rows, columns = weights.shape
     flat = codes.reshape(-1)
-    one = np.uintp(tables.bin_count)
-    two, three = one + one, one + one + one
     last_row, last_column = np.uintp(rows - 1), np.uintp(columns - 1)
-    for c in range(np.uintp(codes.shape[2])):
-        quarters[:] = 0
-        for i in range(np.uintp(rows // 2)):
-            upper, lower = lines[i] + c, lines[last_row - i] + c
-            for j in range(np.uintp(spans[i, 0]), np.uintp(columns // 2)):
-                weight, left, right = weights[i, j], places[j], places[last_column - j]
-                quarters[np.uintp(flat[upper + left])] += weight
-                quarters[one + np.uintp(flat[upper + right])] += weight
-                quarters[two + np.uintp(flat[lower + left])] += weight
-                quarters[three + np.uintp(flat[lower + right])] += weight
-        for k in range(one):
-            out[c * one + k] = quarters[k] + quarters[one + k] + quarters[two + k] + quarters[three + k]
+    _clear(quarters, tables.bin_count)
+    for i in range(np.uintp(rows // 2)):
+        upper, lower = lines[i], lines[last_row - i]
+        for j in range(np.uintp(spans[i, 0]), np.uintp(columns // 2)):
+            weight, left, right = weights[i, j], places[j], places[last_column - j]
+            quarters[np.uintp(flat[upper + left])] += weight
+            quarters[_SECOND + np.uintp(flat[upper + right])] += weight
+            quarters[_THIRD + np.uintp(flat[lower + left])] += weight
+            quarters[_FOURTH + np.uintp(flat[lower + right])] += weight
+
+
+# Histograms at constant distances need one register for them all.
+_SECOND, _THIRD, _FOURTH = np.uintp(CODE_COUNT), np.uintp(2 * CODE_COUNT), np.uintp(3 * CODE_COUNT)
+
+
+@njit(nogil=True, cache=True)
+def _count_mirrored_colours(codes: Codes, tables: BinTables, scratch: Scratch) -> None:
+    """As `_count_mirrored`, of three channels at once: twelve additions share their places and wait even less."""
+    weights, spans = tables.weights, tables.spans
+    lines, places, quarters = scratch
+    rows, columns = weights.shape
+    flat = codes.reshape(-1)
+    last_row, last_column = np.uintp(rows - 1), np.uintp(columns - 1)
+    _clear(quarters, tables.bin_count)
+    for i in range(np.uintp(rows // 2)):
+        upper, lower = lines[i], lines[last_row - i]
+        for j in range(np.uintp(spans[i, 0]), np.uintp(columns // 2)):
+            weight, left, right = weights[i, j], places[j], places[last_column - j]
+            _add_colour(flat, upper + left, weight, quarters, np.uintp(0))
+            _add_colour(flat, upper + right, weight, quarters, np.uintp(3 * CODE_COUNT))
+            _add_colour(flat, lower + left, weight, quarters, np.uintp(6 * CODE_COUNT))
+            _add_colour(flat, lower + right, weight, quarters, np.uintp(9 * CODE_COUNT))
+
+
+@njit(nogil=True, cache=True)
+def _add_colour(
+    flat: NDArray[np.uint8], at: np.uintp, weight: np.int32, quarters: NDArray[np.int32], first: np.uintp
+) -> None:
+    """Count the three codes of one point into the three histograms from `first` on."""
+    one, two = np.uintp(1), np.uintp(2)
+    quarters[first + np.uintp(flat[at])] += weight
+    quarters[first + _SECOND + np.uintp(flat[at + one])] += weight
+    quarters[first + _THIRD + np.uintp(flat[at + two])] += weight
+
+
+@njit(nogil=True, cache=True)
+def _clear(quarters: NDArray[np.int32], bin_count: int) -> None:
+    """Set the bins of all histograms to 0."""
+    for first in range(0, quarters.size, CODE_COUNT):
+        quarters[first : first + bin_count] = 0
+
+
+@njit(nogil=True, cache=True)
+def _add_quarters(quarters: NDArray[np.int32], channels: int, bin_count: int, out: NDArray[np.int32]) -> None:
+    """Fill `out` with the sums of the four histograms of each channel."""
+    distance = np.uintp(channels * CODE_COUNT)
+    for c in range(channels):
+        counts = out[c * bin_count : (c + 1) * bin_count]
+        first = np.uintp(c * CODE_COUNT)
+        second, third, fourth = first + distance, first + distance + distance, first + distance + distance + distance
+        for k in range(np.uintp(bin_count)):
+            counts[k] = quarters[first + k] + quarters[second + k] + quarters[third + k] + quarters[fourth + k]
 
 
 @njit(nogil=True, cache=True)

@@ -41,7 +41,7 @@ def _climb(
     codes: Codes, box: FloatArray, tables: BinTables, total: float, model: FloatArray, iteration_count: int
 ) -> float:
     """Move `box`; return the similarity where it arrives."""
-    scratch, counts, pulls = new_scratch(tables), np.empty(model.size, np.int32), np.empty(model.size)
+    scratch, counts, pulls = new_scratch(tables, codes.shape[2]), np.empty(model.size, np.int32), np.empty(model.size)
     for iteration in range(iteration_count + 1):
         count_box(codes, box, tables, scratch, counts)
         if iteration == iteration_count:
