@@ -79,6 +79,8 @@ class CrossingPedestrian(_Crosser):
             return
         self._updates += 1
         crossing, trajectory = self.crossing, self._trajectory
+        if self.phase is Phase.WAITING and time_s + 2.0 * dt_s < crossing.start_s:
+            return  # The start needs the trajectory of the last two ticks.
         x, y, vx, vy = self.state.tolist()
         trajectory.update(dt_s, time_s, around.camera_m, around.target_m)
         if self.phase is Phase.WAITING:
