@@ -18,6 +18,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scenario.model import Jitter
 
+_IDENTITY = np.eye(4)
 _COSINES = 64  # Cosines per axis: kurtosis within 0.03 of a Gaussian's, and no repetition within an episode
 _GUST_CUTOFF = 12.0  # Cutoff of gusts in corner frequencies; 95 % of the unlimited spectrum's power is below
 
@@ -91,7 +92,7 @@ class CameraShake:
         if self._still:
             return np.array(T_world_camera, dtype=np.float64)
         rotation, translation = self.offset(time_s)
-        T_camera_shaken = np.eye(4)
+        T_camera_shaken = _IDENTITY.copy()
         T_camera_shaken[:3, :3] = cv2.Rodrigues(rotation)[0]
         T_camera_shaken[:3, 3] = translation
         return T_world_camera @ T_camera_shaken

@@ -28,6 +28,8 @@ def ev(lights: Lights, time_s: float, group: LightGroup) -> float:
 
     `"sun"` and `"lamps"` follow the changes of their group and of `"all"`, `"all"` only the latter; changes add up.
     """
+    if not lights.schedule:
+        return lights.ev
     changes = [change for change in lights.schedule if change.lights in ("all", group)]
     return lights.ev + sum(change.ev * _progress(change, time_s) for change in changes)
 

@@ -316,12 +316,13 @@ class TruthObserver:
     def _known(self, frame: _FrameGeometry, person: int, box: FloatArray, truncation: float) -> dict[str, Any]:
         """Fields of a person's truth that do not depend on silhouettes."""
         geometry = frame.of(person)
+        box.setflags(write=False)
         amodal = frozen_array(geometry.amodal)
         return {
             "name": self._people[person],
-            "box": frozen_array(box),
+            "box": box,
             "amodal_box": amodal,
-            "swept_box": frozen_array(geometry.swept),
+            "swept_box": amodal if geometry.swept is geometry.amodal else frozen_array(geometry.swept),
             "truncation": truncation,
             "distance_m": geometry.distance_m,
             "T_world_camera": frame.pose,
