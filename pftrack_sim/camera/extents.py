@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
@@ -83,7 +83,7 @@ class Bodies:
         positions: FloatArray,
         rotations: FloatArray,
         T_world_camera: FloatArray,
-        intrinsics: tuple[float, float, float, float],
+        intrinsics: Intrinsics,
         near_m: float,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """`boxes` of parts that are geoms of a scene, equal to the bit and in less time.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from pftrack_sim.camera.pinhole import Intrinsics
 from pftrack_sim.core.fused import fused_dot
 from pftrack_sim.core.types import FloatArray, IntArray
 
@@ -18,7 +19,7 @@ def measure_bodies(
     positions: FloatArray,
     rotations: FloatArray,
     pose: FloatArray,
-    intrinsics: tuple[float, float, float, float],
+    intrinsics: Intrinsics,
     near_m: float,
     fused: bool,
 ) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
@@ -114,7 +115,7 @@ def project_parts(
 
 @njit(cache=True, nogil=True)
 def gather_bodies(
-    extents: FloatArray, ranges: FloatArray, ends: IntArray, intrinsics: tuple[float, float, float, float]
+    extents: FloatArray, ranges: FloatArray, ends: IntArray, intrinsics: Intrinsics
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """`(B, 4)` boxes [px], `(B, 2)` depth ranges and `(B,)` lowest heights of bodies from those of their parts.
 

@@ -7,13 +7,15 @@ axes as in OpenCV: x right, y down, z forward. Normalized image coordinates of a
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
+
+Intrinsics: TypeAlias = tuple[float, float, float, float]  # Focal lengths fx, fy and principal point cx, cy [px]
 
 
 class Frustum(NamedTuple):
@@ -52,7 +54,7 @@ def camera_matrix(K: ArrayLike | float, width_px: int, height_px: int) -> FloatA
     return np.array(K, dtype=np.float64)
 
 
-def focal_and_centre(K: ArrayLike) -> tuple[float, float, float, float]:
+def focal_and_centre(K: ArrayLike) -> Intrinsics:
     """Focal lengths fx, fy and principal point cx, cy of a camera matrix [px].
 
     Raises:
@@ -61,20 +63,21 @@ def focal_and_centre(K: ArrayLike) -> tuple[float, float, float, float]:
     matrix = np.asarray(K, dtype=np.float64)
     if matrix.shape != (3, 3):
         raise ParameterError(f"K must have shape (3, 3), got {matrix.shape}")
-    if matrix[0, 1] != 0.0 or not (matrix[0, 0] > 0.0 and matrix[1, 1] > 0.0):
+    (fx, skew, cx), (_, fy, cy), _ = matrix.tolist()
+    if skew != 0.0 or not (fx > 0.0 and fy > 0.0):
         raise ParameterError(f"K must have focal lengths > 0 and no skew, got {matrix.tolist()}")
-    return float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
+    return fx, fy, cx, cy
 
 
-def frustum(K: ArrayLike, width_px: int, height_px: int, near_m: float, far_m: float) -> Frustum:
-    """Frustum that renders the image described by a `(3, 3)` camera matrix [px] without skew.
+def frustum(intrinsics: Intrinsics, width_px: int, height_px: int, near_m: float, far_m: float) -> Frustum:
+    """Frustum that renders the image of a pinhole camera.
 
     Raises:
-        ParameterError: Not 0 < near < far, or a camera matrix with skew or a focal length <= 0.
+        ParameterError: Not 0 < near < far.
     """
     if not 0.0 < near_m < far_m:
         raise ParameterError(f"0 < near < far is needed, got near={near_m}, far={far_m}")
-    fx, fy, cx, cy = focal_and_centre(K)
+    fx, fy, cx, cy = intrinsics
     return Frustum(
         left=-cx / fx * near_m,
         right=(width_px - cx) / fx * near_m,

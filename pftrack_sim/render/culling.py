@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect
 
@@ -77,21 +77,22 @@ class Bounds:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         T_world_camera: FloatArray,
-        K: FloatArray,
+        intrinsics: Intrinsics,
         size: tuple[int, int],
         near_m: float,
         geoms: IntArray,
     ) -> IntArray:
         """`(M,)` places among `(N,)` geoms of those that change no pixel of a color image of `size`, see `in_view`.
 
-        None where a material of the model reflects; none that casts a shadow, where a light casts any.
+        None where a material of the model reflects; none that casts a shadow, where a light casts any. The intrinsics
+        are the focal lengths fx, fy and the principal point cx, cy [px].
         """
         from pftrack_sim.render.culling_kernels import hidden_boxes  # numba: imported when it is used
 
         poses, rect = (data.geom_xpos, data.geom_xmat), (0, 0, *size)
         pose = np.ascontiguousarray(T_world_camera, dtype=np.float64)
         return hidden_boxes(
-            geoms, poses, self._boxes, self.unbounded, pose, focal_and_centre(K), rect, near_m, model.mat_reflectance,
+            geoms, poses, self._boxes, self.unbounded, pose, intrinsics, rect, near_m, model.mat_reflectance,
             model.light_active, model.light_castshadow, model.geom_castshadow,
         )  # fmt: skip
 
@@ -99,7 +100,7 @@ class Bounds:
         self,
         data: mujoco.MjData,
         T_world_camera: FloatArray,
-        intrinsics: tuple[float, float, float, float],
+        intrinsics: Intrinsics,
         size: tuple[int, int],
         near_m: float,
         geoms: IntArray,
@@ -154,7 +155,7 @@ class Bounds:
         self,
         data: mujoco.MjData,
         T_world_camera: FloatArray,
-        intrinsics: tuple[float, float, float, float],
+        intrinsics: Intrinsics,
         geoms: IntArray,
         limbs: IntArray,
         rect: PixelRect,

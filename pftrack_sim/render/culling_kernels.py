@@ -15,11 +15,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pftrack_sim.camera.pinhole import Intrinsics
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
 Poses: TypeAlias = tuple[FloatArray, FloatArray]
 Boxes: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
-Intrinsics: TypeAlias = tuple[float, float, float, float]
 
 
 class Meshes(NamedTuple):

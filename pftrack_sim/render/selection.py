@@ -26,7 +26,9 @@ def warp_installed() -> bool:
     return all(find_spec(name) is not None for name in ("mujoco_warp", "warp"))
 
 
-def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None = None) -> Renderer:
+def open_renderer(
+    model: Any, width_px: int, height_px: int, backend: str | None = None, *, exclusive: bool = False
+) -> Renderer:
     """Open a renderer of a model with an image of this width and height.
 
     Args:
@@ -34,6 +36,7 @@ def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None
         width_px: Image width.
         height_px: Image height.
         backend: One of `NAMES`; None takes OpenGL where a library can draw, else the ray caster where it is installed.
+        exclusive: That of `Renderer.rebind`, for this model.
 
     Raises:
         UnknownNameError: No such renderer.
@@ -52,7 +55,7 @@ def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None
         raise RenderError(f"{error}\nor, without OpenGL:\n{WARP_INSTALL_HINT}") from error
     from pftrack_sim.render.gl.rasteriser import Rasteriser
 
-    return Rasteriser(model, width_px, height_px, context)
+    return Rasteriser(model, width_px, height_px, context, exclusive=exclusive)
 
 
 def open_id_renderer(model: Any, width_px: int, height_px: int) -> Renderer:

@@ -225,7 +225,7 @@ class Simulation:
             self._renderer.close()
         if not self._draws:
             return open_id_renderer(world.model, *size)
-        return open_renderer(world.model, *size, self._backend)
+        return open_renderer(world.model, *size, self._backend, exclusive=True)
 
     def _advance_period(self, command: FloatArray | None, delay_s: float) -> None:
         """Advance by one camera period with a command that is given after `delay_s`, or not within this period."""

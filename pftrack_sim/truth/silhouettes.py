@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.camera.extents import Bodies
-from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, bounding_rect
 from pftrack_sim.render.culling import Bounds
@@ -101,7 +101,7 @@ class SilhouetteFinder:
         """All but the first person."""
         self._bounds = Bounds(model, triangles=True)
         self._others_bounded = not self._bounds.unbounded[self._others].any()
-        self._intrinsics: tuple[FloatArray, tuple[float, float, float, float]] | None = None
+        self._intrinsics: tuple[FloatArray, Intrinsics] | None = None
 
     def release(self) -> None:
         """Release the model, once everybody has been found."""
@@ -131,7 +131,7 @@ class SilhouetteFinder:
         pose, near_m = np.ascontiguousarray(T_world_camera, dtype=np.float64), self.renderer.near_m
         return Measured(*bodies.boxes_in_scene(geoms, positions, rotations, pose, self._fx_fy_cx_cy(K), near_m))
 
-    def _fx_fy_cx_cy(self, K: FloatArray) -> tuple[float, float, float, float]:
+    def _fx_fy_cx_cy(self, K: FloatArray) -> Intrinsics:
         """fx, fy, cx, cy [px] of a camera matrix; cached for a read-only array."""
         if K.flags.writeable:
             return focal_and_centre(K)

@@ -62,7 +62,7 @@ def test_the_frustum_bounds_exactly_the_rectangle(rect: tuple[int, int, int, int
     K[0, 0] *= 1.3
     K[0, 2] += 11.5
     cropped = K - [[0, 0, left], [0, 0, top], [0, 0, 0]]
-    view = frustum(cropped, width, height, 0.1, 50.0)
+    view = frustum(focal_and_centre(cropped), width, height, 0.1, 50.0)
     # OpenGL's y points up.
     corners = np.array([[view.left, -view.top, view.near], [view.right, -view.bottom, view.near]])
     assert np.allclose(project(corners, np.eye(4), K), [[left, top], [left + width, top + height]], atol=1e-9)
@@ -83,8 +83,8 @@ def test_a_matrix_or_a_field_of_view_names_the_same_camera():
         lambda: intrinsics(10, 10, 0.0),
         lambda: intrinsics(10, 10, math.pi),
         lambda: intrinsics(10, 10, math.nan),
-        lambda: frustum(np.eye(3), 10, 10, 1.0, 1.0),
-        lambda: frustum(np.eye(3), 10, 10, 0.0, 1.0),
+        lambda: frustum((1.0, 1.0, 0.0, 0.0), 10, 10, 1.0, 1.0),
+        lambda: frustum((1.0, 1.0, 0.0, 0.0), 10, 10, 0.0, 1.0),
         lambda: focal_and_centre(np.eye(4)),
         lambda: focal_and_centre(np.diag([1.0, -1.0, 1.0])),
         lambda: camera_matrix([[1, 0.1, 0], [0, 1, 0], [0, 0, 1]], 4, 4),

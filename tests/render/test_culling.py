@@ -79,11 +79,11 @@ def test_geoms_that_are_hidden_are_out_of_view_and_cast_no_shadow():
         assert bounds.any_in_view(data, pose, focal_and_centre(K), SIZE, NEAR, geoms[shown & (geoms > 0)])
         assert not bounds.any_in_view(data, pose, focal_and_centre(K), SIZE, NEAR, geoms[~shown])
         shown |= light & model.geom_castshadow[geoms]
-        hidden = bounds.hidden(model, data, pose, K, SIZE, NEAR, geoms)
+        hidden = bounds.hidden(model, data, pose, focal_and_centre(K), SIZE, NEAR, geoms)
         np.testing.assert_array_equal(hidden, np.flatnonzero(~shown))
         assert hidden.size > 10
     model.mat_reflectance[0] = 0.1
-    assert not bounds.hidden(model, data, pose, K, SIZE, NEAR, geoms).size
+    assert not bounds.hidden(model, data, pose, focal_and_centre(K), SIZE, NEAR, geoms).size
 
 
 def test_geoms_that_may_occlude_people_are_those_of_planes_on_arrays():

@@ -13,9 +13,9 @@ from render_stage import HEIGHT, WIDTH, K, Stage, build, looking, new_spec, rand
 from pftrack_sim.camera.pinhole import intrinsics, normalized_coordinates
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.render.backend import PixelRect
+from pftrack_sim.render.culling import Bounds
 from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
-from pftrack_sim.render.gl.scene import ModelScene
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 
 Drawing = Callable[[Stage], Rasteriser]
@@ -292,13 +292,16 @@ def test_culling_geoms_out_of_view_changes_no_pixel(shadows: bool, drawing: Draw
         stage.model.light_castshadow[:] = shadows
         stage.model.geom_castshadow[::3] = False
         renderer = drawing(stage)
+        renderer.rebind(stage.model, exclusive=True)
+        scene, group = renderer._scene._color, stage.model.geom_group.copy()
         for _ in range(3):
             pose = looking(tuple(rng.normal((2.0, 0.0, 1.5))), tuple(rng.normal(size=3) * 3), rng.normal())
-            picture = renderer.color(stage.data, pose, K)
-            left_out += sum(geom.type == int(mujoco.mjtGeom.mjGEOM_NONE) for geom in renderer._scene._color_geoms)
+            picture, culled = renderer.color(stage.data, pose, K), scene.ngeom
+            np.testing.assert_array_equal(stage.model.geom_group, group)
             with monkeypatch.context() as patch:
-                patch.setattr(ModelScene, "_cull", lambda *_: None)
+                patch.setattr(Bounds, "hidden", lambda *_: np.zeros(0, dtype=np.intp))
                 assert np.array_equal(picture, renderer.color(stage.data, pose, K))
+            left_out += scene.ngeom - culled
     assert left_out > 20
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pftrack_sim.camera.pinhole import Intrinsics
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.cpu.triangles import Triangles
 
@@ -73,7 +74,7 @@ def draw(
     positions: FloatArray,
     rotations: FloatArray,
     pose: FloatArray,
-    intrinsics: tuple[float, float, float, float],
+    intrinsics: Intrinsics,
     limits_m: tuple[float, float, float],
     ids: NDArray[np.int32],
     inverse_depth: NDArray[np.float32],
@@ -166,7 +167,7 @@ def silhouettes(
     positions: FloatArray,
     rotations: FloatArray,
     pose: FloatArray,
-    intrinsics: tuple[float, float, float, float],
+    intrinsics: Intrinsics,
     size: tuple[int, int],
     near_m: float,
 ) -> tuple[IntArray, IntArray, BoolArray, BoolArray, NDArray[np.int32]]:

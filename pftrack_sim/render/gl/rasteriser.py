@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.camera.pinhole import camera_matrix
+from pftrack_sim.camera.pinhole import Intrinsics, camera_matrix, focal_and_centre
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import BoolArray
@@ -37,13 +37,22 @@ class Rasteriser(Renderer):
         width_px: Image width.
         height_px: Image height.
         context: The OpenGL context, closed with the renderer; None opens one with `open_context`.
+        exclusive: That of `rebind`, for this model.
 
     Raises:
         ParameterError: An empty image.
         RenderError: No OpenGL library can draw.
     """
 
-    def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int, context: GLContext | None = None) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        width_px: int,
+        height_px: int,
+        context: GLContext | None = None,
+        *,
+        exclusive: bool = False,
+    ) -> None:
         super().__init__(width_px, height_px)
         self._context = context or open_context(size=(self.width_px, self.height_px))
         self.info = self._context.info
@@ -54,7 +63,7 @@ class Rasteriser(Renderer):
         self._finalizer = weakref.finalize(self, _free, self._context, self._resources)
         self._area = mujoco.MjrRect(0, 0, self.width_px, self.height_px)
         self._pixels = np.empty((self.height_px, self.width_px, 4), dtype=np.uint8)
-        self.rebind(model)
+        self.rebind(model, exclusive=exclusive)
 
     def drawing(self) -> AbstractContextManager[None]:
         """See `Renderer.drawing`; the OpenGL context is current in the block."""
@@ -82,16 +91,17 @@ class Rasteriser(Renderer):
 
         Edges of an image of rows may differ from those of the whole image by the rounding of subpixels.
         """
-        scene, matrix, height = self._bound_scene(), camera_matrix(K, self.width_px, self.height_px), self.height_px
+        scene, height = self._bound_scene(), self.height_px
+        fx, fy, cx, cy = self._intrinsics(K)
         if rows is not None:
-            matrix[1, 2] -= rows.start
+            cy -= rows.start
             height = rows.stop - rows.start
         pixels = self._pixels[:height]
         area = self._area if rows is None else mujoco.MjrRect(0, 0, self.width_px, height)
-        drawn = scene.color_scene(data, checked_poses(T_world_camera), matrix, (self.width_px, height))
+        drawn = scene.color_scene(data, checked_poses(T_world_camera), (fx, fy, cx, cy), (self.width_px, height))
         with self._context.current():
             scene.sky.update(self._resources[0])
-            self._draw(drawn, area)
+            mujoco.mjr_render(area, drawn, self._resources[0].context)
             mujoco.mjr_readPixels(pixels, None, area, self._resources[0].context)
         # OpenGL counts rows from the bottom.
         image = cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB)
@@ -113,12 +123,12 @@ class Rasteriser(Renderer):
         """
         scene, size = self._bound_scene(), (self.width_px, self.height_px)
         geoms, rect = self._geoms_and_rect(geoms, rect)
-        drawn, geom_of_code = scene.ids_scene(data, checked_poses(T_world_camera), camera_matrix(K, *size), size, geoms)
+        drawn, geom_of_code = scene.ids_scene(data, checked_poses(T_world_camera), self._intrinsics(K), size, geoms)
         pixels = self._pixels.reshape(-1)[: 4 * rect.width * rect.height].reshape(rect.height, rect.width, 4)
         inverse_depth = np.empty((rect.height, rect.width), dtype=np.float32)
         area = mujoco.MjrRect(rect.left, self.height_px - rect.top - rect.height, rect.width, rect.height)
         with self._context.current():
-            self._draw(drawn, self._area)
+            mujoco.mjr_render(self._area, drawn, self._resources[0].context)
             mujoco.mjr_readPixels(pixels, inverse_depth, area, self._resources[0].context)
         codes = pixels.view("<u4")[:, :, 0] & _CODE_BITS
         return Segmentation(rect, geom_of_code.take(codes)[::-1], inverse_depth[::-1])
@@ -138,10 +148,8 @@ class Rasteriser(Renderer):
             raise RenderError("this renderer has been closed" if closed else "this renderer has no model: rebind it")
         return self._scene
 
-    def _draw(self, scene: mujoco.MjvScene, area: mujoco.MjrRect) -> None:
-        context = self._resources[0].context
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
-        mujoco.mjr_render(area, scene, context)
+    def _intrinsics(self, K: ArrayLike | float) -> Intrinsics:
+        return focal_and_centre(K if np.ndim(K) else camera_matrix(K, self.width_px, self.height_px))
 
 
 def _free(context: GLContext, resources: list[Resources]) -> None:

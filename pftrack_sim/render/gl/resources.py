@@ -30,6 +30,7 @@ class Resources:
     def __init__(self, model: mujoco.MjModel, size: tuple[int, int]) -> None:
         self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
+        # It remains the current buffer: drawing, reading and resizing restore it.
         if (self.context.offWidth, self.context.offHeight) != size:
             mujoco.mjr_resizeOffscreen(*size, self.context)
         self.context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # the buffer's own values, not converted

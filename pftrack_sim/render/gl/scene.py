@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.camera.pinhole import frustum
+from pftrack_sim.camera.pinhole import Intrinsics, frustum
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.render.backend import DRAWN_GROUPS, sky_material
 from pftrack_sim.render.culling import Bounds
@@ -18,7 +18,6 @@ from pftrack_sim.scene.layout import SCENERY_GROUP
 
 _NEVER_DRAWN_GROUP = 5
 _STATIC_AND_DYNAMIC = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
-_NOTHING = int(mujoco.mjtGeom.mjGEOM_NONE)
 _SPARE_GEOMS = 64
 _NO_PERTURBATION = mujoco.MjvPerturb()
 
@@ -34,14 +33,15 @@ class ModelScene:
         self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float], exclusive: bool = False
     ) -> None:
         self._model = model
-        self._order = np.flatnonzero(visible)
+        self._visible = np.flatnonzero(visible)
         self._clip_m = clip_m
         self._options = _geoms_only()
         self._bounds = Bounds(model)
         self._color = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._color.flags[mujoco.mjtRndFlag.mjRND_FOG] = False
-        self._color_geoms = list(self._color.geoms)
-        # Segmentations hide geoms by their group, in a copy of the model where several threads may share the caller's.
+        # Geoms are hidden by their group. Where several threads may share the caller's model, segmentations hide them
+        # in a copy, and color images hide none: lights and materials, which change, are those of the caller's.
+        self._exclusive = exclusive
         self._ids_model = model if exclusive else copy.copy(model)
         self._groups = model.geom_group.copy()
         self._ids = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
@@ -51,20 +51,34 @@ class ModelScene:
         self.sky = Sky(model)
 
     def color_scene(
-        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int]
+        self, data: mujoco.MjData, T_world_camera: FloatArray, intrinsics: Intrinsics, size: tuple[int, int]
     ) -> mujoco.MjvScene:
-        """What a color image of `size` width and height [px] shows."""
-        self._compose(self._color, self._model, data, T_world_camera, K, size)
-        mujoco.mjv_makeLights(self._model, data, self._color)
-        self._cull(data, T_world_camera, K, size)
+        """What a color image of `size` width and height [px] shows.
+
+        Geoms out of view are left out where that changes no pixel: MuJoCo passes everything to OpenGL, and software
+        OpenGL transforms every vertex of it.
+        """
+        model, hidden = self._model, self._visible[:0]
+        if self._exclusive:
+            view = T_world_camera, intrinsics, size, self._clip_m[0]
+            hidden = self._visible[self._bounds.hidden(model, data, *view, self._visible)]
+        model.geom_group[hidden] = _NEVER_DRAWN_GROUP
+        self._compose(self._color, model, data, T_world_camera, intrinsics, size)
+        model.geom_group[hidden] = self._groups[hidden]
+        mujoco.mjv_makeLights(model, data, self._color)
         return self._color
 
     def ids_scene(
-        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int], geoms: BoolArray
+        self,
+        data: mujoco.MjData,
+        T_world_camera: FloatArray,
+        intrinsics: Intrinsics,
+        size: tuple[int, int],
+        geoms: BoolArray,
     ) -> tuple[mujoco.MjvScene, NDArray[np.int32]]:
         """What a segmentation shows, and the geom id of each colour code: -1 of code 0."""
         self._ids_model.geom_group[:] = np.where(geoms, SCENERY_GROUP, _NEVER_DRAWN_GROUP)
-        self._compose(self._ids, self._ids_model, data, T_world_camera, K, size)
+        self._compose(self._ids, self._ids_model, data, T_world_camera, intrinsics, size)
         self._ids_model.geom_group[:] = self._groups
         order = np.flatnonzero(geoms)
         if self._ids.ngeom != order.size:
@@ -78,7 +92,7 @@ class ModelScene:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         T_world_camera: FloatArray,
-        K: FloatArray,
+        intrinsics: Intrinsics,
         size: tuple[int, int],
     ) -> None:
         """Place the camera, then add what it sees.
@@ -86,20 +100,9 @@ class ModelScene:
         `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the tiles of an
         infinite plane) would come from the camera of the previous frame.
         """
-        self._views[scene].place(T_world_camera, K, size, self._clip_m)
+        self._views[scene].place(T_world_camera, intrinsics, size, self._clip_m)
         scene.ngeom = 0
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
-
-    def _cull(self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int]) -> None:
-        """Remove geoms out of view from the color scene where that changes no pixel.
-
-        MuJoCo passes everything to OpenGL, and software OpenGL transforms every vertex of it.
-        """
-        model, order = self._model, self._order
-        if self._color.ngeom != order.size:
-            return
-        for index in self._bounds.hidden(model, data, T_world_camera, K, size, self._clip_m[0], order).tolist():
-            self._color_geoms[index].type = _NOTHING
 
 
 class _View:
@@ -108,13 +111,13 @@ class _View:
     def __init__(self, scene: mujoco.MjvScene) -> None:
         self._eyes = tuple(scene.camera)
         self._pose: bytes | None = None
-        self._lens: tuple[bytes, tuple[int, int]] | None = None
+        self._lens: tuple[Intrinsics, tuple[int, int]] | None = None
 
     def place(
-        self, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int], clip_m: tuple[float, float]
+        self, T_world_camera: FloatArray, intrinsics: Intrinsics, size: tuple[int, int], clip_m: tuple[float, float]
     ) -> None:
         """Set what differs from the last view."""
-        pose, lens = T_world_camera.tobytes(), (K.tobytes(), size)
+        pose, lens = T_world_camera.tobytes(), (intrinsics, size)
         if pose != self._pose:
             self._pose = pose
             position, forward, up = T_world_camera[:3, 3], T_world_camera[:3, 2], -T_world_camera[:3, 1]
@@ -122,7 +125,7 @@ class _View:
                 eye.pos[:], eye.forward[:], eye.up[:] = position, forward, up
         if lens != self._lens:
             self._lens = lens
-            view = frustum(K, *size, *clip_m)
+            view = frustum(intrinsics, *size, *clip_m)
             for eye in self._eyes:
                 eye.frustum_center = 0.5 * (view.left + view.right)
                 eye.frustum_width = 0.5 * (view.right - view.left)
