@@ -145,8 +145,13 @@ def similarities(codes: Codes, boxes: FloatArray, layout: BinLayout, model: Floa
     Points outside the image match nothing: a box with half its weight outside reaches sqrt(1/2) at most.
     """
     out = np.empty(len(boxes))
-    compare(codes, boxes, layout.tables, np.sqrt(model / layout.total), out)
-    return np.minimum(out, 1.0, out=out)
+    compare(codes, boxes, layout.tables, root_model(layout, model), out)
+    return out
+
+
+def root_model(layout: BinLayout, model: FloatArray) -> FloatArray:
+    """`(layout.size,)` factors of the square roots of a box's counts in its similarity with a normalised histogram."""
+    return np.sqrt(model / layout.total)
 
 
 def _counts(codes: Codes, boxes: FloatArray, layout: BinLayout) -> NDArray[np.int32]:

@@ -77,12 +77,12 @@ def count_all(codes: Codes, boxes: FloatArray, tables: BinTables, out: NDArray[n
 
 @njit(nogil=True, cache=True)
 def compare(codes: Codes, boxes: FloatArray, tables: BinTables, root_model: FloatArray, out: FloatArray) -> None:
-    """Fill `out` with sum(sqrt(counts) * root_model) of every box."""
+    """Fill `out` with sum(sqrt(counts) * root_model) of every box, at most 1, which rounding may exceed."""
     scratch = new_scratch(tables, codes.shape[2])
     counts = np.empty(root_model.size, np.int32)
     for n in range(boxes.shape[0]):
         count_box(codes, boxes[n], tables, scratch, counts)
-        out[n] = _affinity(counts, root_model)
+        out[n] = min(_affinity(counts, root_model), 1.0)
 
 
 # Reassociation lets the square roots be vectorised.

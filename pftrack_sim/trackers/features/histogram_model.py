@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.features.histogram import BinLayout, histogram, similarities
-from pftrack_sim.trackers.features.image_region import ImageRegion, crop
+from pftrack_sim.trackers.features.histogram import BinLayout, histogram, root_model
+from pftrack_sim.trackers.features.histogram_kernels import BinTables, Codes, compare
+from pftrack_sim.trackers.features.image_region import ImageRegion, crop, fill_in_region
 
 LikelihoodForm: TypeAlias = Literal["linear", "exponential"]
 """With the Bhattacharyya distance d: `"linear"` is 1 - d^2, the similarity; `"exponential"` is exp(-lambda d^2)."""
@@ -33,7 +35,14 @@ class Feature:
 
 
 class HistogramModel:
-    """One histogram per feature, taken from the first frame and constant."""
+    """One histogram per feature, taken from the first frame and constant.
+
+    Attributes:
+        features: F features.
+        histograms: The normalised histogram in each.
+        tables: The derived tables of each layout.
+        root_models: What the square roots of a box's counts are multiplied with in each feature.
+    """
 
     def __init__(self, features: Sequence[Feature], image: Image, box: Box) -> None:
         self.features = tuple(features)
@@ -41,6 +50,10 @@ class HistogramModel:
         local = region.to_region(box[None])[0]
         self.histograms = tuple(
             histogram(feature.encode(region.pixels), local, feature.layout) for feature in self.features
+        )
+        self.tables = tuple(feature.layout.tables for feature in self.features)
+        self.root_models = tuple(
+            root_model(feature.layout, one) for feature, one in zip(self.features, self.histograms, strict=True)
         )
 
     def encode(self, image: Image, boxes: FloatArray) -> EncodedRegion:
@@ -63,11 +76,28 @@ class EncodedRegion:
         The boxes lie inside the hull of those that were encoded. The distance d of Ko et al. 2012, eq. 7, is `sqrt(1 -
         similarity)`.
         """
-        local = self.region.to_region(boxes)
         out = np.empty((len(self.codes), len(boxes)))
-        for index, feature in enumerate(self.model.features):
-            out[index] = similarities(self.codes[index], local, feature.layout, self.model.histograms[index])
+        region, model = self.region, self.model
+        _compare_all(self.codes, boxes, region.origin, region.step, model.tables, model.root_models, out)
         return out
+
+
+# One call for all features: what a call costs is much beside the comparison of a single box.
+@njit(nogil=True, cache=True)
+def _compare_all(
+    codes: tuple[Codes, ...],
+    boxes: FloatArray,
+    origin: FloatArray,
+    step: FloatArray,
+    tables: tuple[BinTables, ...],
+    root_models: tuple[FloatArray, ...],
+    out: NDArray[np.float64],
+) -> None:
+    """Fill `(F, N)` with the similarities of `(N, 4)` boxes [px of the image] in a region's codes of each feature."""
+    local = np.empty((boxes.shape[0], 4))
+    fill_in_region(boxes, origin, step, local)
+    for f in range(len(codes)):
+        compare(codes[f], local, tables[f], root_models[f], out[f])
 
 
 def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodForm, lambdas: FloatArray) -> FloatArray:
@@ -81,6 +111,5 @@ def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodFo
         form: Likelihood of each feature.
         lambdas: `(F,)` lambda of each feature; not used by `"linear"`.
     """
-    likelihoods = similarities if form == "linear" else np.exp(-lambdas[:, None] * (1.0 - similarities))
-    with np.errstate(divide="ignore"):
-        return np.log(shares @ likelihoods)
+    mixed = shares @ (similarities if form == "linear" else np.exp(-lambdas[:, None] * (1.0 - similarities)))
+    return np.log(mixed, out=np.full(mixed.shape, -np.inf), where=mixed > 0.0)

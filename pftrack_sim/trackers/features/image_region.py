@@ -37,12 +37,12 @@ class ImageRegion:
     def to_region(self, boxes: FloatArray) -> FloatArray:
         """`(N, 4)` boxes [px of the region], given `(N, 4)` boxes [px of the image]."""
         out = np.empty((len(boxes), 4))
-        _to_region(boxes, self.origin, self.step, out)
+        fill_in_region(boxes, self.origin, self.step, out)
         return out
 
 
 @njit(nogil=True, cache=True)
-def _to_region(boxes: FloatArray, origin: FloatArray, step: FloatArray, out: FloatArray) -> None:
+def fill_in_region(boxes: FloatArray, origin: FloatArray, step: FloatArray, out: FloatArray) -> None:
     """Fill `(N, 4)` with boxes in pixels of the region."""
     for n in range(boxes.shape[0]):
         for axis in range(2):
