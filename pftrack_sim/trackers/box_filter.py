@@ -106,12 +106,14 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         sigma = (centre, centre, p.sigma_size * width, p.sigma_size * height)
         particle_filter.predict(self._dynamics(sigma))
         clip_states(particle_filter.states, image, MIN_SIZE_PX)
-        particles = boxes.from_states(particle_filter.states)
         # The next estimate lies among the particles, or is the previous one.
-        observation = self._observe(image, np.concatenate([particles, boxes.from_states(self._state[None])]))
+        near = boxes.from_states(np.concatenate([particle_filter.states, self._state[None]]))
+        particles = near[:-1]
+        observation = self._observe(image, near)
         particle_filter.weigh(observation.log_likelihood(particles))
         state = particle_filter.mean(p.top_count)
-        similarity = observation.similarity(_box(state))
+        box = _box(state)
+        similarity = observation.similarity(box)
         self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
         self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
         if not held:
@@ -121,11 +123,12 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
             particle_filter.restart(self._state)
         else:
             particle_filter.resample()
-        box = _box(self._state)
-        confidence = observation.similarity(box) if held else similarity
-        if not held:
+        if held:
+            box = _box(self._state)
+            similarity = observation.similarity(box)
+        else:
             self._learn(image, observation, box)
-        return Estimate(box, confidence, held, particles if p.particles else None)
+        return Estimate(box, similarity, held, particles if p.particles else None)
 
     def _carry(self, image: Image) -> None:
         """Move part of the particles as the camera's motion has moved the image's content since the last estimate.
@@ -140,9 +143,11 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
 
     def _is_jump(self, state: FloatArray) -> bool:
         """Whether a state is `hold_distance` or more from the previous one and from where the camera takes it."""
-        limit_px = self.params.hold_distance * float(np.sqrt(self._state[2] * self._state[3]))
-        moved = state[:2] - self._state[:2]
-        return min(float(np.hypot(*moved)), float(np.hypot(*(moved - self._shift)))) >= limit_px
+        x, y, width, height = self._state.tolist()
+        right, down = state[0] - x, state[1] - y
+        carried_right, carried_down = self._shift.tolist()
+        moved = min(np.hypot(right, down), np.hypot(right - carried_right, down - carried_down))
+        return bool(moved >= self.params.hold_distance * math.sqrt(width * height))
 
     def _dynamics(self, sigma: tuple[float, float, float, float]) -> Dynamics:
         """How the particles move in this frame, given the noise of x, y, w, h [px]."""

@@ -37,4 +37,6 @@ def clip_states(states: FloatArray, image: Image, min_size: float | FloatArray) 
     height_px, width_px = image.shape[:2]
     low, high = np.zeros(4), np.array([width_px, height_px, 2.0 * width_px, 2.0 * height_px])
     low[2:] = min_size
-    np.clip(states[:, :4], low, high, out=states[:, :4])
+    clipped = states[:, :4]
+    np.maximum(clipped, low, out=clipped)  # `np.clip` takes four times as long for a hundred states
+    np.minimum(clipped, high, out=clipped)

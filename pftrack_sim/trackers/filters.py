@@ -53,10 +53,14 @@ class RandomWalk:
     def draw(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
         """`(N, D)` next states, given `(N, D)` states."""
         noise = rng.standard_normal(states.shape) if self.normals is None else self.normals.draw(len(states))
-        if self.last_two_correlation:
+        if self.last_two_correlation == 1.0:
+            noise[:, -1] = noise[:, -2]
+        elif self.last_two_correlation:
             independent = math.sqrt(1.0 - self.last_two_correlation**2)
             noise[:, -1] = self.last_two_correlation * noise[:, -2] + independent * noise[:, -1]
-        return states + noise * np.asarray(self.sigma)
+        moved = noise * np.asarray(self.sigma)
+        moved += states
+        return moved
 
 
 @dataclass(frozen=True)
@@ -103,10 +107,11 @@ class ParticleFilter:
     def weights(self) -> FloatArray:
         """`(N,)` weights, summing to 1; all equal when every likelihood is 0."""
         peak = self.log_weights.max()
-        if not np.isfinite(peak):
+        if not math.isfinite(peak):
             return np.full(self.log_weights.size, 1.0 / self.log_weights.size)
         raw = np.exp(self.log_weights - peak)
-        return raw / raw.sum()
+        raw /= raw.sum()
+        return raw
 
     def predict(self, dynamics: Dynamics) -> None:
         """Move every particle by the dynamics."""
@@ -119,15 +124,14 @@ class ParticleFilter:
     def mean(self, top: int | None = None) -> FloatArray:
         """`(D,)` weighted mean of the `top` particles of greatest weight, or of all (Ko et al. 2012, eq. 12)."""
         weights = self.weights
+        states = self.states
         if top is not None and top < weights.size:
             # Stable, so that ties are broken alike on every machine.
-            heaviest = np.argsort(-weights, kind="stable")[:top]
-        else:
-            heaviest = np.arange(weights.size)
-        share = weights[heaviest] / weights[heaviest].sum()
+            heaviest = (-weights).argsort(kind="stable")[:top]
+            weights, states = weights[heaviest], states[heaviest]
         # Relative to one particle, so that identical particles have exactly that mean.
-        origin = self.states[heaviest[0]]
-        return origin + share @ (self.states[heaviest] - origin)
+        origin = states[0]
+        return origin + (weights / weights.sum()) @ (states - origin)
 
     def resample(self) -> None:
         """Systematic resampling; all weights are equal afterwards."""
@@ -137,7 +141,8 @@ class ParticleFilter:
 
     def restart(self, state: FloatArray, count: int | None = None) -> None:
         """Put `count` particles (as many as now if None) at one `(D,)` state, with equal weights."""
-        self.states = np.repeat(state[None], len(self.states) if count is None else count, axis=0)
+        self.states = np.empty((len(self.states) if count is None else count, state.size))
+        self.states[:] = state
         self.log_weights = np.zeros(len(self.states))
 
     def truncate(self, count: int) -> None:
