@@ -215,6 +215,15 @@ def test_known_colours_have_known_codes():
     assert rgb_codes(image, 8)[0].tolist() == [[7, 0, 0], [0, 7, 0], [0, 0, 7], [0, 0, 0], [7, 7, 7]]
 
 
+@pytest.mark.parametrize("width", [1, 7, 33, 186])
+def test_pixels_have_the_codes_that_the_image_has_as_rows(width: int):
+    image = RNG.integers(0, 256, (40, width, 3), dtype=np.uint8)
+    hsv = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
+    assert np.array_equal(hsv_codes(image, 128), hsv >> 1)
+    grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    assert np.array_equal(cs_lbp_codes(image)[..., 0], reference_cs_lbp(grey))
+
+
 def test_codes_are_below_the_bin_count():
     image = RNG.integers(0, 256, (200, 200, 3), dtype=np.uint8)
     for count in (1, 8, 128, 256):

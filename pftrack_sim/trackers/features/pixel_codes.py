@@ -44,8 +44,17 @@ def _join(
 
 
 def _hsv(image: Image) -> NDArray[np.uint8]:
-    """HSV with hue in 0..255: OpenCV's usual 180 steps are not divisible into equal bins."""
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
+    """`(H, W, 3)` HSV with hue in 0..255: OpenCV's usual 180 steps are not divisible into equal bins."""
+    return _converted(image, cv2.COLOR_RGB2HSV_FULL).reshape(image.shape)
+
+
+def _converted(image: Image, code: int) -> NDArray[np.uint8]:
+    """The pixels of an `(H, W, 3)` image in another colour space, as one row.
+
+    The last pixels of a row that fill no vector are converted one by one, with the same values: of one row there are
+    few, of a narrow region up to a third.
+    """
+    return np.asarray(cv2.cvtColor(image.reshape(1, -1, 3), code), dtype=np.uint8)
 
 
 def _shift(bin_count: int) -> np.uint8:
@@ -60,7 +69,8 @@ def cs_lbp_codes(image: Image) -> NDArray[np.uint8]:
     BT.601. The printed sum ends one pair too early; the text and the figure have the four pairs that make 16 patterns.
     Border pixels are replicated.
     """
-    grey = cv2.copyMakeBorder(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+    grey = _converted(image, cv2.COLOR_RGB2GRAY).reshape(image.shape[:2])
+    grey = cv2.copyMakeBorder(grey, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
     out = np.empty((image.shape[0], image.shape[1], 1), np.uint8)
     _cs_lbp(np.asarray(grey, dtype=np.uint8), out)
     return out
