@@ -111,5 +111,6 @@ def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodFo
         form: Likelihood of each feature.
         lambdas: `(F,)` lambda of each feature; not used by `"linear"`.
     """
-    mixed = shares @ (similarities if form == "linear" else np.exp(-lambdas[:, None] * (1.0 - similarities)))
-    return np.log(mixed, out=np.full(mixed.shape, -np.inf), where=mixed > 0.0)
+    likelihoods = similarities if form == "linear" else np.exp((similarities - 1.0) * lambdas[:, None])
+    with np.errstate(divide="ignore"):
+        return np.log(shares @ likelihoods)

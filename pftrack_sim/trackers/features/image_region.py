@@ -52,9 +52,8 @@ def fill_in_region(boxes: FloatArray, origin: FloatArray, step: FloatArray, out:
 
 def crop(image: Image, boxes: FloatArray) -> ImageRegion:
     """The pixels that `(N, 4)` boxes touch, with a margin of one pixel, which texture patterns at the border need."""
-    columns, rows = (_blocks_touched(boxes, axis, 1.0, image.shape[1 - axis]) for axis in (0, 1))
-    pixels = np.ascontiguousarray(image[slice(*rows), slice(*columns)])
-    return ImageRegion(pixels, np.array([columns[0], rows[0]], dtype=np.float64), np.ones(2))
+    left, right, top, bottom = _pixels_touched(boxes, image.shape[1], image.shape[0])
+    return ImageRegion(np.ascontiguousarray(image[top:bottom, left:right]), np.array([left, top], float), np.ones(2))
 
 
 def downsample(image: Image, boxes: FloatArray, size: tuple[float, float], points: tuple[int, int]) -> ImageRegion:
@@ -176,6 +175,13 @@ def _shrink(
             out[i, j] = np.uint8(np.rint(total[j]))
 
 
+@njit(nogil=True, cache=True)
+def _pixels_touched(boxes: FloatArray, width: int, height: int) -> tuple[int, int, int, int]:
+    """`_blocks_touched` along both axes of an image, for blocks of one pixel."""
+    return *_blocks_touched(boxes, 0, 1.0, width), *_blocks_touched(boxes, 1, 1.0, height)
+
+
+@njit(nogil=True, cache=True)
 def _blocks_touched(boxes: FloatArray, axis: int, step: float, count: int) -> tuple[int, int]:
     """First block and one after the last that boxes touch along an axis, with a margin of one; at least one."""
     near, far = _hull(boxes, axis)
