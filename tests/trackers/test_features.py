@@ -168,8 +168,11 @@ def test_points_outside_the_image_match_nothing():
     layout = uniform_layout(1, 4)
     codes = np.zeros((40, 40, 1), np.uint8)
     model = histogram(codes, np.array([0.0, 0, 40, 40]), layout)
-    boxes = np.array([[0.0, 0, 40, 40], [20, 0, 40, 40], [20, 20, 40, 40], [90, 0, 40, 40]])
-    assert np.allclose(similarities(codes, boxes, layout, model), [1, np.sqrt(0.5), 0.5, 0], rtol=0, atol=1e-12)
+    boxes = np.array(
+        [[0.0, 0, 40, 40], [20, 0, 40, 40], [20, 20, 40, 40], [90, 0, 40, 40], [0, 1e15, 40, 40], [-1e15, 0, 40, 40]]
+    )
+    expected = [1, np.sqrt(0.5), 0.5, 0, 0, 0]
+    assert np.allclose(similarities(codes, boxes, layout, model), expected, rtol=0, atol=1e-12)
     assert histogram(codes, boxes[3], layout).sum() == 0
 
 

@@ -119,14 +119,20 @@ def count_box(codes: Codes, box: FloatArray, tables: BinTables, scratch: Scratch
 
 @njit(nogil=True, cache=True)
 def _inside(near: float, size: float, limit: int, step: int, places: NDArray[np.uintp]) -> tuple[int, int]:
-    """Fill `places` with the pixels along an axis, times `step`; first point inside the image, one after the last."""
-    count = places.size
-    first, last = count, 0
+    """Fill `places` with the pixels along an axis, times `step`; first point inside the image, one after the last.
+
+    The points are in order, so that those inside follow each other. Without branches, and with integers as short as the
+    largest image allows, the loop is vectorised; a point outside gets the pixel before the first or after the last one.
+    """
+    count, end = places.size, np.uintp(limit * step)
     for k in range(count):
-        pixel = int(np.floor(near + (k + 0.5) * size / count))
-        if 0 <= pixel < limit:
-            places[k] = np.uintp(pixel * step)
-            first, last = min(first, k), k + 1
+        pixel = np.floor(near + (np.int32(k) + 0.5) * size / count)
+        places[k] = np.uintp(np.int32(min(max(pixel, -1.0), float(limit)) * step))
+    first, last = 0, count
+    while first < count and places[first] >= end:
+        first += 1
+    while last > 0 and places[last - 1] >= end:
+        last -= 1
     return first, last
 
 
