@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -80,7 +81,7 @@ class Drive:
         self._ignored_geoms = self._own_geoms | np.array([owner == _GROUND for owner in self._owners])
         # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.
         share = WHEEL_UNLOADING_SHARE * GRAVITY_M_S2 * (0.5 - CASTER_SHARE)
-        self._max_lateral_m_s2 = share * TRACK_M / self._centre_of_mass_m()
+        self._max_lateral_m_s2 = share * TRACK_M / self._equilibrium.centre_of_mass_m
         self._reset_references()
 
     def _reset_references(self) -> None:
@@ -193,19 +194,15 @@ class Drive:
         first, second = pairs[contacts[np.argmin(data.contact.dist[contacts])]]
         return self._owners[int(second if self._own_geoms[first] else first)]
 
-    def _centre_of_mass_m(self) -> float:
-        """Height of the centre of mass above the ground, at rest."""
-        scratch = mujoco.MjData(self._model)
-        mujoco.mj_kinematics(self._model, scratch)
-        mujoco.mj_comPos(self._model, scratch)
-        return float(scratch.subtree_com[self._base, 2])
-
 
 class Equilibrium:
     """Joint positions of the robot at rest, simulated far from everything. Several threads may share it.
 
     Args:
         model: With the robot on the ground, and whatever else.
+
+    Attributes:
+        centre_of_mass_m: Height of the robot's centre of mass above the ground.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -213,23 +210,29 @@ class Equilibrium:
         self._qpos = _robot_qpos(model)
         self._joints = np.array([model.joint(name).qposadr[0] for name in _JOINTS])
         self._head_motors = np.array([model.actuator(name).id for name in _MOTORS[2:]])
-        self._last: tuple[bytes, FloatArray] | None = None
+        # By the bytes of the angles, which tell -0.0 from 0.0.
+        self._settled = lru_cache(maxsize=16)(self._settle)
+        scratch = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, scratch)
+        mujoco.mj_comPos(model, scratch)
+        self.centre_of_mass_m = float(scratch.subtree_com[model.body(BASE).id, 2])
 
     def at(self, head_rad: FloatArray) -> FloatArray:
         """Joint positions, with the middle of the axle about the origin, for `(2,)` pan and tilt; read-only."""
-        key, last = head_rad.tobytes(), self._last
-        if last is None or last[0] != key:
-            scratch, free = mujoco.MjData(self._model), self._qpos.start
-            scratch.qpos[free : free + 2] = _FAR_M
-            scratch.qpos[self._joints[2:]] = head_rad
-            scratch.ctrl[self._head_motors] = head_rad
-            mujoco.mj_step(self._model, scratch, round(_SETTLE_S / self._model.opt.timestep))
-            rest = scratch.qpos[self._qpos].copy()
-            rest[:2] -= _FAR_M
-            rest[self._joints[:2] - free] = 0.0
-            rest.setflags(write=False)
-            self._last = last = (key, rest)
-        return last[1]
+        return self._settled(head_rad.tobytes())
+
+    def _settle(self, head: bytes) -> FloatArray:
+        head_rad = np.frombuffer(head)
+        scratch, free = mujoco.MjData(self._model), self._qpos.start
+        scratch.qpos[free : free + 2] = _FAR_M
+        scratch.qpos[self._joints[2:]] = head_rad
+        scratch.ctrl[self._head_motors] = head_rad
+        mujoco.mj_step(self._model, scratch, round(_SETTLE_S / self._model.opt.timestep))
+        rest = scratch.qpos[self._qpos].copy()
+        rest[:2] -= _FAR_M
+        rest[self._joints[:2] - free] = 0.0
+        rest.setflags(write=False)
+        return rest
 
 
 def _robot_qpos(model: mujoco.MjModel) -> slice:

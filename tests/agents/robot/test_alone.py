@@ -6,6 +6,9 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.agents.robot.alone import reaches
+from pftrack_sim.agents.robot.drive import Equilibrium
+from pftrack_sim.scene.build import compile_robot_alone
+from pftrack_sim.scene.robot import RobotForm
 from pftrack_sim.simulation.world import World
 
 SMALL = {"duration_s": 3, "distractors.count": 2, "axes.jitter.severity": 1.0}
@@ -55,3 +58,14 @@ def test_reach_is_that_of_boxes_on_arrays():
         assert found == expected
         answers.append(found)
     assert 20 < sum(answers) < 180
+
+
+def test_the_equilibrium_is_simulated_once_for_each_direction_of_the_head_whatever_else_is_in_the_model():
+    world = World(scenario.load("corridor", SMALL).resolve(5), 5, draws=False)
+    form = RobotForm.of(world.settings.robot, world.settings.camera)
+    alone, among = Equilibrium(compile_robot_alone(form, world.clock.step_s)), Equilibrium(world.model)
+    ahead, aside = alone.at(np.zeros(2)), alone.at(np.array([0.3, 0.0]))
+    assert (aside != ahead).any()
+    assert alone.at(np.zeros(2)) is ahead
+    assert alone.at(np.array([-0.0, 0.0])) is not ahead
+    assert among.centre_of_mass_m == alone.centre_of_mass_m > 0.1
