@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,8 +21,7 @@ _MIN_LENGTH_M = 1e-6
 _REVERSAL_RAD = 3.0
 
 
-@dataclass(frozen=True)
-class _Piece:
+class _Piece(NamedTuple):
     """A line or an arc."""
 
     x: float
@@ -65,7 +64,7 @@ class Path:
         pieces = (before, *inner, _Piece(*inner[-1].end(), _FAR_M, 0.0))
         self._origin: FloatArray = np.cumsum([0.0, 0.0, *(piece.length for piece in inner)])
         self._starts = np.concatenate([[-_FAR_M], self._origin[1:]])
-        table: FloatArray = np.array([(p.x, p.y, p.heading, p.length, p.curvature) for p in pieces]).T
+        table: FloatArray = np.array(pieces).T
         self._x, self._y, self._heading, self._length, self._curvature = table
         ends = self._starts + self._length
         directions = np.cos(self._heading), np.sin(self._heading)
@@ -170,13 +169,15 @@ def _pieces(points: FloatArray, corner_m: float) -> Iterable[_Piece]:
     tangents = np.where(np.abs(turns) < _REVERSAL_RAD, np.tan(0.5 * np.abs(turns)), 0.0)
     room = 0.5 * np.minimum(lengths[:-1], lengths[1:])
     taken = np.concatenate([[0.0], np.minimum(corner_m * tangents, room), [0.0]])
-    for index, (length, heading) in enumerate(zip(lengths, headings, strict=True)):
-        cut, straight = taken[index], length - taken[index] - taken[index + 1]
-        x, y = points[index] + cut * sides[index] / length
+    straights: list[float] = (lengths - taken[:-1] - taken[1:]).tolist()
+    # Where the straight part of each side begins, and where it ends.
+    begins: list[tuple[float, float]] = (points[:-1] + taken[:-1, None] * sides / lengths[:, None]).tolist()
+    ends: list[tuple[float, float]] = (points[1:] - taken[1:, None] * sides / lengths[:, None]).tolist()
+    corners = zip(taken[1:-1].tolist(), tangents.tolist(), turns.tolist(), strict=True)
+    for begin, end, heading, straight in zip(begins, ends, headings.tolist(), straights, strict=True):
         if straight > _MIN_LENGTH_M:
-            yield _Piece(float(x), float(y), float(heading), float(straight), 0.0)
-        if index < len(turns) and taken[index + 1] > _MIN_LENGTH_M:
-            x, y = points[index + 1] - taken[index + 1] * sides[index] / length
-            radius = float(taken[index + 1] / tangents[index])
-            turn = float(turns[index])
-            yield _Piece(float(x), float(y), float(heading), radius * abs(turn), math.copysign(1.0 / radius, turn))
+            yield _Piece(*begin, heading, straight, 0.0)
+        cut, tangent, turn = next(corners, (0.0, 0.0, 0.0))
+        if cut > _MIN_LENGTH_M:
+            radius = cut / tangent
+            yield _Piece(*end, heading, radius * abs(turn), math.copysign(1.0 / radius, turn))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -52,17 +53,17 @@ class Crossing:
     half_width_m: float = WALKER_HALF_WIDTH_M
     edge_m_s: float | None = None
 
-    @property
+    @cached_property
     def start_s(self) -> float:
         """Time at which the mover starts to move."""
         return self.at_s - self.lead_s
 
-    @property
+    @cached_property
     def until_s(self) -> float:
         """Time at which the target's centre line is uncovered."""
         return self.at_s + self.duration_s
 
-    @property
+    @cached_property
     def rate_m_s(self) -> float:
         """Speed across the line of sight at the beginning and the end of the cover."""
         return max(2.0 * self.half_width_m / self.duration_s, self.edge_m_s or 0.0)
