@@ -112,5 +112,9 @@ def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodFo
         lambdas: `(F,)` lambda of each feature; not used by `"linear"`.
     """
     likelihoods = similarities if form == "linear" else np.exp((similarities - 1.0) * lambdas[:, None])
+    mixed = shares @ likelihoods
+    if mixed.all():
+        return np.log(mixed)
+    # Only here, as it takes longer than the logarithms.
     with np.errstate(divide="ignore"):
-        return np.log(shares @ likelihoods)
+        return np.log(mixed)
