@@ -213,32 +213,16 @@ def _count_cells(codes: Codes, scratch: Scratch, out: NDArray[np.int32]) -> None
     """Count in registers: of two rows of a cell in 16 fields of 4 bits, of the cell in 16 fields of 8 bits."""
     lines, places = scratch.lines, scratch.places
     flat = codes.reshape(-1)
-    one = np.uintp(1)
-    for a in range(CELL_GRID):
-        even_1 = even_2 = even_3 = even_4 = np.uint64(0)
-        odd_1 = odd_2 = odd_3 = odd_4 = np.uint64(0)
-        for i in range(np.uintp(a * _CELL_ROWS), np.uintp((a + 1) * _CELL_ROWS), np.uintp(2)):
-            upper, lower = lines[i], lines[i + one]
-            both_1 = both_2 = both_3 = both_4 = np.uint64(0)
-            # Four cells beside each other, so that no addition waits for another.
-            for j in range(np.uintp(_CELL_COLUMNS)):
-                place = places[j]
-                both_1 += _field(flat, upper + place) + _field(flat, lower + place)
-                place = places[j + np.uintp(_CELL_COLUMNS)]
-                both_2 += _field(flat, upper + place) + _field(flat, lower + place)
-                place = places[j + np.uintp(2 * _CELL_COLUMNS)]
-                both_3 += _field(flat, upper + place) + _field(flat, lower + place)
-                place = places[j + np.uintp(3 * _CELL_COLUMNS)]
-                both_4 += _field(flat, upper + place) + _field(flat, lower + place)
-            even_1, odd_1 = even_1 + (both_1 & _EVEN), odd_1 + ((both_1 >> _FOUR) & _EVEN)
-            even_2, odd_2 = even_2 + (both_2 & _EVEN), odd_2 + ((both_2 >> _FOUR) & _EVEN)
-            even_3, odd_3 = even_3 + (both_3 & _EVEN), odd_3 + ((both_3 >> _FOUR) & _EVEN)
-            even_4, odd_4 = even_4 + (both_4 & _EVEN), odd_4 + ((both_4 >> _FOUR) & _EVEN)
-        first = CELL_GRID * PATTERN_COUNT * a
-        _unpack(even_1, odd_1, out[first : first + PATTERN_COUNT])
-        _unpack(even_2, odd_2, out[first + PATTERN_COUNT : first + 2 * PATTERN_COUNT])
-        _unpack(even_3, odd_3, out[first + 2 * PATTERN_COUNT : first + 3 * PATTERN_COUNT])
-        _unpack(even_4, odd_4, out[first + 3 * PATTERN_COUNT : first + 4 * PATTERN_COUNT])
+    for cell in range(CELL_GRID * CELL_GRID):
+        top, left = cell // CELL_GRID * _CELL_ROWS, cell % CELL_GRID * _CELL_COLUMNS
+        even = odd = np.uint64(0)
+        for i in range(np.uintp(top), np.uintp(top + _CELL_ROWS), np.uintp(2)):
+            upper, lower = lines[i], lines[i + np.uintp(1)]
+            both = np.uint64(0)
+            for j in range(np.uintp(left), np.uintp(left + _CELL_COLUMNS)):
+                both += _field(flat, upper + places[j]) + _field(flat, lower + places[j])
+            even, odd = even + (both & _EVEN), odd + ((both >> _FOUR) & _EVEN)
+        _unpack(even, odd, out[PATTERN_COUNT * cell : PATTERN_COUNT * (cell + 1)])
 
 
 _EVEN, _FOUR = np.uint64(0x0F0F0F0F0F0F0F0F), np.uint64(4)
