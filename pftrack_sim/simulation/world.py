@@ -69,14 +69,15 @@ class World:
             alone = self._crowd(Plan(layout), distractors=0, groups=())
             return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m, first_s)
 
-        def run(until_s: float, first_s: float | None = None) -> DryRun:
-            return among_solids(run_in(robot_alone, until_s, first_s), until_s)
-
         def among_solids(found: DryRun, until_s: float) -> DryRun:
             reach_m = ROBOT_RADIUS_M + settings.robot.max_speed_m_s * self.clock.tick_s
-            if ObstacleMap(layout).clearance_m(found.robot_m).min() <= reach_m:
-                # It may touch something: with everything that it collides with.
-                return run_in(solid_stage(settings, spec).compile(), until_s)
+            if ObstacleMap(layout).clearance_m(found.robot_m).min() > reach_m:
+                return found
+            # It may touch something: with everything that it collides with.
+            return run_in(solid_stage(settings, spec).compile(), until_s)
+
+        def run(until_s: float, first_s: float | None = None) -> DryRun:
+            found = among_solids(run_in(robot_alone, until_s, first_s), until_s)
             if (rest := found.rest) is None:
                 return found
             return replace(found, rest=replace(rest, finish=lambda: among_solids(rest.finish(), until_s)))

@@ -142,6 +142,7 @@ class TruthObserver:
     def finish(self) -> None:
         """Complete the deferred truth of earlier frames that are still referenced, before the renderer is unbound."""
         self._silhouettes = dict[int, Silhouette]
+        self._centres = None
         self._finish_but(0)
         self._finder.release()
 
