@@ -6,6 +6,7 @@ coordinates and 20 million texels: passed as blocks they take a third of the tim
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _TEXTURE_2D = mujoco.mjtTexture.mjTEXTURE_2D
+_LINEAR = mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR
 BLANK = np.zeros((6, 1, 3), np.uint8)  # In place of every image where nothing is drawn in colour
 
 
@@ -27,6 +29,8 @@ class SceneSpec(mujoco.MjSpec):
 
     def __init__(self, *, draws: bool = True) -> None:
         mujoco.MjSpec.__init__(self)
+        # To start threads for a few dozen meshes takes longer than they save.
+        self.compiler.usethread = False
         self.draws = draws
         self._mesh_files: dict[str, bytes] = {}
         self._images: dict[str, NDArray[np.uint8]] = {}
@@ -50,6 +54,13 @@ class SceneSpec(mujoco.MjSpec):
         flat = mujoco.mjtBuiltin.mjBUILTIN_FLAT
         self.add_texture(name=name, type=kind, width=width, height=height, nchannel=3, builtin=flat, **properties)
         self._images[name] = image
+
+    def add_image_file(self, name: str, file: Path) -> None:
+        """Add a 2D texture of an image file in RGB. MuJoCo decodes it once in a process, and copies it from then on."""
+        if self.draws:
+            self.add_texture(name=name, type=_TEXTURE_2D, file=str(file), colorspace=_LINEAR)
+        else:
+            self.add_image(name, BLANK)
 
     def compile(self) -> mujoco.MjModel:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Compile a model with these meshes and images."""

@@ -1,5 +1,8 @@
 """Meshes and images passed as blocks give the model that MuJoCo's own way gives."""
 
+from pathlib import Path
+
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -61,3 +64,15 @@ def test_a_mesh_of_the_same_name_is_that_of_its_own_spec():
         turned = model.mesh_vert.astype(float)
         gaps = np.linalg.norm(np.diff(vertices, axis=0), axis=1)
         np.testing.assert_allclose(np.linalg.norm(np.diff(turned, axis=0), axis=1), gaps, rtol=0, atol=1e-5)
+
+
+def test_an_image_file_gives_the_texels_that_opencv_reads(tmp_path: Path):
+    image = np.random.default_rng(0).integers(0, 256, (6, 10, 3), np.uint8)
+    for name, spec in (("drawn", SceneSpec()), ("drawn", SceneSpec()), ("blank", SceneSpec(draws=False))):
+        file = tmp_path / f"{name}.png"
+        cv2.imwrite(str(file), image[:, :, ::-1])
+        spec.add_image_file("flat", file)
+        model = spec.compile()
+        form = model.tex_height[0], model.tex_width[0], model.tex_nchannel[0]
+        expected = image if spec.draws else np.zeros((1, 1, 3))
+        np.testing.assert_array_equal(model.tex_data.reshape(form), expected)

@@ -12,7 +12,7 @@ import numpy as np
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint
-from pftrack_sim.scene.places.materials import read_image
+from pftrack_sim.scene.places.materials import image_file, read_image
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 MAX_CRATES = 16  # Largest number of crates in one stack
@@ -145,12 +145,12 @@ def _add_materials(spec: SceneSpec, kinds: set[str]) -> None:
     for kind, material, repeat in (("pillar", "concrete", 2.0), ("wall", "brick", 2.0), ("boxes", "crate", 1.0)):
         if kind not in kinds:
             continue
-        name, image = f"occluder/{material}", read_image(f"occluder-{material}")
+        name, image = f"occluder/{material}", f"occluder-{material}"
         if kind == "boxes":
-            texture, image = mujoco.mjtTexture.mjTEXTURE_CUBE, np.tile(image, (6, 1, 1))
+            faces, linear = np.tile(read_image(image), (6, 1, 1)), mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR
+            spec.add_image(name, faces, mujoco.mjtTexture.mjTEXTURE_CUBE, colorspace=linear)
         else:
-            texture = mujoco.mjtTexture.mjTEXTURE_2D
-        spec.add_image(name, image, texture, colorspace=mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR)
+            spec.add_image_file(name, image_file(image))
         roles = [""] * int(mujoco.mjtTextureRole.mjNTEXROLE)
         roles[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
         properties = {"texuniform": True, "texrepeat": [repeat] * 2, "specular": 0.1, "shininess": 0.1}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TypeAlias
 
 import cv2
@@ -94,7 +95,7 @@ def add_material(spec: SceneSpec, name: str) -> None:
         return
     image = _TABLE["images"].get(name, name)
     if spec.texture(image) is None:
-        spec.add_image(image, read_image(image))
+        spec.add_image_file(image, image_file(image))
     material = spec.add_material(name=name)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = image
     material.rgba = (*_TABLE["tints"].get(name, (1.0, 1.0, 1.0)), 1.0)
@@ -110,9 +111,22 @@ def add_skybox(spec: SceneSpec, name: str) -> None:
 
 
 @cache
+def image_file(name: str) -> Path:
+    """The file of an image in `assets/textures`.
+
+    Raises:
+        PftrackError: It is missing from the installation.
+    """
+    path = assets_dir() / "textures" / f"{name}.png"
+    if not path.is_file():
+        raise PftrackError(f"there is no texture {name!r} at {path}: the installation is incomplete")
+    return path
+
+
+@cache
 def read_image(name: str) -> NDArray[np.uint8]:
     """`(H, W, 3)` RGB image in `assets/textures`; read-only."""
-    path = assets_dir() / "textures" / f"{name}.png"
+    path = image_file(name)
     image = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
     if image is None:
         raise PftrackError(f"texture {name!r} cannot be read from {path}: the installation is incomplete")
