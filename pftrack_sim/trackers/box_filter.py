@@ -13,12 +13,12 @@ from typing import Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 
-from pftrack_sim.core import random_streams
+from pftrack_sim.core import boxes, random_streams
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_state import NoiseUnit, box_of, boxes_of, clip_states, noise_scales, state_of
+from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.features.image_shift import ImageShift
 from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
@@ -107,12 +107,12 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         particle_filter.predict(self._dynamics(sigma))
         clip_states(particle_filter.states, image, MIN_SIZE_PX)
         # The next estimate lies among the particles, or is the previous one.
-        near = boxes_of(particle_filter.states, self._state)
+        near = boxes.from_states(np.concatenate([particle_filter.states, self._state[None]]))
         particles = near[:-1]
         observation = self._observe(image, near)
         particle_filter.weigh(observation.log_likelihood(particles))
         state = particle_filter.mean(p.top_count)
-        box = box_of(state)
+        box = _box(state)
         similarity = observation.similarity(box)
         self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
         self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
@@ -124,7 +124,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         else:
             particle_filter.resample()
         if held:
-            box = box_of(self._state)
+            box = _box(self._state)
             similarity = observation.similarity(box)
         else:
             self._learn(image, observation, box)
@@ -163,3 +163,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
 
     def _learn(self, image: Image, observation: ObservationT, box: Box) -> None:
         """Learn from the estimated `(4,)` box [px] of a frame; not called while the previous state is kept."""
+
+
+def _box(state: FloatArray) -> Box:
+    return boxes.from_states(state[None])[0]

@@ -55,7 +55,7 @@ def measure(name: str, width: int, height: int, shadows: bool) -> dict[str, floa
     simulation.reset(1)
     world, settings = simulation.world, simulation.settings
     fovy = float(np.deg2rad(settings.camera.fovy_deg))
-    ours = Rasteriser(world.model, width, height)
+    ours = Rasteriser(world.model, width, height, exclusive=True)
     maker = TruthObserver(world.model, world.people, ours, intrinsics(width, height, fovy))
     theirs = mujoco_renderer.Renderer(world.model, height, width)
     camera = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, "robot/camera")

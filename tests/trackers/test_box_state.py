@@ -1,10 +1,9 @@
-"""The compiled steps of particle filters on a box, against NumPy."""
+"""States of particle filters on a box."""
 
 import numpy as np
 import pytest
 
-from pftrack_sim.core import boxes
-from pftrack_sim.trackers.box_state import box_of, boxes_of, clip_states
+from pftrack_sim.trackers.box_state import clip_states
 
 IMAGE = np.zeros((120, 160, 3), np.uint8)
 
@@ -22,10 +21,3 @@ def test_clipped_states_are_those_of_numpy(components: int, min_size: float | np
     expected[:, :4] = np.clip(states[:, :4], low, [160.0, 120.0, 320.0, 240.0])
     clip_states(states, IMAGE, min_size)
     assert np.array_equal(states, expected)
-
-
-def test_boxes_are_those_of_the_states_with_the_estimate_last():
-    states, estimate = random_states(4, seed=0), np.array([30.0, 40.0, 10.0, 20.0])
-    found = boxes_of(states, estimate)
-    assert np.array_equal(found[:-1], boxes.from_states(states))
-    assert found[-1].tolist() == box_of(estimate).tolist() == [25.0, 30.0, 10.0, 20.0]
