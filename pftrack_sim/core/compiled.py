@@ -1,0 +1,56 @@
+"""Compiled kernels: one decorator, and one line on stderr where compiling takes long.
+
+A kernel is a function of a concept (a gait, an avoidance, a histogram) over scalars, arrays and named tuples of arrays.
+Numba compiles it at its first call and keeps the machine code in `__pycache__`. Scalar loops compile in tenths of a
+second; array expressions and slices inside a kernel take seconds.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+from numba import njit
+from numba.core import event as numba_event
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+_PATIENCE_S = 0.5
+
+
+class _Notice(numba_event.Listener):
+    """Says once per process that kernels are being compiled, as soon as that has taken half a second."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._began_s = self._spent_s = 0.0
+        self._said = False
+
+    def on_start(self, event: Any) -> None:
+        """A function is going to be compiled."""
+        if not self._said and self._spent_s > _PATIENCE_S and _is_own(event):
+            self._said = True
+            print("pftrack_sim: compiling for this machine, once: about 10 s", file=sys.stderr, flush=True)  # noqa: T201
+        if not self._depth:
+            self._began_s = time.monotonic()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """A function has been compiled."""
+        self._depth -= 1
+        if not self._depth and _is_own(event):
+            self._spent_s += time.monotonic() - self._began_s
+
+
+def _is_own(event: Any) -> bool:
+    return str(event.data["dispatcher"].py_func.__module__).startswith("pftrack_sim.")
+
+
+cast("Any", numba_event).register("numba:compile", _Notice())
+
+
+def kernel(function: _Function) -> _Function:
+    """Compile a function at its first call and keep the machine code; a division by zero gives inf or NaN."""
+    return cast("_Function", njit(cache=True, nogil=True, error_model="numpy")(function))
