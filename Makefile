@@ -1,30 +1,55 @@
-# Two commands on a bare machine: `make demo` and `make test`. Each does its own set-up.
+# Two commands on a bare machine: `make demo` and `make test`. Each installs what it needs, and no more.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
 # What draws without a display or a GPU on Debian and Ubuntu.
 GL_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libosmesa6
 WHEEL_VENV := build/wheel-venv
-# They ask for opencv-python, which must not be beside opencv-python-headless; what else they need is in .[dev].
+# They ask for opencv-python, which must not be beside opencv-python-headless; what else they need is in .[test].
 SCORERS := trackeval==1.3.0 vot-toolkit==0.9.0
 
 WITHOUT_GL := PYTHONPATH=tests/without_opengl
+# Modules are compiled when they are first imported: most of the libraries never are.
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 
 .PHONY: setup demo bare test test-slow fuzz lint perf docs wheel pictures clean
 
-setup: $(STAMP)
+# The package, and a check that frames can be drawn.
+setup: $(VENV)/.package
 
-$(STAMP): pyproject.toml
+$(VENV)/.package: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; name one with: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || $(call install,python3-venv,"Python's venv module is missing")
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps $(SCORERS) || \
-	  echo "$(SCORERS): not installed; the tests that compare with them are skipped"
-	@$(BIN)/pftrack-sim doctor --check || $(call install,$(GL_PACKAGES),"nothing here can draw off-screen")
+	@$(call stage,virtual environment (1 of 3),$(PYTHON) -m venv $(VENV))
+	@$(call stage,libraries (2 of 3),$(PIP) --editable .)
+	@$(call stage,renderer (3 of 3),$(BIN)/pftrack-sim doctor --check) || $(call install,$(GL_PACKAGES),"nothing here can draw off-screen")
 	@$(BIN)/pftrack-sim doctor --check
-	@touch $(STAMP)
+	@touch $@
+
+$(VENV)/.test: $(VENV)/.package
+	@$(call stage,what the tests need,$(PIP) --editable '.[test]')
+	@$(call stage,public scorers,$(PIP) --no-deps $(SCORERS)) || \
+	  echo "$(SCORERS): not installed; the tests that compare with them are skipped"
+	@touch $@
+
+$(VENV)/.lint: $(VENV)/.test
+	@$(call stage,what the checks need,$(PIP) --editable '.[lint]')
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.package
+	@$(call stage,what the site needs,$(PIP) --editable '.[docs]')
+	@touch $@
+
+$(VENV)/.build: $(VENV)/.package
+	@$(call stage,what the wheel needs,$(PIP) build)
+	@touch $@
+
+# $(call stage,text,command): run it with a dot every other second; its output is shown where it fails.
+define stage
+{ printf '%s ' "installing: $(1)"; \
+  { while sleep 2 && kill -0 $$$$ 2>/dev/null; do printf .; done; } & dots=$$!; \
+  output=$$($(2) 2>&1); status=$$?; kill $$dots; echo; [ $$status = 0 ] || { echo "$$output"; false; }; }
+endef
 
 # $(call install,packages,reason): as root on Debian or Ubuntu install them, elsewhere say what to install.
 define install
@@ -49,38 +74,38 @@ bare: setup
 	$(WITHOUT_GL) $(BIN)/pftrack-sim doctor --check
 	$(WITHOUT_GL) $(BIN)/pftrack-sim bench corridor --seeds 0:1 --trackers stay --set duration_s=0.5 --out build/bare
 
-test: setup
+test: $(VENV)/.test
 	$(BIN)/python -m pytest -n 2 --dist worksteal -q -m "not slow"
 
 # What .ci/run asks for besides.
-test-slow: setup
+test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -n 2 --dist worksteal -q -m slow
 
 # Mutated scenarios, command lines, run folders and recorded sequences: 10,000 cases, for a nightly run.
-fuzz: setup
+fuzz: $(VENV)/.test
 	PFTRACK_SIM_FUZZ_CASES=10000 $(BIN)/python -m pytest -n 2 --dist worksteal -q -m slow tests/attack/test_fuzz.py
 
-lint: setup
+lint: $(VENV)/.lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 
 # The table of what a step and a reset cost, with the change against tests/perf/table.json, then the rest.
-perf: setup
+perf: $(VENV)/.test
 	$(BIN)/python tests/perf/perf_table.py
 	@for script in $(filter-out %/perf_table.py,$(wildcard tests/perf/perf_*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 # The site, in build/site; a broken link is an error.
-docs: setup
+docs: $(VENV)/.docs
 	$(BIN)/mkdocs build --quiet
 
 # The pictures of README, gallery, environments and tutorials; PARTS="axes tutorials" draws some.
-pictures: setup
+pictures: $(VENV)/.test
 	$(BIN)/python docs/site/pictures.py $(PARTS)
 
 # The wheel as a stranger gets it: built, installed in a clean environment, every scenario stepped once from elsewhere.
-wheel: setup
+wheel: $(VENV)/.build
 	rm -rf build dist
 	$(BIN)/python -m build --wheel
 	$(PYTHON) -m venv $(WHEEL_VENV)

@@ -1,7 +1,7 @@
 """The numbers of public toolkits beside ours, on exported data and on random boxes with every quirk.
 
 got10k (also OTB's measures) and pycocotools come with the extra `toolkits`. TrackEval and the VOT toolkit ask for the
-OpenCV wheel that excludes the headless one: `make setup` installs them with `pip install --no-deps`.
+OpenCV wheel that excludes the headless one: `make test` installs them with `pip install --no-deps`.
 """
 
 import json
