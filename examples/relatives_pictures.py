@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from paper_evidence import SMALL, frames
 
 from pftrack_sim import scenario, trackers
-from pftrack_sim.benchmark.rollout import detected, simulated
+from pftrack_sim.benchmark.running.rollout import detected, simulated
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Estimate, TrackedBoxes
 from pftrack_sim.simulation.simulation import Simulation

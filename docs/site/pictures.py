@@ -14,10 +14,10 @@ import numpy as np
 from blocks import run_page
 
 from pftrack_sim import controllers, policies, scenario, trackers
-from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.rollout import rollout, simulated
-from pftrack_sim.benchmark.sinks import picture, video_writer
-from pftrack_sim.benchmark.tracker_runner import make_runners
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.benchmark.running.rollout import rollout, simulated
+from pftrack_sim.benchmark.running.sinks import picture, video_writer
+from pftrack_sim.benchmark.running.tracker_runner import make_runners
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.render.overlay import draw_frame
 from pftrack_sim.simulation.simulation import Simulation

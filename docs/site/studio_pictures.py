@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from playwright.sync_api import Locator, Page, sync_playwright
 
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core.records import Image
 from pftrack_sim.studio import Settings, Studio
 

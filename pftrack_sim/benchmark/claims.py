@@ -14,8 +14,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark.suite import Beats, Claim, Harder, Reaches, Suite
-from pftrack_sim.benchmark.summary import Result
+from pftrack_sim.benchmark.asked.suite import Beats, Claim, Harder, Reaches, Suite
+from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.core import random_streams
 
 Verdict: TypeAlias = Literal["holds", "fails", "undecided"]

@@ -14,10 +14,10 @@ import numpy as np
 import scipy  # it imports its packages at first use
 
 from pftrack_sim import score
+from pftrack_sim.benchmark.asked.suite import Measure
+from pftrack_sim.benchmark.kept.store import RunStore
 from pftrack_sim.benchmark.losses import overlaps_by_tag
-from pftrack_sim.benchmark.store import RunStore
-from pftrack_sim.benchmark.suite import Measure
-from pftrack_sim.benchmark.summary import Result
+from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.core.types import FloatArray

@@ -16,9 +16,9 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark.plan import LATENCY, Condition
-from pftrack_sim.benchmark.store import RunStore
-from pftrack_sim.benchmark.summary import Result
+from pftrack_sim.benchmark.asked.plan import LATENCY, Condition
+from pftrack_sim.benchmark.kept.store import RunStore
+from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.axes import axes_by_name

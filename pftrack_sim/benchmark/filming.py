@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from pftrack_sim.benchmark.plan import Episode
-from pftrack_sim.benchmark.rollout import Action, Sample, Sink, Step, drive, rollout, simulated
-from pftrack_sim.benchmark.sinks import TruthLog, picture, video_writer
-from pftrack_sim.benchmark.store import RunStore
-from pftrack_sim.benchmark.summary import Result
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.kept.store import RunStore
+from pftrack_sim.benchmark.reading.summary import Result
+from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, Step, drive, rollout, simulated
+from pftrack_sim.benchmark.running.sinks import TruthLog, picture, video_writer
+from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.core.records import Estimate, Image

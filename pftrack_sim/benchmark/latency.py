@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.planning import match_trackers
-from pftrack_sim.benchmark.rollout import rollout, simulated
-from pftrack_sim.benchmark.store import RunStore, is_run
-from pftrack_sim.benchmark.tracker_runner import Isolation, make_runners
+from pftrack_sim.benchmark.asked.from_names import match_trackers
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.benchmark.kept.store import RunStore, is_run
+from pftrack_sim.benchmark.running.rollout import rollout, simulated
+from pftrack_sim.benchmark.running.tracker_runner import Isolation, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.simulation.simulation import Simulation

@@ -13,7 +13,7 @@ import duckdb
 from pftrack_sim.core.errors import RunError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark.store import RunStore
+    from pftrack_sim.benchmark.kept.store import RunStore
 
 TRACKED = 0.3
 """Overlap from which the target counts as tracked: a loss begins with the last such frame before an overlap of 0."""

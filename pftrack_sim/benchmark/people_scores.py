@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.records import Frame, TrackedBoxes
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.score.multi_object import Tracks, multi_object

@@ -15,7 +15,7 @@ from pftrack_sim.cli import tables
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark.store import QueryResult
+    from pftrack_sim.benchmark.kept.store import QueryResult
 
 
 def print_query(answer: QueryResult, layout: str) -> None:

@@ -35,7 +35,7 @@ def _scenarios() -> Iterable[tuple[str, str]]:
 
 
 def _suites() -> Iterable[tuple[str, str]]:
-    from pftrack_sim.benchmark.suite import load_suite, suite_names
+    from pftrack_sim.benchmark.asked.suite import load_suite, suite_names
 
     return [(name, load_suite(name).title) for name in suite_names()]
 

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark.progress import RunProgress
+    from pftrack_sim.benchmark.running.progress import RunProgress
 
 MODES = ("bar", "lines", "json", "quiet")
 

@@ -17,14 +17,14 @@ def merge(
     folders: Annotated[list[Path], typer.Argument(help="Run folders of the same plan.")],
 ) -> None:
     """Merge run folders of one plan, written with bench --part."""
-    from pftrack_sim.benchmark.merge import merge as merge_runs
+    from pftrack_sim.benchmark.kept.merge import merge as merge_runs
 
     tables.print_lines(merge_runs(out, folders).lines())
 
 
 def check(folder: Annotated[Path, typer.Argument(help="Run folder.")]) -> None:
     """Verify that a run folder is complete and undamaged."""
-    from pftrack_sim.benchmark.check import check as check_run
+    from pftrack_sim.benchmark.kept.check import check as check_run
 
     found = check_run(folder)
     tables.print_lines(found.lines())

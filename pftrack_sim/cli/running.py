@@ -28,7 +28,7 @@ from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan
-    from pftrack_sim.benchmark.frame_cache import FrameCache
+    from pftrack_sim.benchmark.running.frame_cache import FrameCache
 
 
 @with_run_options
@@ -45,7 +45,7 @@ def bench(
     Every frame is rendered once for all trackers. The same command with another --seeds, --trackers or --axis adds to
     a run folder; your own tracker is module:factory, for example my_tracker:make.
     """
-    from pftrack_sim.benchmark.frame_cache import FrameCache, default_folder
+    from pftrack_sim.benchmark.running.frame_cache import FrameCache, default_folder
 
     kept = FrameCache(cache_folder or default_folder(), round(cache_gb * 1e9)) if cache or cache_folder else None
     _run(run.plan(scenarios), run, kept)
@@ -54,9 +54,9 @@ def bench(
 def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> None:
     """Run a plan, print its results, and write the report."""
     from pftrack_sim.benchmark import RunStore, new_run_path, run
-    from pftrack_sim.benchmark.growth import held_besides
-    from pftrack_sim.benchmark.planning import late_events
-    from pftrack_sim.benchmark.store import is_run
+    from pftrack_sim.benchmark.asked.from_names import late_events
+    from pftrack_sim.benchmark.asked.growth import held_besides
+    from pftrack_sim.benchmark.kept.store import is_run
 
     tables.print_warnings(late_events(plan))
     path = options.out if options.out is not None else new_run_path(plan)
@@ -123,7 +123,7 @@ def follow(
     """
     from pftrack_sim import scenario as all_scenarios
     from pftrack_sim.benchmark.latency import resolve_latencies
-    from pftrack_sim.benchmark.tracker_runner import checked_isolation
+    from pftrack_sim.benchmark.running.tracker_runner import checked_isolation
 
     chosen = parse_names(controllers) if controllers is not None else None
     plan = run.plan(scenarios, controllers=chosen, latency_ms={}, closed_loop=True)
@@ -194,7 +194,7 @@ def evaluate(
     """Run trackers on recorded sequences with true boxes."""
     from pftrack_sim.benchmark import parse_seeds
     from pftrack_sim.benchmark.recorded import evaluate as evaluate_recorded
-    from pftrack_sim.benchmark.tracker_runner import checked_isolation
+    from pftrack_sim.benchmark.running.tracker_runner import checked_isolation
     from pftrack_sim.formats import read_sequences
     from pftrack_sim.formats.video import given_boxes
 

@@ -45,7 +45,7 @@ def studio(
 
     Frames have 320 x 240 pixels unless --set says otherwise.
     """
-    from pftrack_sim.benchmark.tracker_runner import check_trackers, checked_isolation
+    from pftrack_sim.benchmark.running.tracker_runner import check_trackers, checked_isolation
     from pftrack_sim.studio import Settings as StudioSettings
     from pftrack_sim.studio import Studio
     from pftrack_sim.trackers.isolation import Limits

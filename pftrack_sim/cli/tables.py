@@ -345,7 +345,7 @@ def print_folder(path: Path | None) -> None:
 
 def print_tracebacks(run: RunStore) -> None:
     """Print each tracker's first error with its traceback and what it printed, and where its picture is."""
-    from pftrack_sim.benchmark.error_files import error_picture
+    from pftrack_sim.benchmark.kept.error_files import error_picture
 
     first: dict[str, Result] = {}
     for one in run.results:

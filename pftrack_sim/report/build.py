@@ -14,11 +14,11 @@ from markupsafe import Markup
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper, evaluate_claims
-from pftrack_sim.benchmark.files import write_bytes
-from pftrack_sim.benchmark.integrity import update_sum
+from pftrack_sim.benchmark.kept.checksums import update_sum
+from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.results import score_text
-from pftrack_sim.benchmark.suite import Suite
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.markdown import number_text
 from pftrack_sim.report.strips import strips

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.claims import REFERENCES, Interval, compare_with_paper, evaluate_claims
 from pftrack_sim.benchmark.degradation import TITLES, degradation, table_rows
-from pftrack_sim.benchmark.files import write_bytes
-from pftrack_sim.benchmark.suite import Suite
+from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.axes import axes_rows

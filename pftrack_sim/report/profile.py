@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pftrack_sim.benchmark.files import atomic_write
+from pftrack_sim.benchmark.kept.files import atomic_write
 from pftrack_sim.core.palette import TRACKERS, hexadecimal
 from pftrack_sim.report.figure import own_style
 from pftrack_sim.score.profile import NUMBERS, Profile, recorded_quantiles

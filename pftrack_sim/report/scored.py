@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import pftrack_sim
-from pftrack_sim.benchmark.files import csv_text, write_bytes
+from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
 from pftrack_sim.benchmark.losses import LOSS
 from pftrack_sim.benchmark.results import Scored, ScoredResult
 from pftrack_sim.core.errors import RunError

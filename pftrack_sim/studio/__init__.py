@@ -12,7 +12,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.env.base import CameraEnv
 from pftrack_sim.studio.serve import Studio

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import axes_by_name

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.studio.controls import Controls
 from pftrack_sim.studio.curves import Curves
 from pftrack_sim.studio.player import Player

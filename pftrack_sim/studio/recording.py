@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from pftrack_sim.benchmark.tracker_runner import Isolation, check_trackers
+from pftrack_sim.benchmark.running.tracker_runner import Isolation, check_trackers
 from pftrack_sim.core.errors import ParameterError, SequenceError, UnknownNameError
 from pftrack_sim.core.palette import colours_of
 from pftrack_sim.core.records import Frame, Image, Truth

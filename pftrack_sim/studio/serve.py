@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
-from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.tracker_runner import Isolation
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.benchmark.running.tracker_runner import Isolation
 from pftrack_sim.studio.recording import RecordedSession, Source
 from pftrack_sim.studio.server import import_viser, open_server, without_its_prints
 from pftrack_sim.studio.session import Session

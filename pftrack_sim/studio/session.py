@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from pftrack_sim import controllers, policies
-from pftrack_sim.benchmark.tracker_runner import Isolation, check_trackers
+from pftrack_sim.benchmark.running.tracker_runner import Isolation, check_trackers
 from pftrack_sim.controllers import Controller
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.proprioception import PROPRIO_HIGH

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 from pftrack_sim import controllers
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import Scenario, toml_text

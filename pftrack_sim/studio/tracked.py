@@ -11,9 +11,9 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.sinks import video_writer
-from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, make_runners
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.benchmark.running.sinks import video_writer
+from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import BoxError
 from pftrack_sim.core.palette import colours_of

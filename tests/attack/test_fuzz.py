@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark import RunStore, run
-from pftrack_sim.benchmark.check import check
-from pftrack_sim.benchmark.stored_plan import read_plan
+from pftrack_sim.benchmark.asked.stored_plan import read_plan
+from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.cli.values import parse_axes, parse_settings, parse_trackers
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import PftrackError

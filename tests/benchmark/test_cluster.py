@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pftrack_sim.benchmark import run
-from pftrack_sim.benchmark.executor import DaskExecutor
+from pftrack_sim.benchmark.running.executor import DaskExecutor
 from pftrack_sim.core.errors import RunError
 from tests.benchmark.small import contents, small_plan
 
@@ -64,6 +64,6 @@ def test_a_cluster_gives_the_same_bits(scheduler: str, tmp_path: Path):
 
 
 def test_an_unreachable_cluster_is_an_error(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("pftrack_sim.benchmark.executor._CONNECT_S", 1)
+    monkeypatch.setattr("pftrack_sim.benchmark.running.executor._CONNECT_S", 1)
     with pytest.raises(RunError, match="no Dask scheduler at"):
         DaskExecutor("tcp://127.0.0.1:9")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import Condition, RunStore, make_plan, run
+from pftrack_sim.benchmark.asked.from_names import join_plans
 from pftrack_sim.benchmark.degradation import STAY, degradation, levels_of, table_rows
-from pftrack_sim.benchmark.planning import join_plans
 
 SMALL: dict[str, Any] = {
     "camera.width_px": 64,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import RunStore, run
-from pftrack_sim.benchmark.check import check
-from pftrack_sim.benchmark.error_files import error_picture
-from pftrack_sim.benchmark.merge import merge
+from pftrack_sim.benchmark.kept.check import check
+from pftrack_sim.benchmark.kept.error_files import error_picture
+from pftrack_sim.benchmark.kept.merge import merge
 from tests.benchmark.small import SMALL, small_plan
 from tests.cli.test_cli import pftrack_sim
 

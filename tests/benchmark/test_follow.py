@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import Interrupted, Plan, RunStore, TrackerSpec, make_plan, plan_all, run
-from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.benchmark.latency import measure_ms, resolve_latencies
-from pftrack_sim.benchmark.progress import RunProgress
+from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES
 from pftrack_sim.env import TrackAndFollowEnv

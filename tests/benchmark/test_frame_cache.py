@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.benchmark import RunStore, frame_cache, run
-from pftrack_sim.benchmark.frame_cache import EntryWriter, FrameCache
-from pftrack_sim.benchmark.rollout import rollout, simulated
-from pftrack_sim.benchmark.sinks import TruthLog
+from pftrack_sim.benchmark import RunStore, run
+from pftrack_sim.benchmark.running import frame_cache
+from pftrack_sim.benchmark.running.frame_cache import EntryWriter, FrameCache
+from pftrack_sim.benchmark.running.rollout import rollout, simulated
+from pftrack_sim.benchmark.running.sinks import TruthLog
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import contents, small_plan

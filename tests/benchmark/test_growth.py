@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from pftrack_sim.benchmark import Plan, RunStore, make_plan, parse_seeds, run
-from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.asked.growth import grown, held_besides
 from pftrack_sim.benchmark.filming import film, worst
-from pftrack_sim.benchmark.growth import grown, held_besides
+from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.core.errors import ParameterError, RunError
 from tests.benchmark.small import SMALL
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import RunStore, run
-from pftrack_sim.benchmark.check import check
-from pftrack_sim.benchmark.episode_file import content_digests
-from pftrack_sim.benchmark.files import csv_text
-from pftrack_sim.benchmark.integrity import SUMS, write_sums
-from pftrack_sim.benchmark.merge import merge
+from pftrack_sim.benchmark.kept.check import check
+from pftrack_sim.benchmark.kept.checksums import SUMS, write_sums
+from pftrack_sim.benchmark.kept.episode_file import content_digests
+from pftrack_sim.benchmark.kept.files import csv_text
+from pftrack_sim.benchmark.kept.merge import merge
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import small_plan

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.benchmark.suite import load_suite
+from pftrack_sim.benchmark.asked.suite import load_suite
 
 TABLES = {
     "lee2012/01": (3015, "day", 8),

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from pftrack_sim.benchmark import RunStore, TrackerSpec, make_plan, run
-from pftrack_sim.benchmark.check import check
+from pftrack_sim.benchmark.asked.growth import grown
 from pftrack_sim.benchmark.export import export
-from pftrack_sim.benchmark.growth import grown
+from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.benchmark.people_scores import SCORES
 from pftrack_sim.benchmark.recorded import evaluate
 from pftrack_sim.benchmark.results import export_results, score_results

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
-from pftrack_sim.benchmark.files import distinct_slugs, slug
-from pftrack_sim.benchmark.planning import code_of
-from pftrack_sim.benchmark.seeds import Seeds
-from pftrack_sim.benchmark.stored_plan import differences, read_plan
+from pftrack_sim.benchmark.asked.from_names import code_of
+from pftrack_sim.benchmark.asked.seeds import Seeds
+from pftrack_sim.benchmark.asked.stored_plan import differences, read_plan
+from pftrack_sim.benchmark.kept.files import distinct_slugs, slug
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.benchmark.rendering import save_video
-from pftrack_sim.benchmark.rollout import Step, rollout, simulated
-from pftrack_sim.benchmark.tracker_runner import make_runners
+from pftrack_sim.benchmark.running.rollout import Step, rollout, simulated
+from pftrack_sim.benchmark.running.tracker_runner import make_runners
 from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import SMALL
 

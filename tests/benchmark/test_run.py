@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import Plan, make_plan, plan_all, run
-from pftrack_sim.benchmark.progress import RunProgress
+from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 

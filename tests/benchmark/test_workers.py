@@ -10,11 +10,12 @@ from pathlib import Path
 import duckdb
 import pytest
 
-from pftrack_sim.benchmark import Plan, RunStore, run, store
-from pftrack_sim.benchmark.check import check
-from pftrack_sim.benchmark.executor import LocalExecutor
-from pftrack_sim.benchmark.merge import merge
-from pftrack_sim.benchmark.progress import RunProgress
+from pftrack_sim.benchmark import Plan, RunStore, run
+from pftrack_sim.benchmark.kept import store
+from pftrack_sim.benchmark.kept.check import check
+from pftrack_sim.benchmark.kept.merge import merge
+from pftrack_sim.benchmark.running.executor import LocalExecutor
+from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError
 from tests.benchmark.small import contents, small_plan
 
@@ -198,7 +199,7 @@ def test_closing_an_executor_ends_its_workers(plan: Plan):
     """Nothing is left running when a pool is closed."""
     pool = LocalExecutor(1)
     started = threading.Event()
-    from pftrack_sim.benchmark.episode import EpisodeJob
+    from pftrack_sim.benchmark.running.episode import EpisodeJob
 
     jobs = (EpisodeJob(episode) for episode in plan.episodes())
     for done in pool.run_all(jobs):
@@ -216,7 +217,7 @@ def test_closing_an_executor_ends_its_workers(plan: Plan):
 
 def test_closing_an_executor_ends_workers_that_are_still_starting(plan: Plan):
     pool = LocalExecutor(1)
-    from pftrack_sim.benchmark.episode import EpisodeJob
+    from pftrack_sim.benchmark.running.episode import EpisodeJob
 
     waiting = pool.run_all(EpisodeJob(episode) for episode in plan.episodes())
     assert next(waiting) is None

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import run
-from pftrack_sim.benchmark.planning import make_plan
+from pftrack_sim.benchmark.asked.from_names import make_plan
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError, UnknownNameError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_M, RANGES
 from pftrack_sim.core.records import Estimate, Frame, Truth

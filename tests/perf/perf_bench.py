@@ -26,9 +26,9 @@ sys.path.insert(0, str(ROOT))
 
 from pftrack_sim import trackers
 from pftrack_sim.benchmark import TrackerSpec, make_plan, run
-from pftrack_sim.benchmark.episode import EpisodeJob, run_episode
-from pftrack_sim.benchmark.executor import FinishedJob
-from pftrack_sim.benchmark.progress import RunProgress
+from pftrack_sim.benchmark.running.episode import EpisodeJob, run_episode
+from pftrack_sim.benchmark.running.executor import FinishedJob
+from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits
 
@@ -157,7 +157,7 @@ def parent(folder: Path, episodes: int = 1000) -> None:
         with open("/proc/self/statm", encoding="ascii") as statm:
             seen.append((time.perf_counter(), int(statm.read().split()[1]) * 4096))
 
-    engine = importlib.import_module("pftrack_sim.benchmark.run")
+    engine = importlib.import_module("pftrack_sim.benchmark.running.run")
     real, engine.make_executor = engine.make_executor, lambda *_: Canned()
     plan = make_plan(["corridor"], ["stay", "oracle"], list(range(episodes)), overrides=overrides)
     run(plan, folder / "parent", videos="none", on_progress=remember)

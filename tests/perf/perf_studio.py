@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "site"))
 
 from studio_pictures import CAMERA, opened, slider, until
 
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.studio import Session, Settings, Studio
 
 SETTINGS = Settings(

@@ -12,8 +12,8 @@ from small_report import HOSTILE, SMALL
 
 from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore, make_plan, run
-from pftrack_sim.benchmark.integrity import write_sums
-from pftrack_sim.benchmark.planning import join_plans
+from pftrack_sim.benchmark.asked.from_names import join_plans
+from pftrack_sim.benchmark.kept.checksums import write_sums
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.report.contents import contents
 

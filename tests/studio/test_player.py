@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
 from pftrack_sim.studio import Session, Settings
 from pftrack_sim.studio.player import Player

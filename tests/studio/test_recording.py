@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pftrack_sim.benchmark.plan import TrackerSpec
-from pftrack_sim.benchmark.sinks import video_writer
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.core.errors import ParameterError, SequenceError, UnknownNameError
 from pftrack_sim.formats import read_sequence
 from pftrack_sim.studio import Settings

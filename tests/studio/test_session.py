@@ -12,7 +12,7 @@ import pytest
 
 import pftrack_sim
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import BoxError, ParameterError, ScenarioError, StudioError, UnknownNameError
 from pftrack_sim.env import TrackEnv

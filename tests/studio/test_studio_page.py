@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.studio import Settings, Studio
 

@@ -17,10 +17,10 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.benchmark.files import query_deadline, sql_text
+from pftrack_sim.benchmark.asked.plan import Episode, TrackerSpec
+from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
 from pftrack_sim.benchmark.people_scores import track_rows
-from pftrack_sim.benchmark.plan import Episode, TrackerSpec
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, parse_json
 from pftrack_sim.core.proprioception import PROPRIO_NAMES, RANGES

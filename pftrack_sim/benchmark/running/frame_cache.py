@@ -26,8 +26,8 @@ from typing import Any, Self, cast
 import mujoco
 import numpy as np
 
-from pftrack_sim.benchmark.record import package_version
-from pftrack_sim.benchmark.rollout import Sample, Step
+from pftrack_sim.benchmark.kept.record import package_version
+from pftrack_sim.benchmark.running.rollout import Sample, Step
 from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ParameterError, RenderError
@@ -223,7 +223,7 @@ def _truths(arrays: dict[str, Any], counts: list[int]) -> Iterator[tuple[Truth, 
 def _environment_digest() -> str:
     """Digest of this package's code and data, and the versions of what renders and computes."""
     digest = hashlib.sha256()
-    for root in (Path(__file__).parents[1], assets_dir()):
+    for root in (Path(__file__).parents[2], assets_dir()):
         # __pycache__ holds compiled kernels too, and more of them with every tracker that is used for the first time.
         for path in sorted(path for path in root.rglob("*") if path.is_file() and path.parent.name != "__pycache__"):
             digest.update(f"{path.relative_to(root)}\0{file_digest(path)}".encode())

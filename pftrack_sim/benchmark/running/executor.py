@@ -22,7 +22,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
-from pftrack_sim.benchmark.episode import EpisodeFiles, EpisodeJob, run_episode
+from pftrack_sim.benchmark.running.episode import EpisodeFiles, EpisodeJob, run_episode
 from pftrack_sim.core.errors import RunError, ScenarioError
 from pftrack_sim.trackers.isolation import TrackerProcesses
 

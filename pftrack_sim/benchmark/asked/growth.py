@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pftrack_sim.benchmark.plan import Condition, Plan, ScenarioSpec, Sweep, TrackerSpec, make_checked_plan
-from pftrack_sim.benchmark.planning import code_of
-from pftrack_sim.benchmark.seeds import Seeds
+from pftrack_sim.benchmark.asked.from_names import code_of
+from pftrack_sim.benchmark.asked.plan import Condition, Plan, ScenarioSpec, Sweep, TrackerSpec, make_checked_plan
+from pftrack_sim.benchmark.asked.seeds import Seeds
 from pftrack_sim.core.errors import ParameterError
 
 

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, cast, get_args
 import numpy as np
 
 from pftrack_sim import trackers
-from pftrack_sim.benchmark.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from pftrack_sim.benchmark.files import write_bytes
+from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, read_bytes
 

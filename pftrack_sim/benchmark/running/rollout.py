@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim import policies
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner, fault_of
+from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner, fault_of
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import SequenceError

@@ -12,10 +12,10 @@ from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.episode import EpisodeFiles
-from pftrack_sim.benchmark.episode_file import missing_trackers, read_metadata
-from pftrack_sim.benchmark.plan import Episode, TrackerSpec
-from pftrack_sim.benchmark.store import RunStore
+from pftrack_sim.benchmark.asked.plan import Episode, TrackerSpec
+from pftrack_sim.benchmark.kept.episode_file import missing_trackers, read_metadata
+from pftrack_sim.benchmark.kept.store import RunStore
+from pftrack_sim.benchmark.running.episode import EpisodeFiles
 
 _CHUNK = 500
 

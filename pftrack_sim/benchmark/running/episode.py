@@ -19,21 +19,21 @@ import numpy as np
 
 import pftrack_sim
 from pftrack_sim import controllers, policies, score
-from pftrack_sim.benchmark.episode_file import (
+from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.kept.episode_file import (
     Columns,
     estimate_columns,
     identity_columns,
     truth_columns,
     write_episode,
 )
-from pftrack_sim.benchmark.episode_log import episode_log
-from pftrack_sim.benchmark.error_log import ErrorLog
-from pftrack_sim.benchmark.frame_cache import DamagedEntry, EntryWriter, FrameCache
 from pftrack_sim.benchmark.people_scores import has_tracks, people_scores
-from pftrack_sim.benchmark.plan import Episode
-from pftrack_sim.benchmark.rollout import Driver, Sample, Sink, detected, drive, rollout, simulated
-from pftrack_sim.benchmark.sinks import FollowLog, TruthLog, picture, video_writer
-from pftrack_sim.benchmark.tracker_runner import Isolation, TrackerRunner, make_runners
+from pftrack_sim.benchmark.running.episode_log import episode_log
+from pftrack_sim.benchmark.running.error_log import ErrorLog
+from pftrack_sim.benchmark.running.frame_cache import DamagedEntry, EntryWriter, FrameCache
+from pftrack_sim.benchmark.running.rollout import Driver, Sample, Sink, detected, drive, rollout, simulated
+from pftrack_sim.benchmark.running.sinks import FollowLog, TruthLog, picture, video_writer
+from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.logs import FORMATS

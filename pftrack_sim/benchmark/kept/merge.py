@@ -9,11 +9,11 @@ from pathlib import Path
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import MAX_BYTES, read_metadata
-from pftrack_sim.benchmark.error_files import errors_folder
-from pftrack_sim.benchmark.plan import Episode
-from pftrack_sim.benchmark.store import RunStore
-from pftrack_sim.benchmark.stored_plan import differences
+from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.asked.stored_plan import differences
+from pftrack_sim.benchmark.kept.episode_file import MAX_BYTES, read_metadata
+from pftrack_sim.benchmark.kept.error_files import errors_folder
+from pftrack_sim.benchmark.kept.store import RunStore
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.logs import FORMATS

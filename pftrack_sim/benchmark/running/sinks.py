@@ -14,11 +14,11 @@ import av
 import numpy as np
 from av.error import FFmpegError
 
-from pftrack_sim.benchmark.episode_file import SENSORS, Column, PeopleLog, column
-from pftrack_sim.benchmark.files import atomic_write
+from pftrack_sim.benchmark.kept.episode_file import SENSORS, Column, PeopleLog, column
+from pftrack_sim.benchmark.kept.files import atomic_write
 from pftrack_sim.benchmark.people_scores import TrueTracks
-from pftrack_sim.benchmark.rollout import Sample, Step
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.benchmark.running.rollout import Sample, Step
+from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.palette import colours_of
 from pftrack_sim.core.proprioception import RANGES

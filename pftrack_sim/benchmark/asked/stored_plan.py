@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from pydantic import ValidationError
 
-from pftrack_sim.benchmark.plan import Plan
+from pftrack_sim.benchmark.asked.plan import Plan
 from pftrack_sim.core.errors import RunError
 
 

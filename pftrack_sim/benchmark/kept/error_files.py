@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from pftrack_sim.benchmark.files import distinct_slugs
-from pftrack_sim.benchmark.plan import Episode
-from pftrack_sim.benchmark.summary import Result
+from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.kept.files import distinct_slugs
+from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.core.inputs import is_file
 
 _FOLDER = "errors"

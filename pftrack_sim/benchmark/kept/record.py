@@ -14,8 +14,8 @@ from typing import Any, Literal, cast
 
 from pydantic import ValidationError
 
-from pftrack_sim.benchmark.files import write_bytes
-from pftrack_sim.benchmark.plan import Plan
+from pftrack_sim.benchmark.asked.plan import Plan
+from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import check_tree, parse_json, read_bytes
 from pftrack_sim.core.text import one_line
@@ -132,7 +132,7 @@ def package_version(name: str) -> str | None:
 
 def _commit() -> str | None:
     """The commit of a checkout, with a `+` where files were changed since; None for an installed package."""
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     if not (root / ".git").exists():
         return None
     try:

@@ -22,9 +22,13 @@ from typing import Any, cast
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import content_digest, create_frame_views, join_episodes
-from pftrack_sim.benchmark.error_files import errors_folder, remove_errors
-from pftrack_sim.benchmark.files import (
+from pftrack_sim.benchmark.asked.growth import grown
+from pftrack_sim.benchmark.asked.plan import Episode, Plan
+from pftrack_sim.benchmark.asked.stored_plan import differences, read_plan
+from pftrack_sim.benchmark.kept.checksums import SUMS, changed, read_sums, write_sums
+from pftrack_sim.benchmark.kept.episode_file import content_digest, create_frame_views, join_episodes
+from pftrack_sim.benchmark.kept.error_files import errors_folder, remove_errors
+from pftrack_sim.benchmark.kept.files import (
     LOCK,
     atomic_write,
     lock_folder,
@@ -33,11 +37,7 @@ from pftrack_sim.benchmark.files import (
     sql_text,
     write_bytes,
 )
-from pftrack_sim.benchmark.growth import grown
-from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums, write_sums
-from pftrack_sim.benchmark.losses import create_loss_views
-from pftrack_sim.benchmark.plan import Episode, Plan
-from pftrack_sim.benchmark.record import (
+from pftrack_sim.benchmark.kept.record import (
     check_writable,
     new_record,
     now,
@@ -46,8 +46,8 @@ from pftrack_sim.benchmark.record import (
     session,
     write_record,
 )
-from pftrack_sim.benchmark.stored_plan import differences, read_plan
-from pftrack_sim.benchmark.summary import TABLE_FILES, Result, load_summary, results_of, write_summary
+from pftrack_sim.benchmark.losses import create_loss_views
+from pftrack_sim.benchmark.reading.summary import TABLE_FILES, Result, load_summary, results_of, write_summary
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.inputs import is_file
 from pftrack_sim.core.text import one_line

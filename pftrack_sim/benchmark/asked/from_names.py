@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast, get_args
 
 from pftrack_sim import scenario as scenarios
-from pftrack_sim.benchmark.plan import (
+from pftrack_sim.benchmark.asked.plan import (
     LATENCY,
     Condition,
     Plan,
@@ -19,8 +19,8 @@ from pftrack_sim.benchmark.plan import (
     TrackerSpec,
     make_checked_plan,
 )
-from pftrack_sim.benchmark.seeds import Seeds, parse_seeds
-from pftrack_sim.benchmark.suite import Suite, is_suite, load_suite, suite_names
+from pftrack_sim.benchmark.asked.seeds import Seeds, parse_seeds
+from pftrack_sim.benchmark.asked.suite import Suite, is_suite, load_suite, suite_names
 from pftrack_sim.controllers import code_digest as controller_code
 from pftrack_sim.controllers import make as make_controller
 from pftrack_sim.core.code_digest import file_digest

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pftrack_sim.benchmark.files import atomic_write
-from pftrack_sim.benchmark.rollout import Sink, Step
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.benchmark.kept.files import atomic_write
+from pftrack_sim.benchmark.running.rollout import Sink, Step
+from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.logs import LogFrame, LogInfo, log_format, log_writer
 from pftrack_sim.scenario import ResolvedScenario
 

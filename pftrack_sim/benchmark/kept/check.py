@@ -11,12 +11,12 @@ from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.episode_file import content_digests, missing_trackers, read_metadata
-from pftrack_sim.benchmark.files import query_deadline, sql_text
-from pftrack_sim.benchmark.integrity import SUMS, changed, read_sums
-from pftrack_sim.benchmark.plan import Episode
-from pftrack_sim.benchmark.store import RunStore
-from pftrack_sim.benchmark.summary import summary_problem
+from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.kept.checksums import SUMS, changed, read_sums
+from pftrack_sim.benchmark.kept.episode_file import content_digests, missing_trackers, read_metadata
+from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
+from pftrack_sim.benchmark.kept.store import RunStore
+from pftrack_sim.benchmark.reading.summary import summary_problem
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.text import one_line
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import cv2
 
-from pftrack_sim.benchmark.error_files import error_names
-from pftrack_sim.benchmark.rollout import Step
-from pftrack_sim.benchmark.sinks import picture
-from pftrack_sim.benchmark.tracker_runner import TrackerRunner
+from pftrack_sim.benchmark.kept.error_files import error_names
+from pftrack_sim.benchmark.running.rollout import Step
+from pftrack_sim.benchmark.running.sinks import picture
+from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 
 
 class ErrorLog:

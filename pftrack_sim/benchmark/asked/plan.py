@@ -19,9 +19,9 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import Field, ValidationError, model_validator
 
-from pftrack_sim.benchmark.files import distinct_slugs
-from pftrack_sim.benchmark.seeds import Seeds
-from pftrack_sim.benchmark.suite import Suite
+from pftrack_sim.benchmark.asked.seeds import Seeds
+from pftrack_sim.benchmark.asked.suite import Suite
+from pftrack_sim.benchmark.kept.files import distinct_slugs
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario

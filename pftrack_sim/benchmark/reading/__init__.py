@@ -1,0 +1,1 @@
+"""Read runs: SQL views and summaries."""

@@ -1,0 +1,1 @@
+"""Run episodes: rollouts, worker processes, clusters."""
