@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from pftrack_sim.agents.gait.kinematics import rotation_matrices
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.carried import Carried, Item, held_share
 from pftrack_sim.scenario.model import Target
@@ -91,4 +91,4 @@ def _yaw(rotation: FloatArray) -> float:
 
 
 def _rotation(yaw_rad: float, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> FloatArray:
-    return rotation_matrices(np.array(yaw_rad), np.array(roll_rad), np.array(pitch_rad))
+    return Rotation.from_euler("ZXY", [yaw_rad, roll_rad, pitch_rad]).as_matrix()

@@ -10,7 +10,6 @@ import numpy as np
 
 from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.mocap_kernels import write_parts
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.camera.extents import Bodies
@@ -54,7 +53,7 @@ class Traffic:
         crowd = self.crowd
         start = crowd.positions_m[0], float(crowd.headings_rad[0]), float(crowd.speeds_m_s[0])
         gait = self._gait_of([self._target], len(PHASES))
-        self._gait.feet.start_phase[0] = median_width_phase(self._target, gait, *start, T_world_camera)
+        self._gait.start_phase[0] = median_width_phase(self._target, gait, *start, T_world_camera)
         self._reset_gait(data)
 
     def update(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
@@ -65,7 +64,7 @@ class Traffic:
 
     def write(self, data: mujoco.MjData) -> None:
         """Write the poses of limbs and carts."""
-        write_parts(self._part_ids, *self._gait.poses(), data.mocap_pos, data.mocap_quat)
+        data.mocap_pos[self._part_ids], data.mocap_quat[self._part_ids] = self._gait.poses()
         if self._carried is not None:
             positions, rotations = self._gait.part_poses()
             self._carried.write(data, self._time_s, positions[0], rotations[0])
@@ -105,8 +104,8 @@ def median_width_phase(
         T_world_camera: `(4, 4)` camera pose.
     """
     bodies = Bodies([[mesh.vertices for mesh in part_meshes(person).values()]])
-    drawn, widths = float(gait.feet.start_phase[0]), np.empty(len(PHASES))
-    gait.feet.start_phase[:] = PHASES
+    drawn, widths = float(gait.start_phase[0]), np.empty(len(PHASES))
+    gait.start_phase[:] = PHASES
     gait.reset(np.tile(position_m, (len(PHASES), 1)), [heading_rad] * len(PHASES), [speed_m_s] * len(PHASES))
     for index, (positions, rotations) in enumerate(zip(*gait.part_poses(), strict=True)):
         extents, _ = bodies.extents(positions, rotations, T_world_camera, _NEAR_M)

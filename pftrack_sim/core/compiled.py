@@ -1,8 +1,9 @@
 """Compiled kernels: one decorator, and one line on stderr where compiling takes long.
 
-A kernel is a function of a concept (a gait, an avoidance, a histogram) over scalars, arrays and named tuples of arrays.
+A kernel is a function of a concept (a gait, an avoidance, a histogram) over scalars, arrays and arrays of records.
 Numba compiles it at its first call and keeps the machine code in `__pycache__`. Scalar loops compile in tenths of a
-second; array expressions and slices inside a kernel take seconds.
+second; array expressions and slices inside a kernel take seconds. Numba's cache does not see changes in another module:
+what a kernel calls is in its own.
 """
 
 from __future__ import annotations
@@ -51,6 +52,14 @@ def _is_own(event: Any) -> bool:
 cast("Any", numba_event).register("numba:compile", _Notice())
 
 
+_njit = cast("Any", njit)
+
+
 def kernel(function: _Function) -> _Function:
     """Compile a function at its first call and keep the machine code; a division by zero gives inf or NaN."""
-    return cast("_Function", njit(cache=True, nogil=True, error_model="numpy")(function))
+    return _njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+
+
+def part_of_kernel(function: _Function) -> _Function:
+    """Compile a function that only kernels of its own module call, with the kernel."""
+    return _njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)

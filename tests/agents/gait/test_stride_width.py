@@ -29,7 +29,7 @@ def widths(person: Person, one: Gait, heading_rad: float, count: int) -> np.ndar
     meshes = [mesh.vertices for mesh in part_meshes(person).values()]
     found = []
     for phase in np.arange(count) / count:
-        one.feet.start_phase[:] = phase
+        one.start_phase[:] = phase
         one.reset(START[None], [heading_rad], [1.3])
         positions, rotations = one.part_poses()
         points = np.concatenate([v @ r.T + p for v, p, r in zip(meshes, positions[0], rotations[0], strict=True)])
@@ -41,7 +41,7 @@ def widths(person: Person, one: Gait, heading_rad: float, count: int) -> np.ndar
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_width_at_the_phase_is_the_median_over_a_stride(heading_rad: float, seed: int):
     one = gait(seed)
-    drawn = float(one.feet.start_phase[0])
+    drawn = float(one.start_phase[0])
     phase = median_width_phase(PERSON, gait(seed, len(PHASES)), START, heading_rad, 1.3, camera(0.0))
     over_stride = widths(PERSON, one, heading_rad, 100)
     assert np.interp(phase, np.arange(100) / 100, over_stride) == pytest.approx(np.median(over_stride), rel=0.02)
@@ -50,7 +50,7 @@ def test_the_width_at_the_phase_is_the_median_over_a_stride(heading_rad: float, 
 
 
 def test_a_person_at_rest_keeps_the_drawn_phase():
-    drawn = float(gait(2).feet.start_phase[0])
+    drawn = float(gait(2).start_phase[0])
     people = len(PHASES)
     assert median_width_phase(PERSON, gait(2, people), START, 0.0, 0.0, camera(0.0)) == drawn
     assert median_width_phase(PERSON, gait(2, people), START, 0.0, 1.3, camera(np.pi)) == drawn
