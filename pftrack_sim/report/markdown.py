@@ -20,7 +20,9 @@ from pftrack_sim.report.profile_tables import profile_table
 
 _BLOCK = re.compile(r"(?P<begin><!-- tables of (?P<name>[^\s>]+) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL)
 
-_LIST = re.compile(r"(?P<begin><!-- list of axes -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL)
+_LIST = re.compile(
+    r"(?P<begin><!-- list of (?P<name>axes|measures) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL
+)
 
 _FOLLOWING = {
     "success": "success",
@@ -32,16 +34,17 @@ _FOLLOWING = {
 }
 _PROPORTIONS = ("success", "collision")
 
+_COVERING = ("occlusion", "distractors")
+"""Axes that hide the target, over which recoveries are shown."""
+
 _MOST_COLUMNS = 12
 """Columns, for scenarios and conditions, above which the table of overlaps is too wide to read and left out."""
 
 _BESIDE_OVERLAP = {
-    "stay": "stay",
     "skill": "skill",
     "tracked at >= 0.5": "success",
     ">= 0.3": "success_30",
     "centre inside": "centre_inside",
-    "ceiling": "ceiling",
 }
 
 
@@ -49,7 +52,7 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
     """Replace every block `<!-- tables of NAME -->` ... `<!-- end -->` by the tables of the folder `runs/NAME`.
 
     The folder is that of a run, or of `profile`: of conditions, or of scenarios, which are shown by tier. A block
-    `<!-- list of axes -->` gets the stress axes.
+    `<!-- list of axes -->` gets the stress axes, `<!-- list of measures -->` the definitions of the tables' columns.
 
     Args:
         document: Markdown file.
@@ -82,10 +85,9 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
         return f"{block['begin']}\n{body}\n{block['end']}"
 
     def listed(block: re.Match[str]) -> str:
-        written.append("axes")
-        return (
-            f"{block['begin']}\n{_table(['Axis', 'severity 1', 'law', 'reference'], list(axes_rows()))}\n{block['end']}"
-        )
+        written.append(block["name"])
+        body = _measures() if block["name"] == "measures" else _axes_list()
+        return f"{block['begin']}\n{body}\n{block['end']}"
 
     updated = _LIST.sub(listed, _BLOCK.sub(replaced, text))
     if not written and not kept:
@@ -94,14 +96,29 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
     return written, kept
 
 
+def _axes_list() -> str:
+    return _table(["Axis", "severity 1", "law", "reference"], list(axes_rows()))
+
+
+def _measures() -> str:
+    """The definitions of the tables' columns, a line for each kind of table."""
+    kinds = {
+        "Overlap": score.DEFINITIONS,
+        "Following": score.FOLLOWING_DEFINITIONS,
+        "Everybody in view": score.PEOPLE_DEFINITIONS,
+    }
+    return "".join(
+        f"- {kind}: {'; '.join(f'*{name}*: {meaning}' for name, meaning in words.items())}.\n"
+        for kind, words in kinds.items()
+    )
+
+
 def tables(store: RunStore) -> str:
-    """Tables of a run: of its suites with their claims, else mean overlaps; of following; and of everybody in view."""
-    results, parts = store.results, list[str]()
-    columns = {_column(result) for result in results}
-    if len(columns) <= _MOST_COLUMNS and not any(suite.table for suite in store.plan.suites):
-        parts.append(_overlaps(results))
-    parts.append(_summary(results))
-    parts += _axes(store)
+    """Tables of a run: of overlaps, of following, of everybody in view, and of its suites with their claims."""
+    results = store.results
+    columns = list(dict.fromkeys(_column(result) for result in results))
+    wide = len(columns) > _MOST_COLUMNS or any(suite.table for suite in store.plan.suites)
+    parts = [_overlaps(results, [] if wide else columns), *_axes(store)]
     if any(result.following for result in results):
         parts.append(_following(results))
     if any(not math.isnan(result.number("hota")) for result in results):
@@ -133,35 +150,31 @@ def _suite(suite: Suite, results: Sequence[Result]) -> Iterator[str]:
         yield _table(["Claim of the paper", "Verdict", "Difference (95 % interval over seeds)"], rows)
 
 
-def _overlaps(results: Sequence[Result]) -> str:
-    """Mean overlap by tracker, in descending order; a column per scenario and condition."""
-    columns = list(dict.fromkeys(_column(result) for result in results))
-    rows: list[tuple[float, list[str]]] = []
-    for label in dict.fromkeys(result.label for result in results):
-        own = [result for result in results if result.label == label]
-        means = [interval("mean_overlap", [one for one in own if _column(one) == name])[0] for name in columns]
-        overall = interval("mean_overlap", own)
-        rows.append((overall[0], [f"`{label}`", *(number_text(mean, 3) for mean in means), _ranged(overall, 3)]))
-    rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
-    for name in REFERENCES if results[0].following is None else ():
-        means = [interval(name, [one for one in results if _column(one) == column])[0] for column in columns]
-        overall = interval(name, results)[0]
-        rows.append((math.nan, [name, *(number_text(mean, 3) for mean in [*means, overall])]))
-    return _table(["Mean overlap", *columns, "mean"], [cells for _, cells in rows])
+def _overlaps(results: Sequence[Result], columns: Sequence[str]) -> str:
+    """Overlap by tracker in descending order, in each scenario and condition and over all, and what stands beside it.
 
+    In open loop the references are rows, since all trackers have the same frames.
+    """
+    closed = results[0].following is not None
+    beside = {**_BESIDE_OVERLAP, **({name: name for name in REFERENCES} if closed else {})}
 
-def _summary(results: Sequence[Result]) -> str:
-    """Means over all episodes by tracker: the overlap, and what stands beside it."""
+    def cells(measure: str, own: Sequence[Result]) -> list[str]:
+        means = [interval(measure, [one for one in own if _column(one) == name])[0] for name in columns]
+        return [number_text(mean, 3) for mean in means]
+
     rows: list[tuple[float, list[str]]] = []
     for label in dict.fromkeys(result.label for result in results):
         own = [result for result in results if result.label == label]
         mean = score.mean_summary([result.measures for result in own])
-        beside = [number_text(getattr(mean, name), 3) for name in _BESIDE_OVERLAP.values()]
-        rows.append((mean.mean_overlap, [f"`{label}`", _ranged(interval("mean_overlap", own), 3), *beside]))
+        overall = _ranged(interval("mean_overlap", own), 3)
+        others = [number_text(getattr(mean, name), 3) for name in beside.values()]
+        rows.append((mean.mean_overlap, [f"`{label}`", *cells("mean_overlap", own), overall, *others]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
-    heads = ["All episodes", "mean overlap", *_BESIDE_OVERLAP]
-    words = "; ".join(f"{name}: {meaning}" for name, meaning in score.DEFINITIONS.items())
-    return f"{_table(heads, [cells for _, cells in rows])}\n{words}.\n"
+    references = [
+        [name, *cells(name, results), number_text(interval(name, results)[0], 3), *["-"] * len(beside)]
+        for name in (() if closed else REFERENCES)
+    ]
+    return _table(["Mean overlap", *columns, "mean", *beside], [*(row for _, row in rows), *references])
 
 
 def _axes(store: RunStore) -> Iterator[str]:
@@ -169,6 +182,8 @@ def _axes(store: RunStore) -> Iterator[str]:
     found = degradation(store).curves
     for measure, title in TITLES.items():
         rows = table_rows(found, measure)
+        if measure == "recovered":
+            rows = [row for row in rows if row.at.axis.split()[-1] in _COVERING]
         if rows:
             labels = list(rows[0].means)
             cells = [
@@ -190,8 +205,7 @@ def _following(results: Sequence[Result]) -> str:
         own = [result for result in results if (_column(result), result.label) == (column, label)]
         cells = [_ranged(interval(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in _FOLLOWING.values()]
         rows.append([f"{column}, `{label}`", str(len(own)), *cells])
-    words = "; ".join(f"{name}: {meaning}" for name, meaning in score.FOLLOWING_DEFINITIONS.items())
-    return f"{_table(['Following', 'seeds', *_FOLLOWING], rows)}\n{words}.\n"
+    return _table(["Following", "seeds", *_FOLLOWING], rows)
 
 
 def _people(results: Sequence[Result]) -> str:
@@ -211,8 +225,7 @@ def _people(results: Sequence[Result]) -> str:
         ]
         for (column, label), own in groups.items()
     ]
-    words = "; ".join(f"{name}: {meaning}" for name, meaning in score.PEOPLE_DEFINITIONS.items())
-    return f"{_table(['Everybody in view', 'seeds', *score.PEOPLE_DEFINITIONS], rows)}\n{words}.\n"
+    return _table(["Everybody in view", "seeds", *score.PEOPLE_DEFINITIONS], rows)
 
 
 def _column(result: Result) -> str:

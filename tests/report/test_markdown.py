@@ -37,19 +37,24 @@ def test_overlaps_are_those_of_the_summary(finished: Path):
     stay = [one.number("mean_overlap") for one in RunStore(finished).results if one.label == "stay"]
     assert f"| {np.mean(stay):.3f} (" in lines[3]
     assert lines[4].startswith("| stay |")
-    assert lines[4].endswith(f"| {np.mean(stay):.3f} |")
+    assert f"| {np.mean(stay):.3f} | - |" in lines[4]
     assert lines[5].startswith("| ceiling |")
 
 
-def test_stay_skill_and_ceiling_stand_beside_the_mean_overlap(finished: Path):
+def test_skill_and_shares_of_frames_stand_beside_the_mean_overlap(finished: Path):
     text = tables(RunStore(finished))
-    heads = "| All episodes | mean overlap | stay | skill | tracked at >= 0.5 | >= 0.3 | centre inside | ceiling |"
-    rows = text[text.index(heads) :].splitlines()[2:4]
-    cells = {row.split("|")[1].strip(): [cell.strip() for cell in row.split("|")[3:-1]] for row in rows}
-    assert cells["`oracle`"][1:5] == ["1.000"] * 4
-    assert cells["`stay`"][1] == "0.000"
-    assert cells["`oracle`"][0] == cells["`stay`"][0]
-    assert f"skill: {score.DEFINITIONS['skill']}" in text
+    heads, _, *rows = text.splitlines()[:4]
+    assert heads.endswith("| mean | skill | tracked at >= 0.5 | >= 0.3 | centre inside |")
+    cells = {row.split("|")[1].strip(): [cell.strip() for cell in row.split("|")[-5:-1]] for row in rows}
+    assert cells["`oracle`"] == ["1.000"] * 4
+    assert cells["`stay`"][0] == "0.000"
+
+
+def test_definitions_are_listed_where_a_document_asks_for_them(tmp_path: Path):
+    document = tmp_path / "results.md"
+    document.write_text("<!-- list of measures -->\n<!-- end -->\n")
+    assert update_document(document, tmp_path) == (["measures"], [])
+    assert f"*skill*: {score.DEFINITIONS['skill']}" in document.read_text()
 
 
 def test_blocks_with_a_run_folder_are_replaced_and_others_kept(finished: Path, tmp_path: Path):
@@ -89,8 +94,8 @@ def test_a_document_without_blocks_is_refused(tmp_path: Path):
     assert document.read_text() == "# Results\n"
 
 
-def test_overlaps_of_too_many_conditions_are_no_table(monkeypatch: pytest.MonkeyPatch, finished: Path):
+def test_overlaps_of_too_many_conditions_have_no_columns(monkeypatch: pytest.MonkeyPatch, finished: Path):
     store = RunStore(finished)
-    assert "| Mean overlap |" in tables(store)
+    assert "| Mean overlap | corridor jitter=0 |" in tables(store)
     monkeypatch.setattr("pftrack_sim.report.markdown._MOST_COLUMNS", 0)
-    assert "| Mean overlap |" not in tables(store)
+    assert "| Mean overlap | mean |" in tables(store)
