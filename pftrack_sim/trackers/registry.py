@@ -1,9 +1,9 @@
 """Trackers by name: built-in and installed ones, any `package.module:factory`, `mot:MODULE:CLASS`, and `trax:COMMAND`.
 
-A factory is called as `factory(seed=..., preset=..., **params)` and returns a `records.Tracker`. Installed packages
+A factory takes `seed` and `preset`, is called as `factory(seed=..., preset=..., **params)` and returns a
+`records.Tracker`; it is called for every episode unless the tracker has a method `reset(seed)`. Installed packages
 announce theirs in the entry-point group `pftrack_sim.trackers`. `trax:` is followed by the command of another program,
 `mot:` by a class or function that makes a multi-object tracker from its parameters alone.
-`isolation.child` says how often a factory is called.
 """
 
 from __future__ import annotations

@@ -41,11 +41,6 @@ class Leaky:
         return Estimate([len(HISTORY), len(self._own), 5 + drawn, 5 + image.mean()])
 
 
-def ignores_seed(*, log: str | None = None, **_: Any) -> Leaky:
-    note(log, "made")
-    return Leaky()
-
-
 def reads_seed(*, seed: int, log: str | None = None, **_: Any) -> Leaky:
     model(log)
     note(log, "made")
@@ -69,10 +64,10 @@ def with_reset(*, seed: int, log: str | None = None, **_: Any) -> WithReset:
     return WithReset(seed)
 
 
-def with_thread(*, log: str | None = None, **_: Any) -> Leaky:
+def with_thread(*, seed: int, log: str | None = None, **_: Any) -> Leaky:
     note(log, "made")
     threading.Thread(target=threading.Event().wait, daemon=True).start()
-    return Leaky()
+    return Leaky(seed)
 
 
 class Raises(Leaky):

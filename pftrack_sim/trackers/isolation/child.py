@@ -7,9 +7,8 @@ Same seed, same bits, whatever ran before: an episode begins in one of three way
 
 - `"reset"`: the tracker has a method `reset(seed)`, by which its author promises that it forgets everything. It serves
   every episode in this process.
-- `"fork"`: each episode runs in a fork of this process, which is left as it was after loading. Where the factory
-  does not read its seed, the fork holds the tracker already; elsewhere it calls the factory, with modules and
-  module-level caches loaded.
+- `"fork"`: each episode runs in a fork of this process, which is left as it was after loading, with modules and
+  module-level caches loaded; the fork calls the factory with the episode's seed.
 - `"once"`: the loaded code has threads or a GPU open and cannot be forked: the parent replaces the process.
 """
 
@@ -36,7 +35,6 @@ from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
 from pftrack_sim.trackers.isolation.channel import receive, send
 from pftrack_sim.trackers.isolation.process_tree import end_descendants
-from pftrack_sim.trackers.isolation.signature import ignores_argument
 from pftrack_sim.trackers.trax import PREFIX as TRAX
 
 MAX_PARTICLES = 10_000
@@ -88,7 +86,7 @@ class _Server:
                 self._way = "reset"
             elif _can_fork():
                 self._way = "fork"
-            if self._way == "reset" or ignores_argument(trackers.factory(name), "seed"):
+            if self._way == "reset":
                 self._tracker = tracker
             return {"way": self._way}
 
