@@ -108,8 +108,7 @@ def median_width_phase(
     gait.start_phase[:] = PHASES
     gait.reset(np.tile(position_m, (len(PHASES), 1)), [heading_rad] * len(PHASES), [speed_m_s] * len(PHASES))
     for index, (positions, rotations) in enumerate(zip(*gait.part_poses(), strict=True)):
-        extents, _ = bodies.extents(positions, rotations, T_world_camera, _NEAR_M)
-        widths[index] = extents[:, 2].max() - extents[:, 0].min()
+        widths[index] = bodies.boxes(positions, rotations, T_world_camera, np.eye(3), _NEAR_M)[0][0, 2]
     excess = widths - np.median(widths)
     following = np.roll(excess, -1)
     crossing = np.flatnonzero((excess < 0.0) != (following < 0.0))

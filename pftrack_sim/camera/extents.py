@@ -1,8 +1,7 @@
 """Amodal boxes and outlines of bodies from the vertices of their parts, without rendering.
 
 Every part is the convex hull of its vertices, so its extent is that of the projected vertices. What lies nearer than
-the near plane is cut off, as in the rendered image. Extents are the smallest x/z, y/z and the largest x/z, y/z in
-camera axes; NaN where nothing is left.
+the near plane is cut off, as in the rendered image.
 """
 
 from __future__ import annotations
@@ -13,7 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
+from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
@@ -31,30 +31,27 @@ _STACK_STEP = 64  # Outlines of parts whose vertices fill equally many runs of t
 
 
 class Bodies:
-    """The S parts of B bodies, stored so that all boxes come from one kernel.
+    """The S parts of B bodies.
 
     Args:
         bodies: `(V, 3)` vertices of each body's parts [m], in the frame of the part; at least one part per body.
-        fused: Whether the kernel adds products unrounded; results differ by rounding.
 
     Raises:
         ParameterError: A body without parts, or a part without vertices.
     """
 
-    def __init__(self, bodies: Sequence[Sequence[FloatArray]], *, fused: bool = True) -> None:
+    def __init__(self, bodies: Sequence[Sequence[FloatArray]]) -> None:
         for index, parts in enumerate(bodies):
             if not parts:
                 raise ParameterError(f"body {index} has no parts to project")
             for vertices in parts:
                 if vertices.ndim != 2 or vertices.shape[0] < 1 or vertices.shape[1] != 3:
                     raise ParameterError(f"a part needs vertices of shape (V, 3), V >= 1, got {vertices.shape}")
-        self._ends = np.cumsum([0, *(len(parts) for parts in bodies)]).astype(np.intp)
-        self.starts = self._ends[:-1]
+        self.starts: IntArray = np.cumsum([0, *(len(parts) for parts in bodies[:-1])])
         """`(B,)` index of each body's first part."""
         self.vertices = [np.array(vertices, dtype=np.float64) for parts in bodies for vertices in parts]
         self._joined = np.concatenate(self.vertices)
-        self._first = np.cumsum([0, *(len(vertices) for vertices in self.vertices)]).astype(np.intp)
-        self._fused = fused
+        self._first = np.cumsum([0, *(len(vertices) for vertices in self.vertices)])
 
     def boxes(
         self, positions: ArrayLike, rotations: ArrayLike, T_world_camera: ArrayLike, K: ArrayLike, near_m: float
@@ -71,71 +68,27 @@ class Bodies:
         Returns:
             `(B, 4)` boxes x, y, w, h [px], not clipped to the image, NaN for a body behind the near plane; `(B, 2)`
             smallest and largest depth of each body [m]; `(B,)` height of its lowest point [m].
+
+        Raises:
+            ParameterError: An invalid camera matrix, or `near_m` is not positive.
         """
-        from pftrack_sim.camera.extents_kernels import gather_bodies  # numba: imported when it is used
-
-        extents, ranges = self.extents(positions, rotations, T_world_camera, near_m)
-        return gather_bodies(extents, ranges, self._ends, focal_and_centre(K))
-
-    def boxes_in_scene(
-        self,
-        geoms: IntArray,
-        positions: FloatArray,
-        rotations: FloatArray,
-        T_world_camera: FloatArray,
-        intrinsics: Intrinsics,
-        near_m: float,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """`boxes` of parts that are geoms of a scene, equal to the bit and in less time.
-
-        Args:
-            geoms: `(S,)` ids of the parts.
-            positions: `(ngeom, 3)` of all geoms [m].
-            rotations: `(ngeom, 9)` of all geoms.
-            T_world_camera: `(4, 4)` camera pose.
-            intrinsics: Focal lengths fx, fy and principal point cx, cy [px].
-            near_m: Distance of the near plane.
-        """
-        from pftrack_sim.camera.extents_kernels import gather_bodies, measure_bodies  # numba: imported when it is used
-
-        *found, cut = measure_bodies(
-            self._joined, self._first, self._ends, geoms, positions, rotations, T_world_camera, intrinsics, near_m,
-            self._fused,
-        )  # fmt: skip
-        if cut:
-            parts = positions[geoms], rotations[geoms].reshape(-1, 3, 3)
-            return gather_bodies(*self.extents(*parts, T_world_camera, near_m), self._ends, intrinsics)
-        boxes, depths, lowest = found
-        return boxes, depths, lowest
+        if not near_m > 0.0:
+            raise ParameterError(f"near_m must be > 0, got {near_m}")
+        fx, fy, cx, cy = focal_and_centre(K)
+        # Copies: for arrays that are read-only, the kernel would be compiled once more.
+        poses = (np.array(given, dtype=np.float64, order="C") for given in (positions, rotations, T_world_camera))
+        parts = project_parts(self._joined, self._first, *poses, float(near_m))
+        left, top, near, lowest = np.fmin.reduceat(parts[:4], self.starts, axis=1)
+        right, bottom, far = np.fmax.reduceat(parts[4:], self.starts, axis=1)
+        x, y = left * fx + cx, top * fy + cy
+        # From pixels to pixels: a box within the image is then its own clipped box to the bit.
+        boxes = np.stack([x, y, right * fx + cx - x, bottom * fy + cy - y], axis=1)
+        return boxes, np.stack([near, far], axis=1), lowest
 
     def some(self, bodies: Sequence[int]) -> Bodies:
         """Some of the bodies, by their indices."""
-        starts, ends = self._ends[:-1].tolist(), self._ends[1:].tolist()
-        return Bodies([self.vertices[starts[body] : ends[body]] for body in bodies], fused=self._fused)
-
-    def extents(
-        self, positions: ArrayLike, rotations: ArrayLike, T_world_camera: ArrayLike, near_m: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """`(S, 4)` extents in normalized image coordinates, and `(S, 3)` depth ranges and lowest heights [m] of parts.
-
-        The arguments are those of `boxes`.
-
-        Raises:
-            ParameterError: `near_m` is not positive.
-        """
-        from pftrack_sim.camera.extents_kernels import project_parts  # numba: imported when it is used
-
-        if not near_m > 0.0:
-            raise ParameterError(f"near_m must be > 0, got {near_m}")
-        pose, places = np.asarray(T_world_camera, dtype=np.float64), np.asarray(positions, dtype=np.float64)
-        turned = np.asarray(rotations, dtype=np.float64)
-        centres, axes = (places - pose[:3, 3]) @ pose[:3, :3], pose[:3, :3].T @ turned
-        extents, ranges = project_parts(self._joined, self._first, centres, axes, places, turned, self._fused)
-        for part in np.flatnonzero(ranges[:, 0] < near_m):
-            beyond = ranges[part, 1] >= near_m
-            local = self.vertices[part] @ axes[part].T + centres[part]
-            extents[part] = extent_beyond(local, near_m) if beyond else np.nan
-        return extents, ranges
+        ends = [*self.starts.tolist(), len(self.vertices)]
+        return Bodies([self.vertices[ends[body] : ends[body + 1]] for body in bodies])
 
     @cached_property
     def _stacks(self) -> list[tuple[IntArray, FloatArray]]:
@@ -182,13 +135,65 @@ def _stack(vertices: Sequence[FloatArray]) -> list[tuple[IntArray, FloatArray]]:
     return stacks
 
 
-def extent_beyond(points: FloatArray, near_m: float) -> FloatArray:
-    """`(4,)` extent of the part of a hull of `(V, 3)` points [m] in camera axes, one at least, beyond the near plane.
+@kernel
+def project_parts(
+    vertices: FloatArray,
+    first: IntArray,
+    positions: FloatArray,
+    rotations: FloatArray,
+    pose: FloatArray,
+    near_m: float,
+) -> FloatArray:
+    """Extents of parts, as far as they are beyond the near plane, in normalized image coordinates.
 
-    The section with the plane is the hull of its intersections with the segments between vertices on either side.
+    Args:
+        vertices: `(V, 3)` of all parts, one part after the other [m].
+        first: `(S + 1,)` index of each part's first vertex.
+        positions: `(S, 3)` of the parts in the world [m].
+        rotations: `(S, 3, 3)` to the world.
+        pose: `(4, 4)` T_world_camera.
+        near_m: Depth of the near plane.
+
+    Returns:
+        `(7, S)` smallest x / z, y / z, depth and height of each part, then largest x / z, y / z and depth; x / z and
+        y / z are NaN for a part behind the plane.
     """
-    ahead, behind = points[points[:, 2] >= near_m], points[points[:, 2] < near_m]
-    share = (ahead[:, None, 2] - near_m) / (ahead[:, None, 2] - behind[None, :, 2])
-    section = ahead[:, None, :2] + share[..., None] * (behind[None, :, :2] - ahead[:, None, :2])
-    coordinates = np.concatenate([ahead[:, :2] / ahead[:, 2:], section.reshape(-1, 2) / near_m])
-    return np.concatenate([coordinates.min(axis=0), coordinates.max(axis=0)])
+    extents, local, axes = np.empty((7, len(positions))), np.empty((len(vertices), 3)), np.empty((3, 4))
+    for part in range(len(positions)):
+        for axis in range(3):
+            axes[axis, 3] = 0.0
+            for column in range(3):
+                axes[axis, column] = 0.0
+                axes[axis, 3] += pose[column, axis] * (positions[part, column] - pose[column, 3])
+                for along in range(3):
+                    axes[axis, column] += pose[along, axis] * rotations[part, along, column]
+        left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+        near, far, lowest = np.inf, -np.inf, np.inf
+        for index in range(first[part], first[part + 1]):
+            x, y, z = vertices[index, 0], vertices[index, 1], vertices[index, 2]
+            for axis in range(3):
+                local[index, axis] = axes[axis, 0] * x + axes[axis, 1] * y + axes[axis, 2] * z + axes[axis, 3]
+            depth = local[index, 2]
+            height = rotations[part, 2, 0] * x + rotations[part, 2, 1] * y + rotations[part, 2, 2] * z
+            near, far = depth if depth < near else near, depth if depth > far else far
+            lowest = height if height < lowest else lowest
+            if depth >= near_m:
+                u, v = local[index, 0] / depth, local[index, 1] / depth
+                left, right = u if u < left else left, u if u > right else right
+                top, bottom = v if v < top else top, v if v > bottom else bottom
+        if near < near_m <= far:
+            # The section with the plane is the hull of its intersections with the segments between its two sides.
+            for ahead in range(first[part], first[part + 1]):
+                for behind in range(first[part], first[part + 1]):
+                    if local[ahead, 2] >= near_m > local[behind, 2]:
+                        share = (local[ahead, 2] - near_m) / (local[ahead, 2] - local[behind, 2])
+                        u = (local[ahead, 0] + share * (local[behind, 0] - local[ahead, 0])) / near_m
+                        v = (local[ahead, 1] + share * (local[behind, 1] - local[ahead, 1])) / near_m
+                        left, right = u if u < left else left, u if u > right else right
+                        top, bottom = v if v < top else top, v if v > bottom else bottom
+        if far < near_m:
+            left = top = right = bottom = np.nan
+        extents[0, part], extents[1, part], extents[2, part] = left, top, near
+        extents[3, part], extents[4, part], extents[5, part] = lowest + positions[part, 2], right, bottom
+        extents[6, part] = far
+    return extents

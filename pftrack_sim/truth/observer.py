@@ -125,7 +125,7 @@ class TruthObserver:
         else:
             from pftrack_sim.truth.geometric import GeometricFinder  # numba: imported when it is used
 
-            self._finder = GeometricFinder(model, renderer, geoms, Bodies(bodies, fused=False), boxed)
+            self._finder = GeometricFinder(model, renderer, geoms, Bodies(bodies), boxed)
         self._has_pelvis, self._has_parts = bool(pelvis.size), bool(parts)
         self._target_centre: tuple[float, float] | None = None
         self._centres: Callable[[], FloatArray] | None = None

@@ -127,9 +127,8 @@ class SilhouetteFinder:
         T_world_camera: FloatArray,
         K: FloatArray,
     ) -> Measured:
-        positions, rotations = np.ascontiguousarray(scene.geom_xpos), np.ascontiguousarray(scene.geom_xmat)
-        pose, near_m = np.ascontiguousarray(T_world_camera, dtype=np.float64), self.renderer.near_m
-        return Measured(*bodies.boxes_in_scene(geoms, positions, rotations, pose, self._fx_fy_cx_cy(K), near_m))
+        positions, rotations = scene.geom_xpos[geoms], scene.geom_xmat[geoms].reshape(-1, 3, 3)
+        return Measured(*bodies.boxes(positions, rotations, T_world_camera, K, self.renderer.near_m))
 
     def _fx_fy_cx_cy(self, K: FloatArray) -> Intrinsics:
         """fx, fy, cx, cy [px] of a camera matrix; cached for a read-only array."""

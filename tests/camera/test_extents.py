@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
 
 from pftrack_sim.camera.extents import CORNERS, Bodies
-from pftrack_sim.camera.pinhole import focal_and_centre, intrinsics
+from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.core.errors import ParameterError
 
 NEAR = 0.05
@@ -31,6 +29,12 @@ def random_parts(rng: np.random.Generator) -> list[np.ndarray]:
     ]
 
 
+def extents_of(body: Bodies, position, turn) -> tuple[np.ndarray, np.ndarray]:
+    """`(1, 4)` smallest and largest normalized coordinates, and `(1, 2)` depths, of one part."""
+    boxes, depths, _ = body.boxes([position], [turn], EYE, np.eye(3), NEAR)
+    return np.column_stack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]]), depths
+
+
 def beyond(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Points of a hull beyond the near plane, with points of the section."""
     ahead, behind = points[points[:, 2] >= NEAR], points[points[:, 2] < NEAR]
@@ -49,9 +53,9 @@ def test_extents_contain_the_part_and_touch_it(seed: int, near_the_camera: bool)
     for vertices in random_parts(rng):
         turn = rotation(rng)
         centre = rng.normal(size=3) * 0.4 + ((0, 0, 0.1) if near_the_camera else (0, 0, 3))
-        extents, depths = Bodies([[vertices]]).extents([centre], [turn], EYE, NEAR)
+        extents, depths = extents_of(Bodies([[vertices]]), centre, turn)
         points = vertices @ turn.T + centre
-        assert np.allclose(depths[0, :2], [points[:, 2].min(), points[:, 2].max()], atol=1e-12)
+        assert np.allclose(depths[0], [points[:, 2].min(), points[:, 2].max()], atol=1e-12)
         visible = beyond(points, rng)
         if not len(visible):
             assert np.isnan(extents[0]).all()
@@ -68,10 +72,10 @@ def test_extents_contain_the_part_and_touch_it(seed: int, near_the_camera: bool)
 def test_extents_are_continuous_at_the_near_plane(index: int):
     rng = np.random.default_rng(4)
     body, turn = Bodies([[random_parts(rng)[index]]]), rotation(rng)
-    _, depths = body.extents([(0.1, 0.0, 5.0)], [turn], EYE, NEAR)
+    _, depths = extents_of(body, (0.1, 0.0, 5.0), turn)
     touching = 5.0 - depths[0, 0] + NEAR
-    before, _ = body.extents([(0.1, 0.0, touching + 1e-9)], [turn], EYE, NEAR)
-    after, _ = body.extents([(0.1, 0.0, touching - 1e-9)], [turn], EYE, NEAR)
+    before, _ = extents_of(body, (0.1, 0.0, touching + 1e-9), turn)
+    after, _ = extents_of(body, (0.1, 0.0, touching - 1e-9), turn)
     assert np.allclose(before, after, rtol=1e-4)
 
 
@@ -130,7 +134,7 @@ def test_arguments_are_not_changed():
         lambda: Bodies([[np.empty((0, 3))]]),
         lambda: Bodies([[np.zeros((3, 2))]]),
         lambda: Bodies([[CORNERS], []]),
-        lambda: Bodies([[CORNERS]]).extents(np.zeros((1, 3)), np.eye(3)[None], EYE, 0.0),
+        lambda: Bodies([[CORNERS]]).boxes(np.zeros((1, 3)), np.eye(3)[None], EYE, K, 0.0),
     ],
 )
 def test_invalid_parts_and_planes_raise(call):
@@ -148,35 +152,6 @@ def test_the_lowest_point_is_that_of_all_vertices():
     assert np.allclose(Bodies(bodies).boxes(positions, turns, EYE, K, NEAR)[2], expected, atol=1e-12)
 
 
-def fused_multiply_add(a: float, b: float, c: float) -> float:
-    """Rounded once."""
-    return float(Fraction(a) * Fraction(b) + Fraction(c))
-
-
-def test_the_kernel_adds_products_unrounded():
-    """As most BLAS libraries multiply matrices; without that, extents differ by rounding."""
-    rng = np.random.default_rng(10)
-    parts = [rng.normal(size=(int(rng.integers(4, 100)), 3)) * 0.3 for _ in range(12)]
-    positions, turns = rng.normal((0, 0, 5), 1.0, (12, 3)), np.stack([rotation(rng) for _ in parts])
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation(rng), rng.normal(size=3)
-    positions = positions @ pose[:3, :3].T + pose[:3, 3]
-    centres, axes = (positions - pose[:3, 3]) @ pose[:3, :3], pose[:3, :3].T @ turns
-    expected = []
-    for part, centre, turned in zip(parts, centres.tolist(), axes.tolist(), strict=True):
-        across, down, depth = (
-            np.array([fused_multiply_add(c, z, fused_multiply_add(b, y, a * x)) + at for x, y, z in part.tolist()])
-            for (a, b, c), at in zip(turned, centre, strict=True)
-        )
-        u, v = across / depth, down / depth
-        expected.append([u.min(), v.min(), u.max(), v.max(), depth.min(), depth.max()])
-    extents, ranges = Bodies([parts]).extents(positions, turns, pose, NEAR)
-    np.testing.assert_array_equal(np.column_stack([extents, ranges[:, :2]]), expected)
-    rounded, _ = Bodies([parts], fused=False).extents(positions, turns, pose, NEAR)
-    np.testing.assert_allclose(rounded, extents, rtol=1e-12)
-    assert (rounded != extents).any()
-
-
 def test_outlines_of_some_parts_are_those_of_all():
     rng = np.random.default_rng(5)
     parts = random_parts(rng)
@@ -186,25 +161,3 @@ def test_outlines_of_some_parts_are_those_of_all():
     for chosen in [[], [0], [2], [1, 3]]:
         wanted = np.isin(np.arange(len(parts)), chosen)
         assert np.array_equal(bodies.outlines(centres, turns, EYE, NEAR, wanted), every[wanted])
-
-
-@pytest.mark.parametrize("fused", [True, False])
-@pytest.mark.parametrize("depth_m", [4.0, 0.3, -4.0])
-def test_boxes_of_geoms_in_a_scene_are_those_of_their_poses_to_the_bit(fused: bool, depth_m: float):
-    """In front of the camera, cut by the near plane, and behind it."""
-    rng = np.random.default_rng(11)
-    bodies = Bodies([random_parts(rng) for _ in range(5)], fused=fused)
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation(rng), rng.normal(size=3)
-    positions = rng.normal((0.0, 0.0, depth_m), 0.3, (50, 3)) @ pose[:3, :3].T + pose[:3, 3]
-    turns, geoms = np.stack([rotation(rng) for _ in positions]), rng.permutation(50)[:20].astype(np.intp)
-    expected = bodies.boxes(positions[geoms], turns[geoms], pose, K, NEAR)
-    view = pose, focal_and_centre(K), NEAR
-    found = bodies.boxes_in_scene(geoms, positions, turns.reshape(-1, 9), *view)
-    for one, other in zip(expected, found, strict=True):
-        np.testing.assert_array_equal(one, other)
-    own = np.concatenate([geoms[4:8], geoms[16:20]])
-    for one, other in zip(
-        expected, bodies.some([1, 4]).boxes_in_scene(own, positions, turns.reshape(-1, 9), *view), strict=True
-    ):
-        np.testing.assert_array_equal(one[[1, 4]], other)
