@@ -1,8 +1,7 @@
 """A Gymnasium environment for tracking people from a moving robot camera, with exact truth.
 
-Importing this package registers `pftrack_sim/Track-v0`, `pftrack_sim/Follow-v0` and `pftrack_sim/TrackAndFollow-v0`,
-and for `gym.make_vec` alone `TrackBatch-v0` and so on, many of them drawn together. It does nothing else: no graphics,
-no threads, no environment variables.
+Importing this package registers `pftrack_sim/Track-v0`, `pftrack_sim/Follow-v0` and `pftrack_sim/TrackAndFollow-v0`.
+It does nothing else: no graphics, no threads, no environment variables.
 """
 
 from __future__ import annotations
@@ -24,9 +23,6 @@ def register_envs() -> None:
                 id=f"pftrack_sim/{name}-v0",
                 entry_point=f"pftrack_sim.env:{name}Env",
                 vector_entry_point=f"pftrack_sim.env.vector:{name}VectorEnv",
-            )
-            _gym.register(  # pyright: ignore[reportUnknownMemberType]
-                id=f"pftrack_sim/{name}Batch-v0", vector_entry_point=f"pftrack_sim.env.batch:{name}BatchEnv"
             )
 
 

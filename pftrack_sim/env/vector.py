@@ -38,15 +38,6 @@ def _whole(exchange: Callable[..., Any]) -> Callable[..., Any]:
     return marked
 
 
-def check_vector_arguments(num_envs: int, autoreset_mode: str | AutoresetMode) -> None:
-    """Raise `ParameterError` if there is no environment, or no such autoreset mode."""
-    modes = [mode.value for mode in AutoresetMode]
-    if autoreset_mode not in (*AutoresetMode, *modes):
-        raise ParameterError(f"autoreset_mode must be one of {modes}, got {autoreset_mode!r}")
-    if num_envs < 1:
-        raise ParameterError(f"a vector environment needs 1 environment or more, got num_envs={num_envs}")
-
-
 class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
     """N environments in N processes, for `gym.make_vec(id, N, vectorization_mode="vector_entry_point", ...)`.
 
@@ -81,7 +72,11 @@ class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
         wrapper: Callable[[gym.Env[Any, Any]], gym.Env[Any, Any]] | None = None,
         **kwargs: Any,
     ) -> None:
-        check_vector_arguments(num_envs, autoreset_mode)
+        modes = [mode.value for mode in AutoresetMode]
+        if autoreset_mode not in (*AutoresetMode, *modes):
+            raise ParameterError(f"autoreset_mode must be one of {modes}, got {autoreset_mode!r}")
+        if num_envs < 1:
+            raise ParameterError(f"a vector environment needs 1 environment or more, got num_envs={num_envs}")
         make = _Maker(self.environment, wrapper, kwargs, os.getpid())
         try:
             super().__init__(  # pyright: ignore[reportUnknownMemberType]

@@ -1,4 +1,4 @@
-"""Shading of rays, and the kernels: geom and inverse depth of each pixel, its color, and visible boxes of people.
+"""Shading of rays, and the kernels: geom and inverse depth of each pixel, and its color.
 
 Texture, sky and light functions are MuJoCo Warp's own; mip levels are chosen here. All kernels are in one module,
 because Warp compiles per module: functions they share are compiled once.
@@ -14,7 +14,7 @@ import warp as wp
 from pftrack_sim.render.warp.rays import (
     GEOM_TYPES,
     Appearance,
-    Cameras,
+    Camera,
     GeomBvh,
     Geoms,
     GeomType,
@@ -63,8 +63,7 @@ def offset_on_plane(eye: wp.vec3, direction: wp.vec3, point: wp.vec3, normal: wp
 def mip_level(
     geoms: Geoms,
     appearance: Appearance,
-    cameras: Cameras,
-    world: int,
+    camera: Camera,
     x: float,
     y: float,
     geom: int,
@@ -75,9 +74,9 @@ def mip_level(
     mesh: int,
 ):
     """Mip level for one pixel: log2 of the longer side of its footprint in texels (OpenGL 4.6, section 8.14.1)."""
-    eye = cameras.eye[world]
-    _origin, right, _cosine = ray_of(cameras, world, x + 1.0, y)
-    _start, down, _slant = ray_of(cameras, world, x, y + 1.0)
+    eye = camera.eye
+    _origin, right, _cosine = ray_of(camera, x + 1.0, y)
+    _start, down, _slant = ray_of(camera, x, y + 1.0)
     across = offset_on_plane(eye, right, point, normal)
     along = offset_on_plane(eye, down, point, normal)
     texels = appearance.texture_size[material]
@@ -113,21 +112,20 @@ def color_at(
     textures: wp.array(dtype=wp.Texture2D),
     bvh: GeomBvh,
     casters: GeomBvh,
-    cameras: Cameras,
-    world: int,
+    camera: Camera,
     x: float,
     y: float,
 ):
     """RGB through image point x, y, 0 to 1."""
-    origin, direction, cosine = ray_of(cameras, world, x, y)
+    origin, direction, cosine = ray_of(camera, x, y)
     geom, distance, normal, u, v, face, mesh = first_hit(
-        geoms, appearance, bvh, world, origin, direction, (cameras.far[world] - cameras.near[world]) / cosine
+        geoms, appearance, bvh, origin, direction, (camera.far - camera.near) / cosine
     )
     color = wp.vec3(0.0)
     if geom < 0:
-        if appearance.sky[world] >= 0:
-            color = appearance.sky_brightness[world] * caster.sample_skybox(
-                textures[appearance.sky[world]], 1.0 / float(appearance.sky_width[world]), direction
+        if appearance.sky >= 0:
+            color = appearance.sky_brightness * caster.sample_skybox(
+                textures[appearance.sky], 1.0 / float(appearance.sky_width), direction
             )
         return color
     rotation = geoms.rotation[0, geom]
@@ -155,7 +153,7 @@ def color_at(
         emission = appearance.emission[material]
         texture = appearance.texture[material]
         if texture >= 0:
-            level = mip_level(geoms, appearance, cameras, world, x, y, geom, material, point, face_normal, face, mesh)
+            level = mip_level(geoms, appearance, camera, x, y, geom, material, point, face_normal, face, mesh)
             finer = int(level)
             blend = level - float(finer)
             blended = wp.vec3(0.0)
@@ -176,19 +174,18 @@ def color_at(
                 )
                 # fmt: on
             texel = blended
-    color = base * emission + wp.cw_mul(base, appearance.ambient[world])
+    color = base * emission + wp.cw_mul(base, appearance.ambient)
     # As in MuJoCo, all lights without shadows are one render pass, and each light with shadows adds a pass. As in
     # OpenGL's fixed pipeline, each pass saturates before it is multiplied with the texture.
     shadowed = wp.vec3(0.0)
     highlight = wp.vec3(0.0)
-    for index in range(appearance.light_count[world]):
-        light = appearance.light_start[world] + index
+    for light in range(appearance.lights):
         # fmt: off
         diffuse, specular_light = _light(
             geoms.geom_type, geoms.data, geoms.material, geoms.size, geoms.rgba,
             geoms.none_int, geoms.none_edge, geoms.none_float,
             appearance.rgba, geoms.position, geoms.rotation, geoms.none_points,
-            casters.count > 0, casters.id, casters.roots[world], casters.count, 0, casters.geoms, 0, geoms.mesh,
+            casters.count > 0, casters.id, -1, casters.count, 0, casters.geoms, 0, geoms.mesh,
             geoms.none_ids, geoms.none_rgba, geoms.none_int, geoms.none_int, geoms.none_ids, geoms.none_roots,
             True, appearance.light_type[light], appearance.light_shadow[light] != 0,
             appearance.light_position[light], appearance.light_direction[light],
@@ -212,29 +209,24 @@ def cast_ids(
     geoms: Geoms,
     appearance: Appearance,
     bvh: GeomBvh,
-    cameras: Cameras,
-    worlds: wp.array(dtype=int),
-    rects: wp.array(dtype=wp.vec4i),
-    ids: wp.array2d(dtype=int),
-    inverse_depth: wp.array2d(dtype=float),
+    camera: Camera,
+    rect: wp.vec4i,
+    ids: wp.array(dtype=int),
+    inverse_depth: wp.array(dtype=float),
 ):
-    """Geom and inverse depth at each pixel of each world's rectangle (left, top, width, height); -1, 0 where none."""
-    index, pixel = wp.tid()
-    rect = rects[index]
+    """Geom and inverse depth at each pixel of a rectangle (left, top, width, height); -1, 0 where none."""
+    pixel = wp.tid()
     width = rect[2]
-    if pixel >= width * rect[3]:
-        return
-    world = worlds[index]
     x = float(rect[0] + pixel % width) + 0.5
     y = float(rect[1] + pixel // width) + 0.5
-    origin, direction, cosine = ray_of(cameras, world, x, y)
+    origin, direction, cosine = ray_of(camera, x, y)
     geom, distance, _normal, _u, _v, _face, _mesh = first_hit(
-        geoms, appearance, bvh, world, origin, direction, (cameras.far[world] - cameras.near[world]) / cosine
+        geoms, appearance, bvh, origin, direction, (camera.far - camera.near) / cosine
     )
-    ids[index, pixel] = geom
-    inverse_depth[index, pixel] = 0.0
+    ids[pixel] = geom
+    inverse_depth[pixel] = 0.0
     if geom >= 0:
-        inverse_depth[index, pixel] = 1.0 / (cameras.near[world] + distance * cosine)
+        inverse_depth[pixel] = 1.0 / (camera.near + distance * cosine)
 
 
 @wp.kernel
@@ -244,49 +236,19 @@ def cast_color(
     textures: wp.array(dtype=wp.Texture2D),
     bvh: GeomBvh,
     casters: GeomBvh,
-    cameras: Cameras,
-    worlds: wp.array(dtype=int),
+    camera: Camera,
     width: int,
     samples: int,
-    image: wp.array3d(dtype=wp.uint8),
+    image: wp.array2d(dtype=wp.uint8),
 ):
-    """RGB of each pixel of each world, the mean of samples x samples rays."""
-    index, pixel = wp.tid()
-    world = worlds[index]
+    """RGB of each pixel, the mean of samples x samples rays."""
+    pixel = wp.tid()
     total = wp.vec3(0.0)
     step = 1.0 / float(samples)
     for sample in range(samples * samples):
         x = float(pixel % width) + (float(sample % samples) + 0.5) * step
         y = float(pixel // width) + (float(sample // samples) + 0.5) * step
-        total += color_at(geoms, appearance, textures, bvh, casters, cameras, world, x, y)
+        total += color_at(geoms, appearance, textures, bvh, casters, camera, x, y)
     total = total * (255.0 * step * step)
     for channel in range(3):
-        image[index, pixel, channel] = wp.uint8(total[channel] + 0.5)
-
-
-@wp.kernel
-def roots_of(bvh: wp.uint64, roots: wp.array(dtype=int)):
-    """Root of each world's group in a bounding volume hierarchy."""
-    world = wp.tid()
-    roots[world] = wp.bvh_get_group_root(bvh, world)
-
-
-@wp.kernel
-def person_extents(
-    ids: wp.array2d(dtype=int), person_of_geom: wp.array(dtype=int), width: int, extents: wp.array3d(dtype=int)
-):
-    """First column and row, last column and row, and number of each person's visible pixels."""
-    world, pixel = wp.tid()
-    geom = ids[world, pixel]
-    if geom < 0:
-        return
-    person = person_of_geom[geom]
-    if person < 0:
-        return
-    column = pixel % width
-    row = pixel // width
-    wp.atomic_min(extents, world, person, 0, column)
-    wp.atomic_min(extents, world, person, 1, row)
-    wp.atomic_max(extents, world, person, 2, column)
-    wp.atomic_max(extents, world, person, 3, row)
-    wp.atomic_add(extents, world, person, 4, 1)
+        image[pixel, channel] = wp.uint8(total[channel] + 0.5)

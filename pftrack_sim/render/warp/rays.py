@@ -53,7 +53,7 @@ _cast_ray = caster._make_cast_ray(GEOM_TYPES, first_hit=False)
 
 @wp.struct
 class Geoms:
-    """Shapes, materials and poses of the geoms of all worlds, concatenated.
+    """Shapes, materials and poses of the geoms.
 
     The `none_` arrays stand for height fields and flexes, which MuJoCo Warp's functions take and scenes do not have.
     """
@@ -77,7 +77,7 @@ class Geoms:
 
 @wp.struct
 class Appearance:
-    """Materials, texture coordinates of meshes, sky and lights of all worlds, concatenated."""
+    """Materials, texture coordinates of meshes, sky and lights."""
 
     rgba: wp.array2d(dtype=wp.vec4)
     texture: wp.array(dtype=int)
@@ -97,12 +97,11 @@ class Appearance:
     face_normal: wp.array(dtype=wp.vec3i)
     normal_start: wp.array(dtype=int)
     normal: wp.array(dtype=wp.vec3)
-    sky: wp.array(dtype=int)
-    sky_width: wp.array(dtype=int)
-    sky_brightness: wp.array(dtype=float)
-    ambient: wp.array(dtype=wp.vec3)
-    light_start: wp.array(dtype=int)
-    light_count: wp.array(dtype=int)
+    sky: int
+    sky_width: int
+    sky_brightness: float
+    ambient: wp.vec3
+    lights: int
     light_type: wp.array(dtype=int)
     light_shadow: wp.array(dtype=int)
     light_position: wp.array(dtype=wp.vec3)
@@ -116,45 +115,42 @@ class Appearance:
 
 @wp.struct
 class GeomBvh:
-    """Bounding volume hierarchy of some geoms, with one group per world."""
+    """Bounding volume hierarchy of some geoms."""
 
     id: wp.uint64
-    roots: wp.array(dtype=int)
     geoms: wp.array(dtype=int)
     count: int
 
 
 @wp.struct
-class Cameras:
-    """One camera per world: x right, y down, z forward."""
+class Camera:
+    """x right, y down, z forward."""
 
-    eye: wp.array(dtype=wp.vec3)
-    rotation: wp.array(dtype=wp.mat33)
-    focal_centre: wp.array(dtype=wp.vec4)
-    near: wp.array(dtype=float)
-    far: wp.array(dtype=float)
+    eye: wp.vec3
+    rotation: wp.mat33
+    focal_centre: wp.vec4
+    near: float
+    far: float
 
 
 @wp.func
-def ray_of(cameras: Cameras, world: int, x: float, y: float):
+def ray_of(camera: Camera, x: float, y: float):
     """Ray through image point x, y [px]: its point on the near plane, direction, and cosine to the optical axis."""
-    lens = cameras.focal_centre[world]
+    lens = camera.focal_centre
     local = wp.normalize(wp.vec3((x - lens[2]) / lens[0], (y - lens[3]) / lens[1], 1.0))
-    direction = cameras.rotation[world] @ local
-    return cameras.eye[world] + direction * (cameras.near[world] / local[2]), direction, local[2]
+    direction = camera.rotation @ local
+    return camera.eye + direction * (camera.near / local[2]), direction, local[2]
 
 
 @wp.func
-def first_hit(
-    geoms: Geoms, appearance: Appearance, bvh: GeomBvh, world: int, origin: wp.vec3, direction: wp.vec3, reach: float
-):
+def first_hit(geoms: Geoms, appearance: Appearance, bvh: GeomBvh, origin: wp.vec3, direction: wp.vec3, reach: float):
     """First hit of a ray: geom, distance, normal, barycentric coordinates, face, mesh."""
     # fmt: off
     return _cast_ray(
         geoms.geom_type, geoms.data, geoms.material, geoms.size, geoms.rgba,
         geoms.none_int, geoms.none_edge, geoms.none_float,
         appearance.rgba, geoms.position, geoms.rotation, geoms.none_points,
-        bvh.id, bvh.roots[world], 0, bvh.count, 0, bvh.geoms, geoms.mesh,
+        bvh.id, -1, 0, bvh.count, 0, bvh.geoms, geoms.mesh,
         geoms.none_ids, geoms.none_rgba, geoms.none_int, geoms.none_int, geoms.none_ids, geoms.none_roots,
         origin, direction, reach, True,
     )
