@@ -8,28 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
 
 HEAD_SIZE = (112, 256)  # height and width of the texture [px]
 _TOP_Z, _BOTTOM_Z = 0.165, -0.025  # heights that the first and the last row show
 _OVERSAMPLING = 2
 _CANVAS = (HEAD_SIZE[0] * _OVERSAMPLING, HEAD_SIZE[1] * _OVERSAMPLING)
-
-
-class _Spot(NamedTuple):
-    """A spot on the canvas: its rows and columns, the share of each pixel, and the tint of the skin."""
-
-    rows: slice
-    columns: slice
-    share: FloatArray
-    tint: FloatArray
 
 
 def texture_row(z: ArrayLike) -> FloatArray:
@@ -45,25 +36,18 @@ def hairline(style: HairStyle, angle: FloatArray) -> FloatArray:
     return np.interp(np.abs(angle), angles, heights)
 
 
-def paint_head(anatomy: Anatomy) -> NDArray[np.uint8]:
+def paint_head(anatomy: Anatomy) -> Image:
     """`(112, 256, 3)` RGB texture of head and neck."""
-    from pftrack_sim.scene.people.texture_kernels import interleaved, mix  # numba: imported when it is used
-
-    skin, hair = np.array(anatomy.skin, float), np.array(anatomy.hair, float)
-    # Channel by channel: a kernel takes several pixels of a row at a time.
-    image = np.empty((3, *_CANVAS))
-    image[:] = skin[:, None, None]
-    for rows, columns, share, tint in _spots():
-        mix(image, rows.start, columns.start, share, skin * tint)
+    # Channel by channel, (3, H, W): arrays with a last axis of three are slow.
+    skin, hair = (np.array(rgb, np.float32)[:, None, None] for rgb in (anatomy.skin, anatomy.hair))
+    painted = _complexion() * skin
     if anatomy.beard > 0.05:
-        rows, mask = _beard()
-        mix(image, rows.start, 0, 0.75 * anatomy.beard * mask, hair)
-    rows, scalp = _scalp(anatomy.hair_style)
-    mix(image, rows.start, 0, scalp, hair)
+        _blend(painted, _beard(), hair, 0.75 * anatomy.beard)
+    _blend(painted, _scalp(anatomy.hair_style), hair, 1.0)
 
-    canvas = interleaved(image)
-    brow = [int(value) for value in 0.75 * hair + 0.12 * skin]
-    lips = [int(value) for value in skin * (0.80, 0.52, 0.50)]
+    canvas = np.asarray(cv2.merge([*painted.astype(np.uint8)]), np.uint8)
+    brow = [int(value) for value in (0.75 * hair + 0.12 * skin).flat]
+    lips = [int(value * share) for value, share in zip(anatomy.skin, (0.80, 0.52, 0.50), strict=True)]
     for side in (-1, 1):
         _draw_ellipse(canvas, 0.37 * side, 0.0920, 0.125, 0.0036, (232, 228, 222))
         _draw_ellipse(canvas, 0.365 * side, 0.0922, 0.050, 0.0038, (52, 36, 26))
@@ -74,71 +58,67 @@ def paint_head(anatomy: Anatomy) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(canvas, HEAD_SIZE[::-1], interpolation=cv2.INTER_AREA), np.uint8)
 
 
-@cache
+def _blend(image: NDArray[np.float32], share: NDArray[np.float32], colour: NDArray[np.float32], weight: float) -> None:
+    """Blend a `(3, 1, 1)` colour into the upper rows of a `(3, H, W)` image, by the `(h, W)` share of each pixel."""
+    rows = image[:, : len(share)]
+    rows += (colour - rows) * (weight * share)
+
+
 def _grid() -> tuple[FloatArray, FloatArray]:
-    """Rows of the texture `(h, 1)` and directions `(1, w)` [rad] of the pixels of the canvas; read-only."""
+    """Rows of the texture `(h, 1)` and directions `(w,)` [rad] of the pixels of the canvas."""
     height, width = _CANVAS
-    rows = np.arange(height)[:, None] / _OVERSAMPLING
-    angle = (np.arange(width)[None] / width - 0.5) * 2.0 * np.pi
-    return _frozen(rows), _frozen(angle)
+    return np.arange(height)[:, None] / _OVERSAMPLING, (np.arange(width) / width - 0.5) * 2.0 * np.pi
 
 
 @cache
-def _spots() -> tuple[_Spot, ...]:
-    """Gaussian spots of tinted skin; read-only."""
+def _complexion() -> NDArray[np.float32]:
+    """`(3, H, W)` factors of the skin's colour on the canvas: Gaussian spots of shadow and blush; read-only."""
     rows, angle = _grid()
+    factors = np.ones((3, *_CANVAS))
 
-    def spot(strength: float, z: float, spot_angle: float, size_z: float, size_angle: float, tint: FloatArray) -> _Spot:
-        down = (rows[:, 0] - texture_row(z)) / (size_z / (_TOP_Z - _BOTTOM_Z) * HEAD_SIZE[0])
-        around = (angle[0] - spot_angle) / size_angle
-        near, wide = (_run(np.abs(distance) < 2.5) for distance in (down, around))
-        share = strength * np.exp(-(down[near] ** 2))[:, None] * np.exp(-(around[wide] ** 2))
-        return _Spot(near, wide, _frozen(share), tint)
+    def add(strength: float, z: float, at: float, size_z: float, size_angle: float, tint: Sequence[float]) -> None:
+        down = (rows - texture_row(z)) / (size_z / (_TOP_Z - _BOTTOM_Z) * HEAD_SIZE[0])
+        around = (angle - at) / size_angle
+        share = strength * np.exp(-(down**2) - around**2)
+        factors[...] += (np.reshape(tint, (3, 1, 1)) - factors) * share
 
-    shadow, blush = _frozen(np.array([0.55, 0.45, 0.42])), _frozen(np.array([1.0, 0.72, 0.68]))
-    found = [spot(0.55, 0.020, 0.0, 0.012, 1.2, shadow)]  # below the chin
+    shadow, blush = (0.55, 0.45, 0.42), (1.0, 0.72, 0.68)
+    add(0.55, 0.020, 0.0, 0.012, 1.2, shadow)  # below the chin
     for side in (-1.0, 1.0):
-        found += [
-            spot(0.42, 0.0945, 0.37 * side, 0.006, 0.17, shadow),  # eye sockets
-            spot(0.22, 0.066, 0.52 * side, 0.010, 0.18, blush),  # cheeks
-            spot(0.16, 0.0660, 0.13 * side, 0.007, 0.035, shadow),  # beside the nose
-            spot(0.40, 0.0610, 0.07 * side, 0.0016, 0.04, shadow),  # nostrils
-        ]
-    return (*found, spot(0.18, 0.0590, 0.0, 0.003, 0.12, shadow))  # below the nose
+        add(0.42, 0.0945, 0.37 * side, 0.006, 0.17, shadow)  # eye sockets
+        add(0.22, 0.066, 0.52 * side, 0.010, 0.18, blush)  # cheeks
+        add(0.16, 0.0660, 0.13 * side, 0.007, 0.035, shadow)  # beside the nose
+        add(0.40, 0.0610, 0.07 * side, 0.0016, 0.04, shadow)  # nostrils
+    add(0.18, 0.0590, 0.0, 0.003, 0.12, shadow)  # below the nose
+    return _frozen(factors)
 
 
 @cache
-def _beard() -> tuple[slice, FloatArray]:
-    """Rows of the canvas with the beard, and its share of each of their pixels; read-only."""
+def _beard() -> NDArray[np.float32]:
+    """`(h, W)` share of the beard on the upper rows of the canvas; read-only."""
     rows, angle = _grid()
     jaw = texture_row(0.070) + 9.0 * np.clip(1.0 - np.abs(angle) / 0.5, 0.0, 1.0)
     mask = np.clip((jaw - rows) / -3.0, 0.0, 1.0) * np.clip((texture_row(0.026) - rows) / 3.0, 0.0, 1.0)
-    return _occupied(mask * np.clip((1.5 - np.abs(angle)) / 0.2, 0.0, 1.0))
+    return _upper_rows(mask * np.clip((1.5 - np.abs(angle)) / 0.2, 0.0, 1.0))
 
 
 @cache
-def _scalp(style: HairStyle) -> tuple[slice, FloatArray]:
-    """Rows of the canvas with the scalp, and its share of each of their pixels; read-only."""
+def _scalp(style: HairStyle) -> NDArray[np.float32]:
+    """`(h, W)` share of the hair's colour on the upper rows of the canvas; read-only."""
     rows, angle = _grid()
     scalp = np.clip((texture_row(hairline(style, angle)) - rows) / 1.5 + 0.5, 0.0, 1.0)
-    return _occupied(scalp * 0.18 if style == "bald" else scalp)
+    return _upper_rows(scalp * 0.18 if style == "bald" else scalp)
 
 
-def _occupied(share: FloatArray) -> tuple[slice, FloatArray]:
-    """The rows of a `(h, w)` share in which it is not zero, and the share there."""
-    rows = _run(share.max(axis=1) > 0.0)
-    return rows, _frozen(share[rows].copy())
+def _upper_rows(share: FloatArray) -> NDArray[np.float32]:
+    """The rows of a `(H, W)` share down to the last in which it is not zero, `(h, W)`; read-only."""
+    return _frozen(share[: int(np.flatnonzero(share.any(axis=1))[-1]) + 1])
 
 
-def _frozen(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array
-
-
-def _run(chosen: BoolArray) -> slice:
-    """The only run of true values."""
-    indices = np.flatnonzero(chosen)
-    return slice(int(indices[0]), int(indices[-1]) + 1)
+def _frozen(array: FloatArray) -> NDArray[np.float32]:
+    frozen = array.astype(np.float32)
+    frozen.setflags(write=False)
+    return frozen
 
 
 def _canvas_pixel(angle: float, z: float) -> tuple[int, int]:

@@ -88,37 +88,55 @@ def _superellipse(count: int, power: float) -> tuple[FloatArray, FloatArray]:
 def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
     """The surface through consecutive `(R, N, 3)` rings [m], with `(R, N + 1, 2)` pixels of the texture.
 
-    The last column of pixels belongs to the first point, at the texture's other edge.
+    A normal is the mean of those of the adjacent triangles, weighted by their areas; points that coincide (at the seam,
+    at a pole) share one. The last column of pixels belongs to the first point, at the texture's other edge.
     """
-    from pftrack_sim.scene.people.mesh_kernels import closed_rings, vertex_normals  # numba: imported when it is used
+    vertices = closed_rings(rings)
+    is_pole = (rings.max(axis=1) - rings.min(axis=1)).max(axis=1) < 1e-9
+    faces = _faces(rings.shape[1], tuple(is_pole.tolist()))
+    # Corners of the quads, coordinate by coordinate: each is cut into the triangles a, b, c and a, c, d.
+    grid = np.ascontiguousarray(vertices.transpose(2, 0, 1))
+    a, b, c, d = grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]
+    diagonal = c - a
+    quads, first = _cross(diagonal, d - b), _cross(b - a, diagonal)
+    if np.vdot(a, quads) < 0.0:  # negative volume: the rings run clockwise
+        quads, first, faces = -quads, -first, faces[:, ::-1]
+    sums = np.zeros(grid.shape)
+    sums[:, :-1, :-1] += quads
+    sums[:, :-1, 1:] += first
+    sums[:, 1:, 1:] += quads
+    sums[:, 1:, :-1] += quads - first
+    sums[..., 0] += sums[..., -1]
+    sums[..., -1] = sums[..., 0]
+    sums[:, is_pole] = sums[:, is_pole, :-1].sum(axis=2, keepdims=True)
+    normals = sums.reshape(3, -1).T
+    lengths = np.sqrt((normals**2).sum(axis=1, keepdims=True))
+    normals = np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), (0.0, 0.0, 1.0))
+    return TriangleMesh(vertices.reshape(-1, 3), normals, pixels.reshape(-1, 2), faces)
 
-    vertices, is_pole = closed_rings(rings)
-    faces, corners, welded = _triangles(*rings.shape[:2], tuple(np.flatnonzero(is_pole).tolist()))
-    normals, clockwise = vertex_normals(vertices, corners, welded)
-    return TriangleMesh(vertices, normals, pixels.reshape(-1, 2).astype(float), faces[:, ::-1] if clockwise else faces)
+
+def closed_rings(rings: FloatArray) -> FloatArray:
+    """`(R, N + 1, 3)` points of `(R, N, 3)` rings with the first of each repeated."""
+    return np.concatenate([rings, rings[:, :1]], axis=1)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross products of `(3, ...)` vectors; `np.cross` takes three times as long for a few hundred."""
+    product = a[[1, 2, 0]] * b[[2, 0, 1]]
+    product -= a[[2, 0, 1]] * b[[1, 2, 0]]
+    return product
 
 
 @lru_cache(maxsize=64)
-def _triangles(
-    ring_count: int, count: int, poles: tuple[int, ...]
-) -> tuple[NDArray[np.int32], NDArray[np.intp], NDArray[np.intp]]:
-    """Faces `(F, 3)`, the same with one index for coinciding points, and that index of each vertex `(V,)`; read-only.
-
-    Coinciding points (at the seam, at a pole) share one normal; triangles without area are left out.
-    """
-    grid = np.arange(ring_count * (count + 1), dtype=np.intp).reshape(ring_count, count + 1)
+def _faces(count: int, is_pole: tuple[bool, ...]) -> NDArray[np.int32]:
+    """`(F, 3)` vertices of the triangles between rings of `count + 1` points, but for those without area; read-only."""
+    grid = np.arange(len(is_pole) * (count + 1), dtype=np.int32).reshape(-1, count + 1)
     a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    shared = grid.copy()
-    shared[:, -1] = shared[:, 0]
-    shared[list(poles)] = shared[list(poles), :1]
-    welded = shared.reshape(-1)
-    corners = welded[faces]
-    keep = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
-    found = faces[keep].astype(np.int32), corners[keep], welded
-    for array in found:
-        array.setflags(write=False)
-    return found
+    wide = ~np.array(is_pole)
+    lower, upper = np.stack([a, b, c], axis=-1)[wide[:-1]], np.stack([a, c, d], axis=-1)[wide[1:]]
+    faces = np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
+    faces.setflags(write=False)
+    return faces
 
 
 def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:

@@ -16,7 +16,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy, Colour
 from pftrack_sim.scene.people.cloth_texture import PIXEL_M, cloth_texture
 from pftrack_sim.scene.people.head_texture import HEAD_SIZE, paint_head
-from pftrack_sim.scene.people.mesh import TriangleMesh, lofted_mesh
+from pftrack_sim.scene.people.mesh import TriangleMesh, closed_rings, lofted_mesh
 from pftrack_sim.scene.people.outfit import Outfit
 
 ATLAS_SIZE = 512  # height and width [px]
@@ -90,34 +90,20 @@ def cloth_mesh(
     The front of the body, in `(R, N, 3)` rings [m], shows `front_column` of the region, and the height `top_m` shows
     its row `first_row`. The region's rows are stretched over `length_m`; None keeps the scale of the cloth.
     """
-    from pftrack_sim.scene.people.mesh_kernels import arc_lengths, cloth_pixels  # numba: imported when it is used
-
-    lengths = arc_lengths(rings)
-    # All rings share one girth, so that vertical lines of a pattern run straight from ring to ring.
-    girth_m = _quantile(lengths[:, -1], 0.7)
+    points = closed_rings(rings)
+    steps = np.sqrt(((points[:, 1:] - points[:, :-1]) ** 2).sum(axis=2))
+    lengths = np.zeros(points.shape[:2])
+    steps.cumsum(axis=1, out=lengths[:, 1:])
+    # All rings share one girth, the quantile 0.7, so that vertical lines of a pattern run straight from ring to ring.
+    girths = np.sort(lengths[:, -1])
+    girth_px = np.interp(0.7 * (len(girths) - 1), np.arange(len(girths)), girths) / PIXEL_M
+    lengths[lengths[:, -1] < 1e-9] = np.arange(points.shape[1])  # poles
+    shares = lengths / lengths[:, -1:]
     row_m = PIXEL_M if length_m is None else length_m / region.height
-    pixels = cloth_pixels(
-        rings, lengths, _even_shares(lengths.shape[1]), region, front_column, (girth_m, PIXEL_M),
-        (first_row, top_m, row_m),
-    )  # fmt: skip
-    return lofted_mesh(rings, pixels)
-
-
-@cache
-def _even_shares(count: int) -> FloatArray:
-    """`(count,)` numbers from 0 to 1; read-only."""
-    shares = np.linspace(0.0, 1.0, count)
-    shares.setflags(write=False)
-    return shares
-
-
-def _quantile(values: FloatArray, share: float) -> float:
-    """`np.quantile` of a few `(N,)` values, to the bit, in a tenth of its time."""
-    ordered: list[float] = np.sort(values).tolist()
-    index = share * (len(ordered) - 1)
-    low = min(int(index), len(ordered) - 2)
-    t, step = index - low, ordered[low + 1] - ordered[low]
-    return ordered[low] + step * t if t < 0.5 else ordered[low + 1] - step * (1.0 - t)
+    columns = front_column + (shares - shares[:, rings.shape[1] // 2, None]) * girth_px
+    rows = first_row + (top_m - points[..., 2]) / row_m
+    columns, rows = columns.clip(1.0, region.width - 1.0), rows.clip(1.0, region.height - 1.0)
+    return lofted_mesh(rings, np.stack([region.column + columns, region.row + rows], axis=-1))
 
 
 def region_mesh(rings: FloatArray, region: Region, margin_px: float = 3.0) -> TriangleMesh:

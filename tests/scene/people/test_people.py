@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -12,10 +14,11 @@ from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.scene.build import add_agents
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people import outfit as outfit_module
-from pftrack_sim.scene.people import texture_atlas
 from pftrack_sim.scene.people.anatomy import sample_anatomy
-from pftrack_sim.scene.people.cloth_texture import GarmentName, cloth_texture
-from pftrack_sim.scene.people.outfit import Outfit, sample_outfit, similar_outfit
+from pftrack_sim.scene.people.cloth_texture import PIXEL_M, GarmentName, cloth_texture
+from pftrack_sim.scene.people.head_texture import paint_head
+from pftrack_sim.scene.people.mesh import load_profile, lofted_mesh, profile, superellipse_rings
+from pftrack_sim.scene.people.outfit import Garment, Outfit, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.person import (
     PARTS,
     PEOPLE_CONAFFINITY,
@@ -26,7 +29,7 @@ from pftrack_sim.scene.people.person import (
     part_mocap_ids,
     sample_people,
 )
-from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
+from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, TOP, cloth_mesh, paint_atlas
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 
@@ -197,11 +200,56 @@ def test_a_wardrobe_is_an_independent_set_of_people() -> None:
     assert len({person.outfit.top for wardrobe in range(3) for person in cast(wardrobe)}) == 6
 
 
-def test_quantiles_are_those_of_numpy_to_the_bit():
-    for count in (2, 3, 17, 40):
-        values = rng(count).random(count)
-        for share in (0.0, 0.3, 0.7, 1.0):
-            assert texture_atlas._quantile(values, share) == np.quantile(values, share)
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+@pytest.mark.parametrize("name", ["torso", "forearm", "ear"])
+def test_normals_are_means_of_the_faces_weighted_by_area(name: str, mirror: float):
+    rings = superellipse_rings(load_profile(name), 9, power=2.2) * (1.0, mirror, 1.0)
+    mesh = lofted_mesh(rings, np.zeros((rings.shape[0], rings.shape[1] + 1, 2)))
+    # Coinciding points, at the seam and at poles, share one normal.
+    gaps = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[None], axis=2)
+    welded = np.argmax(gaps < 1e-9, axis=1)
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    areas = np.cross(b - a, c - a)
+    assert float((a * areas).sum()) > 0.0, "the faces look outwards"
+    sums = np.zeros_like(mesh.vertices)
+    for corner in range(3):
+        np.add.at(sums, welded[mesh.faces[:, corner]], areas)
+    expected = sums[welded] / np.linalg.norm(sums[welded], axis=1, keepdims=True)
+    assert np.abs(mesh.normals - expected).max() < 1e-9
+
+
+def test_cloth_runs_around_the_body_to_scale():
+    circle = superellipse_rings(profile(z=[0.5, 0.3, 0.2], x=0.0, front=0.1, back=0.1, side=0.1), 60)
+    pixels = cloth_mesh(circle, TOP, 256.0, 0.6).pixels.reshape(3, 61, 2)
+    columns = 256.0 + np.linspace(-np.pi, np.pi, 61) * 0.1 / PIXEL_M
+    assert np.abs(pixels[..., 0] - columns).max() < 0.5
+    assert np.abs(pixels[:, 0, 1] - np.array([0.1, 0.3, 0.4]) / PIXEL_M).max() < 1e-9
+
+
+def test_a_plain_garment_has_its_colour_on_average_and_its_details_their_own():
+    plain = Garment((120, 60, 200), (10, 250, 30))
+    shirt, jacket = (Outfit(plain, plain, plain, open_front=open_front) for open_front in (False, True))
+    top, bottom, shoes = (cloth_texture(shirt, name).astype(float) for name in ("top", "bottom", "shoes"))
+    for cloth in (top[5:-5], bottom[5:]):
+        assert np.abs(cloth.mean(axis=(0, 1)) / plain.colour - 1.0).max() < 0.03
+    assert top[-5:].mean() < 0.85 * top.mean(), "hem"
+    assert bottom[:5].mean() < 0.5 * bottom.mean(), "belt"
+    assert (shoes[-8:] == plain.accent).all(), "sole"
+    buttons = np.abs(cloth_texture(jacket, "top") - top).max(axis=2) > 20.0
+    assert 0.002 < buttons.mean() < 0.02
+    assert np.abs(np.flatnonzero(buttons.any(axis=0)) - 256).max() < 10
+
+
+def test_a_face_is_skin_in_front_and_hair_on_top():
+    body = replace(sample_anatomy(rng(1)), skin=(220, 170, 140), hair=(30, 20, 15), hair_style="short", beard=0.0)
+    face = paint_head(body).astype(float)
+    height, width = face.shape[:2]
+    assert np.abs(face[:5] - body.hair).max() < 2.0
+    assert np.abs(face[height // 2, width // 2 + 26] - body.skin).max() < 12.0
+    eyes = face[38:46, width // 2 - 24 : width // 2 + 24]
+    assert eyes.min() < 80.0
+    bearded = paint_head(replace(body, beard=1.0)).astype(float)
+    assert bearded[75, width // 2].mean() < face[75, width // 2].mean() - 40.0
 
 
 def test_garments_are_drawn_as_by_the_choice_of_numpy():
