@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.agents.path_kernels import nearest, seen_from_starts
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray, IntArray
 
 _CORNER_M = 1.5
-_EPSILON = float(np.finfo(np.float64).eps)
 _FAR_M = 1e6
 _MIN_LENGTH_M = 1e-6
 _REVERSAL_RAD = 3.0
@@ -67,8 +65,6 @@ class Path:
         table: FloatArray = np.array(pieces).T
         self._x, self._y, self._heading, self._length, self._curvature = table
         ends = self._starts + self._length
-        directions = np.cos(self._heading), np.sin(self._heading)
-        self._pieces: FloatArray = np.stack([self._starts, ends, self._origin, *table[[0, 1, 4]], *directions])
         # The same by piece, for the place of one arc length.
         self._first_m: list[float] = self._starts.tolist()
         self._ends_m: list[float] = ends.tolist()
@@ -90,7 +86,7 @@ class Path:
         origin, x, y, heading, bend = self._rows[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)]
         run = s_m - origin
         half = 0.5 * run * bend
-        chord, middle = run * _sinc(half), heading + half
+        chord, middle = run * (math.sin(half) / half if half else 1.0), heading + half
         return x + chord * math.cos(middle), y + chord * math.sin(middle), heading + 2.0 * half
 
     def at(self, s_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -99,7 +95,7 @@ class Path:
         run, heading, bend = s - self._origin[piece], self._heading[piece], self._curvature[piece]
         # Chord of an arc: length run * sinc(half the turn), along the mean heading; also exact for lines.
         half = 0.5 * run * bend
-        chord = run * np.sinc(half / np.pi)  # to the bit as `_sinc`
+        chord = run * np.sinc(half / np.pi)
         return (
             self._x[piece] + chord * np.cos(heading + half),
             self._y[piece] + chord * np.sin(heading + half),
@@ -110,18 +106,31 @@ class Path:
         """Curvature [1/m] at an arc length; positive turns left."""
         return self._rows[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)][4]
 
-    @property
-    def bends(self) -> tuple[FloatArray, FloatArray]:
-        """`(N,)` first arc lengths [m] and curvatures [1/m] of the lines and arcs, those before and after included."""
-        return self._starts, self._curvature
+    def bends(self, s_m: float, ahead_m: float) -> Iterator[tuple[float, float]]:
+        """Ways to the lines and arcs ahead of an arc length, at most this far [m], and their curvatures [1/m]."""
+        for piece in range(bisect.bisect_right(self._ends_m, s_m), bisect.bisect_right(self._first_m, s_m + ahead_m)):
+            yield max(self._first_m[piece] - s_m, 0.0), self._rows[piece][4]
 
     def project(self, xy_m: Sequence[float] | FloatArray, near_s_m: float, within_m: float = 2.0) -> float:
         """Arc length of the point nearest to `(2,)` x, y [m] among those within `within_m` of `near_s_m`."""
         x, y = float(xy_m[0]), float(xy_m[1])
         low, high = near_s_m - within_m, near_s_m + within_m
-        first, last = bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high)
-        ahead, (sines, cosines) = seen_from_starts(self._pieces, first, last, x, y)
-        return nearest(self._pieces, self._heading, first, ahead, np.arctan2(sines, cosines), x, y, low, high)
+        best_m, least = low, math.inf
+        for piece in range(bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high)):
+            origin, from_x, from_y, heading, bend = self._rows[piece]
+            start, end = max(self._first_m[piece], low), min(self._ends_m[piece], high)
+            cos, sin, dx, dy = math.cos(heading), math.sin(heading), x - from_x, y - from_y
+            run = cos * dx + sin * dy
+            if bend:
+                run = math.atan2(bend * run, 1.0 - bend * (cos * dy - sin * dx)) / bend
+            nearest = min(max(origin + run, start), end)
+            # On an arc, the nearer end is not always the one to which it was clipped.
+            for s in (nearest, start, end) if bend else (nearest,):
+                there_x, there_y, _ = self.pose(s)
+                squared = (there_x - x) ** 2 + (there_y - y) ** 2
+                if squared < least:
+                    best_m, least = s, squared
+        return best_m
 
     def offset(self, left_m: float) -> Path:
         """The parallel path `left_m` to the left (negative: right), with mitred, then rounded corners."""
@@ -142,12 +151,6 @@ class Path:
     def _locate(self, s_m: ArrayLike) -> tuple[FloatArray, IntArray]:
         s = np.asarray(s_m, dtype=np.float64)
         return s, np.maximum(np.searchsorted(self._starts, s, side="right") - 1, 0)
-
-
-def _sinc(half_turn: float) -> float:
-    """Chord over arc of half a turn [rad], in the steps of `np.sinc`: equal to the bit."""
-    angle = math.pi * (half_turn / math.pi) or _EPSILON
-    return math.sin(angle) / angle
 
 
 def _distinct(points_m: ArrayLike) -> FloatArray:

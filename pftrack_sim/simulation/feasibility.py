@@ -63,7 +63,7 @@ def _walked(settings: ResolvedScenario, path: Path) -> FloatArray:
 
 def _misplaced(points_m: FloatArray, layout: WalkableArea, radius_m: float, into: str, outside: str) -> str | None:
     """The first thing that a disc at one of `(2, N)` points is in, or the point where it leaves the walkable area."""
-    distances = ObstacleMap(layout).distances(points_m)[0]
+    distances = ObstacleMap(layout).distances(points_m)
     count = len(layout.footprints)
     hit = np.flatnonzero((distances[:, :count] < radius_m).any(axis=1))
     left = np.flatnonzero((distances[:, count:] < -_OUTSIDE_M).any(axis=1))

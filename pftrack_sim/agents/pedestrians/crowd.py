@@ -15,14 +15,21 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.avoidance import (
+    FAR_M,
+    MOVER,
+    VEHICLE_EXTRA_M,
+    WAITING_REACTION,
+    accelerate,
+    move,
+    turn,
+)
 from pftrack_sim.agents.pedestrians.goal_manager import GoalManager, PaceChanges
 from pftrack_sim.agents.pedestrians.goal_sampler import PREDICTION_TIMES_S, GoalSampler
 from pftrack_sim.agents.pedestrians.groups import group_members
-from pftrack_sim.agents.pedestrians.kernels import SENTINEL_M, turn
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph, Xy
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, at_different_depths
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass
-from pftrack_sim.agents.pedestrians.reactive import ReactivePedestrians
 from pftrack_sim.agents.pedestrians.scripted import Cart, CrossingPedestrian, OncomingPedestrian, Phase, Surroundings
 from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.core.random_streams import stream
@@ -76,14 +83,14 @@ class Crowd:
         self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in self._counts.items() for i in range(count)))
         self._members = dict(enumerate(group_members(groups, target_path), start=len(self.names)))
         self.names += tuple(f"member-{i + 1}" for i in range(len(self._members)))
-        self._robot_column = len(self.names)
+        self._robot = len(self.names)
         self._at_start = False
         self.reset()
 
     @property
     def positions_m(self) -> FloatArray:
         """`(P, 2)` positions on the ground [m], world frame."""
-        return _read_only(self._state[:2, : self._robot_column].T)
+        return _read_only(self._state[: self._robot, :2])
 
     @property
     def headings_rad(self) -> FloatArray:
@@ -93,7 +100,7 @@ class Crowd:
     @property
     def speeds_m_s(self) -> FloatArray:
         """`(P,)` walking speeds."""
-        return _read_only(np.hypot(*self._state[2:, : self._robot_column]))
+        return _read_only(np.hypot(*self._state[: self._robot, 2:].T))
 
     @property
     def target_m(self) -> Xy:
@@ -115,29 +122,33 @@ class Crowd:
         """Return everything to the start of the episode, unless it is there."""
         if self._at_start:
             return
-        # Rows x, y, vx, vy; columns pedestrians, robot, carts.
-        self._state = np.zeros((4, self._robot_column + 1 + len(self.carts)))
-        self._state[:2, self._robot_column] = SENTINEL_M
-        self._headings = np.zeros(self._robot_column)
+        # Pedestrians, robot, carts; of each x, y, vx, vy as a row of the state.
+        self._movers = np.zeros(self._robot + 1 + len(self.carts), MOVER)
+        self._state = self._movers.view(np.float64).reshape(len(self._movers), -1)[:, :4]
+        self._headings = self._movers["heading"][: self._robot]
+        self._movers["pace"] = 1.0
+        self._movers["extra_m"][self._robot :] = VEHICLE_EXTRA_M
+        self._state[self._robot, :2] = FAR_M
         rngs = [stream(self._seed, f"{kind}s", i) for kind, count in self._counts.items() for i in range(count)]
-        self._goals = GoalManager(self._graph, self._sampler, rngs, self._distractors.count)
+        self._goals = GoalManager(self._movers, self._graph, self._sampler, rngs, self._distractors.count)
         distractors = self._distractors
         rngs_of_pace = [stream(self._seed, "distractors", "pace", i) for i in range(distractors.count)]
-        self._pace = PaceChanges(rngs_of_pace, distractors.changes_per_minute)
+        factors = self._movers["pace"][1 : 1 + distractors.count]
+        self._pace = PaceChanges(rngs_of_pace, distractors.changes_per_minute, factors)
         self._target.reset()
         self._store_target()
-        occupied = [self._state[:2, 0].copy()]
+        occupied = [self._state[0, :2].copy()]
         for person, member in self._members.items():
-            self._headings[person] = member.reset(self._state[:, person], self.target_s_m, self._state[:2, 0])
-            occupied.append(self._state[:2, person].copy())
+            self._headings[person] = member.reset(self._state[person], self.target_s_m, self._state[0, :2])
+            occupied.append(self._state[person, :2].copy())
         if self._robot_start_m is not None:
             occupied.append(np.asarray(self._robot_start_m, dtype=np.float64))
         for person in range(1, 1 + self._distractors.count):
             self._reset_distractor(person, rngs[person - 1], occupied)
         for person, pedestrian in self._scripted.items():
             self._reset_scripted(person, pedestrian, rngs[person - 1], occupied)
-        for column, cart in enumerate(self.carts, start=self._robot_column + 1):
-            cart.reset(self._state[:, column])
+        for column, cart in enumerate(self.carts, start=self._robot + 1):
+            cart.reset(self._state[column])
         self._group()
         self._at_start = True
 
@@ -147,17 +158,18 @@ class Crowd:
         position = self._sampler.start_position(rng, occupied)
         occupied.append(position)
         self._goals.walk_to_sampled_goal(person, 0.0, position, self.target_s_m)
-        x, y = self._goals.waypoint_m[:, person] - position
+        mover = self._movers[person]
+        x, y = mover["waypoint_x"] - position[0], mover["waypoint_y"] - position[1]
         heading = math.atan2(y, x) if x or y else rng.uniform(-math.pi, math.pi)
         # Distractors are already walking when the episode begins.
-        speed = self._goals.desired_speed_m_s[person]
-        self._state[:, person] = (*position, speed * math.cos(heading), speed * math.sin(heading))
+        speed = mover["speed"]
+        self._state[person] = (*position, speed * math.cos(heading), speed * math.sin(heading))
         self._headings[person] = heading
 
     def _reset_scripted(
         self, person: int, pedestrian: _Scripted, rng: np.random.Generator, occupied: list[FloatArray]
     ) -> None:
-        state = self._state[:, person]
+        state = self._state[person]
         if isinstance(pedestrian, OncomingPedestrian):
             self._headings[person] = pedestrian.reset(state)
             self._goals.walking_speed_m_s[person] = pedestrian.speed_m_s
@@ -178,26 +190,25 @@ class Crowd:
         self._target.update(dt_s, self._moved_robot(dt_s, robot_m), camera_m)
         self._store_target()
         for person, member in self._members.items():
-            state, heading = self._state[:, person], float(self._headings[person])
-            self._headings[person] = member.update(dt_s, time_s, self.target_s_m, self._state[:2, 0], state, heading)
+            state, heading = self._state[person], float(self._headings[person])
+            self._headings[person] = member.update(dt_s, time_s, self.target_s_m, self._state[0, :2], state, heading)
         around = Surroundings(camera_m, self.target_m, robot_m)
         self._update_scripted(dt_s, time_s, around)
         for cart in self.carts:
             cart.update(dt_s, time_s, around)
         self._update_reactive(dt_s, time_s)
-        walkers = self._robot_column - len(self._members)
+        walkers = self._robot - len(self._members)
         if walkers > 1:
-            velocity = self._state[2:, 1:walkers]
-            turn(dt_s, velocity, np.arctan2(velocity[1], velocity[0]), self._headings[1:walkers])
+            turn(self._movers[1:walkers], dt_s)
 
     def _moved_robot(self, dt_s: float, robot_m: Xy) -> tuple[float, float, float, float]:
         """Store the robot's position and its velocity (differences, low-pass filtered), and return x, y, vx, vy."""
-        (x, y), (last_x, last_y, vx, vy) = robot_m, self._state[:, self._robot_column].tolist()
-        if last_x != SENTINEL_M:
+        (x, y), (last_x, last_y, vx, vy) = robot_m, self._state[self._robot].tolist()
+        if last_x != FAR_M:
             share = min(dt_s / _ROBOT_VELOCITY_TIME_CONSTANT_S, 1.0)
             vx += share * ((x - last_x) / dt_s - vx)
             vy += share * ((y - last_y) / dt_s - vy)
-        self._state[:, self._robot_column] = robot = x, y, vx, vy
+        self._state[self._robot] = robot = x, y, vx, vy
         return robot
 
     def _update_scripted(self, dt_s: float, time_s: float, around: Surroundings) -> None:
@@ -222,7 +233,7 @@ class Crowd:
             route = self._graph.shortest_route(position, pedestrian.joining_m)
         else:
             # Off the target's path, so that a target that comes back does not meet it again.
-            others = np.delete(self._state[:2, : self._robot_column], person, axis=1).T
+            others = np.delete(self._state[: self._robot, :2], person, axis=0)
             heading = float(self._headings[person])
             route = self._sampler.route_aside(position, heading, others)
             if route is None:
@@ -231,22 +242,20 @@ class Crowd:
         self._goals.walk_and_stop(person, time_s, position, route)
 
     def _update_reactive(self, dt_s: float, time_s: float) -> None:
-        columns = self._reactive.columns
-        if len(columns):
+        if self._reacts:
             self._pace.update(time_s)
-            self._goals.pace[1 : 1 + self._distractors.count] = self._pace.factors
-            self._goals.update(dt_s, time_s, columns, self._state, self._headings, self.target_s_m)
-            self._reactive.update(dt_s, self._state, self._headings, self._goals)
+            self._goals.update(dt_s, time_s, self.target_s_m)
+            accelerate(self._movers, self._obstacles.rectangles)
+            move(self._movers, self._obstacles.rectangles, dt_s)
 
     def _group(self) -> None:
         """Divide the pedestrians into reactive and scripted ones, after a phase has changed."""
-        phases = {person: pedestrian.phase for person, pedestrian in self._scripted.items()}
-        scripted = [person for person, phase in phases.items() if phase is Phase.SCRIPTED]
-        scripted += self._members
-        reactive = [person for person in range(1, self._robot_column) if person not in scripted]
-        waiting = [phases.get(person) is Phase.WAITING for person in reactive]
-        vehicles = range(self._robot_column, self._state.shape[1])
-        self._reactive = ReactivePedestrians(self._obstacles, reactive, waiting, [0, *scripted], vehicles)
+        reaction = self._movers["reaction"]
+        reaction[1 : self._robot - len(self._members)] = 1.0
+        for person, pedestrian in self._scripted.items():
+            if pedestrian.phase in (Phase.SCRIPTED, Phase.WAITING):
+                reaction[person] = 0.0 if pedestrian.phase is Phase.SCRIPTED else WAITING_REACTION
+        self._reacts = bool(reaction.any())
 
     def _predicted(self, around: Surroundings) -> tuple[FloatArray, FloatArray]:
         """`(K, 2)` camera and `(K, 2)` target positions at `PREDICTION_TIMES_S`.
@@ -254,12 +263,12 @@ class Crowd:
         The camera is assumed to move with the target, by the ratio of the robot's speed to the target's.
         """
         target = np.array([self._target.predicted(ahead_s) for ahead_s in PREDICTION_TIMES_S])
-        target_speed, robot_speed = np.hypot(*self._state[2:, [0, self._robot_column]]).tolist()
+        target_speed, robot_speed = np.hypot(*self._state[[0, self._robot], 2:].T).tolist()
         ratio = min(robot_speed / max(target_speed, 0.3), 1.0)
         return np.asarray(around.camera_m) + ratio * (target - around.target_m), target
 
     def _store_target(self) -> None:
-        self._state[:, 0], self._headings[0] = self._target.state, self._target.heading_rad
+        self._state[0], self._headings[0] = self._target.state, self._target.heading_rad
 
 
 def _read_only(array: FloatArray) -> FloatArray:

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 
 import numpy as np
-from numba import njit
 
+from pftrack_sim.agents.pedestrians.avoidance import Movers
 from pftrack_sim.agents.pedestrians.goal_sampler import GoalSampler
 from pftrack_sim.agents.pedestrians.obstacle_map import ROUTE_CLEARANCE_M, VisibilityGraph
-from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.core.types import FloatArray
 
 ARRIVAL_RADIUS_M = 0.7
 _CHECK_PERIOD_S = 0.1  # Time between two progress checks; each looks at one pedestrian.
@@ -43,28 +43,29 @@ class _Task:
 
 
 class GoalManager:
-    """Tasks and next waypoints of all pedestrians; those of column 0, the target, are never used.
+    """Tasks of all pedestrians, next waypoints and desired speeds of those that react.
 
     Args:
+        movers: Pedestrians, the target first, and others; their waypoints and speeds are written.
         rngs: One generator per pedestrian after the target.
-        distractors: Number of distractors, columns 1..: half of their goals are near the target.
+        distractors: Number of distractors, the first ones after the target: half of their goals are near the target.
 
     Attributes:
-        waypoint_m: `(2, P)` next waypoints.
-        desired_speed_m_s: `(P,)` speeds desired now: the walking speed, or 0.
         walking_speed_m_s: `(P,)` walking speeds.
-        pace: `(P,)` present factors on the desired speeds.
     """
 
     def __init__(
-        self, graph: VisibilityGraph, sampler: GoalSampler, rngs: Sequence[np.random.Generator], distractors: int
+        self,
+        movers: Movers,
+        graph: VisibilityGraph,
+        sampler: GoalSampler,
+        rngs: Sequence[np.random.Generator],
+        distractors: int,
     ) -> None:
         people = 1 + len(rngs)
         self._graph, self._sampler, self._rngs, self._distractors = graph, sampler, rngs, distractors
-        self.waypoint_m = np.zeros((2, people))
-        self.desired_speed_m_s = np.zeros(people)
+        self._movers = movers[:people]
         self.walking_speed_m_s = np.zeros(people)
-        self.pace = np.ones(people)
         self._arrival_radius_m = np.full(people, ARRIVAL_RADIUS_M)
         self._tasks = [_Task() for _ in range(people)]
         self._since_check_s = 0.0
@@ -89,34 +90,33 @@ class GoalManager:
         self._tasks[person].mode = _Mode.WALK_AND_STOP
         self._assign(person, time_s, position_m, route_m)
 
-    def update(
-        self, dt_s: float, time_s: float, columns: IntArray, state: FloatArray, heading: FloatArray, target_s_m: float
-    ) -> None:
-        """Advance waypoints and goals of the reactive `columns` of the state by one tick that ends at `time_s`.
-
-        `state` `(4, C)` holds x, y [m], vx, vy [m/s], `heading` `(P,)` [rad], and `target_s_m` is the arc length
-        of the target.
-        """
-        for person in _arrived(state, columns, self.waypoint_m, self._arrival_radius_m):
+    def update(self, dt_s: float, time_s: float, target_s_m: float) -> None:
+        """Advance waypoints and goals of those that react by a tick that ends at `time_s`, with the target there."""
+        movers = self._movers
+        left_m = np.hypot(movers["waypoint_x"] - movers["x"], movers["waypoint_y"] - movers["y"])
+        arrived = (left_m < self._arrival_radius_m) & (movers["reaction"] > 0.0)
+        for person in np.flatnonzero(arrived).tolist():
             task = self._tasks[person]
             if task.waypoints:
-                self.waypoint_m[:, person] = task.waypoints.pop(0)
+                self._walk_to(person, task.waypoints.pop(0))
             elif task.mode is _Mode.WALK_AND_STOP:
                 self._stop(person)
             else:
-                self.walk_to_sampled_goal(person, time_s, state[:2, person], target_s_m, float(heading[person]))
+                heading_rad = float(movers["heading"][person])
+                self.walk_to_sampled_goal(person, time_s, self._position(person), target_s_m, heading_rad)
         self._since_check_s += dt_s
         if self._since_check_s + 1e-9 >= _CHECK_PERIOD_S:
             self._since_check_s = 0.0
-            self._checked = (self._checked + 1) % len(columns)
-            person = int(columns[self._checked])
-            self._check_progress(person, time_s, state[:2, person].copy(), target_s_m)
+            reactive = np.flatnonzero(movers["reaction"])
+            self._checked = (self._checked + 1) % len(reactive)
+            person = int(reactive[self._checked])
+            self._check_progress(person, time_s, self._position(person), target_s_m)
 
     def _check_progress(self, person: int, time_s: float, position: FloatArray, target_s_m: float) -> None:
         task, obstacles = self._tasks[person], self._graph.obstacles
         if task.waypoints and not obstacles.blocked(position, task.waypoints[0], ROUTE_CLEARANCE_M)[0]:
             # The waypoint after the next is in sight: skip the next.
-            self.waypoint_m[:, person] = task.waypoints.pop(0)
+            self._walk_to(person, task.waypoints.pop(0))
         if task.mode is _Mode.WAIT:
             if not task.waypoints:
                 # Back to the waiting position, around obstacles where necessary.
@@ -125,7 +125,7 @@ class GoalManager:
                 if route is not None:
                     self._set_route(person, route)
             return
-        if task.mode is _Mode.WALK_AND_STOP and self.desired_speed_m_s[person] == 0.0:
+        if task.mode is _Mode.WALK_AND_STOP and self._movers["speed"][person] == 0.0:
             return
         if math.hypot(*(position - task.progress_m)) > _STUCK_M:
             task.progress_m, task.progress_s = position, time_s
@@ -139,7 +139,7 @@ class GoalManager:
             task.mode = _Mode.WANDER
         task.progress_m, task.progress_s = position.copy(), time_s
         if route is None:
-            self.waypoint_m[:, person] = position
+            self._walk_to(person, position)
             self._stop(person)
             task.give_up_s = time_s + 1.0
             return
@@ -149,23 +149,18 @@ class GoalManager:
         task.give_up_s = time_s + 8.0 + 2.0 * length / self.walking_speed_m_s[person]
 
     def _set_route(self, person: int, route: FloatArray) -> None:
-        self.waypoint_m[:, person] = route[0]
+        self._walk_to(person, route[0])
         self._tasks[person].waypoints = list(route[1:])
-        self.desired_speed_m_s[person] = self.walking_speed_m_s[person]
+        self._movers["speed"][person] = self.walking_speed_m_s[person]
 
     def _stop(self, person: int) -> None:
-        self.desired_speed_m_s[person], self._arrival_radius_m[person] = 0.0, -1.0
+        self._movers["speed"][person], self._arrival_radius_m[person] = 0.0, -1.0
 
+    def _walk_to(self, person: int, waypoint_m: FloatArray) -> None:
+        self._movers["waypoint_x"][person], self._movers["waypoint_y"][person] = waypoint_m
 
-@njit(cache=True, nogil=True)
-def _arrived(state: FloatArray, columns: IntArray, waypoint_m: FloatArray, radius_m: FloatArray) -> list[int]:
-    """Those of the columns of a `(4, C)` state that are within their `(P,)` radii of their `(2, P)` waypoints."""
-    return [
-        person
-        for person in columns
-        if math.hypot(waypoint_m[0, person] - state[0, person], waypoint_m[1, person] - state[1, person])
-        < radius_m[person]
-    ]
+    def _position(self, person: int) -> FloatArray:
+        return np.array([self._movers["x"][person], self._movers["y"][person]])
 
 
 class PaceChanges:
@@ -174,14 +169,13 @@ class PaceChanges:
     Args:
         rngs: One generator per pedestrian.
         per_minute: Mean number of changes; 0 leaves every factor at 1.
-
-    Attributes:
-        factors: `(N,)` factors on the walking speeds; 0 in a pause.
+        factors: `(N,)` factors on the walking speeds, which are written; 0 in a pause.
     """
 
-    def __init__(self, rngs: Sequence[np.random.Generator], per_minute: float) -> None:
+    def __init__(self, rngs: Sequence[np.random.Generator], per_minute: float, factors: FloatArray) -> None:
         self._rngs, self._mean_s = rngs, 60.0 / per_minute if per_minute > 0.0 else np.inf
-        self.factors: FloatArray = np.ones(len(rngs))
+        self.factors = factors
+        factors[:] = 1.0
         self._until_s = [self._walk_s(rng) for rng in rngs]
         self._next_s = min(self._until_s, default=np.inf)
 

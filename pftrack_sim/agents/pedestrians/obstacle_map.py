@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.agents.pedestrians.kernels import Rectangles, rectangle_distances
+from pftrack_sim.agents.pedestrians.avoidance import RECTANGLE
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.layout import WalkableArea
 
@@ -38,29 +38,39 @@ class ObstacleMap:
         self._centre, self._half = table[:2], table[2:4]
         self._cos: FloatArray = np.cos(table[4])
         self._sin: FloatArray = np.sin(table[4])
-        self.rectangles: Rectangles = self._centre, self._half, self._cos, self._sin
+        self.rectangles = np.zeros(len(rows), RECTANGLE)
+        columns = (*table[:4], self._cos, self._sin, np.hypot(*self._half))
+        for name, column in zip(RECTANGLE.names or (), columns, strict=True):
+            self.rectangles[name] = column
 
-    def distances(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Signed distance of `(2, N)` points to every rectangle, and the direction away from it.
+    def distances(self, xy_m: FloatArray) -> FloatArray:
+        """`(N, F)` signed distances of `(2, N)` points to every rectangle [m], negative inside."""
+        over = np.abs(self._to_local(xy_m[:, :, None] - self._centre[:, None])) - self._half[:, None]
+        inside = np.minimum(np.maximum(over[0], over[1]), 0.0)
+        np.maximum(over, 0.0, out=over)
+        return np.sqrt(over[0] * over[0] + over[1] * over[1]) + inside
 
-        Returns:
-            `(N, F)` distance [m], negative inside; `(2, N, F)` unit vectors pointing away, world frame.
-        """
-        points = np.ascontiguousarray(xy_m, dtype=np.float64)
-        return rectangle_distances(points, points.shape[1], self.rectangles)
+    def directions(self, xy_m: FloatArray) -> FloatArray:
+        """`(2, N, F)` unit vectors away from every rectangle at `(2, N)` points; inside, to its nearest edge."""
+        local = self._to_local(xy_m[:, :, None] - self._centre[:, None])
+        over = np.abs(local) - self._half[:, None]
+        nearest = over.max(axis=0)
+        to_edge = np.where(nearest > 0.0, np.maximum(over, 0.0), over == nearest)
+        u, v = np.copysign(to_edge / np.hypot(*to_edge), local)
+        return np.array([self._cos * u - self._sin * v, self._sin * u + self._cos * v])
 
     def clearance_m(self, points_m: ArrayLike) -> FloatArray:
         """Distance from each of `(N, 2)` points to the nearest rectangle `(N,)` [m], negative inside."""
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
-        return self.distances(points.T)[0].min(axis=1)
+        return self.distances(points.T).min(axis=1)
 
     def pushed_out(self, point_m: Xy, distance_m: float) -> Xy:
         """The point, shifted away from every rectangle that is nearer than `distance_m`."""
-        distance, away = self.distances(np.array(point_m)[:, None])
-        lack = np.maximum(distance_m - distance, 0.0)
+        point = np.array(point_m)[:, None]
+        lack = np.maximum(distance_m - self.distances(point), 0.0)
         if not lack.any():
             return point_m
-        x, y = (lack * away).sum(axis=(1, 2)).tolist()
+        x, y = (lack * self.directions(point)).sum(axis=(1, 2)).tolist()
         return point_m[0] + x, point_m[1] + y
 
     def margins_reaching(self, points_m: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians import oncoming
-from pftrack_sim.agents.pedestrians.kernels import BARRIER_RATE_S, WALL_DISTANCE_M
+from pftrack_sim.agents.pedestrians.avoidance import BARRIER_RATE_S, WALL_DISTANCE_M
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy, limited_step, outside_circle
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, OcclusionTrajectory
 from pftrack_sim.core.types import FloatArray
@@ -106,7 +106,7 @@ class CrossingPedestrian(_Crosser):
             return True
         position = self.state[:2, None]
         vx, vy = (np.array(desired)[:, None] - position) / dt_s
-        distance, (away_x, away_y) = self._obstacles.distances(position)
+        distance, (away_x, away_y) = self._obstacles.distances(position), self._obstacles.directions(position)
         opening = away_x * vx + away_y * vy
         return bool((opening < -BARRIER_RATE_S * (distance - WALL_DISTANCE_M)).any())
 

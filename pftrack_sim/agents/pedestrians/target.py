@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from pftrack_sim.agents.gait.posture import PLAIN
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.kernels import SENTINEL_M
+from pftrack_sim.agents.pedestrians.avoidance import FAR_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.pedestrians.target_actions import Command, arms, command, schedule
 from pftrack_sim.scenario.actions import Approach, Face, Pace, Run, Turn, WalkOff, end_s, title
@@ -125,10 +125,10 @@ def places_alone(
     path: Path, target: Target, axis: TargetAxis, times_s: Iterable[float]
 ) -> Iterator[tuple[float, tuple[float, float, float]]]:
     """Arc length [m], and x, y [m] and heading [rad], at rising times of a target that no robot is in the way of."""
-    walk, nowhere, tick = TargetWalk(path, target, axis), (SENTINEL_M, SENTINEL_M, 0.0, 0.0), 0
+    walk, nowhere, tick = TargetWalk(path, target, axis), (FAR_M, FAR_M, 0.0, 0.0), 0
     for time_s in times_s:
         while tick * _TICK_S < time_s:
-            walk.update(_TICK_S, nowhere, (SENTINEL_M, SENTINEL_M))
+            walk.update(_TICK_S, nowhere, (FAR_M, FAR_M))
             tick += 1
         yield walk.s_m, (*walk.state[:2], walk.heading_rad)
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numba import njit
 
 from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.robot.pose_kernels import camera_pose
+from pftrack_sim.agents.robot.drive import pose_of_camera
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scene.robot import BASE, CAMERA
 
@@ -51,18 +50,28 @@ class RobotAlone:
         meets = ((model.geom_contype & types[1]) | (model.geom_conaffinity & types[0])) != 0
         planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
         self._others = np.flatnonzero(meets & ~own & ~planes)
-        self._boxes = np.array(model.geom_aabb[self._others], dtype=np.float64).reshape(-1, 2, 3)
-        self._reach_m = np.linalg.norm(np.abs(self._boxes[:, 0]) + self._boxes[:, 1], axis=1)
-        self._own, self._centres, self._radii_m = _spheres(model, np.flatnonzero(own & solid))
+        boxes = np.array(model.geom_aabb[self._others], dtype=np.float64)
+        self._middles, self._halves = boxes[:, :3], boxes[:, 3:]
+        self._own, self._centres, radii_m = _spheres(model, np.flatnonzero(own & solid))
         # People stand still within a tick, but in the second one of a frame, the poses are those of the first.
-        self._room_m = _CONTACT_M + clock.tick_s * (2.0 * speed_m_s + (_LIMB_M_S if clock.ticks > 1 else 0.0))
+        room_m = _CONTACT_M + clock.tick_s * (2.0 * speed_m_s + (_LIMB_M_S if clock.ticks > 1 else 0.0))
+        self._near_m = room_m + radii_m
+        reach_m = np.linalg.norm(np.abs(self._middles) + self._halves, axis=1)
+        self._near_origin_m2 = (self._near_m[:, None] + reach_m) ** 2
 
     def may_touch(self, data: mujoco.MjData) -> bool:
         """Whether the robot may touch anything but the ground within a tick, by the poses of the scene's geoms."""
-        return reaches(
-            self._room_m, self._own, self._centres, self._radii_m, self._others, self._boxes, self._reach_m,
-            data.geom_xpos, data.geom_xmat,
-        )  # fmt: skip
+        positions, rotations = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3)
+        origins = positions[self._others]
+        spheres = positions[self._own] + (rotations[self._own] @ self._centres[:, :, None])[:, :, 0]
+        squared = (spheres * spheres).sum(axis=1)[:, None] + (origins * origins).sum(axis=1) - 2.0 * spheres @ origins.T
+        sphere, other = np.nonzero(squared < self._near_origin_m2)
+        if not len(sphere):
+            return False
+        # Distances of these spheres from the oriented boxes that hold these geoms.
+        local = ((spheres[sphere] - origins[other])[:, None] @ rotations[self._others[other]])[:, 0]
+        beyond = np.maximum(np.abs(local - self._middles[other]) - self._halves[other], 0.0)
+        return bool(((beyond * beyond).sum(axis=1) < self._near_m[sphere] ** 2).any())
 
     def load(self, data: mujoco.MjData) -> None:
         """Take time, positions, velocities and commands from the scene."""
@@ -73,7 +82,7 @@ class RobotAlone:
         """See `Drive.camera_pose`; after the steps, of this model's state."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-        return camera_pose(self.data.cam_xpos, self.data.cam_xmat, self._camera)
+        return pose_of_camera(self.data, self._camera)
 
     def store(self, data: mujoco.MjData) -> None:
         """Write these, and the sensors, into the scene."""
@@ -101,52 +110,3 @@ def _spheres(model: mujoco.MjModel, geoms: IntArray) -> tuple[IntArray, FloatArr
             rows.append((geom, centre, float(np.hypot(across_m, 0.5 * step_m))))
     ids, centres, radii_m = zip(*rows, strict=True)
     return np.array(ids, dtype=np.intp), np.array(centres), np.array(radii_m)
-
-
-@njit(cache=True, nogil=True)
-def reaches(
-    room_m: float,
-    own: IntArray,
-    centres: FloatArray,
-    radii_m: FloatArray,
-    others: IntArray,
-    boxes: FloatArray,
-    reach_m: FloatArray,
-    positions: FloatArray,
-    rotations: FloatArray,
-) -> bool:
-    """Whether the distance of a sphere from an oriented box may be less than `room_m`.
-
-    Args:
-        room_m: Distance to keep [m].
-        own: `(N,)` geoms that the spheres belong to.
-        centres: `(N, 3)` of the spheres in the frames of these [m].
-        radii_m: `(N,)` of the spheres.
-        others: `(M,)` geoms that the boxes belong to.
-        boxes: `(M, 2, 3)` middles and half sizes in the frames of these [m].
-        reach_m: `(M,)` radii of spheres about the origins of these that hold the boxes.
-        positions: `(ngeom, 3)` of all geoms [m].
-        rotations: `(ngeom, 9)` of all geoms.
-    """
-    places = np.empty((len(own), 3))
-    for sphere in range(len(own)):
-        place, turned = positions[own[sphere]], rotations[own[sphere]]
-        for row in range(3):
-            places[sphere, row] = place[row]
-            for column in range(3):
-                places[sphere, row] += turned[3 * row + column] * centres[sphere, column]
-    for other in range(len(others)):
-        origin, turned = positions[others[other]], rotations[others[other]]
-        for sphere in range(len(own)):
-            x, y, z = places[sphere, 0] - origin[0], places[sphere, 1] - origin[1], places[sphere, 2] - origin[2]
-            near_m = room_m + radii_m[sphere]
-            if x * x + y * y + z * z > (near_m + reach_m[other]) ** 2:
-                continue
-            squared = 0.0
-            for axis in range(3):
-                along = turned[axis] * x + turned[3 + axis] * y + turned[6 + axis] * z
-                over = abs(along - boxes[other, 0, axis]) - boxes[other, 1, axis]
-                squared += max(over, 0.0) ** 2
-            if squared < near_m * near_m:
-                return True
-    return False

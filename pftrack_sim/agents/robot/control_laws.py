@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
-
-import numpy as np
-from numba import njit
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
@@ -16,6 +12,7 @@ from pftrack_sim.core.types import FloatArray
 BRAKE_M_S2 = 0.8  # Deceleration before a bend and at the end of a route
 _CONVERGENCE_M = 0.5  # Distance driven in which a lateral error falls to 1/e (critically damped)
 _LATERAL_ACCELERATION_M_S2 = 0.9  # Limit of the lateral acceleration in bends
+_BEND_PREVIEW_M = 0.3  # Bends are looked for this much farther than the robot needs to stop
 _PREVIEW_S = 0.2  # Curvature is taken this far ahead, to compensate the delay of motors and acceleration limit
 _MAX_HEADING_ERROR_RAD = 1.2  # With a larger error of heading the robot turns on the spot
 
@@ -61,7 +58,7 @@ def follow_path(
     speed = min(
         max(speed_m_s, 0.0),
         limits.speed_m_s,
-        _bend_speed(*path.bends, s_m, *_preview(limits.speed_m_s), limits.turn_rad_s),
+        _bend_speed(path, s_m, limits),
     )
     if abs(error) > _MAX_HEADING_ERROR_RAD:
         return 0.0, math.copysign(0.6 * limits.turn_rad_s, error)
@@ -72,27 +69,15 @@ def follow_path(
     return speed, max(-limits.turn_rad_s, min(limits.turn_rad_s, turn))
 
 
-@njit(cache=True, nogil=True)
-def _bend_speed(
-    starts_m: FloatArray, bends: FloatArray, s_m: float, ahead_m: FloatArray, squared: FloatArray, turn_rad_s: float
-) -> float:
-    """Highest speed from which every bend ahead of `s_m` on a path can be reached at its own speed."""
-    slowest, piece = np.inf, 0
-    for index in range(len(ahead_m)):
-        while piece + 1 < len(starts_m) and starts_m[piece + 1] <= s_m + ahead_m[index]:
-            piece += 1
-        curvature = max(abs(bends[piece]), 1e-6)
+def _bend_speed(path: Path, s_m: float, limits: DriveLimits) -> float:
+    """Highest speed [m/s] from which every bend ahead can be reached at its own speed."""
+    slowest = math.inf
+    for ahead_m, curvature in path.bends(s_m, 0.5 * limits.speed_m_s**2 / BRAKE_M_S2 + _BEND_PREVIEW_M):
+        bend = max(abs(curvature), 1e-6)
         # A fifth of the turn rate is kept for corrections.
-        bend = min(math.sqrt(_LATERAL_ACCELERATION_M_S2 / curvature), 0.8 * turn_rad_s / curvature)
-        slowest = min(slowest, math.sqrt(bend * bend + squared[index]))
+        speed = min(math.sqrt(_LATERAL_ACCELERATION_M_S2 / bend), 0.8 * limits.turn_rad_s / bend)
+        slowest = min(slowest, math.sqrt(speed * speed + 2.0 * BRAKE_M_S2 * ahead_m))
     return slowest
-
-
-@cache
-def _preview(speed_m_s: float) -> tuple[FloatArray, FloatArray]:
-    """`(24,)` ways ahead in which the robot can stop [m], and the squared speeds that braking takes there [m^2/s^2]."""
-    ahead = np.linspace(0.0, 0.5 * speed_m_s**2 / BRAKE_M_S2 + 0.3, 24)
-    return ahead, 2.0 * BRAKE_M_S2 * ahead
 
 
 def bearing(T_world_camera: FloatArray, target_m: Xy) -> tuple[float, float]:

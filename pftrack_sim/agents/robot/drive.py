@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.agents.robot.pose_kernels import camera_pose, readings
 from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration, RangeFinder
 from pftrack_sim.core.proprioception import RANGE_M
 from pftrack_sim.core.types import FloatArray
@@ -167,7 +166,7 @@ class Drive:
         """
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_camlight(self._model, data)
-        return camera_pose(data.cam_xpos, data.cam_xmat, self._camera)
+        return pose_of_camera(data, self._camera)
 
     def proprio(self, data: mujoco.MjData) -> NDArray[np.float32]:
         """`(n,)` proprioception in the order of `pftrack_sim.core.proprioception.PROPRIO_NAMES`.
@@ -177,7 +176,9 @@ class Drive:
         places = data.qpos.tolist()
         odometry = self._odometry.updated(places[self._joints[0]], places[self._joints[1]], self._calibration)
         place, ranges = (odometry.x_m, odometry.y_m, odometry.heading_rad), self._range_finder.cast(data)
-        return readings(place, data.sensordata, self._sensors, self._sensor_scale, ranges, RANGE_M)
+        ranges[(ranges < 0.0) | (ranges > RANGE_M)] = RANGE_M
+        sensed = data.sensordata[self._sensors] * self._sensor_scale
+        return np.concatenate([place, sensed, ranges]).astype(np.float32)
 
     def collision(self, data: mujoco.MjData) -> str | None:
         """Owner of the geom in contact with the robot in the last physics step ("target", "pillar-3"), or None.
@@ -233,6 +234,14 @@ class Equilibrium:
         rest[self._joints[:2] - free] = 0.0
         rest.setflags(write=False)
         return rest
+
+
+def pose_of_camera(data: mujoco.MjData, camera: int) -> FloatArray:
+    """`(4, 4)` T_world_camera, axes as OpenCV; MuJoCo's y points up and its z backwards."""
+    pose = np.eye(4)
+    pose[:3, :3] = data.cam_xmat[camera].reshape(3, 3) * (1.0, -1.0, -1.0)
+    pose[:3, 3] = data.cam_xpos[camera]
+    return pose
 
 
 def _robot_qpos(model: mujoco.MjModel) -> slice:

@@ -99,7 +99,7 @@ class Script:
             end_m = self._lane.abreast(min(self._target.length_m, self._target_speed_m_s * duration_s))[0]
         way = np.arange(self._lane.start_m, max(end_m, self._lane.start_m) + _CHECK_M, _CHECK_M)
         points = np.stack(self._lane.path.at(way)[:2])
-        distances = ObstacleMap(layout).distances(points)[0][:, : len(layout.footprints)]
+        distances = ObstacleMap(layout).distances(points)[:, : len(layout.footprints)]
         hits = np.flatnonzero(distances.min(axis=1) < ROBOT_RADIUS_M)
         if len(hits) == 0:
             return None

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from pftrack_sim.agents.robot.pose_kernels import rays
 from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, RANGE_ANGLES_RAD, RANGE_M
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import HIDDEN_GROUP
@@ -85,7 +84,8 @@ class RangeFinder:
 
         Poses of geoms in `data` must be up to date.
         """
-        origin, directions = rays(data.xpos, data.xmat, self._base, self._beams, BEAM_HEIGHT_M)
+        rotation = data.xmat[self._base].reshape(3, 3)
+        origin, directions = data.xpos[self._base] + BEAM_HEIGHT_M * rotation[:, 2], (self._beams @ rotation.T).ravel()
         ranges = np.empty(len(self._beams))
         ends = self._geoms, ranges, None, len(ranges), RANGE_M
         mujoco.mj_multiRay(self._model, data, origin, directions, self._groups, True, self._base, *ends)

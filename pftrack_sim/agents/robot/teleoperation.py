@@ -14,7 +14,6 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.robot.control_laws import GAZE_DEAD_ZONE_RAD, bearing, gaze_rate
@@ -86,15 +85,7 @@ class Wander:
         """Value at a time."""
         if self._amplitude == 0.0:
             return 0.0
-        return self._amplitude * _sum_of_cosines(self._omega, self._phase, time_s)
-
-
-@njit(cache=True, nogil=True)
-def _sum_of_cosines(omega: FloatArray, phase: FloatArray, time_s: float) -> float:
-    total = 0.0
-    for index in range(len(omega)):
-        total += math.cos(omega[index] * time_s + phase[index])
-    return total
+        return self._amplitude * float(np.cos(self._omega * time_s + self._phase).sum())
 
 
 class Head:

@@ -1,11 +1,9 @@
 """The robot's own model gives the bits of the scene's while nothing but the ground is near."""
 
-import mujoco
 import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.agents.robot.alone import reaches
 from pftrack_sim.agents.robot.drive import Equilibrium
 from pftrack_sim.scene.build import compile_robot_alone
 from pftrack_sim.scene.robot import RobotForm
@@ -35,29 +33,6 @@ def test_steps_alone_are_those_in_the_scene_to_the_bit(rate_hz: int):
     assert any(alone)
     assert any(touched)
     assert not (np.array(alone) & np.array(touched)).any()
-
-
-def test_reach_is_that_of_boxes_on_arrays():
-    rng = np.random.default_rng(0)
-    answers = []
-    for _ in range(200):
-        positions, quaternions = rng.normal(0.0, 1.5, (9, 3)), rng.normal(size=(9, 4))
-        rotations = np.empty((9, 9))
-        for rotation, quaternion in zip(rotations, quaternions, strict=True):
-            mujoco.mju_quat2Mat(rotation, quaternion / np.linalg.norm(quaternion))
-        own, others = np.array([0, 0, 3]), np.array([4, 5, 6, 7, 8])
-        centres, radii = rng.normal(0.0, 0.3, (3, 3)), rng.uniform(0.05, 0.3, 3)
-        boxes = np.stack([rng.normal(0.0, 0.2, (5, 3)), rng.uniform(0.05, 0.8, (5, 3))], axis=1)
-        reach = np.linalg.norm(np.abs(boxes[:, 0]) + boxes[:, 1], axis=1)
-        turned = rotations.reshape(-1, 3, 3)
-        places = positions[own] + np.einsum("nij,nj->ni", turned[own], centres)
-        local = np.einsum("mji,nmj->nmi", turned[others], places[:, None] - positions[others])
-        over = np.maximum(np.abs(local - boxes[:, 0]) - boxes[:, 1], 0.0)
-        expected = (np.linalg.norm(over, axis=2) < 0.1 + radii[:, None]).any()
-        found = reaches(0.1, own, centres, radii, others, boxes, reach, positions, rotations)
-        assert found == expected
-        answers.append(found)
-    assert 20 < sum(answers) < 180
 
 
 def test_the_equilibrium_is_simulated_once_for_each_direction_of_the_head_whatever_else_is_in_the_model():
