@@ -19,10 +19,10 @@ from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
-from pftrack_sim.trackers.features.image_shift import ImageShift
+from pftrack_sim.trackers.features.camera_motion import CameraMotion
+from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
-from pftrack_sim.trackers.pftrack.camera_motion import CERTAINTY_MIN
 
 MIN_SIZE_PX = 2.0
 USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a second, a lasting change counts as usual
@@ -94,7 +94,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         self._state = state_of(box)
         self._usual, self._held = 0.0, False
         self._filter = ParticleFilter(np.tile(self._state, (self.params.particle_count, 1)), self._rng)
-        self._camera, self._shift = ImageShift(CERTAINTY_MIN), np.zeros(2)
+        self._camera, self._shift = CameraMotion(), np.zeros(2)
         self._carry(image)
         self._learn_first(image, box)
 
@@ -137,7 +137,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         follows it, at the same place in the image: the likelihood decides between the two.
         """
         if self.params.camera_motion:
-            self._shift += self._camera.update(image)
+            self._shift += self._camera.shift(ImagePyramid(image))
             states = self._filter.states
             states[: math.ceil(CARRIED_SHARE * len(states)), :2] += self._shift
 

@@ -11,11 +11,11 @@ from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate
-from pftrack_sim.trackers.pftrack.camera_motion import CameraMotion
+from pftrack_sim.trackers.features.camera_motion import CameraMotion
+from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
 from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, DIRECTIONS, hog_map
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 
 Scene = tuple[list[np.ndarray], np.ndarray]
@@ -80,15 +80,22 @@ def test_the_shift_of_the_image_is_found(size: tuple[int, int], moved: tuple[flo
     x, y = (round(v) for v in moved)
     first, then = large[30 : 30 + height, 30 : 30 + width], large[30 - y : 30 - y + height, 30 - x : 30 - x + width]
     camera = CameraMotion(certainty_min=0.05)
-    assert camera.shift(ImagePyramid(np.ascontiguousarray(first)), width, height).tolist() == [0.0, 0.0]
-    found = camera.shift(ImagePyramid(np.ascontiguousarray(then)), width, height)
+    assert camera.shift(ImagePyramid(np.ascontiguousarray(first))).tolist() == [0.0, 0.0]
+    found = camera.shift(ImagePyramid(np.ascontiguousarray(then)))
     assert np.abs(found - moved).max() < max(width / 128, 1.0)
 
 
 def test_an_unrelated_image_has_no_shift():
     camera = CameraMotion(certainty_min=0.3)
-    camera.shift(ImagePyramid(texture(160, 120, seed=1)), 160, 120)
-    assert camera.shift(ImagePyramid(texture(160, 120, seed=2)), 160, 120).tolist() == [0.0, 0.0]
+    camera.shift(ImagePyramid(texture(160, 120, seed=1)))
+    assert camera.shift(ImagePyramid(texture(160, 120, seed=2))).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("value", [0, 120])
+def test_a_uniform_image_has_no_shift(value: int):
+    camera = CameraMotion(certainty_min=0.0)
+    for _ in range(3):
+        assert camera.shift(ImagePyramid(np.full((120, 160, 3), value, np.uint8))).tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("moved", [(0, 0), (3, -2), (-4, 1)])

@@ -25,12 +25,12 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
+from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.features.patches import PatchSampler, grid_shape
 from pftrack_sim.trackers.features.pixel_mixture import MixtureParameters, OutlierRule, PixelMixture
+from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.filters import AdaptiveNoise, ParticleFilter, RandomWalk, adaptive_velocity, fit_slopes
 from pftrack_sim.trackers.parameters import Count, Positive, Share
-from pftrack_sim.trackers.pftrack.camera_motion import CERTAINTY_MIN, CameraMotion
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 
 MotionModel: TypeAlias = Literal["similarity", "affine"]
 Sigma: TypeAlias = Annotated[float, Field(ge=0.0, le=10.0)]
@@ -206,7 +206,7 @@ class Kwon2005(BaseTracker):
         self._slopes: NDArray[np.floating[Any]] | None = None
         self._occluded = False
         self._held_frames = 0
-        self._camera = CameraMotion(CERTAINTY_MIN)
+        self._camera = CameraMotion()
         self._carry(image)
 
     def _follow(self, image: Image) -> Estimate:
@@ -243,7 +243,7 @@ class Kwon2005(BaseTracker):
         """Move the state as the camera's motion moves the image's content."""
         if self.params.camera_motion:
             moved = self._state.copy()
-            moved[:2] += self._camera.shift(ImagePyramid(image), image.shape[1], image.shape[0])
+            moved[:2] += self._camera.shift(ImagePyramid(image))
             self._state = self._motion.clip(moved[None], image)[0]
 
     def _adapt(self, image: Image, sampler: PatchSampler) -> tuple[FloatArray, float, int]:

@@ -15,8 +15,8 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from pftrack_sim.core.records import Image
+from pftrack_sim.trackers.features.camera_motion import hann
 from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, hog_map
-from pftrack_sim.trackers.pftrack.windows import hann
 
 Spectrum: TypeAlias = NDArray[np.complex64]
 
@@ -98,3 +98,11 @@ def _support(cells: int, length: float) -> NDArray[np.float32]:
     distances = np.abs(np.arange(cells) - cells // 2)
     beyond = np.clip((distances - half) / max(half * (FADE - 1.0), 1.0), 0.0, 1.0)
     return (0.5 + 0.5 * np.cos(np.pi * beyond)).astype(np.float32)
+
+
+def vertex(before: float, peak: float, after: float) -> float:
+    """Offset in [-0.5, 0.5] of the vertex of the parabola through three samples, from the one in the middle."""
+    curvature = before - 2.0 * peak + after
+    if curvature >= -1e-12:
+        return 0.0
+    return min(max(0.5 * (before - after) / curvature, -0.5), 0.5)

@@ -13,9 +13,10 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.features.camera_motion import hann
+from pftrack_sim.trackers.features.pyramid import ImagePyramid
+from pftrack_sim.trackers.pftrack.correlation import vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX, CHANNELS, hog_map
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
-from pftrack_sim.trackers.pftrack.windows import hann, vertex
 
 FULL_ASPECT = 0.8
 """Ratio of the shorter to the longer side from which on a box is taken whole."""

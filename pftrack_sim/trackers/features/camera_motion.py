@@ -12,8 +12,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
-from pftrack_sim.trackers.pftrack.windows import hann
+from pftrack_sim.trackers.features.pyramid import ImagePyramid
 
 COLUMNS, ROWS = 128, 96
 PEAK_RADIUS = 2
@@ -29,30 +28,35 @@ class CameraMotion:
             unknown. Of a pure shift it is about 1.
     """
 
-    def __init__(self, certainty_min: float) -> None:
+    def __init__(self, certainty_min: float = CERTAINTY_MIN) -> None:
         self._certainty_min = certainty_min
         self._window = np.outer(hann(ROWS), hann(COLUMNS))
         self._spectrum: NDArray[np.complex64] | None = None
 
-    def shift(self, pyramid: ImagePyramid, width_px: int, height_px: int) -> FloatArray:
+    def shift(self, pyramid: ImagePyramid) -> FloatArray:
         """`(2,)` shift x, y [px] of the image's content since the previous call; 0 at first or where unknown."""
-        full = pyramid.grey(pyramid.level(min(width_px / COLUMNS, height_px / ROWS)))
-        reduced = cv2.resize(full, (COLUMNS, ROWS), interpolation=cv2.INTER_LINEAR)
-        grey = np.asarray(reduced, dtype=np.float32)
+        height, width = pyramid.image.shape[:2]
+        full = pyramid.grey(pyramid.level(min(width / COLUMNS, height / ROWS)))
+        grey = np.asarray(cv2.resize(full, (COLUMNS, ROWS), interpolation=cv2.INTER_LINEAR), dtype=np.float32)
         spectrum = np.asarray(scipy.fft.rfft2((grey - grey.mean()) * self._window), dtype=np.complex64)
         before, self._spectrum = self._spectrum, spectrum
         if before is None:
             return np.zeros(2)
         cross = spectrum * before.conj()
         cross /= np.abs(cross) + np.float32(1e-3)
-        correlation = np.asarray(scipy.fft.irfft2(cross, (ROWS, COLUMNS)), dtype=np.float32)
+        correlation = np.asarray(scipy.fft.irfft2(cross, (ROWS, COLUMNS)), dtype=np.float64)
         row, column = divmod(int(correlation.argmax()), COLUMNS)
-        rows = np.arange(row - PEAK_RADIUS, row + PEAK_RADIUS + 1)
-        columns = np.arange(column - PEAK_RADIUS, column + PEAK_RADIUS + 1)
-        peak = np.maximum(correlation[np.ix_(rows % ROWS, columns % COLUMNS)], 0.0)
-        if float(peak.sum()) <= self._certainty_min:
-            return np.zeros(2)
+        offsets = np.arange(-PEAK_RADIUS, PEAK_RADIUS + 1)
+        # The correlation is periodic.
+        peak = np.maximum(correlation[np.ix_((row + offsets) % ROWS, (column + offsets) % COLUMNS)], 0.0)
         mass = float(peak.sum())
-        x, y = float(peak.sum(axis=0) @ columns) / mass, float(peak.sum(axis=1) @ rows) / mass
-        x, y = (x - COLUMNS if x > COLUMNS / 2 else x), (y - ROWS if y > ROWS / 2 else y)
-        return np.array([x * width_px / COLUMNS, y * height_px / ROWS])
+        if mass <= self._certainty_min:
+            return np.zeros(2)
+        place = np.array([column + peak.sum(axis=0) @ offsets / mass, row + peak.sum(axis=1) @ offsets / mass])
+        cells = np.array([COLUMNS, ROWS])
+        return np.where(place > 0.5 * cells, place - cells, place) * (width, height) / cells
+
+
+def hann(count: int) -> NDArray[np.float32]:
+    """`(count,)` Hann window at the centres of `count` samples; positive everywhere."""
+    return (0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(count) + 0.5) / count)).astype(np.float32)
