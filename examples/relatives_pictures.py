@@ -252,7 +252,7 @@ def _draw_climb(axis: plt.Axes, tracker: Khan2011, image: NDArray[np.uint8], see
     starts[:, :2] += sigma * np.random.default_rng(seed).standard_normal((p.particle_count, 2))
     region, codes = tracker._encode(image, starts)
     local = khan2011_module._to_region(starts, region)
-    climbed = khan2011_module.partitioned_mean_shift(
+    climbed = khan2011_module.mean_shift(
         codes, local, tracker._partition, tracker._model, p.iteration_count, p.shape_gain
     )
     ends = khan2011_module._to_image(climbed, region)

@@ -8,7 +8,7 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
-from pftrack_sim.trackers.features.partitioned_mean_shift import Partition, area_histograms, partitioned_mean_shift
+from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.relatives.khan2011 import upright
 
 Scene = tuple[list[np.ndarray], np.ndarray]
@@ -28,7 +28,7 @@ def codes_of(state: np.ndarray) -> np.ndarray:
 
 def climb(codes: np.ndarray, start: np.ndarray, gain: float) -> np.ndarray:
     model = area_histograms(codes_of(TRUE), TRUE[None], PARTITION, 5)[0]
-    return partitioned_mean_shift(codes, start[None], PARTITION, model, 20, gain)[0]
+    return mean_shift(codes, start[None], PARTITION, model, 20, gain)[0]
 
 
 def test_histograms_sum_to_one_inside_and_rotate_with_the_box():

@@ -2,35 +2,28 @@
 
 Every box, whatever its size, is sampled at the same ROWS x COLUMNS points, so that cost does not depend on size and
 histograms of different boxes are comparable. They are counted from *pixel codes* (a colour's bin, a texture's pattern);
-a `BinLayout` holds the weight of each point and the part of the histogram that it counts into. `histogram_kernels`
-counts all histograms of the papers. Weights are whole numbers, as only their ratios matter: their sums are exact in any
-order and faster than those of floats.
+a `BinLayout` holds the weight of each point and the part of the histogram that it counts into.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.compiled import kernel
+from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.features.histogram_kernels import (
-    CELL_GRID,
-    CELLS,
-    CODE_COUNT,
-    COLUMNS,
-    GENERAL,
-    MIRRORED,
-    PATTERN_COUNT,
-    ROWS,
-    BinTables,
-    Codes,
-    compare,
-    count_all,
-)
+from pftrack_sim.trackers.features.image_region import ImageRegion, crop
+
+Codes: TypeAlias = NDArray[np.uint8]  # `(H, W, C)` pixel codes
+ROWS, COLUMNS = 48, 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +31,7 @@ class BinLayout:
     """Weights and cells of the points of a box.
 
     Attributes:
-        weights: `(rows, columns)` weights >= 0 whose sum fits an int32; `(ROWS, COLUMNS)` by default.
+        weights: `(rows, columns)` whole weights >= 0 whose sum fits an int32; `(ROWS, COLUMNS)` by default.
         cells: `(rows, columns)` cell of each point, from 0.
         cell_count: Number of cells.
         channel_count: Codes per pixel.
@@ -52,24 +45,16 @@ class BinLayout:
     bin_count: int
 
     @cached_property
-    def tables(self) -> BinTables:
-        """Derived tables."""
-        first = np.argmax(self.weights > 0, axis=1)
-        last = self.weights.shape[1] - np.argmax(np.flip(self.weights, axis=1) > 0, axis=1)
-        empty = self.weights.max(axis=1) == 0
-        spans = np.where(empty[:, None], 0, np.stack([first, last], axis=1)).astype(np.int64)
-        first_bins = self.cells.astype(np.uintp) * np.uintp(self.channel_count * self.bin_count)
-        return BinTables(self.weights, spans, first_bins, self.bin_count, self._way())
+    def spans(self) -> NDArray[np.uintp]:
+        """`(rows, 2)` first point of each row with a weight, and one after the last."""
+        weighty = self.weights > 0
+        first, last = weighty.argmax(axis=1), self.weights.shape[1] - weighty[:, ::-1].argmax(axis=1)
+        return np.where(weighty.any(axis=1)[:, None], np.stack([first, last], axis=1), 0).astype(np.uintp)
 
-    def _way(self) -> int:
-        """The fastest way to count boxes inside the image."""
-        rows, columns = self.weights.shape
-        if self.cell_count == 1:
-            mirrored = all(np.array_equal(self.weights, np.flip(self.weights, axis)) for axis in (0, 1))
-            counted = self.channel_count in (1, 3) and self.bin_count <= CODE_COUNT
-            return MIRRORED if mirrored and counted and rows % 2 == columns % 2 == 0 else GENERAL
-        patterns = self.channel_count == 1 and self.bin_count == PATTERN_COUNT and bool((self.weights == 1).all())
-        return CELLS if patterns and np.array_equal(self.cells, _grid(CELL_GRID, CELL_GRID)) else GENERAL
+    @cached_property
+    def first_bins(self) -> NDArray[np.uintp]:
+        """`(rows, columns)` first bin of each point's cell."""
+        return (self.cells * (self.channel_count * self.bin_count)).astype(np.uintp)
 
     @cached_property
     def total(self) -> float:
@@ -89,14 +74,9 @@ def uniform_layout(channel_count: int, bin_count: int) -> BinLayout:
 
 def cell_layout(rows: int, columns: int, channel_count: int, bin_count: int) -> BinLayout:
     """Equal weights, rows x columns cells."""
-    weights = np.ones((ROWS, COLUMNS), np.int32)
-    return BinLayout(weights, _grid(rows, columns), rows * columns, channel_count, bin_count)
-
-
-def _grid(rows: int, columns: int) -> NDArray[np.int64]:
-    """`(ROWS, COLUMNS)` cell of each point, of rows x columns cells."""
     row, column = np.arange(ROWS) * rows // ROWS, np.arange(COLUMNS) * columns // COLUMNS
-    return row[:, None] * columns + column[None, :]
+    cells = row[:, None] * columns + column[None, :]
+    return BinLayout(np.ones((ROWS, COLUMNS), np.int32), cells, rows * columns, channel_count, bin_count)
 
 
 def epanechnikov_layout(channel_count: int, bin_count: int) -> BinLayout:
@@ -105,7 +85,7 @@ def epanechnikov_layout(channel_count: int, bin_count: int) -> BinLayout:
     v = COLUMNS * (2 * np.arange(ROWS) + 1 - ROWS)
     u = ROWS * (2 * np.arange(COLUMNS) + 1 - COLUMNS)
     squares = np.square(v)[:, None] + np.square(u)[None, :]
-    return _kernel_layout(np.clip((ROWS * COLUMNS) ** 2 - squares, 0, None), channel_count, bin_count)
+    return _one_cell(np.clip((ROWS * COLUMNS) ** 2 - squares, 0, None), channel_count, bin_count)
 
 
 def distance_layout(rows: int, columns: int, channel_count: int, bin_count: int) -> BinLayout:
@@ -116,13 +96,11 @@ def distance_layout(rows: int, columns: int, channel_count: int, bin_count: int)
     # Doubled distances are whole numbers.
     v, u = 2 * np.arange(rows) - (rows - 1), 2 * np.arange(columns) - (columns - 1)
     squares = np.square(v)[:, None] + np.square(u)[None, :]
-    return _kernel_layout(squares.max() - squares, channel_count, bin_count)
+    return _one_cell(squares.max() - squares, channel_count, bin_count)
 
 
-def _kernel_layout(weights: NDArray[np.int64], channel_count: int, bin_count: int) -> BinLayout:
-    """One cell, with weights in lowest terms."""
-    least = weights // np.gcd.reduce(weights, axis=None)
-    return BinLayout(least.astype(np.int32), np.zeros(weights.shape, np.int64), 1, channel_count, bin_count)
+def _one_cell(weights: NDArray[np.int64], channel_count: int, bin_count: int) -> BinLayout:
+    return BinLayout(weights.astype(np.int32), np.zeros(weights.shape, np.int64), 1, channel_count, bin_count)
 
 
 def histogram(codes: Codes, box: Box, layout: BinLayout) -> FloatArray:
@@ -130,13 +108,13 @@ def histogram(codes: Codes, box: Box, layout: BinLayout) -> FloatArray:
 
     It sums to 1, or is all 0 if there are none.
     """
-    counts = _counts(codes, box[None], layout)[0]
-    return counts / max(int(counts.sum()), 1)
+    counts = _counts(codes, box[None], layout)[0].astype(np.float64)
+    return counts / max(counts.sum(), 1.0)
 
 
 def histograms(codes: Codes, boxes: FloatArray, layout: BinLayout) -> FloatArray:
     """Histograms of `(N, 4)` boxes: `(N, layout.size)`, each summing to the share of its weight inside the image."""
-    return _counts(codes, boxes, layout) / layout.total
+    return np.divide(_counts(codes, boxes, layout), layout.total, dtype=np.float64)
 
 
 def similarities(codes: Codes, boxes: FloatArray, layout: BinLayout, model: FloatArray) -> FloatArray:
@@ -144,18 +122,108 @@ def similarities(codes: Codes, boxes: FloatArray, layout: BinLayout, model: Floa
 
     Points outside the image match nothing: a box with half its weight outside reaches sqrt(1/2) at most.
     """
-    out = np.empty(len(boxes))
-    compare(codes, boxes, layout.tables, root_model(layout, model), out)
-    return out
+    roots = np.sqrt(_counts(codes, boxes, layout))
+    return np.minimum(roots @ np.sqrt(model / layout.total).astype(np.float32), 1.0).astype(np.float64)
 
 
-def root_model(layout: BinLayout, model: FloatArray) -> FloatArray:
-    """`(layout.size,)` factors of the square roots of a box's counts in its similarity with a normalised histogram."""
-    return np.sqrt(model / layout.total)
-
-
-def _counts(codes: Codes, boxes: FloatArray, layout: BinLayout) -> NDArray[np.int32]:
+def _counts(codes: Codes, boxes: FloatArray, layout: BinLayout) -> NDArray[np.float32]:
     """`(N, layout.size)` weighted counts of `(N, 4)` boxes."""
-    out = np.empty((len(boxes), layout.size), np.int32)
-    count_all(codes, boxes, layout.tables, out)
+    out = np.empty((len(boxes), layout.size), np.float32)
+    _count(codes, boxes, layout.weights, layout.spans, layout.first_bins, layout.bin_count, out)
     return out
+
+
+@kernel
+def _count(
+    codes: Codes,
+    boxes: FloatArray,
+    weights: NDArray[np.int32],
+    spans: NDArray[np.uintp],
+    first_bins: NDArray[np.uintp],
+    bin_count: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Fill `out` with the counts of each box.
+
+    Neighbours often fall into the same bin, and an addition waits for the one before it to be stored: points of odd
+    columns have counts of their own. Unsigned indices spare a test for negative ones at every access.
+    """
+    height, width, channels = codes.shape
+    rows, columns = weights.shape
+    flat = codes.reshape(-1)
+    places, inside = np.empty(columns, np.uintp), np.empty(columns, np.int32)
+    counts = np.empty(2 * out.shape[1], np.int32)
+    size, stride, one = np.uintp(out.shape[1]), np.uintp(bin_count), np.uintp(1)
+    for n in range(boxes.shape[0]):
+        for k in range(counts.size):
+            counts[k] = 0
+        for j in range(columns):
+            column = math.floor(boxes[n, 0] + (j + 0.5) * boxes[n, 2] / columns)
+            inside[j] = 1 if 0 <= column < width else 0
+            places[j] = np.uintp(min(max(column, 0), width - 1) * channels)
+        for i in range(rows):
+            line = math.floor(boxes[n, 1] + (i + 0.5) * boxes[n, 3] / rows)
+            if line < 0 or line >= height:
+                continue
+            start = np.uintp(line * width * channels)
+            for j in range(spans[i, 0], spans[i, 1]):
+                at, weight, first = start + places[j], weights[i, j] * inside[j], first_bins[i, j] + size * (j & one)
+                counts[first + np.uintp(flat[at])] += weight
+                # Unrolled, as a loop over three channels takes half as long again.
+                if channels == 3:
+                    counts[first + stride + np.uintp(flat[at + one])] += weight
+                    counts[first + stride + stride + np.uintp(flat[at + one + one])] += weight
+        for k in range(size):
+            out[n, k] = counts[k] + counts[k + size]
+
+
+@dataclass(frozen=True, eq=False)
+class Feature:
+    """A histogram of a box.
+
+    Attributes:
+        encode: Maps an `(H, W, 3)` uint8 RGB image to `(H, W, C)` pixel codes, C is 1 or 3.
+        layout: Weights and cells of the histogram.
+    """
+
+    encode: Callable[[Image], Codes]
+    layout: BinLayout
+
+
+class HistogramModel:
+    """One histogram per feature, taken from the first frame and constant.
+
+    Attributes:
+        features: F features.
+        histograms: The normalised histogram in each.
+    """
+
+    def __init__(self, features: Sequence[Feature], image: Image, box: Box) -> None:
+        self.features = tuple(features)
+        region = crop(image, box[None])
+        local = region.to_region(box[None])[0]
+        self.histograms = tuple(histogram(one.encode(region.pixels), local, one.layout) for one in self.features)
+
+    def encode(self, image: Image, boxes: FloatArray) -> EncodedRegion:
+        """Encode the part of an image that `(N, 4)` boxes [px] touch: the expensive step, done once for all boxes."""
+        region = crop(image, boxes)
+        return EncodedRegion(self, region, tuple(feature.encode(region.pixels) for feature in self.features))
+
+
+@dataclass(frozen=True, eq=False)
+class EncodedRegion:
+    """A part of an image as pixel codes in every feature of a model."""
+
+    model: HistogramModel
+    region: ImageRegion
+    codes: tuple[Codes, ...]
+
+    def similarities(self, boxes: FloatArray) -> FloatArray:
+        """`(F, N)` Bhattacharyya similarities in [0, 1] of `(N, 4)` boxes [px] with the model in each feature.
+
+        The boxes lie inside the hull of those that were encoded. The distance d of Ko et al. 2012, eq. 7, is `sqrt(1 -
+        similarity)`.
+        """
+        local = self.region.to_region(boxes)
+        parts = zip(self.codes, self.model.features, self.model.histograms, strict=True)
+        return np.array([similarities(codes, local, feature.layout, model) for codes, feature, model in parts])

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.subspace import Memory, Subspace, residuals
@@ -90,20 +88,18 @@ class OnlineFeatureModel:
             self._window.clear()
 
     def _bhattacharyya(self, features: FloatArray) -> FloatArray:
-        return np.minimum(_square_roots(features, np.ones(len(features))) @ self._root, 1.0)
+        return np.minimum(np.sqrt(features) @ self._root, 1.0)
 
     def _distances(self, vectors: FloatArray, subspace: Subspace) -> FloatArray:
         """`(N,)` D of (12) and (13) of `(N, d)` normalised vectors; 1, its maximum, for those that are all 0."""
-        out = residuals(vectors, subspace.basis(self._settings.component_count))
-        _replace_for_zeros(vectors, 1.0, out)
-        return out
+        return np.where(vectors.any(axis=1), residuals(vectors, subspace.basis(self._settings.component_count)), 1.0)
 
     def _normalised(self, features: FloatArray) -> FloatArray:
         if self._settings.normalisation == "length":
             return _divide_rows(features, np.linalg.norm(features, axis=1))
         sums = features.sum(axis=1)
         if self._settings.normalisation == "root":
-            return _square_roots(features, np.where(sums > 0.0, sums, 1.0))
+            return np.sqrt(_divide_rows(features, sums))
         return _divide_rows(features, sums)
 
 
@@ -114,29 +110,3 @@ def _likelihood(distances: FloatArray, sigma: float) -> FloatArray:
 def _divide_rows(rows: FloatArray, divisors: FloatArray) -> FloatArray:
     """`(N, d)` rows, each divided by one of the `(N,)` divisors; rows of zeros stay."""
     return rows / np.where(divisors > 0.0, divisors, 1.0)[:, None]
-
-
-def _square_roots(rows: FloatArray, divisors: FloatArray) -> FloatArray:
-    """`(N, d)` square roots of rows, each divided by one of the `(N,)` divisors."""
-    out = np.empty(rows.shape)
-    _fill_square_roots(rows, divisors, out)
-    return out
-
-
-@njit(nogil=True, cache=True)
-def _fill_square_roots(rows: FloatArray, divisors: FloatArray, out: FloatArray) -> None:
-    for n in range(rows.shape[0]):
-        divisor = divisors[n]  # Read once, the loop is vectorised
-        for k in range(rows.shape[1]):
-            out[n, k] = np.sqrt(rows[n, k] / divisor)
-
-
-@njit(nogil=True, cache=True)
-def _replace_for_zeros(vectors: FloatArray, value: float, out: NDArray[np.float64]) -> None:
-    """Put `value` into `(N,)` numbers where the `(N, d)` vectors are all 0."""
-    for n in range(vectors.shape[0]):
-        k = 0
-        while k < vectors.shape[1] and vectors[n, k] == 0.0:
-            k += 1
-        if k == vectors.shape[1]:
-            out[n] = value

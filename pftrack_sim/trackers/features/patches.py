@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.features.image_region import ImageRegion, downsample
+from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, whole_block_size
 
 Patches: TypeAlias = NDArray[np.float32]  # `(N, d)` patches, points row by row
 
@@ -59,11 +59,10 @@ class PatchSampler:
         margin = _MARGIN * max(self._size)
         near, far = np.minimum(near - margin, self._covered[:2]), np.maximum(far + margin, self._covered[2:])
         hull = np.concatenate([near, far - near])
-        columns, rows = self._shape[1], self._shape[0]
+        points = self._shape[1], self._shape[0]
         # Blocks are powers of two: an image of twice the resolution is downsampled to the same pixels.
-        block = np.exp2(np.floor(np.log2(np.maximum(self._size / np.array([columns, rows]), 1.0)) + 1e-9))
-        size = (columns * float(block[0]), rows * float(block[1]))
-        self._region = downsample(self._image, hull[None], size, (columns, rows))
+        block = np.exp2(np.floor(np.log2(np.maximum(np.divide(self._size, points), 1.0)) + 1e-9))
+        self._region = block_means(self._image, hull[None], whole_block_size(self._image, block * points, points))
         self._grey = np.asarray(cv2.cvtColor(self._region.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
         self._covered = np.concatenate([near, far])
 

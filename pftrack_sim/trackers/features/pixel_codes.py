@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pftrack_sim.core.records import Image
@@ -28,33 +27,14 @@ def hsv_joint_codes(image: Image, bin_counts: tuple[int, int, int]) -> NDArray[n
 
     The numbers of bins are powers of two whose product is at most 256.
     """
-    out = np.empty((*image.shape[:2], 1), np.uint8)
-    _join(_hsv(image).reshape(-1, 3), bin_counts, tuple(_shift(count) for count in bin_counts), out.reshape(-1))
-    return out
-
-
-@njit(nogil=True, cache=True)
-def _join(
-    hsv: NDArray[np.uint8], counts: tuple[int, int, int], shifts: tuple[np.uint8, ...], out: NDArray[np.uint8]
-) -> None:
-    """Fill `(N,)` with the joint bins of `(N, 3)` pixels."""
-    for i in range(out.size):
-        hue, saturation, value = hsv[i, 0] >> shifts[0], hsv[i, 1] >> shifts[1], hsv[i, 2] >> shifts[2]
-        out[i] = np.uint8((hue * counts[1] + saturation) * counts[2] + value)
+    channels = cv2.split(_hsv(image))
+    hue, saturation, value = (channel >> _shift(count) for channel, count in zip(channels, bin_counts, strict=True))
+    return ((hue * np.uint8(bin_counts[1]) + saturation) * np.uint8(bin_counts[2]) + value)[..., None]
 
 
 def _hsv(image: Image) -> NDArray[np.uint8]:
     """`(H, W, 3)` HSV with hue in 0..255: OpenCV's usual 180 steps are not divisible into equal bins."""
-    return _converted(image, cv2.COLOR_RGB2HSV_FULL).reshape(image.shape)
-
-
-def _converted(image: Image, code: int) -> NDArray[np.uint8]:
-    """The pixels of an `(H, W, 3)` image in another colour space, as one row.
-
-    The last pixels of a row that fill no vector are converted one by one, with the same values: of one row there are
-    few, of a narrow region up to a third.
-    """
-    return np.asarray(cv2.cvtColor(image.reshape(1, -1, 3), code), dtype=np.uint8)
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
 
 
 def _shift(bin_count: int) -> np.uint8:
@@ -69,25 +49,11 @@ def cs_lbp_codes(image: Image) -> NDArray[np.uint8]:
     BT.601. The printed sum ends one pair too early; the text and the figure have the four pairs that make 16 patterns.
     Border pixels are replicated.
     """
-    grey = _converted(image, cv2.COLOR_RGB2GRAY).reshape(image.shape[:2])
-    grey = cv2.copyMakeBorder(grey, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
-    out = np.empty((image.shape[0], image.shape[1], 1), np.uint8)
-    _cs_lbp(np.asarray(grey, dtype=np.uint8), out)
-    return out
-
-
-@njit(nogil=True, cache=True)
-def _cs_lbp(grey: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
-    """Fill `out` with the patterns of an image that has a border of one pixel."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            code = 0
-            if grey[i + 1, j + 2] > grey[i + 1, j]:
-                code |= 1
-            if grey[i, j + 2] > grey[i + 2, j]:
-                code |= 2
-            if grey[i, j + 1] > grey[i + 2, j + 1]:
-                code |= 4
-            if grey[i, j] > grey[i + 2, j + 2]:
-                code |= 8
-            out[i, j, 0] = code
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    grey = np.asarray(cv2.copyMakeBorder(grey, 1, 1, 1, 1, cv2.BORDER_REPLICATE), dtype=np.uint8)
+    above, beside, below = grey[:-2], grey[1:-1], grey[2:]
+    codes = (beside[:, 2:] > beside[:, :-2]).astype(np.uint8)
+    codes |= (above[:, 2:] > below[:, :-2]).view(np.uint8) << 1
+    codes |= (above[:, 1:-1] > below[:, 1:-1]).view(np.uint8) << 2
+    codes |= (above[:, :-2] > below[:, 2:]).view(np.uint8) << 3
+    return codes[..., None]

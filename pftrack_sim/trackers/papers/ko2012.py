@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -22,18 +22,20 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
-from pftrack_sim.trackers.features.histogram import cell_layout, epanechnikov_layout, uniform_layout
-from pftrack_sim.trackers.features.histogram_model import (
+from pftrack_sim.trackers.features.histogram import (
     EncodedRegion,
     Feature,
     HistogramModel,
-    LikelihoodForm,
-    log_mixture,
+    cell_layout,
+    epanechnikov_layout,
+    uniform_layout,
 )
 from pftrack_sim.trackers.features.pixel_codes import PATTERN_COUNT, cs_lbp_codes, hsv_codes, rgb_codes
 from pftrack_sim.trackers.parameters import Share
 
 COLOUR_BINS = 128
+LikelihoodForm: TypeAlias = Literal["linear", "exponential"]
+"""With the Bhattacharyya distance d: `"linear"` is 1 - d^2, the similarity; `"exponential"` is exp(-lambda d^2)."""
 
 
 class Ko2012Parameters(BoxFilterParameters):
@@ -129,6 +131,20 @@ class Mixture:
     def similarity(self, box: Box) -> float:
         """Similarity of a `(4,)` box [px] with the model, in [0, 1]: (9) in the form `"linear"`."""
         return min(float(self.shares @ self.encoded.similarities(box[None])[:, 0]), 1.0)
+
+
+def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodForm, lambdas: FloatArray) -> FloatArray:
+    """`(N,)` logarithms of a linear mixture of one likelihood per feature (9); -inf where all similarities are 0.
+
+    Args:
+        similarities: `(F, N)` Bhattacharyya similarities.
+        shares: `(F,)` weight of each feature, summing to 1.
+        form: Likelihood of each feature.
+        lambdas: `(F,)` lambda of each feature; not used by `"linear"`.
+    """
+    likelihoods = similarities if form == "linear" else np.exp((similarities - 1.0) * lambdas[:, None])
+    with np.errstate(divide="ignore"):
+        return np.log(shares @ likelihoods)
 
 
 class Ko2012(BoxFilterTracker[Ko2012Parameters, Mixture]):

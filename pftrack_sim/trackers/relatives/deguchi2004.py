@@ -9,6 +9,7 @@ over where the similarity at the mode is low, and hands back once mean shift fro
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
@@ -25,13 +26,13 @@ from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, USUAL_RATE
 from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.features.histogram import COLUMNS, ROWS, epanechnikov_layout, histogram, similarities
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
-from pftrack_sim.trackers.features.mean_shift import mean_shift
+from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 
 COLOUR_BINS = (8, 8, 4)
-_LAYOUT = epanechnikov_layout(1, 256)
+_LAYOUT, _WHOLE = epanechnikov_layout(1, 256), Partition()
 
 
 class Deguchi2004Parameters(Parameters):
@@ -90,7 +91,9 @@ class Deguchi2004(BaseTracker):
         states = np.tile(self._state, (self.params.particle_count, 1))
         self._filter = ParticleFilter(states, random_streams.stream(self._seed, "tracker"))
         region, codes = self._encode(image, box[None])
-        self._histogram = histogram(codes, region.to_region(box[None])[0], _LAYOUT)
+        local = region.to_region(box[None])
+        self._histogram = histogram(codes, local[0], _LAYOUT)
+        self._pulls = area_histograms(codes, _upright_states(local), _WHOLE, len(self._histogram))[0]
 
     def _follow(self, image: Image) -> Estimate:
         p = self.params
@@ -99,7 +102,7 @@ class Deguchi2004(BaseTracker):
         # Mean shift may leave the particles behind by as much as a box.
         reach = np.concatenate([box[:, :2] - box[:, 2:], 3.0 * box[:, 2:]], axis=1)
         region, codes = self._encode(image, np.concatenate([particles, reach]))
-        seen = _Seen(region, codes, self._histogram, p)
+        seen = _Seen(region, codes, self._histogram, self._pulls, p)
         self._filter.weigh(p.sharpness * (seen.similarities(particles) - 1.0))
         spread = self._filter.mean(p.top_count)
         state, similarity = seen.climb(self._state)
@@ -133,34 +136,40 @@ class Deguchi2004(BaseTracker):
         return region, hsv_joint_codes(region.pixels, COLOUR_BINS)
 
 
+@dataclass(frozen=True, eq=False)
 class _Seen:
-    """One frame's colours, compared with the model."""
+    """One frame's colours, compared with the histogram of the first box; `pulls` is its histogram in mean shift."""
 
-    def __init__(
-        self, region: ImageRegion, codes: NDArray[np.uint8], model: FloatArray, params: Deguchi2004Parameters
-    ) -> None:
-        self._region, self._codes, self._model, self._params = region, codes, model, params
+    region: ImageRegion
+    codes: NDArray[np.uint8]
+    histogram: FloatArray
+    pulls: FloatArray
+    params: Deguchi2004Parameters
 
     def similarities(self, wanted: FloatArray) -> FloatArray:
         """`(N,)` similarities of `(N, 4)` boxes [px]."""
-        return similarities(self._codes, self._region.to_region(wanted), _LAYOUT, self._model)
+        return similarities(self.codes, self.region.to_region(wanted), _LAYOUT, self.histogram)
 
     def climb(self, state: FloatArray) -> tuple[FloatArray, float]:
         """The `(4,)` state that mean shift reaches from a `(4,)` state, and its similarity in [0, 1].
 
         Of three sizes that of the greatest similarity is taken, and the size moves towards it.
         """
-        p = self._params
-        best, similarity = state, -1.0
-        for factor in (1.0, 1.0 - p.size_step, 1.0 + p.size_step) if p.size_step else (1.0,):
-            start = np.concatenate([state[:2], state[2:] * factor])
-            local = self._region.to_region(boxes.from_states(start[None]))[0]
-            found, value = mean_shift(self._codes, local, _LAYOUT, self._model, p.iteration_count)
-            if value > similarity:
-                moved = (found[:2] - local[:2]) * self._region.step
-                size = state[2:] + p.size_gain * (start[2:] - state[2:])
-                best, similarity = np.concatenate([state[:2] + moved, size]), value
-        return best, similarity
+        p = self.params
+        reached = np.tile(state, (3, 1))
+        reached[:, 2:] *= [[1.0], [1.0 - p.size_step], [1.0 + p.size_step]]
+        starts = _upright_states(self.region.to_region(boxes.from_states(reached)))
+        ends = mean_shift(self.codes, starts, _WHOLE, self.pulls, p.iteration_count, 0.0)
+        reached[:, :2] += (ends[:, :2] - starts[:, :2]) * self.region.step
+        found = self.similarities(boxes.from_states(reached))
+        best = int(found.argmax())
+        size = state[2:] + p.size_gain * (reached[best, 2:] - state[2:])
+        return np.concatenate([reached[best, :2], size]), float(found[best])
+
+
+def _upright_states(local: FloatArray) -> FloatArray:
+    """`(N, 5)` states of mean shift: `(N, 4)` boxes [px of the region] at the angle 0."""
+    return np.column_stack([local[:, :2] + 0.5 * local[:, 2:], local[:, 2:], np.zeros(len(local))])
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Deguchi2004:

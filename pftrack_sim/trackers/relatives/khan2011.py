@@ -27,12 +27,7 @@ from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, USUAL_RATE
 from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
-from pftrack_sim.trackers.features.partitioned_mean_shift import (
-    SIDE,
-    Partition,
-    area_histograms,
-    partitioned_mean_shift,
-)
+from pftrack_sim.trackers.features.mean_shift import SIDE, Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Share
@@ -138,7 +133,7 @@ class Khan2011(BaseTracker):
         clip_states(particle_filter.states, image, MIN_SIZE_PX)
         region, codes = self._encode(image, particle_filter.states)
         local = _to_region(particle_filter.states, region)
-        climbed = partitioned_mean_shift(codes, local, self._partition, self._model, p.iteration_count, p.shape_gain)
+        climbed = mean_shift(codes, local, self._partition, self._model, p.iteration_count, p.shape_gain)
         particle_filter.states = _to_image(climbed, region)
         clip_states(particle_filter.states, image, MIN_SIZE_PX)
         similarities, _ = self._compare(codes, _to_region(particle_filter.states, region))

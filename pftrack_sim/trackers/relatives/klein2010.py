@@ -25,7 +25,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.boosting import StrongClassifier, train
 from pftrack_sim.trackers.features.centre_surround import grid_of_regions, opponent_integral
-from pftrack_sim.trackers.features.image_region import downsample
+from pftrack_sim.trackers.features.image_region import block_means, whole_block_size
 from pftrack_sim.trackers.parameters import NotNegative, Share
 
 POINTS = (24, 48)
@@ -201,7 +201,7 @@ class Klein2010(BoostedTracker[Klein2010Parameters]):
         self.pool = grid_of_regions(params.divisions, params.centre)
 
     def _measure(self, image: Image, near: FloatArray) -> Measure:
-        region = downsample(image, near, (float(near[-1, 2]), float(near[-1, 3])), POINTS)
+        region = block_means(image, near, whole_block_size(image, near[-1, 2:], POINTS))
         integral = opponent_integral(region.pixels)
 
         def measure(boxes: FloatArray, chosen: NDArray[np.intp] | None) -> FloatArray:

@@ -22,8 +22,7 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
-from pftrack_sim.trackers.features.histogram import epanechnikov_layout
-from pftrack_sim.trackers.features.histogram_model import EncodedRegion, Feature, HistogramModel
+from pftrack_sim.trackers.features.histogram import EncodedRegion, Feature, HistogramModel, epanechnikov_layout
 from pftrack_sim.trackers.features.integral import integral_image, rectangle_means
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.features.saliency import spectral_residual
