@@ -67,7 +67,7 @@ class Raycaster(Renderer):
         visible, _visible_owner = arrays.bvh(arrays.visible)
         casters, _casters_owner = arrays.bvh(arrays.shadow_casters)
         inputs = [arrays.geoms, arrays.appearance, arrays.textures, visible, casters, camera, width, self._samples]
-        wp.launch(kernels.cast_color, dim=len(image), inputs=inputs, outputs=[image])
+        wp.launch(kernels.cast_color, dim=width * self.height_px, inputs=inputs, outputs=[image])
         drawn = np.array(image.numpy(), dtype=np.uint8).reshape(self.height_px, width, 3)
         return drawn if rows is None else drawn[rows]
 
