@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from numba import njit
 from numba.core import event as numba_event
 
@@ -63,3 +64,8 @@ def kernel(function: _Function) -> _Function:
 def part_of_kernel(function: _Function) -> _Function:
     """Compile a function that only kernels of its own module call, with the kernel."""
     return _njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
+
+
+def record_type(fields: Sequence[tuple[str, str]]) -> np.dtype[Any]:
+    """Type of records for kernels: names and types of fields, which are attributes also where nothing is compiled."""
+    return np.dtype((np.record, list(fields)))

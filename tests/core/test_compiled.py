@@ -1,5 +1,9 @@
+import os
 import subprocess
 import sys
+
+import numpy as np
+import pytest
 
 CODE = """
 from pftrack_sim.core import compiled
@@ -19,3 +23,33 @@ def test_a_kernel_divides_by_zero_and_says_once_that_it_compiles(tmp_path):
     done = subprocess.run([sys.executable, tmp_path / "code.py"], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["inf", "0.5"]
     assert done.stderr.count("compiling for this machine") == 1
+
+
+WHOLE = """
+import gymnasium as gym, numpy as np, sys
+import pftrack_sim
+from pftrack_sim import trackers
+
+size = {"camera.width_px": 96, "camera.height_px": 72}
+env = gym.make("pftrack_sim/Track-v0", scenario="easy/corridor", overrides=size)
+observation, _ = env.reset(seed=1)
+boxes = [observation["init_box"]]
+for name in ("ko2012", "pftrack"):
+    tracker = trackers.make(name)
+    tracker.init(observation["image"], boxes[0])
+    boxes.append(tracker.update(observation["image"]).box)
+observation, _, _, _, info = env.step(boxes[0])
+boxes.append(info["truth"].amodal_box)
+np.save(sys.argv[1], boxes)
+"""
+
+
+@pytest.mark.slow
+def test_everything_runs_without_the_compiler(tmp_path):
+    code, found = tmp_path / "code.py", []
+    code.write_text(WHOLE)
+    for off in ("0", "1"):
+        path = tmp_path / f"boxes-{off}.npy"
+        subprocess.run([sys.executable, code, path], env={**os.environ, "NUMBA_DISABLE_JIT": off}, check=True)
+        found.append(np.load(path))
+    np.testing.assert_allclose(*found, atol=1e-3)

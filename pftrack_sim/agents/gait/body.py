@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.agents.gait.trajectories import MAX_EXTENSION, RUN_STANCE_FRACTION
-from pftrack_sim.core.compiled import kernel, part_of_kernel
+from pftrack_sim.core.compiled import kernel, part_of_kernel, record_type
 from pftrack_sim.core.types import FloatArray
 
-BODY = np.dtype(
+BODY = record_type(
     [
         ("pelvis_m", "f8"),
         ("torso_m", "f8"),
@@ -39,10 +39,10 @@ BODY = np.dtype(
 )
 """One person's body and habits."""
 
-POSTURE = np.dtype([("crouch", "f8"), ("bend", "f8"), ("look", "f8"), ("sit", "f8")])
+POSTURE = record_type([("crouch", "f8"), ("bend", "f8"), ("look", "f8"), ("sit", "f8")])
 """Numbers of a `Posture`."""
 
-ARM = np.dtype([("share", "f8"), ("shoulder", "f8"), ("elbow", "f8"), ("outward", "f8"), ("forearm", "f8")])
+ARM = record_type([("share", "f8"), ("shoulder", "f8"), ("elbow", "f8"), ("outward", "f8"), ("forearm", "f8")])
 """An `Arm`; the share of an arm that swings is 0."""
 
 _GRAVITY = 9.81

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.agents.gait.trajectories import DOWN_POWER, FOOT_FLAT, HEEL_RISE, UP_POWER
-from pftrack_sim.core.compiled import kernel, part_of_kernel
+from pftrack_sim.core.compiled import kernel, part_of_kernel, record_type
 from pftrack_sim.core.types import FloatArray
 
-WALK = np.dtype(
+WALK = record_type(
     [
         ("x", "f8"),  # place of the body on the ground [m]
         ("y", "f8"),
@@ -41,7 +41,7 @@ WALK = np.dtype(
 )
 """How one person walks."""
 
-FOOT = np.dtype(
+FOOT = record_type(
     [
         ("toe_out", "f8"),  # yaw of the foot relative to the body [rad]
         ("in_stance", "?"),

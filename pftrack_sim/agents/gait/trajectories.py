@@ -18,6 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pftrack_sim.core.compiled import record_type
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 
@@ -122,7 +123,7 @@ def stance_pitch(
     return heel_strike_rad * down**DOWN_POWER - toe_off_rad * up**UP_POWER
 
 
-PARAMETERS = np.dtype(
+PARAMETERS = record_type(
     [
         ("stride_m", "f8"),  # stride length: two steps
         ("stance_fraction", "f8"),

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.core.compiled import kernel
+from pftrack_sim.core.compiled import kernel, record_type
 
 FAR_M = 1e6
 """Position of an absent robot: too far to matter to the avoidance."""
@@ -27,11 +27,11 @@ _MOVER_FIELDS = (
     "extra_m",  # Distance to keep from it, in addition to that from a person
     "ax", "ay",  # Acceleration [m/s^2]
 )  # fmt: skip
-MOVER = np.dtype((np.record, [(name, np.float64) for name in _MOVER_FIELDS]))
+MOVER = record_type([(name, "f8") for name in _MOVER_FIELDS])
 """A pedestrian, the robot or a cart; all fields are float64, so that an array of them can be viewed as a table."""
 
 _RECTANGLE_FIELDS = ("x", "y", "half_u", "half_v", "cos", "sin", "reach_m")
-RECTANGLE = np.dtype((np.record, [(name, np.float64) for name in _RECTANGLE_FIELDS]))
+RECTANGLE = record_type([(name, "f8") for name in _RECTANGLE_FIELDS])
 """An obstacle on the ground: centre, half sizes along its axes [m], yaw, and half its diagonal [m]."""
 
 Movers: TypeAlias = NDArray[Any]  # of MOVER
