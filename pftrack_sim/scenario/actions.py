@@ -11,30 +11,28 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from pftrack_sim.scenario.section import NotNegative, Positive, Section
+from pftrack_sim.scenario.section import NotNegative, Positive, Section, number, setting
 
 BACKWARD_SPEED_M_S = 0.9
 TURNING_S = 3.9  # Of an action that faces about: slowing down and both turns; the rest is spent turned.
 
-_At = Annotated[NotNegative, Field(description="When it begins.")]
+
+class _Action(Section):
+    at_s: NotNegative = setting(..., "When it begins.")
 
 
-class Stop(Section):
+class Stop(_Action):
     """Stands still for a while."""
 
     kind: Literal["stop"]
-    at_s: _At
-    duration_s: Positive = Field(default=2.2, description="Slowing down included.")
+    duration_s: Positive = setting(2.2, "Slowing down included.")
 
 
-class Turn(Section):
+class Turn(_Action):
     """Faces about on the spot, walks back slowly, and faces about again."""
 
     kind: Literal["turn"]
-    at_s: _At
-    duration_s: Annotated[float, Field(ge=4.2, le=3600.0)] = Field(
-        default=5.2, description="Slowing down and turns included."
-    )
+    duration_s: float = number(5.2, 4.2, 3600, "Slowing down and turns included.")
 
     @property
     def back_m(self) -> float:
@@ -42,13 +40,12 @@ class Turn(Section):
         return BACKWARD_SPEED_M_S * (self.duration_s - TURNING_S)
 
 
-class Approach(Section):
+class Approach(_Action):
     """Faces about, walks back along the path towards a camera behind it, and faces about again."""
 
     kind: Literal["approach"]
-    at_s: _At
-    distance_m: Annotated[float, Field(ge=0.3, le=20.0)] = Field(default=2.0, description="How far it walks back.")
-    speed_m_s: Annotated[float, Field(ge=0.3, le=1.4)] = Field(default=1.1, description="How fast.")
+    distance_m: float = number(2.0, 0.3, 20, "How far it walks back.")
+    speed_m_s: float = number(1.1, 0.3, 1.4, "How fast.")
 
     @property
     def back_m(self) -> float:
@@ -61,81 +58,64 @@ class Approach(Section):
         return TURNING_S + self.distance_m / self.speed_m_s
 
 
-class Face(Section):
+class Face(_Action):
     """Stands, or walks on slowly, with the body turned relative to the camera."""
 
     kind: Literal["face"]
-    at_s: _At
-    duration_s: Annotated[float, Field(ge=3.2, le=3600.0)] = Field(
-        default=4.5, description="Slowing down and turns included."
+    duration_s: float = number(4.5, 3.2, 3600, "Slowing down and turns included.")
+    towards: Literal["camera", "away", "left", "right"] = setting(
+        "camera", "Where the front of the body points, as seen in the image."
     )
-    towards: Literal["camera", "away", "left", "right"] = Field(
-        default="camera", description="Where the front of the body points, as seen in the image."
-    )
-    speed_m_s: Annotated[float, Field(ge=0.0, le=0.5)] = Field(
-        default=0.0, description="Speed along the path meanwhile: steps to the side or back."
-    )
+    speed_m_s: float = number(0.0, 0, 0.5, "Speed along the path meanwhile: steps to the side or back.")
 
 
-class Lowering(Section):
+class Lowering(_Action):
     """Stops, and squats or bends forward, as to reach for something on the ground; then rises."""
 
     kind: Literal["crouch", "bend"]
-    at_s: _At
-    duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(
-        default=3.8, description="Slowing down and rising included."
-    )
-    picks_up: Literal["bag", "box"] | None = Field(default=None, description="Item in `carries` that it picks up.")
-    puts_down: Literal["bag"] | None = Field(
-        default=None, description="Item in `carries` that it puts down; a box would lie in its way."
-    )
+    duration_s: float = number(3.8, 2.8, 3600, "Slowing down and rising included.")
+    picks_up: Literal["bag", "box"] | None = setting(None, "Item in `carries` that it picks up.")
+    puts_down: Literal["bag"] | None = setting(None, "Item in `carries` that it puts down; a box would lie in its way.")
 
 
-class Gesture(Section):
+class Gesture(_Action):
     """Stops and moves arms or head."""
 
     kind: Literal["wave", "look_around"]
-    at_s: _At
-    duration_s: Annotated[float, Field(ge=2.8, le=3600.0)] = Field(default=4.0, description="Slowing down included.")
+    duration_s: float = number(4.0, 2.8, 3600, "Slowing down included.")
 
 
-class Sit(Section):
+class Sit(_Action):
     """Stops, turns its back on a seat beside its path, sits down and rests; then rises, turns and walks on."""
 
     kind: Literal["sit"]
-    at_s: _At
-    duration_s: Annotated[float, Field(ge=6.6, le=3600.0)] = Field(
-        default=9.0, description="Slowing down, turns, sitting down and rising included."
-    )
-    side: Literal["left", "right"] = Field(default="left", description="Side of its path on which the seat stands.")
-    seat: Literal["bench", "couch"] = Field(default="bench", description="Seat that is put there.")
+    duration_s: float = number(9.0, 6.6, 3600, "Slowing down, turns, sitting down and rising included.")
+    side: Literal["left", "right"] = setting("left", "Side of its path on which the seat stands.")
+    seat: Literal["bench", "couch"] = setting("bench", "Seat that is put there.")
 
 
-class Run(Section):
+class Run(_Action):
     """Runs."""
 
     kind: Literal["run"]
-    at_s: _At
-    duration_s: Positive = Field(default=3.0, description="Taking up the speed included.")
-    speed_m_s: Annotated[float, Field(ge=2.2, le=3.2)] = Field(default=2.7, description="Speed of running.")
+    duration_s: Positive = setting(3.0, "Taking up the speed included.")
+    speed_m_s: float = number(2.7, 2.2, 3.2, "Speed of running.")
 
 
-class Pace(Section):
+class Pace(_Action):
     """Walks at another speed."""
 
     kind: Literal["pace"]
-    at_s: _At
-    duration_s: Positive = Field(default=4.0, description="Taking up the speed included.")
-    speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(description="Walking speed.")
+    duration_s: Positive = setting(4.0, "Taking up the speed included.")
+    speed_m_s: float = number(..., 0.3, 2.2, "Walking speed.")
 
 
-class WalkOff(Section):
+class WalkOff(_Action):
     """Walks off fast, so that a slower robot falls behind and the target becomes small."""
 
     kind: Literal["walk_off"]
-    at_s: _At
-    duration_s: Positive = Field(default=5.0, description="Taking up the speed included.")
-    speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=2.1, description="Walking speed.")
+    duration_s: Positive = setting(5.0, "Taking up the speed included.")
+    speed_m_s: float = number(2.1, 0.3, 2.2, "Walking speed.")
 
 
 Action: TypeAlias = Annotated[

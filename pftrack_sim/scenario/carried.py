@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from pftrack_sim.scenario.actions import Action, Lowering, end_s
-from pftrack_sim.scenario.section import Section
+from pftrack_sim.scenario.section import Section, setting
 
 Item: TypeAlias = Literal["bag", "box", "backpack", "umbrella"]
 
@@ -25,14 +25,14 @@ _GRIPPING_S = 0.35
 class Carried(Section):
     """A thing that the target carries from the start, or picks up."""
 
-    item: Item = Field(
-        description="'bag': in the left hand; 'box': before the chest, in both hands; 'backpack'; 'umbrella': open, in "
-        "the right hand."
+    item: Item = setting(
+        ...,
+        "'bag': in the left hand; 'box': before the chest, in both hands; 'backpack'; 'umbrella': open, in the right "
+        "hand.",
     )
-    colour: tuple[_Channel, _Channel, _Channel] = Field(default=(60, 62, 70), description="Red, green, blue, 0 to 255.")
-    from_start: bool = Field(
-        default=True,
-        description="Whether it is carried from the start; else it lies where an action `picks_up` the item.",
+    colour: tuple[_Channel, _Channel, _Channel] = setting((60, 62, 70), "Red, green, blue, 0 to 255.")
+    from_start: bool = setting(
+        True, "Whether it is carried from the start; else it lies where an action `picks_up` the item."
     )
 
 

@@ -16,54 +16,63 @@ from pftrack_sim.scenario.actions import Action, end_s, overlap_problem, title
 from pftrack_sim.scenario.axes import Axes
 from pftrack_sim.scenario.carried import Carried, carrying_problem
 from pftrack_sim.scenario.groups import Group
-from pftrack_sim.scenario.section import Angle, Coordinate, NotNegative, Point, Positive, Seconds, Section, Share
+from pftrack_sim.scenario.section import (
+    Angle,
+    Coordinate,
+    NotNegative,
+    Point,
+    Positive,
+    Seconds,
+    Section,
+    Share,
+    number,
+    setting,
+)
 from pftrack_sim.scenario.teleoperation import Operator, Sills
 
 
 class Place(Section):
     """The place and its loose furniture."""
 
-    kind: Literal["plaza", "corridor", "warehouse", "street", "street-day", "hall", "park"] = Field(
-        description="Kind of place; 'street': at night."
+    kind: Literal["plaza", "corridor", "warehouse", "street", "street-day", "hall", "park"] = setting(
+        ..., "Kind of place; 'street': at night."
     )
-    clutter: Share = Field(default=1.0, description="Share of the place's loose furniture that is present.")
+    clutter: Share = setting(1.0, "Share of the place's loose furniture that is present.")
 
 
 class StillRoute(Section):
     """The robot stands still."""
 
     kind: Literal["still"]
-    start_m: Point = Field(default=(0.0, 0.0), description="Position of the robot.")
-    heading_deg: Angle = Field(default=0.0, description="Heading; 0 is +x, counter-clockwise.")
+    start_m: Point = setting((0.0, 0.0), "Position of the robot.")
+    heading_deg: Angle = setting(0.0, "Heading; 0 is +x, counter-clockwise.")
 
 
 class WaypointRoute(Section):
     """The robot drives through points, then stops."""
 
     kind: Literal["waypoints"]
-    points_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=1000)] = Field(
-        description="Points to drive through."
+    points_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=1000)] = setting(
+        ..., "Points to drive through."
     )
-    speed_m_s: Positive = Field(default=0.8, description="Cruising speed.")
+    speed_m_s: Positive = setting(0.8, "Cruising speed.")
 
 
 class TrailRoute(Section):
     """The robot drives along the target's own path, keeping a distance behind it."""
 
     kind: Literal["trail"]
-    distance_m: Positive = Field(default=3.5, description="Distance kept behind the target, along its path.")
-    offset_m: Coordinate = Field(default=0.0, description="Sideways offset from the target's path; positive is left.")
+    distance_m: Positive = setting(3.5, "Distance kept behind the target, along its path.")
+    offset_m: Coordinate = setting(0.0, "Sideways offset from the target's path; positive is left.")
 
 
 class BesideRoute(Section):
     """The robot drives beside the target, parallel to its path, so that the background sweeps past."""
 
     kind: Literal["beside"]
-    distance_m: Positive = Field(default=3.0, description="Sideways distance from the target's path.")
-    side: Literal["left", "right"] = Field(default="right", description="On which side of the target the robot drives.")
-    lead_m: Coordinate = Field(
-        default=0.0, description="How far ahead of the target along its path; negative is behind."
-    )
+    distance_m: Positive = setting(3.0, "Sideways distance from the target's path.")
+    side: Literal["left", "right"] = setting("right", "On which side of the target the robot drives.")
+    lead_m: Coordinate = setting(0.0, "How far ahead of the target along its path; negative is behind.")
 
 
 Route: TypeAlias = Annotated[StillRoute | WaypointRoute | TrailRoute | BesideRoute, Field(discriminator="kind")]
@@ -73,43 +82,35 @@ class Robot(Section):
     """The differential-drive robot that carries the camera, and its script in open-loop episodes."""
 
     route: Route
-    gaze: Literal["target", "forward"] = Field(
-        default="target",
-        description="'target': the head follows the target with an operator's lag; 'forward': fixed.",
+    gaze: Literal["target", "forward"] = setting(
+        "target", "'target': the head follows the target with an operator's lag; 'forward': fixed."
     )
     operator: Operator = Operator()
     sills: Sills = Sills()
-    max_speed_m_s: Positive = Field(default=1.6, description="Fastest forward speed of the drive.")
-    max_turn_deg_s: Positive = Field(default=90.0, description="Fastest turn rate of the drive.")
-    max_pan_deg_s: Positive = Field(default=120.0, description="Fastest pan rate of the head.")
-    max_tilt_deg_s: Positive = Field(default=60.0, description="Fastest tilt rate of the head.")
-    floor_friction: Annotated[float, Field(ge=0.02, le=2.0)] = Field(
-        default=1.0, description="Coulomb friction between tyres and floor: 1 dry, 0.4 wet tiles, 0.1 ice."
+    max_speed_m_s: Positive = setting(1.6, "Fastest forward speed of the drive.")
+    max_turn_deg_s: Positive = setting(90.0, "Fastest turn rate of the drive.")
+    max_pan_deg_s: Positive = setting(120.0, "Fastest pan rate of the head.")
+    max_tilt_deg_s: Positive = setting(60.0, "Fastest tilt rate of the head.")
+    floor_friction: float = number(
+        1.0, 0.02, 2, "Coulomb friction between tyres and floor: 1 dry, 0.4 wet tiles, 0.1 ice."
     )
-    latency_ms: Annotated[float, Field(ge=0.0, le=2000.0)] = Field(
-        default=0.0, description="Delay from a command to the motors, rounded to the physics step."
-    )
-    odometry_error_percent: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
-        default=0.5,
-        description="Standard deviation of the odometry's error of each wheel's radius and of the track.",
+    latency_ms: float = number(0.0, 0, 2000, "Delay from a command to the motors, rounded to the physics step.")
+    odometry_error_percent: float = number(
+        0.5, 0, 20, "Standard deviation of the odometry's error of each wheel's radius and of the track."
     )
 
 
 class Camera(Section):
     """The camera on the robot's mast."""
 
-    width_px: Annotated[int, Field(ge=16, le=4096)] = Field(default=640, description="Image width.")
-    height_px: Annotated[int, Field(ge=16, le=4096)] = Field(default=480, description="Image height.")
-    fovy_deg: Annotated[float, Field(ge=5.0, le=130.0)] = Field(default=50.0, description="Vertical field of view.")
-    rate_hz: Annotated[float, Field(ge=1.0, le=250.0)] = Field(default=30.0, description="Frames per second.")
-    height_m: Annotated[float, Field(ge=0.3, le=3.0)] = Field(default=1.25, description="Height of the optical centre.")
-    mount: Literal["front", "left", "right", "back"] = Field(
-        default="front", description="Direction of the camera at rest."
-    )
-    tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = Field(
-        default=0.0, description="Tilt at rest; positive looks up."
-    )
-    grey: bool = Field(default=False, description="A grey camera: its luma in each of the three channels.")
+    width_px: int = number(640, 16, 4096, "Image width.")
+    height_px: int = number(480, 16, 4096, "Image height.")
+    fovy_deg: float = number(50.0, 5, 130, "Vertical field of view.")
+    rate_hz: float = number(30.0, 1, 250, "Frames per second.")
+    height_m: float = number(1.25, 0.3, 3, "Height of the optical centre.")
+    mount: Literal["front", "left", "right", "back"] = setting("front", "Direction of the camera at rest.")
+    tilt_deg: float = number(0.0, -45, 45, "Tilt at rest; positive looks up.")
+    grey: bool = setting(False, "A grey camera: its luma in each of the three channels.")
 
 
 class Jitter(Section):
@@ -118,11 +119,9 @@ class Jitter(Section):
     Band-limited Gaussian motion: independent roll, pitch, yaw and x, y, z, each with the RMS given.
     """
 
-    angular_rms_deg: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
-        default=0.0, description="RMS of each of roll, pitch and yaw."
-    )
-    translational_rms_mm: NotNegative = Field(default=0.0, description="RMS along each of x, y and z.")
-    band_hz: tuple[Positive, Positive] = Field(default=(1.0, 12.0), description="Lowest and highest frequency.")
+    angular_rms_deg: float = number(0.0, 0, 20, "RMS of each of roll, pitch and yaw.")
+    translational_rms_mm: NotNegative = setting(0.0, "RMS along each of x, y and z.")
+    band_hz: tuple[Positive, Positive] = setting((1.0, 12.0), "Lowest and highest frequency.")
 
     @model_validator(mode="after")
     def _band_is_ordered(self) -> Jitter:
@@ -134,32 +133,29 @@ class Jitter(Section):
 class Sensor(Section):
     """Optical blur and anti-aliasing."""
 
-    psf_sigma_px: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
-        default=0.5,
-        description="Blur of the lens: standard deviation of its point-spread function; 0 is a perfect lens.",
+    psf_sigma_px: float = number(
+        0.5, 0, 5, "Blur of the lens: standard deviation of its point-spread function; 0 is a perfect lens."
     )
-    multisamples: Literal[0, 2, 4, 8] = Field(
-        default=0, description="Anti-aliasing samples per pixel of the colour image."
-    )
+    multisamples: Literal[0, 2, 4, 8] = setting(0, "Anti-aliasing samples per pixel of the colour image.")
 
 
 class LightStep(Section):
     """A sudden change."""
 
     kind: Literal["step"]
-    at_s: NotNegative = Field(description="Time of the change.")
-    ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(description="Change of the light in stops; -1 halves it.")
-    lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change.")
+    at_s: NotNegative = setting(..., "Time of the change.")
+    ev: float = number(..., -10, 5, "Change of the light in stops; -1 halves it.")
+    lights: Literal["all", "sun", "lamps"] = setting("all", "Which lights change.")
 
 
 class LightRamp(Section):
     """A gradual change."""
 
     kind: Literal["ramp"]
-    from_s: NotNegative = Field(description="Time at which the ramp begins.")
-    to_s: NotNegative = Field(description="Time at which the ramp ends.")
-    ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(description="Change of the light in stops; -1 halves it.")
-    lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change.")
+    from_s: NotNegative = setting(..., "Time at which the ramp begins.")
+    to_s: NotNegative = setting(..., "Time at which the ramp ends.")
+    ev: float = number(..., -10, 5, "Change of the light in stops; -1 halves it.")
+    lights: Literal["all", "sun", "lamps"] = setting("all", "Which lights change.")
 
     @model_validator(mode="after")
     def _ends_after_it_begins(self) -> LightRamp:
@@ -174,21 +170,19 @@ LightChange: TypeAlias = Annotated[LightStep | LightRamp, Field(discriminator="k
 class Lights(Section):
     """Sun, sky and lamps of the place, and how they change."""
 
-    shadows: bool = Field(default=True, description="Whether the main light casts shadows.")
-    ev: Annotated[float, Field(ge=-10.0, le=5.0)] = Field(default=0.0, description="All light, in stops; -1 halves it.")
-    sun_azimuth_deg: Angle = Field(default=40.0, description="Azimuth of the sun; 0 is +x, counter-clockwise.")
-    sun_elevation_deg: Annotated[float, Field(ge=5.0, le=90.0)] = Field(default=48.0, description="Sun's elevation.")
-    patches: Annotated[float, Field(ge=0.0, le=0.9)] = Field(
-        default=0.0,
-        description="Share of the ground that the sun does not reach: below foliage on the plaza, between windows of "
-        "the roof indoors (needs shadows); on the street, how much the lamps differ in brightness and colour.",
+    shadows: bool = setting(True, "Whether the main light casts shadows.")
+    ev: float = number(0.0, -10, 5, "All light, in stops; -1 halves it.")
+    sun_azimuth_deg: Angle = setting(40.0, "Azimuth of the sun; 0 is +x, counter-clockwise.")
+    sun_elevation_deg: float = number(48.0, 5, 90, "Sun's elevation.")
+    patches: float = number(
+        0.0,
+        0,
+        0.9,
+        "Share of the ground that the sun does not reach: below foliage on the plaza, between windows of the roof "
+        "indoors (needs shadows); on the street, how much the lamps differ in brightness and colour.",
     )
-    patch_m: Annotated[float, Field(ge=0.5, le=20.0)] = Field(
-        default=3.0, description="Mean size of a tree's crown or window that makes the patches."
-    )
-    schedule: tuple[LightChange, ...] = Field(
-        default=(), max_length=1000, description="Changes over time; their stops add up."
-    )
+    patch_m: float = number(3.0, 0.5, 20, "Mean size of a tree's crown or window that makes the patches.")
+    schedule: tuple[LightChange, ...] = setting((), "Changes over time; their stops add up.", max_length=1000)
 
 
 MAX_PATH_M = 2000.0
@@ -197,33 +191,31 @@ MAX_PATH_M = 2000.0
 class Target(Section):
     """The person to track."""
 
-    path_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=1000)] = Field(
-        description="Points the target walks through; corners are rounded. It stops at the last one."
+    path_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=1000)] = setting(
+        ..., "Points the target walks through; corners are rounded. It stops at the last one."
     )
-    speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=1.25, description="Walking speed.")
-    height_m: Annotated[float, Field(ge=1.4, le=2.1)] = Field(default=1.74, description="Body height.")
-    wardrobe: Annotated[int, Field(ge=0, le=10_000)] = Field(
-        default=0,
-        description="Number of the set of random clothes and builds: scenarios with different numbers show different "
-        "people at the same seed.",
+    speed_m_s: float = number(1.25, 0.3, 2.2, "Walking speed.")
+    height_m: float = number(1.74, 1.4, 2.1, "Body height.")
+    wardrobe: int = number(
+        0,
+        0,
+        10000,
+        "Number of the set of random clothes and builds: scenarios with different numbers show different people at "
+        "the same seed.",
     )
-    init: Literal["body", "torso"] = Field(
-        default="body",
-        description="What the target's boxes enclose, from the selection to the score: 'body': the whole person; "
-        "'torso': the trunk from the hips to the neck, without the arms, as users often draw it.",
+    init: Literal["body", "torso"] = setting(
+        "body",
+        "What the target's boxes enclose, from the selection to the score: 'body': the whole person; 'torso': the "
+        "trunk from the hips to the neck, without the arms, as users often draw it.",
     )
-    start_stride: Literal["median", "any"] = Field(
-        default="median",
-        description="Gait phase in the first frame, in which the target is selected: 'median': one at which the box "
-        "has its median width over a stride; 'any': drawn from the seed.",
+    start_stride: Literal["median", "any"] = setting(
+        "median",
+        "Gait phase in the first frame, in which the target is selected: 'median': one at which the box has its "
+        "median width over a stride; 'any': drawn from the seed.",
     )
-    actions: tuple[Action, ...] = Field(
-        default=(), max_length=1000, description="What it does on its way, one thing at a time."
-    )
+    actions: tuple[Action, ...] = setting((), "What it does on its way, one thing at a time.", max_length=1000)
 
-    carries: tuple[Carried, ...] = Field(
-        default=(), max_length=100, description="What it carries, or picks up on its way."
-    )
+    carries: tuple[Carried, ...] = setting((), "What it carries, or picks up on its way.", max_length=100)
 
     @model_validator(mode="after")
     def _path_can_be_walked(self) -> Target:
@@ -243,13 +235,11 @@ class Target(Section):
 class Distractors(Section):
     """Other pedestrians."""
 
-    count: Annotated[int, Field(ge=0, le=12)] = Field(default=3, description="Number of pedestrians.")
-    similarity: Share = Field(
-        default=0.2, description="Similarity of their clothes to the target's; 1 is the same clothes."
-    )
-    speed_m_s: Annotated[float, Field(ge=0.3, le=2.2)] = Field(default=1.2, description="Mean walking speed.")
-    changes_per_minute: Annotated[float, Field(ge=0.0, le=60.0)] = Field(
-        default=0.0, description="How often each changes its pace, or pauses for 1 to 3 s: a third of the changes."
+    count: int = number(3, 0, 12, "Number of pedestrians.")
+    similarity: Share = setting(0.2, "Similarity of their clothes to the target's; 1 is the same clothes.")
+    speed_m_s: float = number(1.2, 0.3, 2.2, "Mean walking speed.")
+    changes_per_minute: float = number(
+        0.0, 0, 60, "How often each changes its pace, or pauses for 1 to 3 s: a third of the changes."
     )
 
 
@@ -259,45 +249,38 @@ class Occluder(Section):
     The target's centre line is behind it from `at_s` to `at_s + duration_s`.
     """
 
-    kind: Literal["pillar", "wall", "boxes", "walker"] = Field(
-        description="'pillar': full height; 'wall': low, covers the legs upwards; 'boxes': a stack; 'walker': a person."
+    kind: Literal["pillar", "wall", "boxes", "walker"] = setting(
+        ..., "'pillar': full height; 'wall': low, covers the legs upwards; 'boxes': a stack; 'walker': a person."
     )
-    at_s: NotNegative = Field(description="When the target's centre line goes behind it.")
-    duration_s: Positive = Field(default=1.0, description="Duration for which the centre line stays behind it.")
-    share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        default=1.0, description="Share of the target's height that a wall or boxes cover."
+    at_s: NotNegative = setting(..., "When the target's centre line goes behind it.")
+    duration_s: Positive = setting(1.0, "Duration for which the centre line stays behind it.")
+    share: Annotated[float, Field(gt=0.0, le=1.0)] = setting(
+        1.0, "Share of the target's height that a wall or boxes cover."
     )
-    depth: Annotated[float, Field(ge=0.2, le=0.9)] = Field(
-        default=0.6, description="Position on the line from the camera (0) to the target (1)."
-    )
-    similarity: Share = Field(default=0.0, description="Similarity of a walker's clothes to the target's.")
+    depth: float = number(0.6, 0.2, 0.9, "Position on the line from the camera (0) to the target (1).")
+    similarity: Share = setting(0.0, "Similarity of a walker's clothes to the target's.")
 
 
 class Follow(Section):
     """Wanted distance and limits of `Follow-v0`."""
 
-    distance_m: Positive = Field(default=3.0, description="Wanted distance to the target.")
-    distance_limit_m: Positive = Field(default=3.0, description="Error of distance at which the reward reaches 0.")
-    bearing_limit_deg: Annotated[float, Field(gt=0.0, le=180.0)] = Field(
-        default=45.0, description="Error of bearing at which the reward reaches 0."
+    distance_m: Positive = setting(3.0, "Wanted distance to the target.")
+    distance_limit_m: Positive = setting(3.0, "Error of distance at which the reward reaches 0.")
+    bearing_limit_deg: Annotated[float, Field(gt=0.0, le=180.0)] = setting(
+        45.0, "Error of bearing at which the reward reaches 0."
     )
-    lost_after_s: Positive = Field(
-        default=3.0, description="The episode ends when the target is out of view this long."
-    )
+    lost_after_s: Positive = setting(3.0, "The episode ends when the target is out of view this long.")
 
 
 class ResolvedScenario(Section):
     """Scenario of one episode with every range drawn; created by `Scenario.resolve(seed)`."""
 
-    version: Annotated[int, Field(ge=1, le=10_000)] = Field(
-        default=1, description="Raised when frames or truth of the scenario change."
+    version: int = number(1, 1, 10000, "Raised when frames or truth of the scenario change.")
+    title: str = setting(..., "One line for lists.")
+    tier: Literal["easy", "real", "hard"] = setting(
+        "easy", "'easy': calm; 'real': as hard as recorded video (docs/profile.md); 'hard': harder."
     )
-    title: str = Field(description="One line for lists.")
-    tier: Literal["easy", "real", "hard"] = Field(
-        default="easy",
-        description="'easy': calm; 'real': as hard as recorded video (docs/profile.md); 'hard': harder.",
-    )
-    duration_s: Seconds = Field(default=12.0, description="Length of an episode.")
+    duration_s: Seconds = setting(12.0, "Length of an episode.")
     place: Place
     robot: Robot
     camera: Camera = Camera()
@@ -307,8 +290,8 @@ class ResolvedScenario(Section):
     lights: Lights = Lights()
     target: Target
     distractors: Distractors = Distractors()
-    groups: tuple[Group, ...] = Field(default=(), max_length=6, description="People who belong together.")
-    occluders: tuple[Occluder, ...] = Field(default=(), max_length=32, description="Occlusions, each at its time.")
+    groups: tuple[Group, ...] = setting((), "People who belong together.", max_length=6)
+    occluders: tuple[Occluder, ...] = setting((), "Occlusions, each at its time.", max_length=32)
     follow: Follow = Follow()
 
     def late_actions(self) -> list[str]:
@@ -323,3 +306,31 @@ class ResolvedScenario(Section):
     def frame_count(self) -> int:
         """Frames captured in one episode, at least 2; see `frame_delivery.frame_count` for those delivered."""
         return max(2, round(self.duration_s * self.camera.rate_hz))
+
+
+def late_events(settings: ResolvedScenario) -> list[str]:
+    """What begins after the episode, so that it never happens: `"occluders.0 (walker) at 5 s"`."""
+    times: list[tuple[str, float]] = [
+        *((f"target.actions.{index} ({one.kind})", one.at_s) for index, one in enumerate(settings.target.actions)),
+        *((f"occluders.{index} ({one.kind})", one.at_s) for index, one in enumerate(settings.occluders)),
+    ]
+    for index, change in enumerate(settings.lights.schedule):
+        begins_s = change.at_s if isinstance(change, LightStep) else change.from_s
+        times.append((f"lights.schedule.{index} ({change.kind})", begins_s))
+    for name, axis in settings.axes:
+        times += [(f"axes.{name}, event {number}", at_s) for number, at_s in enumerate(axis.events_s, start=1)]
+    return [f"{title} at {time_s:.3g} s" for title, time_s in times if time_s >= settings.duration_s]
+
+
+def axis_without_effect(settings: ResolvedScenario, name: str) -> str | None:
+    """Why nothing of a stress axis is in the episode, or in the frames that are compared; None if something is."""
+    axis = getattr(settings.axes, name)
+    first_s, from_s = min(axis.events_s, default=0.0), axis.compared_from_s if axis.on else 0.0
+    if max(first_s, from_s) < settings.duration_s:
+        return None
+    when = f"its first event begins at {first_s:g} s" if from_s < first_s else f"its first event ends at {from_s:g} s"
+    key = next(key for key in ("end_s", "leave_at_s", "at_s") if hasattr(axis, key))
+    return (
+        f"axes.{name}: has no effect on what is compared: {when}, and the episode lasts {settings.duration_s:g} s; "
+        f"set a longer duration_s, or an earlier axes.{name}.{key}"
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -20,3 +20,13 @@ class Section(BaseModel):
     """Base of every table: frozen, unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="null")
+
+
+def setting(default: Any, meaning: str, **bounds: Any) -> Any:
+    """A key of a table, with its default (`...`: required), its meaning, and bounds as those of `pydantic.Field`."""
+    return Field(default=default, description=meaning, **bounds)
+
+
+def number(default: Any, low: float, high: float, meaning: str) -> Any:
+    """A key whose value is a number from `low` to `high`."""
+    return setting(default, meaning, ge=low, le=high)

@@ -7,61 +7,34 @@ from typing import Annotated, Any, Literal, TypeAlias, cast
 
 from pydantic import Field, model_validator
 
-from pftrack_sim.scenario.section import Section
+from pftrack_sim.scenario.section import Section, number, setting
 
 Character: TypeAlias = Literal["steady", "careful", "average", "hasty"]
 
+# A careful, an average and a hasty operator; None is the default.
+_CHARACTERS: dict[str, tuple[float | None, float | None, float | None]] = {
+    "reaction_s": (0.25, 0.3, 0.35),
+    "dead_zone_deg": (4.0, 4.0, 4.0),
+    "head_hz": (0.6, 0.7, 0.8),
+    "head_damping": (0.8, 0.6, 0.45),
+    "wander_deg": (7.0, 9.0, 12.0),
+    "wander_s": (5.0, 3.8, 3.0),
+    "glances_per_minute": (None, 3.0, 6.0),
+    "glance_deg": (None, 20.0, 25.0),
+    "glance_s": (None, 0.8, 0.8),
+    "stops_per_minute": (1.0, 2.0, 3.0),
+    "stop_s": (1.0, 1.0, 1.2),
+    "stop_turn_deg": (None, 20.0, 30.0),
+    "distance_ratio": (1.5, 1.8, 2.4),
+    "distance_period_s": (24.0, 20.0, 16.0),
+    "swing_m": (0.3, 0.5, 0.7),
+    "swing_every_m": (8.0, 8.0, 7.0),
+}
 CHARACTERS: dict[str, dict[str, Any]] = {
     "steady": {},
-    "careful": {
-        "reaction_s": 0.25,
-        "dead_zone_deg": 4.0,
-        "head_hz": 0.6,
-        "head_damping": 0.8,
-        "wander_deg": 7.0,
-        "wander_s": 5.0,
-        "stops_per_minute": 1.0,
-        "stop_s": 1.0,
-        "distance_ratio": 1.5,
-        "distance_period_s": 24.0,
-        "swing_m": 0.3,
-        "swing_every_m": 8.0,
-    },
-    "average": {
-        "reaction_s": 0.3,
-        "dead_zone_deg": 4.0,
-        "head_hz": 0.7,
-        "head_damping": 0.6,
-        "wander_deg": 9.0,
-        "wander_s": 3.8,
-        "glances_per_minute": 3.0,
-        "glance_deg": 20.0,
-        "glance_s": 0.8,
-        "stops_per_minute": 2.0,
-        "stop_s": 1.0,
-        "stop_turn_deg": 20.0,
-        "distance_ratio": 1.8,
-        "distance_period_s": 20.0,
-        "swing_m": 0.5,
-        "swing_every_m": 8.0,
-    },
-    "hasty": {
-        "reaction_s": 0.35,
-        "dead_zone_deg": 4.0,
-        "head_hz": 0.8,
-        "head_damping": 0.45,
-        "wander_deg": 12.0,
-        "wander_s": 3.0,
-        "glances_per_minute": 6.0,
-        "glance_deg": 25.0,
-        "glance_s": 0.8,
-        "stops_per_minute": 3.0,
-        "stop_s": 1.2,
-        "stop_turn_deg": 30.0,
-        "distance_ratio": 2.4,
-        "distance_period_s": 16.0,
-        "swing_m": 0.7,
-        "swing_every_m": 7.0,
+    **{
+        character: {key: values[column] for key, values in _CHARACTERS.items() if values[column] is not None}
+        for column, character in enumerate(("careful", "average", "hasty"))
     },
 }
 """Values that each character gives to the keys left out."""
@@ -75,67 +48,48 @@ class Operator(Section):
     route, with the target in the middle. Robots driven by actions have no operator.
     """
 
-    character: Character = Field(
-        default="steady",
-        description="Values of the keys left out: those of a steady, careful, average, hasty operator.",
+    character: Character = setting(
+        "steady", "Values of the keys left out: those of a steady, careful, average, hasty operator."
     )
-    reaction_s: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
-        default=0.0, description="Delay from a movement of the target to the operator's response; 0.2 to 0.4 in people."
+    reaction_s: float = number(
+        0.0, 0, 1, "Delay from a movement of the target to the operator's response; 0.2 to 0.4 in people."
     )
-    dead_zone_deg: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
-        default=6.0, description="Errors of direction that the operator leaves as they are."
+    dead_zone_deg: float = number(6.0, 0, 20, "Errors of direction that the operator leaves as they are.")
+    head_hz: float = number(
+        0.0,
+        0,
+        2,
+        "Natural frequency of the second-order response of the head, 0.5 to 1 in manual tracking; 0 is a first-order "
+        "response without overshoot.",
     )
-    head_hz: Annotated[float, Field(ge=0.0, le=2.0)] = Field(
-        default=0.0,
-        description="Natural frequency of the second-order response of the head, 0.5 to 1 in manual tracking; 0 is a "
-        "first-order response without overshoot.",
+    head_damping: float = number(
+        0.7, 0.1, 2, "Damping ratio of that response: 1 does not overshoot, 0.5 by 16 %, 0.3 by 37 %."
     )
-    head_damping: Annotated[float, Field(ge=0.1, le=2.0)] = Field(
-        default=0.7, description="Damping ratio of that response: 1 does not overshoot, 0.5 by 16 %, 0.3 by 37 %."
+    wander_deg: float = number(
+        0.0, 0, 40, "RMS angle by which the aim wanders sideways from the target; half as much up and down."
     )
-    wander_deg: Annotated[float, Field(ge=0.0, le=40.0)] = Field(
-        default=0.0,
-        description="RMS angle by which the aim wanders sideways from the target; half as much up and down.",
+    wander_s: float = number(4.0, 0.5, 60, "Mean period of that wandering: from one side to the other and back.")
+    glances_per_minute: float = number(0.0, 0, 30, "How often the camera looks elsewhere and returns.")
+    glance_deg: Annotated[float, Field(gt=0.0, le=150.0)] = setting(
+        25.0, "Mean angle by which it looks to one side of the target, within 30 %."
     )
-    wander_s: Annotated[float, Field(ge=0.5, le=60.0)] = Field(
-        default=4.0, description="Mean period of that wandering: from one side to the other and back."
+    glance_s: float = number(1.0, 0.1, 20, "Mean time until it turns back, within 30 %.")
+    keep_in_view: bool = setting(
+        True, "Whether the centre of the target stays in the image, at its edge at most, whatever the aim does."
     )
-    glances_per_minute: Annotated[float, Field(ge=0.0, le=30.0)] = Field(
-        default=0.0, description="How often the camera looks elsewhere and returns."
+    stops_per_minute: float = number(0.0, 0, 20, "How often the base brakes to a stop; afterwards it catches up.")
+    stop_s: float = number(2.0, 0.1, 20, "Mean time for which it stands, within 30 %.")
+    stop_turn_deg: float = number(
+        0.0, 0, 120, "Angle by which the body turns on the spot in a stop, to one side and back."
     )
-    glance_deg: Annotated[float, Field(gt=0.0, le=150.0)] = Field(
-        default=25.0, description="Mean angle by which it looks to one side of the target, within 30 %."
+    distance_ratio: float = number(
+        1.0, 1, 5, "Largest over smallest distance kept from the target; the route's is their geometric mean."
     )
-    glance_s: Annotated[float, Field(ge=0.1, le=20.0)] = Field(
-        default=1.0, description="Mean time until it turns back, within 30 %."
+    distance_period_s: float = number(20.0, 2, 3600, "Mean time from near to far and back, within 20 %.")
+    swing_m: float = number(
+        0.0, 0, 3, "How far the base swings wide of its route, to each side in turn: up to this, where there is room."
     )
-    keep_in_view: bool = Field(
-        default=True,
-        description="Whether the centre of the target stays in the image, at its edge at most, whatever the aim does.",
-    )
-    stops_per_minute: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
-        default=0.0, description="How often the base brakes to a stop; afterwards it catches up."
-    )
-    stop_s: Annotated[float, Field(ge=0.1, le=20.0)] = Field(
-        default=2.0, description="Mean time for which it stands, within 30 %."
-    )
-    stop_turn_deg: Annotated[float, Field(ge=0.0, le=120.0)] = Field(
-        default=0.0, description="Angle by which the body turns on the spot in a stop, to one side and back."
-    )
-    distance_ratio: Annotated[float, Field(ge=1.0, le=5.0)] = Field(
-        default=1.0,
-        description="Largest over smallest distance kept from the target; the route's is their geometric mean.",
-    )
-    distance_period_s: Annotated[float, Field(ge=2.0, le=3600.0)] = Field(
-        default=20.0, description="Mean time from near to far and back, within 20 %."
-    )
-    swing_m: Annotated[float, Field(ge=0.0, le=3.0)] = Field(
-        default=0.0,
-        description="How far the base swings wide of its route, to each side in turn: up to this, where there is room.",
-    )
-    swing_every_m: Annotated[float, Field(ge=2.0, le=3600.0)] = Field(
-        default=8.0, description="Mean distance from one swing to the left to the next."
-    )
+    swing_every_m: float = number(8.0, 2, 3600, "Mean distance from one swing to the left to the next.")
 
     @model_validator(mode="before")
     @classmethod
@@ -150,9 +104,5 @@ class Operator(Section):
 class Sills(Section):
     """Sills across the way of the robot, which shake it through its suspension."""
 
-    height_mm: Annotated[float, Field(ge=0.0, le=15.0)] = Field(
-        default=0.0, description="Height; thresholds of doors have up to 13 (ADA Standards 2010, 404.2.5)."
-    )
-    every_m: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
-        default=4.0, description="Mean way from one to the next, within 30 %."
-    )
+    height_mm: float = number(0.0, 0, 15, "Height; thresholds of doors have up to 13 (ADA Standards 2010, 404.2.5).")
+    every_m: float = number(4.0, 0.5, 1000, "Mean way from one to the next, within 30 %.")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, cast
+from typing import ClassVar, Unpack, cast
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, model_validator
 
-from pftrack_sim.scenario.section import Section
+from pftrack_sim.core.data_files import asset_table
+from pftrack_sim.scenario.section import Section, number
 
 
 class Axis(Section):
@@ -15,8 +16,6 @@ class Axis(Section):
 
     The parameters are those of severity 1, the typical value. At severity 0 the scenario is the base to the bit,
     for any parameters. A table with parameters and no severity has severity 1.
-
-    Subclasses set:
 
     Attributes:
         headline: Parameter on the x axis of degradation plots.
@@ -30,9 +29,14 @@ class Axis(Section):
     law: ClassVar[str]
     source: ClassVar[str]
 
-    severity: Annotated[float, Field(ge=0.0, le=20.0)] = Field(
-        default=0.0,
-        description="0: the base scenario to the bit; 1: typical; 2: twice that. 1 where only parameters are given.",
+    def __init_subclass__(cls, name: str, headline: str, unit: str, **config: Unpack[ConfigDict]) -> None:
+        """Take law and source of the axis `name` from `assets/axes.toml`."""
+        super().__init_subclass__(**config)
+        cls.headline, cls.unit = headline, unit
+        cls.law, cls.source = (asset_table("axes")[name][key] for key in ("law", "source"))
+
+    severity: float = number(
+        0, 0, 20, "0: the base scenario to the bit; 1: typical; 2: twice that. 1 where only parameters are given."
     )
 
     @model_validator(mode="before")

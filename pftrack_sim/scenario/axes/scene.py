@@ -3,48 +3,36 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
 from pftrack_sim.scenario.actions import Action, Lowering, Run, Stop, Turn
 from pftrack_sim.scenario.axes.base import Axis
-from pftrack_sim.scenario.section import NotNegative, Positive, Share
+from pftrack_sim.scenario.section import NotNegative, Positive, Share, number, setting
 
 
-class OcclusionAxis(Axis):
+class OcclusionAxis(Axis, name="occlusion", headline="duration_s", unit="s"):
     """Occluders between the camera and the target at given times, in addition to the scenario's own.
 
     They move with the line of sight, so that one second of occlusion is one second in every scenario: cabinets and low
     carts that drive themselves, and pedestrians who walk along.
     """
 
-    headline: ClassVar[str] = "duration_s"
-    unit: ClassVar[str] = "s"
-    law: ClassVar[str] = (
-        "the target's centre line is behind an occluder for duration_s, times the severity, until end_s; the next "
-        "cover ends every_s later. A higher severity begins earlier: what follows the end is the same at every severity"
+    kind: Literal["pillar", "wall", "stranger", "lookalike"] = setting(
+        "pillar",
+        "'pillar': a cabinet as tall as people; 'wall': a low cart that covers from the feet upwards; 'stranger': a "
+        "pedestrian in other clothes; 'lookalike': one in the same.",
     )
-    source: ClassVar[str] = (
-        "full and partial occlusion: Ko et al. 2012, table 2 and figure 5. Severity 1: the target of a recording of "
-        "VOT-LT2018 is gone for 40 frames on average (Kristan et al. 2018), 1.3 s at 30 Hz. Beyond 3 s even trackers "
-        "that detect people anew bridge less than a tenth of the gaps (Dendorfer et al. 2022)"
+    duration_s: Positive = setting(1.3, "How long each one covers the centre line at severity 1.")
+    share: Annotated[float, Field(gt=0.0, le=1.0)] = setting(
+        1.0, "Share of the target's visible body that a wall covers; others cover it whole."
     )
-
-    kind: Literal["pillar", "wall", "stranger", "lookalike"] = Field(
-        default="pillar",
-        description="'pillar': a cabinet as tall as people; 'wall': a low cart that covers from the feet upwards; "
-        "'stranger': a pedestrian in other clothes; 'lookalike': one in the same.",
-    )
-    duration_s: Positive = Field(default=1.3, description="How long each one covers the centre line at severity 1.")
-    share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        default=1.0, description="Share of the target's visible body that a wall covers; others cover it whole."
-    )
-    count: Annotated[int, Field(ge=0, le=6)] = Field(default=1, description="How many.")
-    end_s: NotNegative = Field(default=7.0, description="When the first one ends, at every severity.")
-    every_s: Positive = Field(default=6.0, description="From the end of one to the end of the next.")
-    depth: Annotated[float, Field(ge=0.3, le=0.7)] = Field(
-        default=0.5, description="Where it passes on the line from the camera (0) to the target (1), if there is room."
+    count: int = number(1, 0, 6, "How many.")
+    end_s: NotNegative = setting(7.0, "When the first one ends, at every severity.")
+    every_s: Positive = setting(6.0, "From the end of one to the end of the next.")
+    depth: float = number(
+        0.5, 0.3, 0.7, "Where it passes on the line from the camera (0) to the target (1), if there is room."
     )
 
     @property
@@ -80,42 +68,24 @@ class OcclusionAxis(Axis):
         return 1.0 if self.kind == "lookalike" else 0.0
 
 
-class DistractorsAxis(Axis):
+class DistractorsAxis(Axis, name="distractors", headline="count", unit="people"):
     """Look-alikes who come near the target, in addition to the scenario's own pedestrians.
 
     Some come along the target's path and pass close by it. Others cross between the camera and the target, cover it for
     a moment, and walk on in another direction: a tracker that moves over to them is led away.
     """
 
-    headline: ClassVar[str] = "count"
-    unit: ClassVar[str] = "people"
-    law: ClassVar[str] = (
-        "count, times the severity and rounded up, people come near the target, the first at at_s and one every "
-        "every_s; by turns one crosses the line of sight in cover_s and one passes the target at distance_m. Their "
-        "similarity is a Bhattacharyya coefficient, the same at any severity"
+    count: int = number(2, 0, 8, "How many come near at severity 1.")
+    similarity: Share = setting(
+        1.0, "Similarity of clothes and build to the target's; 1 is a twin, 0 clearly different."
     )
-    source: ClassVar[str] = (
-        "Lee et al. 2012, tables 2 and 3: 39 look-alikes in 8 recordings of 572 s together, 4.1 a minute, and 7.0 in "
-        "the densest. Severity 1, 2 in an episode of 16 s, is near that of the densest; 0.5 near the mean. They are "
-        "dressed alike, as in the uniform crowds of Ghimire et al. 2022 (arXiv:2205.10553)"
+    where: Literal["both", "across", "beside"] = setting(
+        "both", "'across': they cross between camera and target; 'beside': they pass the target; 'both': by turns."
     )
-
-    count: Annotated[int, Field(ge=0, le=8)] = Field(default=2, description="How many come near at severity 1.")
-    similarity: Share = Field(
-        default=1.0, description="Similarity of clothes and build to the target's; 1 is a twin, 0 clearly different."
-    )
-    where: Literal["both", "across", "beside"] = Field(
-        default="both",
-        description="'across': they cross between camera and target; 'beside': they pass the target; 'both': by turns.",
-    )
-    distance_m: Annotated[float, Field(ge=0.55, le=3.0)] = Field(
-        default=0.8, description="Beside: distance of the centres when nearest to the target."
-    )
-    cover_s: Annotated[float, Field(ge=0.2, le=2.0)] = Field(
-        default=0.4, description="Across: how long each covers the target's centre line; 0.4 s is a walk past."
-    )
-    at_s: NotNegative = Field(default=3.0, description="When the first is nearest, or in the middle of its crossing.")
-    every_s: Positive = Field(default=1.5, description="From one to the next.")
+    distance_m: float = number(0.8, 0.55, 3, "Beside: distance of the centres when nearest to the target.")
+    cover_s: float = number(0.4, 0.2, 2, "Across: how long each covers the target's centre line; 0.4 s is a walk past.")
+    at_s: NotNegative = setting(3.0, "When the first is nearest, or in the middle of its crossing.")
+    every_s: Positive = setting(1.5, "From one to the next.")
 
     @property
     def times_s(self) -> tuple[float, ...]:
@@ -143,37 +113,24 @@ class DistractorsAxis(Axis):
 Manoeuvre: TypeAlias = Literal["stop", "turn", "crouch", "run"]
 
 
-class TargetAxis(Axis):
+class TargetAxis(Axis, name="target", headline="per_minute", unit="manoeuvres / min"):
     """Manoeuvres of the target on its path, changes of the robot's distance, and a target that leaves the view."""
 
-    headline: ClassVar[str] = "per_minute"
-    unit: ClassVar[str] = "manoeuvres / min"
-    law: ClassVar[str] = (
-        "per_minute, faster_m_s, range_m and leave_s are multiplied by the severity; manoeuvres come in the order "
-        "given, evenly in time or, where that is too fast, one after the other"
+    per_minute: NotNegative = setting(12.0, "Manoeuvres a minute at severity 1; 0 for none.")
+    manoeuvres: Annotated[tuple[Manoeuvre, ...], Field(min_length=1, max_length=100)] = setting(
+        ("stop", "run", "crouch", "turn"),
+        "In this order, over and over. 'stop': stands still for a while; 'turn': faces about on the spot, walks "
+        "back, and faces about again; 'crouch': stops, squats and rises; 'run': runs for a while.",
     )
-    source: ClassVar[str] = (
-        "changes of posture, scale and view: Ko et al. 2012 and Kwon et al. 2005. The rates are chosen, since neither "
-        "paper counts them: at severity 1 a manoeuvre every 5 s, each kind once in an episode of 20 s"
+    at_s: NotNegative = setting(2.0, "When the first manoeuvre begins.")
+    run_m_s: float = number(2.7, 2.2, 3.2, "Speed of running.")
+    faster_m_s: NotNegative = setting(0.1, "Added to the walking speed at severity 1.")
+    range_m: NotNegative = setting(
+        0.4, "How far the robot swings ahead of and behind its place beside or behind the target."
     )
-
-    per_minute: NotNegative = Field(default=12.0, description="Manoeuvres a minute at severity 1; 0 for none.")
-    manoeuvres: Annotated[tuple[Manoeuvre, ...], Field(min_length=1, max_length=100)] = Field(
-        default=("stop", "run", "crouch", "turn"),
-        description="In this order, over and over. 'stop': stands still for a while; 'turn': faces about on the spot, "
-        "walks back, and faces about again; 'crouch': stops, squats and rises; 'run': runs for a while.",
-    )
-    at_s: NotNegative = Field(default=2.0, description="When the first manoeuvre begins.")
-    run_m_s: Annotated[float, Field(ge=2.2, le=3.2)] = Field(default=2.7, description="Speed of running.")
-    faster_m_s: NotNegative = Field(default=0.1, description="Added to the walking speed at severity 1.")
-    range_m: NotNegative = Field(
-        default=0.4, description="How far the robot swings ahead of and behind its place beside or behind the target."
-    )
-    period_s: Positive = Field(
-        default=12.0, description="Period of that swing; a short one asks for more than the robot's top speed."
-    )
-    leave_s: NotNegative = Field(default=0.5, description="How long the target is out of view at severity 1.")
-    leave_at_s: NotNegative = Field(default=9.0, description="When it leaves; the operator's camera turns away.")
+    period_s: Positive = setting(12.0, "Period of that swing; a short one asks for more than the robot's top speed.")
+    leave_s: NotNegative = setting(0.5, "How long the target is out of view at severity 1.")
+    leave_at_s: NotNegative = setting(9.0, "When it leaves; the operator's camera turns away.")
 
     def action(self, manoeuvre: Manoeuvre, at_s: float) -> Action:
         """A manoeuvre that begins at this time."""
@@ -216,62 +173,40 @@ WHITE_K = 6504.0  # Colour temperature of the light that the scenarios are drawn
 WARMEST_K, COLDEST_K = 2000.0, 25000.0  # Range of colour temperatures without negative primaries
 
 
-class LightAxis(Axis):
+class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
     """Light that drops and returns, changes its colour, flickers, and varies along the path and from place to place.
 
     Change and colour share one time course: at `at_s` the light falls by `dim_ev`, stays for `hold_s`, returns, and
     repeats every `every_s`.
     """
 
-    headline: ClassVar[str] = "dim_ev"
-    unit: ClassVar[str] = "EV"
-    law: ClassVar[str] = (
-        "stops, flicker depth, shift of colour in mired (1e6 / K) and share of shade are multiplied by the severity, "
-        "times and frequencies stay; -1 EV halves the luminance of everything that the light falls on, the sky included"
+    parts: Annotated[tuple[Part, ...], Field(min_length=1, max_length=100)] = setting(
+        ("change", "colour", "flicker", "pools", "patches", "noise"),
+        "Which changes; the others are left out. 'noise': the sensor's at gain 1, which dark frames show.",
     )
-    source: ClassVar[str] = (
-        "changes: Ko, Nam & Kwak 2012, table 2 (light and colour), and Lee et al. 2012 (sudden, by day and night). "
-        "Severity 1: 2 stops, from an office of 320 lx into a corridor of 80 lx; 4: 8 stops, from open sun (100000 lx) "
-        "into a room (300 lx; CIBSE Code for Interior Lighting: 8.4), of which the exposure corrects 4. Colour at 1: "
-        "from D65 to CIE illuminant A, tungsten. Flicker, pools and patches are chosen; Kim et al. 2002, US 7024034 "
-        "(Planckian locus)"
+    lights: Literal["all", "sun", "lamps"] = setting("all", "Which lights change their brightness.")
+    dim_ev: float = number(2.0, -5, 10, "Change: stops by which the light falls; negative rises.")
+    at_s: NotNegative = setting(2.0, "Change: when it begins first.")
+    rate_ev_s: NotNegative = setting(0.0, "Change: stops per second of a ramp; 0 is a step.")
+    hold_s: Positive = setting(2.0, "Change: how long the light stays changed.")
+    every_s: Positive = setting(5.0, "Change: from one beginning to the next.")
+    temperature_k: float = number(
+        2856.0, WARMEST_K, COLDEST_K, "Colour: temperature of the light while it is changed; 6504 is white."
     )
-
-    parts: Annotated[tuple[Part, ...], Field(min_length=1, max_length=100)] = Field(
-        default=("change", "colour", "flicker", "pools", "patches", "noise"),
-        description="Which changes; the others are left out. 'noise': the sensor's at gain 1, which dark frames show.",
+    flicker_hz: Positive = setting(6.0, "Flicker: frequency; above half the frame rate it aliases.")
+    flicker_depth: float = number(0.1, 0, 1, "Flicker: (brightest - darkest) / (brightest + darkest) of the luminance.")
+    pool_ev: float = number(0.7, 0, 10, "Pools: stops from below a lamp to midway between two.")
+    pool_every_m: Positive = setting(8.0, "Pools: distance between lamps along the target's path.")
+    patch_share: float = number(
+        0.2, 0, 0.9, "Patches: share of the ground in shade, added to `lights.patches` (needs shadows)."
     )
-    lights: Literal["all", "sun", "lamps"] = Field(default="all", description="Which lights change their brightness.")
-    dim_ev: Annotated[float, Field(ge=-5.0, le=10.0)] = Field(
-        default=2.0, description="Change: stops by which the light falls; negative rises."
+    auto_exposure: bool = setting(True, "Whether the camera holds the first frame's mean luminance.")
+    exposure_lag_s: NotNegative = setting(0.5, "Auto-exposure: time constant; 0 answers at once.")
+    exposure_range_ev: Annotated[float, Field(gt=0.0, le=10.0)] = setting(
+        4.0, "Auto-exposure: largest correction in stops."
     )
-    at_s: NotNegative = Field(default=2.0, description="Change: when it begins first.")
-    rate_ev_s: NotNegative = Field(default=0.0, description="Change: stops per second of a ramp; 0 is a step.")
-    hold_s: Positive = Field(default=2.0, description="Change: how long the light stays changed.")
-    every_s: Positive = Field(default=5.0, description="Change: from one beginning to the next.")
-    temperature_k: Annotated[float, Field(ge=WARMEST_K, le=COLDEST_K)] = Field(
-        default=2856.0, description="Colour: temperature of the light while it is changed; 6504 is white."
-    )
-    flicker_hz: Positive = Field(default=6.0, description="Flicker: frequency; above half the frame rate it aliases.")
-    flicker_depth: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
-        default=0.1, description="Flicker: (brightest - darkest) / (brightest + darkest) of the luminance."
-    )
-    pool_ev: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
-        default=0.7, description="Pools: stops from below a lamp to midway between two."
-    )
-    pool_every_m: Positive = Field(default=8.0, description="Pools: distance between lamps along the target's path.")
-    patch_share: Annotated[float, Field(ge=0.0, le=0.9)] = Field(
-        default=0.2, description="Patches: share of the ground in shade, added to `lights.patches` (needs shadows)."
-    )
-    auto_exposure: bool = Field(default=True, description="Whether the camera holds the first frame's mean luminance.")
-    exposure_lag_s: NotNegative = Field(default=0.5, description="Auto-exposure: time constant; 0 answers at once.")
-    exposure_range_ev: Annotated[float, Field(gt=0.0, le=10.0)] = Field(
-        default=4.0, description="Auto-exposure: largest correction in stops."
-    )
-    auto_white_balance: bool = Field(
-        default=False, description="Whether the camera holds the first frame's mean colour."
-    )
-    white_balance_lag_s: NotNegative = Field(default=1.5, description="White balance: time constant; 0: at once.")
+    auto_white_balance: bool = setting(False, "Whether the camera holds the first frame's mean colour.")
+    white_balance_lag_s: NotNegative = setting(1.5, "White balance: time constant; 0: at once.")
 
     @model_validator(mode="after")
     def _a_change_ends_before_the_next(self) -> LightAxis:

@@ -49,7 +49,7 @@ def _sew(image: Image, rows: BoolArray, columns: BoolArray, share: float, colour
     """Blend a share of a colour into the pixels at these `(h,)` rows and `(w,)` columns."""
     pixels = np.ix_(rows, columns)
     blended: FloatArray = (1.0 - share) * image[pixels] + share * np.array(colour)
-    image[pixels] = np.rint(blended)
+    image[pixels] = blended.round()
 
 
 @lru_cache(maxsize=32)
