@@ -109,3 +109,6 @@ Isolation = Annotated[
 FrameLimit = Annotated[float, typer.Option(help="Time limit per frame of isolated trackers.")]
 MemoryLimit = Annotated[float, typer.Option(help="Memory limit of each isolated tracker; 0 is no limit.")]
 ProgressMode = Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", help="Also say what a suite's or scenario's own settings cut off its episodes.")
+]

@@ -57,13 +57,14 @@ def progress_bar(what: str, total: int) -> Generator[Callable[[], None]]:
 
 
 @contextmanager
-def show_run(mode: str, path: Path) -> Generator[Callable[[RunProgress], None]]:
+def show_run(mode: str, path: Path, what: str) -> Generator[Callable[[RunProgress], None]]:
     """Show a run's progress while the block runs; after Ctrl-C print the command that resumes it.
 
     Args:
         mode: `"bar"`; `"lines"`: a line every few seconds; `"json"`: a line of JSON per episode; `"quiet"`; or empty
             for a bar on a terminal and lines elsewhere.
         path: The run folder.
+        what: What is run, said before it begins.
 
     Yields:
         A function to call with every status.
@@ -77,38 +78,66 @@ def show_run(mode: str, path: Path) -> Generator[Callable[[RunProgress], None]]:
     if chosen not in MODES:
         raise ParameterError(f"progress must be one of {', '.join(MODES)}, got {mode!r}")
     try:
-        if chosen == "bar":
-            with _bar() as show:
-                yield show
-        else:
-            yield {"lines": _Lines(), "json": _show_json, "quiet": _show_nothing}[chosen]
+        if chosen in ("json", "quiet"):
+            yield _show_json if chosen == "json" else lambda _: None
+            return
+        _say(f"{what}: {path}")
+        if chosen == "lines":
+            yield _Lines(_FirstVideo(path))
+            return
+        columns = (BarColumn(), TextColumn("{task.description}", markup=False))
+        first_video = _FirstVideo(path)
+        # What is printed while the bar is shown goes above it.
+        with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+            task = shown.add_task("starting workers and checking trackers", total=1.0)
+
+            def show(status: RunProgress) -> None:
+                shown.update(task, completed=status.share, description=_line(status))
+                first_video(status)
+
+            yield show
     except Interrupted as stopped:
         # A second Ctrl-C during the exit would print a traceback.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        print(f"pftrack-sim: {stopped}. Resume with: {_resume_command(path)}", file=sys.stderr)  # noqa: T201
+        _say(f"pftrack-sim: {stopped}. Resume with: {_resume_command(path)}")
         sys.exit(130)
 
 
-@contextmanager
-def _bar() -> Generator[Callable[[RunProgress], None]]:
-    columns = (BarColumn(), TextColumn("{task.description}", markup=False))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task("", total=1.0)
-        yield lambda status: shown.update(task, completed=status.share, description=_line(status))
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
+
+
+class _FirstVideo:
+    """Says where the first video of a run is, as soon as there is one."""
+
+    def __init__(self, path: Path) -> None:
+        self._folder = path / "videos"
+        self._said = self._first() is not None
+
+    def _first(self) -> Path | None:
+        return next(self._folder.rglob("*.mp4"), None)
+
+    def __call__(self, status: RunProgress) -> None:
+        video = self._first() if status.episode is not None and not self._said else None
+        if video is not None:
+            self._said = True
+            _say(f"first video: {video}")
 
 
 class _Lines:
-    """Prints a line at most every few seconds, and one at the end."""
+    """Prints a line every few seconds, and one at the end."""
 
-    def __init__(self) -> None:
-        self._last_s = -math.inf
+    def __init__(self, first_video: _FirstVideo) -> None:
+        self._first_video = first_video
+        self._last_s = time.monotonic()
 
     def __call__(self, status: RunProgress) -> None:
         now_s = time.monotonic()
         finished = status.episode is not None and status.done == status.total
-        if finished or (status.episode is not None and now_s - self._last_s >= _LINE_EVERY_S):
+        if finished or now_s - self._last_s >= _LINE_EVERY_S:
             self._last_s = now_s
-            print(_line(status), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
+            _say(_line(status))
+        self._first_video(status)
 
 
 def _show_json(status: RunProgress) -> None:
@@ -124,11 +153,7 @@ def _show_json(status: RunProgress) -> None:
         "means": {name: None if math.isnan(mean) else mean for name, mean in status.means.items()},
         "errors": dict(status.errors),
     }
-    print(json.dumps(record), file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
-
-
-def _show_nothing(status: RunProgress) -> None:
-    pass
+    _say(json.dumps(record))
 
 
 def _line(status: RunProgress) -> str:
@@ -138,7 +163,7 @@ def _line(status: RunProgress) -> str:
         if not math.isnan(mean)
     )
     left = "" if math.isnan(status.left_s) else f"  {_clock(status.left_s)} left"
-    return f"{status.done} of {status.total} episodes{left}  {means}".rstrip()
+    return f"{status.done} of {status.total} episodes, {status.frames} frames{left}  {means}".rstrip()
 
 
 def _clock(seconds: float) -> str:

@@ -27,6 +27,7 @@ from pftrack_sim.cli.options import (
     ScoredBox,
     Settings,
     StopOnError,
+    Verbose,
     Videos,
     Workers,
 )
@@ -62,6 +63,7 @@ class RunOptions:
     refresh: Refresh = False
     stop_on_error: StopOnError = False
     progress: ProgressMode = ""
+    verbose: Verbose = False
 
     @property
     def limits(self) -> Limits:
@@ -69,6 +71,11 @@ class RunOptions:
         from pftrack_sim.trackers.isolation import Limits
 
         return Limits(self.frame_limit_s, self.memory_limit_mb)
+
+    @property
+    def changed(self) -> list[str]:
+        """Keys of scenarios that are set or swept."""
+        return [*parse_settings(self.settings or []), *(f"axes.{name}" for name in parse_axes(self.axis or []))]
 
     def plan(self, scenarios: list[str], **more: Any) -> Plan:
         """The plan of these scenarios and options; `more` goes to `plan_all`."""

@@ -58,16 +58,19 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
     from pftrack_sim.benchmark.asked.growth import held_besides
     from pftrack_sim.benchmark.kept.store import is_run
 
-    tables.print_warnings(late_events(plan))
+    tables.print_warnings(late_events(plan, None if options.verbose else options.changed))
     path = options.out if options.out is not None else new_run_path(plan)
     more = held_besides(RunStore(path).plan, plan) if is_run(path) else ""
     if more:
         tables.print_warnings([f"{path} holds more than is asked for, and all of it is run and shown: {more}"])
-    with show_run(options.progress, path) as on_progress:
+    workers = options.workers if options.workers is not None else cores()
+    counts = {"episode": plan.episode_count, "tracker": len(plan.trackers), "worker": workers}
+    what = ", ".join(f"{count} {name}{'s' if count != 1 else ''}" for name, count in counts.items())
+    with show_run(options.progress, path, what) as on_progress:
         finished = run(
             plan,
             path,
-            workers=options.workers if options.workers is not None else cores(),
+            workers=workers,
             scheduler=options.scheduler,
             videos=options.videos,
             logs=parse_names(options.log) if options.log else (),

@@ -138,6 +138,24 @@ def test_a_target_that_is_never_visible_is_said_and_reported(command: str, tmp_p
     assert "warning: corridor lasts 0.5 s, so that these never happen: target.actions.0 (pace)" in done.stderr
 
 
+def test_a_run_says_its_stages_and_its_first_video_and_what_it_cuts_where_that_is_asked_for(tmp_path: Path):
+    changes = '{ duration_s = 0.5, "camera.width_px" = 64, "camera.height_px" = 48, "lights.shadows" = false }'
+    text = f'title = "T"\nseeds = "0"\ntrackers = ["stay"]\n[[run]]\nscenarios = ["corridor"]\nchanges = {changes}\n'
+    (tmp_path / "tiny.toml").write_text(text)
+    command = ["bench", str(tmp_path / "tiny.toml"), "--workers", "0", "--out"]
+    quiet = pftrack_sim(*command, str(tmp_path / "quiet"))
+    assert quiet.returncode == 0, quiet.stderr
+    assert "warning" not in quiet.stderr, "a suite knows how long it is"
+    assert f"1 episode, 1 tracker, 0 workers: {tmp_path / 'quiet'}" in quiet.stderr
+    found = re.search(r"^first video: (.*)$", quiet.stderr, re.MULTILINE)
+    assert found is not None
+    assert Path(found[1]).is_file()
+    assert "1 of 1 episodes" in quiet.stderr
+    told = pftrack_sim(*command, str(tmp_path / "told"), "--verbose", "--videos", "none")
+    assert "corridor lasts 0.5 s, so that these never happen: target.actions.0 (pace)" in told.stderr
+    assert "first video" not in told.stderr
+
+
 def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
     done = pftrack_sim("evaluate", "--tracker", "ko2012,stay", "--seeds", "0:2", str(sequence(tmp_path / "square")))
     assert done.returncode == 0, done.stderr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -103,19 +103,34 @@ def _check_effect(scenario: scenarios.Scenario, condition: Condition, seed: int)
         raise ScenarioError(f"{scenario.name} {condition.name}", [line for line in problems if line is not None])
 
 
-def late_events(plan: Plan) -> list[str]:
-    """One line for each scenario and condition in which something begins after the episode, at the first seed."""
+def late_events(plan: Plan, changed: Collection[str] | None = None) -> list[str]:
+    """One line for each scenario and condition in which something begins after the episode, at the first seed.
+
+    Args:
+        plan: The plan.
+        changed: Keys of scenarios: only what these can have cut off; None: all.
+    """
     lines: dict[str, str] = {}
     for sweep in plan.sweeps:
         for spec in sweep.scenarios:
             for condition in sweep.conditions:
-                changed = scenarios.load(scenarios.Scenario(spec.name, spec.tree), condition.overrides)
-                settings = changed.resolve(sweep.seeds[0])
-                late = ", ".join(scenarios.late_events(settings))
+                loaded = scenarios.load(scenarios.Scenario(spec.name, spec.tree), condition.overrides)
+                settings = loaded.resolve(sweep.seeds[0])
+                late = ", ".join(
+                    title
+                    for title in scenarios.late_events(settings)
+                    if changed is None or any(_can_cut(key, title) for key in changed)
+                )
                 if late:
                     said = f"{spec.name} lasts {settings.duration_s:g} s, so that these never happen: {late}"
                     lines.setdefault(said, said)
     return list(lines)
+
+
+def _can_cut(key: str, title: str) -> bool:
+    """Whether a key of a scenario decides when an event begins, or when its episode ends."""
+    table = ".".join(key.split(".")[: 1 if key.startswith("occluders") else 2])
+    return key == "duration_s" or title.startswith(table)
 
 
 def _with_controllers(
