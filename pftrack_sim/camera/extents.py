@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
 from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
@@ -47,7 +47,8 @@ class Bodies:
             for vertices in parts:
                 if vertices.ndim != 2 or vertices.shape[0] < 1 or vertices.shape[1] != 3:
                     raise ParameterError(f"a part needs vertices of shape (V, 3), V >= 1, got {vertices.shape}")
-        self.starts: IntArray = np.cumsum([0, *(len(parts) for parts in bodies[:-1])])
+        self._ends = np.cumsum([0, *(len(parts) for parts in bodies)])
+        self.starts: IntArray = self._ends[:-1]
         """`(B,)` index of each body's first part."""
         self.vertices = [np.array(vertices, dtype=np.float64) for parts in bodies for vertices in parts]
         self._joined = np.concatenate(self.vertices)
@@ -74,20 +75,17 @@ class Bodies:
         """
         if not near_m > 0.0:
             raise ParameterError(f"near_m must be > 0, got {near_m}")
-        fx, fy, cx, cy = focal_and_centre(K)
         # Copies: for arrays that are read-only, the kernel would be compiled once more.
-        poses = (np.array(given, dtype=np.float64, order="C") for given in (positions, rotations, T_world_camera))
-        parts = project_parts(self._joined, self._first, *poses, float(near_m))
-        left, top, near, lowest = np.fmin.reduceat(parts[:4], self.starts, axis=1)
-        right, bottom, far = np.fmax.reduceat(parts[4:], self.starts, axis=1)
-        x, y = left * fx + cx, top * fy + cy
-        # From pixels to pixels: a box within the image is then its own clipped box to the bit.
-        boxes = np.stack([x, y, right * fx + cx - x, bottom * fy + cy - y], axis=1)
-        return boxes, np.stack([near, far], axis=1), lowest
+        places, turned = np.array(positions, dtype=np.float64), np.array(rotations, dtype=np.float64)
+        pose = np.array(T_world_camera, dtype=np.float64, order="C")
+        found = project_bodies(
+            self._joined, self._first, self._ends, places, turned, pose, focal_and_centre(K), float(near_m)
+        )
+        return found[:, :4], found[:, 4:6], found[:, 6]
 
     def some(self, bodies: Sequence[int]) -> Bodies:
         """Some of the bodies, by their indices."""
-        ends = [*self.starts.tolist(), len(self.vertices)]
+        ends = self._ends.tolist()
         return Bodies([self.vertices[ends[body] : ends[body + 1]] for body in bodies])
 
     @cached_property
@@ -136,64 +134,75 @@ def _stack(vertices: Sequence[FloatArray]) -> list[tuple[IntArray, FloatArray]]:
 
 
 @kernel
-def project_parts(
+def project_bodies(
     vertices: FloatArray,
     first: IntArray,
+    ends: IntArray,
     positions: FloatArray,
     rotations: FloatArray,
     pose: FloatArray,
+    intrinsics: Intrinsics,
     near_m: float,
 ) -> FloatArray:
-    """Extents of parts, as far as they are beyond the near plane, in normalized image coordinates.
+    """Boxes of bodies, as far as they are beyond the near plane.
 
     Args:
         vertices: `(V, 3)` of all parts, one part after the other [m].
         first: `(S + 1,)` index of each part's first vertex.
+        ends: `(B + 1,)` index of each body's first part.
         positions: `(S, 3)` of the parts in the world [m].
         rotations: `(S, 3, 3)` to the world.
         pose: `(4, 4)` T_world_camera.
+        intrinsics: Focal lengths fx, fy and principal point cx, cy [px].
         near_m: Depth of the near plane.
 
     Returns:
-        `(7, S)` smallest x / z, y / z, depth and height of each part, then largest x / z, y / z and depth; x / z and
-        y / z are NaN for a part behind the plane.
+        `(B, 7)` box x, y, w, h [px], NaN for a body behind the plane; smallest and largest depth and lowest height [m].
     """
-    extents, local, axes = np.empty((7, len(positions))), np.empty((len(vertices), 3)), np.empty((3, 4))
-    for part in range(len(positions)):
-        for axis in range(3):
-            axes[axis, 3] = 0.0
-            for column in range(3):
-                axes[axis, column] = 0.0
-                axes[axis, 3] += pose[column, axis] * (positions[part, column] - pose[column, 3])
-                for along in range(3):
-                    axes[axis, column] += pose[along, axis] * rotations[part, along, column]
+    fx, fy, cx, cy = intrinsics
+    bodies, local, axes = np.empty((len(ends) - 1, 7)), np.empty((len(vertices), 3)), np.empty((3, 4))
+    for body in range(len(ends) - 1):
+        # Normalized image coordinates.
         left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
-        near, far, lowest = np.inf, -np.inf, np.inf
-        for index in range(first[part], first[part + 1]):
-            x, y, z = vertices[index, 0], vertices[index, 1], vertices[index, 2]
+        nearest, farthest, lowest = np.inf, -np.inf, np.inf
+        for part in range(ends[body], ends[body + 1]):
             for axis in range(3):
-                local[index, axis] = axes[axis, 0] * x + axes[axis, 1] * y + axes[axis, 2] * z + axes[axis, 3]
-            depth = local[index, 2]
-            height = rotations[part, 2, 0] * x + rotations[part, 2, 1] * y + rotations[part, 2, 2] * z
-            near, far = depth if depth < near else near, depth if depth > far else far
-            lowest = height if height < lowest else lowest
-            if depth >= near_m:
-                u, v = local[index, 0] / depth, local[index, 1] / depth
-                left, right = u if u < left else left, u if u > right else right
-                top, bottom = v if v < top else top, v if v > bottom else bottom
-        if near < near_m <= far:
-            # The section with the plane is the hull of its intersections with the segments between its two sides.
-            for ahead in range(first[part], first[part + 1]):
-                for behind in range(first[part], first[part + 1]):
-                    if local[ahead, 2] >= near_m > local[behind, 2]:
-                        share = (local[ahead, 2] - near_m) / (local[ahead, 2] - local[behind, 2])
-                        u = (local[ahead, 0] + share * (local[behind, 0] - local[ahead, 0])) / near_m
-                        v = (local[ahead, 1] + share * (local[behind, 1] - local[ahead, 1])) / near_m
-                        left, right = u if u < left else left, u if u > right else right
-                        top, bottom = v if v < top else top, v if v > bottom else bottom
-        if far < near_m:
-            left = top = right = bottom = np.nan
-        extents[0, part], extents[1, part], extents[2, part] = left, top, near
-        extents[3, part], extents[4, part], extents[5, part] = lowest + positions[part, 2], right, bottom
-        extents[6, part] = far
-    return extents
+                axes[axis, 3] = 0.0
+                for column in range(3):
+                    axes[axis, column] = 0.0
+                    axes[axis, 3] += pose[column, axis] * (positions[part, column] - pose[column, 3])
+                    for along in range(3):
+                        axes[axis, column] += pose[along, axis] * rotations[part, along, column]
+            near, far = np.inf, -np.inf
+            for index in range(first[part], first[part + 1]):
+                x, y, z = vertices[index, 0], vertices[index, 1], vertices[index, 2]
+                for axis in range(3):
+                    local[index, axis] = axes[axis, 0] * x + axes[axis, 1] * y + axes[axis, 2] * z + axes[axis, 3]
+                depth = local[index, 2]
+                height = rotations[part, 2, 0] * x + rotations[part, 2, 1] * y + rotations[part, 2, 2] * z
+                height += positions[part, 2]
+                near, far = depth if depth < near else near, depth if depth > far else far
+                lowest = height if height < lowest else lowest
+                if depth >= near_m:
+                    u, v = local[index, 0] / depth, local[index, 1] / depth
+                    left, right = u if u < left else left, u if u > right else right
+                    top, bottom = v if v < top else top, v if v > bottom else bottom
+            nearest, farthest = near if near < nearest else nearest, far if far > farthest else farthest
+            if near < near_m <= far:
+                # The section with the plane is the hull of its intersections with the segments between its two sides.
+                for ahead in range(first[part], first[part + 1]):
+                    for behind in range(first[part], first[part + 1]):
+                        if local[ahead, 2] >= near_m > local[behind, 2]:
+                            share = (local[ahead, 2] - near_m) / (local[ahead, 2] - local[behind, 2])
+                            u = (local[ahead, 0] + share * (local[behind, 0] - local[ahead, 0])) / near_m
+                            v = (local[ahead, 1] + share * (local[behind, 1] - local[ahead, 1])) / near_m
+                            left, right = u if u < left else left, u if u > right else right
+                            top, bottom = v if v < top else top, v if v > bottom else bottom
+        x, y = left * fx + cx, top * fy + cy
+        if farthest < near_m:
+            x = y = np.nan
+        bodies[body, 0], bodies[body, 1] = x, y
+        # From pixels to pixels: a box within the image is then its own clipped box to the bit.
+        bodies[body, 2], bodies[body, 3] = right * fx + cx - x, bottom * fy + cy - y
+        bodies[body, 4], bodies[body, 5], bodies[body, 6] = nearest, farthest, lowest
+    return bodies

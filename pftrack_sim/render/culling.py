@@ -1,4 +1,4 @@
-"""Geoms that cannot change an image: out of view, or unable to occlude any person.
+"""Geoms that cannot change an image: out of view, or unable to occlude a person.
 
 Decided from bounding boxes, and before people from the triangles of meshes too. Conservative: a geom that is ruled out
 changes no pixel.
@@ -6,14 +6,14 @@ changes no pixel.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
+from pftrack_sim.camera.pinhole import Intrinsics
+from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect
 
@@ -24,6 +24,9 @@ _BOUNDED_TYPES = [
 """Types of geoms that lie inside their `geom_aabb`."""
 
 GROUND_CONTACT_M = 1e-4  # Soles penetrate the ground by up to this much without being occluded by it
+
+_MARGIN_M, _MARGIN_PX = 0.01, 1.0  # OpenGL computes in single precision: a geom outside by less may still touch a pixel
+_FACE_MARGIN_M = 1e-4  # The same, for a person and the camera on the far side of a face
 
 
 class Bounds:
@@ -36,150 +39,169 @@ class Bounds:
 
     def __init__(self, model: mujoco.MjModel, *, triangles: bool = False) -> None:
         boxes = np.array(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
-        middle, half = np.ascontiguousarray(boxes[:, 0]), np.ascontiguousarray(boxes[:, 1])
-        radii = np.linalg.norm(np.abs(middle) + half, axis=1)
-        self._boxes = middle, half, radii
+        self._middles, self._halves = boxes[:, 0], boxes[:, 1]
+        self._radii_m = np.linalg.norm(np.abs(boxes[:, 0]) + boxes[:, 1], axis=1)
         self.unbounded: BoolArray = ~np.isin(model.geom_type, _BOUNDED_TYPES)
         """`(ngeom,)` geoms without a box: nothing is ever ruled out for them."""
-        self._ids: IntArray = np.arange(model.ngeom)
-        vertices, faces = np.empty((0, 3), dtype=np.float32), np.empty((0, 3), dtype=np.int32)
-        self._meshes = vertices, faces, np.zeros((model.ngeom, 3), dtype=np.intp)
-        if triangles:
-            ranges = np.stack([model.mesh_vertadr, model.mesh_faceadr, model.mesh_facenum], axis=1).astype(np.intp)
-            is_mesh = (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[:, None]
-            of_geoms = ranges[model.geom_dataid] if len(ranges) else self._meshes[2]
-            self._meshes = model.mesh_vert, model.mesh_face, np.where(is_mesh, of_geoms, 0)
+        self._is_mesh: BoolArray = model.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+        self._model = model if triangles else None
 
     def release(self) -> None:
-        """Release the triangles; `may_occlude` then looks at boxes alone."""
-        vertices, faces, ranges = self._meshes
-        self._meshes = vertices[:0].copy(), faces[:0].copy(), np.zeros_like(ranges)
+        """Release the model; `may_occlude` then looks at boxes alone."""
+        self._model = None
 
     def in_view(
         self,
         data: mujoco.MjData,
         T_world_camera: FloatArray,
-        K: FloatArray,
-        size: tuple[int, int],
+        intrinsics: Intrinsics,
+        rect: PixelRect,
         near_m: float,
-        geoms: IntArray | None = None,
+        geoms: IntArray,
     ) -> BoolArray:
-        """`(N,)` which geoms, None for all, may be visible in an image of `size` width and height [px]."""
-        from pftrack_sim.render.culling_kernels import boxes_in_view  # numba: imported when it is used
-
-        ids, poses = self._ids if geoms is None else geoms, (data.geom_xpos, data.geom_xmat)
-        pose, rect = np.ascontiguousarray(T_world_camera, dtype=np.float64), (0, 0, *size)
-        found = boxes_in_view(ids, poses, self._boxes, pose, focal_and_centre(K), rect, near_m)
-        return self.unbounded[ids] | found
-
-    def hidden(
-        self,
-        model: mujoco.MjModel,
-        data: mujoco.MjData,
-        T_world_camera: FloatArray,
-        intrinsics: Intrinsics,
-        size: tuple[int, int],
-        near_m: float,
-        geoms: IntArray,
-    ) -> IntArray:
-        """`(M,)` places among `(N,)` geoms of those that change no pixel of a color image of `size`, see `in_view`.
-
-        None where a material of the model reflects; none that casts a shadow, where a light casts any. The intrinsics
-        are the focal lengths fx, fy and the principal point cx, cy [px].
-        """
-        from pftrack_sim.render.culling_kernels import hidden_boxes  # numba: imported when it is used
-
-        poses, rect = (data.geom_xpos, data.geom_xmat), (0, 0, *size)
-        pose = np.ascontiguousarray(T_world_camera, dtype=np.float64)
-        return hidden_boxes(
-            geoms, poses, self._boxes, self.unbounded, pose, intrinsics, rect, near_m, model.mat_reflectance,
-            model.light_active, model.light_castshadow, model.geom_castshadow,
-        )  # fmt: skip
-
-    def any_in_view(
-        self,
-        data: mujoco.MjData,
-        T_world_camera: FloatArray,
-        intrinsics: Intrinsics,
-        size: tuple[int, int],
-        near_m: float,
-        geoms: IntArray,
-    ) -> bool:
-        """Whether any of some geoms, none of them `unbounded`, may be visible; see `in_view`.
-
-        The intrinsics are the focal lengths fx, fy and the principal point cx, cy [px].
-        """
-        from pftrack_sim.render.culling_kernels import any_box_in_view  # numba: imported when it is used
-
-        poses, rect = (data.geom_xpos, data.geom_xmat), (0, 0, *size)
-        return any_box_in_view(geoms, poses, self._boxes, T_world_camera, intrinsics, rect, near_m)
+        """`(N,)` which geoms may be visible in a rectangle of the image."""
+        return self.unbounded[geoms] | self._inside(data, geoms, *_planes(T_world_camera, intrinsics, rect, near_m))
 
     def may_occlude(
         self,
         data: mujoco.MjData,
         T_world_camera: FloatArray,
-        K: FloatArray,
-        geoms: IntArray,
-        limbs: Sequence[IntArray],
-        rects: Sequence[PixelRect],
-        farthest_m: FloatArray,
-        lowest_m: FloatArray,
-        near_m: float,
-    ) -> BoolArray:
-        """`(N, P)` whether each of N geoms may occlude each of P people.
-
-        Args:
-            data: Poses.
-            T_world_camera: `(4, 4)` camera pose.
-            K: `(3, 3)` camera matrix [px].
-            geoms: `(N,)` ids.
-            limbs: Geom ids of each person.
-            rects: Rectangle of the image around each person.
-            farthest_m: `(P,)` depth of each person's farthest point.
-            lowest_m: `(P,)` height of each person's lowest point.
-            near_m: Depth of the near plane.
-        """
-        from pftrack_sim.render.culling_kernels import Meshes, boxes_before_people  # numba: imported when it is used
-
-        poses, pose = (data.geom_xpos, data.geom_xmat), np.ascontiguousarray(T_world_camera, dtype=np.float64)
-        # From above, a geom below a person's soles occludes nothing of the person.
-        above_m = np.where(pose[2, 3] > lowest_m, lowest_m + GROUND_CONTACT_M, -np.inf)
-        ends = np.array([0, *itertools.accumulate(map(len, limbs))])
-        found = boxes_before_people(
-            geoms, poses, self._boxes, Meshes(*self._meshes), pose, focal_and_centre(K), np.array(rects), near_m,
-            farthest_m, above_m, np.concatenate(limbs), ends,
-        )  # fmt: skip
-        return self.unbounded[geoms, None] | found
-
-    def any_may_occlude(
-        self,
-        data: mujoco.MjData,
-        T_world_camera: FloatArray,
         intrinsics: Intrinsics,
+        rect: PixelRect,
+        near_m: float,
         geoms: IntArray,
         limbs: IntArray,
-        rect: PixelRect,
         farthest_m: float,
         lowest_m: float,
-        near_m: float,
-    ) -> bool:
-        """Whether any of some geoms, none of them `unbounded`, may occlude a person; see `may_occlude`.
+    ) -> BoolArray:
+        """`(N,)` whether each of N geoms may occlude a person.
 
         Args:
             data: Poses.
             T_world_camera: `(4, 4)` camera pose.
             intrinsics: Focal lengths fx, fy and principal point cx, cy [px].
+            rect: Rectangle of the image around the person.
+            near_m: Depth of the near plane.
             geoms: `(N,)` ids.
             limbs: Geom ids of the person.
-            rect: Rectangle of the image around the person.
             farthest_m: Depth of the person's farthest point.
             lowest_m: Height of the person's lowest point.
-            near_m: Depth of the near plane.
         """
-        from pftrack_sim.render.culling_kernels import Meshes, any_box_before  # numba: imported when it is used
+        # From above, a geom below a person's soles occludes nothing of the person.
+        least_m = lowest_m + GROUND_CONTACT_M if T_world_camera[2, 3] > lowest_m else -np.inf
+        normals, offsets = _planes(T_world_camera, intrinsics, rect, near_m, farthest_m, least_m)
+        found = self._inside(data, geoms, normals, offsets)
+        left = np.flatnonzero(found)
+        if left.size:
+            found[left] = ~self._separates(data, geoms[left], T_world_camera[:3, 3], limbs)
+        model = self._model
+        if model is not None:
+            for index in left[self._is_mesh[geoms[left]] & found[left]]:
+                found[index] = _some_triangle_reaches(model, data, int(geoms[index]), normals, offsets)
+        return self.unbounded[geoms] | found
 
-        above_m = lowest_m + GROUND_CONTACT_M if T_world_camera[2, 3] > lowest_m else -math.inf
-        return any_box_before(
-            geoms, (data.geom_xpos, data.geom_xmat), self._boxes, Meshes(*self._meshes), T_world_camera, intrinsics,
-            (rect.left, rect.top, rect.width, rect.height), near_m, farthest_m, above_m, limbs,
-        )  # fmt: skip
+    def _inside(self, data: mujoco.MjData, geoms: IntArray, normals: FloatArray, offsets: FloatArray) -> BoolArray:
+        """`(N,)` whether the boxes of geoms reach to the inner side of each of some planes, or miss it by a margin."""
+        distances = normals @ data.geom_xpos[geoms].T + offsets[:, None]
+        found = distances.min(axis=0) > -self._radii_m[geoms] - _MARGIN_M
+        left = np.flatnonzero(found)
+        if left.size:
+            ids = geoms[left]
+            turned = normals @ data.geom_xmat[ids].reshape(-1, 3, 3)
+            reach = turned @ self._middles[ids, :, None] + np.abs(turned) @ self._halves[ids, :, None]
+            found[left] = (distances.T[left] + reach[..., 0]).min(axis=1) > -_MARGIN_M
+        return found
+
+    def _separates(self, data: mujoco.MjData, geoms: IntArray, camera_m: FloatArray, limbs: IntArray) -> BoolArray:
+        """`(N,)` whether the camera and all limbs of a person lie on the outer side of one face of a geom's box.
+
+        Such a geom occludes nothing of the person: a wall of a corridor, a shelf behind the person.
+        """
+        axes = data.geom_xmat[geoms].reshape(-1, 3, 3).transpose(0, 2, 1)
+        origins = (axes @ data.geom_xpos[geoms, :, None])[..., 0] + self._middles[geoms]
+        reach = self._halves[geoms] + _FACE_MARGIN_M
+        camera = axes @ camera_m - origins
+        rotations = data.geom_xmat[limbs].reshape(-1, 3, 3)
+        middles = data.geom_xpos[limbs] + (rotations @ self._middles[limbs, :, None])[..., 0]
+        # `(N, 3, L)` middles of the limbs along the axes of each geom, and how far they reach from there.
+        along = axes @ middles.T - origins[..., None]
+        turned = np.abs(axes.reshape(-1, 3) @ rotations.transpose(1, 0, 2).reshape(3, -1))
+        radii = (turned.reshape(-1, len(limbs), 3) * self._halves[limbs]).sum(axis=-1).reshape(along.shape)
+        nearest = (np.sign(camera)[..., None] * along - radii).min(axis=-1)
+        return ((np.abs(camera) > reach) & (nearest > reach)).any(axis=1)
+
+
+def _planes(
+    pose: FloatArray,
+    intrinsics: Intrinsics,
+    rect: PixelRect,
+    near_m: float,
+    farthest_m: float = np.inf,
+    least_m: float = -np.inf,
+) -> tuple[FloatArray, FloatArray]:
+    """`(7, 3)` unit normals and `(7,)` offsets, in the world, of the planes that bound what is looked for.
+
+    They are the near plane, the far one, the sides of a view, and a height. Points x inside have n.x + offset > 0.
+    """
+    fx, fy, cx, cy = intrinsics
+    left, top = cx - rect.left + _MARGIN_PX, cy - rect.top + _MARGIN_PX
+    right, bottom = rect.width + 2.0 * _MARGIN_PX - left, rect.height + 2.0 * _MARGIN_PX - top
+    sides = _unit(fx, left), _unit(-fx, right), _unit(fy, top), _unit(-fy, bottom)
+    inwards = np.array(
+        [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
+        + [(across, 0.0, ahead) for across, ahead in sides[:2]]
+        + [(0.0, down, ahead) for down, ahead in sides[2:]]
+    )
+    normals = np.empty((7, 3))
+    normals[:6] = inwards @ pose[:3, :3].T
+    normals[6] = 0.0, 0.0, 1.0
+    offsets = -normals @ pose[:3, 3]
+    offsets[0] -= near_m
+    offsets[1] += farthest_m
+    offsets[6] = -_MARGIN_M - least_m
+    return normals, offsets
+
+
+def _unit(x: float, y: float) -> tuple[float, float]:
+    length = math.hypot(x, y)
+    return x / length, y / length
+
+
+def _some_triangle_reaches(
+    model: mujoco.MjModel, data: mujoco.MjData, geom: int, normals: FloatArray, offsets: FloatArray
+) -> bool:
+    """Whether a triangle of a mesh reaches to the inner side of each plane.
+
+    Much of a box is empty where one mesh holds the crown of a tree, or the ground and what is painted on it.
+    """
+    mesh = int(model.geom_dataid[geom])
+    first, start, count = (int(values[mesh]) for values in (model.mesh_vertadr, model.mesh_faceadr, model.mesh_facenum))
+    least = -_MARGIN_M - offsets - normals @ data.geom_xpos[geom]
+    turned = normals @ data.geom_xmat[geom].reshape(3, 3)
+    return some_triangle_inside(model.mesh_vert, first, model.mesh_face[start : start + count], turned, least)
+
+
+@kernel
+def some_triangle_inside(
+    vertices: NDArray[np.float32], first: int, faces: NDArray[np.int32], normals: FloatArray, least: FloatArray
+) -> bool:
+    """Whether any of `(F, 3)` triangles reaches to the inner side of each of P planes.
+
+    Vertices of the triangles are counted from the `first` of `(V, 3)`; a point x is inside where `normals` `(P, 3)`
+    times x is more than `least` `(P,)`.
+    """
+    for face in range(len(faces)):
+        inside = 0
+        while inside < len(normals):
+            x, y, z = normals[inside, 0], normals[inside, 1], normals[inside, 2]
+            reached = False
+            for corner in range(3):
+                vertex = first + faces[face, corner]
+                distance = x * vertices[vertex, 0] + y * vertices[vertex, 1] + z * vertices[vertex, 2]
+                reached = reached or distance > least[inside]
+            if not reached:
+                break
+            inside += 1
+        if inside == len(normals):
+            return True
+    return False

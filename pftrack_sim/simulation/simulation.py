@@ -214,7 +214,7 @@ class Simulation:
         parts = TRUNK if settings.target.init == "torso" else ()
         size = (settings.camera.width_px, settings.camera.height_px)
         self._truth = TruthObserver(world.model, world.people, renderer, self._K, size, parts)
-        self._mount = CameraMount(world.model, self._K, (renderer.width_px, renderer.height_px))
+        self._mount = CameraMount(world.model)
 
     def _bind_renderer(self, world: World, size: tuple[int, int]) -> Renderer:
         """The renderer, bound to the new model; opened again where the size has changed."""

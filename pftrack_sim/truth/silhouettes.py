@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.camera.extents import Bodies
-from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
+from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, bounding_rect
 from pftrack_sim.render.culling import Bounds
@@ -100,8 +100,6 @@ class SilhouetteFinder:
         self._others = np.flatnonzero(renderer.visible_geoms & ~self._masks[0, :-1])
         """All but the first person."""
         self._bounds = Bounds(model, triangles=True)
-        self._others_bounded = not self._bounds.unbounded[self._others].any()
-        self._intrinsics: tuple[FloatArray, Intrinsics] | None = None
 
     def release(self) -> None:
         """Release the model, once everybody has been found."""
@@ -130,14 +128,6 @@ class SilhouetteFinder:
         positions, rotations = scene.geom_xpos[geoms], scene.geom_xmat[geoms].reshape(-1, 3, 3)
         return Measured(*bodies.boxes(positions, rotations, T_world_camera, K, self.renderer.near_m))
 
-    def _fx_fy_cx_cy(self, K: FloatArray) -> Intrinsics:
-        """fx, fy, cx, cy [px] of a camera matrix; cached for a read-only array."""
-        if K.flags.writeable:
-            return focal_and_centre(K)
-        if self._intrinsics is None or self._intrinsics[0] is not K:
-            self._intrinsics = K, focal_and_centre(K)
-        return self._intrinsics[1]
-
     def nothing_before_first(
         self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, measured: Measured
     ) -> bool:
@@ -146,12 +136,9 @@ class SilhouetteFinder:
         `measured` begins with the first person.
         """
         rect = pixels_around(measured.boxes[0], (self.renderer.width_px, self.renderer.height_px))
-        if rect is None or not self._others_bounded:
+        if rect is None:
             return False
-        return not self._bounds.any_may_occlude(
-            data, T_world_camera, self._fx_fy_cx_cy(K), self._others, self._geoms_of[0], rect,
-            float(measured.depths_m[0, 1]), float(measured.lowest_m[0]), self.renderer.near_m,
-        )  # fmt: skip
+        return not self._may_occlude(data, T_world_camera, K, measured, self._others, 0, rect).any()
 
     def find(
         self,
@@ -181,8 +168,8 @@ class SilhouetteFinder:
                 rects[person] = rect
         if not rects:
             return {}
-        may_occlude = self._may_occlude(data, T_world_camera, K, measured, self._scenery, rects)
-        found = list(rects)
+        view, found = (data, T_world_camera, K, measured, self._scenery), list(rects)
+        may_occlude = np.stack([self._may_occlude(*view, person, rect) for person, rect in rects.items()], axis=1)
         occluders = self._scenery[may_occlude.any(axis=1)]
         occluded = [found[column] for column in np.flatnonzero(may_occlude.any(axis=0))]
         layers: list[Segmentation] = []
@@ -205,14 +192,13 @@ class SilhouetteFinder:
         K: FloatArray,
         measured: Measured,
         geoms: IntArray,
-        rects: dict[int, PixelRect],
+        person: int,
+        rect: PixelRect,
     ) -> BoolArray:
-        """`(N, P)` whether each of N geoms may occlude each of the P people with rectangles."""
-        people = list(rects)
-        limbs = [self._geoms_of[person] for person in people]
-        farthest_m, lowest_m = measured.depths_m[people, 1], measured.lowest_m[people]
-        around, near_m = list(rects.values()), self.renderer.near_m
-        return self._bounds.may_occlude(data, T_world_camera, K, geoms, limbs, around, farthest_m, lowest_m, near_m)
+        """`(N,)` whether each of N geoms may occlude a person with this rectangle."""
+        view = T_world_camera, focal_and_centre(K), rect, self.renderer.near_m
+        of_person = self._geoms_of[person], float(measured.depths_m[person, 1]), float(measured.lowest_m[person])
+        return self._bounds.may_occlude(data, *view, geoms, *of_person)
 
     def _combine(self, person: int, rect: PixelRect, layer: Segmentation, layers: list[Segmentation]) -> Silhouette:
         """Combine the layer of a person with all others by depth."""

@@ -1,4 +1,4 @@
-"""Geoms in view, and those before people, by kernels are those by planes and boxes on arrays."""
+"""Geoms in view, and those before people, are those whose corners reach to the inner side of every plane."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pftrack_sim.render.culling import Bounds
 
 SIZE, NEAR = (64, 48), 0.05
 K = intrinsics(*SIZE, 0.9)
+VIEW = focal_and_centre(K), PixelRect(0, 0, *SIZE), NEAR
 
 
 def shapes(rng: np.random.Generator, spread_m: float) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -53,40 +54,21 @@ def in_rectangle(points: np.ndarray, pose: np.ndarray, rect: PixelRect) -> np.nd
     return np.column_stack([near, (local @ sides.T > -0.01).any(axis=1)])
 
 
-def test_geoms_in_view_are_those_of_planes_on_arrays():
+def test_geoms_in_view_have_corners_inside_every_plane():
     rng = np.random.default_rng(0)
     model, data = shapes(rng, 4.0)
     bounds, plane = Bounds(model), model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     for _ in range(20):
         pose = random_pose(rng)
         expected = in_rectangle(corners(model, data), pose, PixelRect(0, 0, *SIZE)).all(axis=1) | plane
-        found = bounds.in_view(data, pose, K, SIZE, NEAR)
+        found = bounds.in_view(data, pose, *VIEW, np.arange(model.ngeom))
         np.testing.assert_array_equal(found, expected)
         assert 3 < found.sum() < 150
         some = np.array([7, 0, 30])
-        np.testing.assert_array_equal(bounds.in_view(data, pose, K, SIZE, NEAR, some), expected[some])
+        np.testing.assert_array_equal(bounds.in_view(data, pose, *VIEW, some), expected[some])
 
 
-def test_geoms_that_are_hidden_are_out_of_view_and_cast_no_shadow():
-    rng = np.random.default_rng(4)
-    model, data = shapes(rng, 4.0)
-    bounds, geoms = Bounds(model), rng.permutation(model.ngeom)[:100]
-    model.geom_castshadow[::2] = False
-    for shadows in (False, True):
-        light = model.light_active[:] = model.light_castshadow[:] = shadows
-        pose = random_pose(rng)
-        shown = bounds.in_view(data, pose, K, SIZE, NEAR, geoms)
-        assert bounds.any_in_view(data, pose, focal_and_centre(K), SIZE, NEAR, geoms[shown & (geoms > 0)])
-        assert not bounds.any_in_view(data, pose, focal_and_centre(K), SIZE, NEAR, geoms[~shown])
-        shown |= light & model.geom_castshadow[geoms]
-        hidden = bounds.hidden(model, data, pose, focal_and_centre(K), SIZE, NEAR, geoms)
-        np.testing.assert_array_equal(hidden, np.flatnonzero(~shown))
-        assert hidden.size > 10
-    model.mat_reflectance[0] = 0.1
-    assert not bounds.hidden(model, data, pose, focal_and_centre(K), SIZE, NEAR, geoms).size
-
-
-def test_geoms_that_may_occlude_people_are_those_of_planes_on_arrays():
+def test_geoms_that_may_occlude_people_are_between_them_and_the_camera():
     rng = np.random.default_rng(1)
     model, data = shapes(rng, 2.0)
     bounds, points, rects = Bounds(model), corners(model, data), [PixelRect(5, 4, 30, 40), PixelRect(20, 10, 12, 8)]
@@ -94,19 +76,17 @@ def test_geoms_that_may_occlude_people_are_those_of_planes_on_arrays():
     counts = np.zeros(3, dtype=int)
     for _ in range(40):
         pose, farthest, lowest = random_pose(rng), rng.uniform(1.0, 5.0, 2), rng.normal(0.0, 1.0, 2)
-        found = bounds.may_occlude(data, pose, K, geoms, limbs, rects, farthest, lowest, NEAR)
-        assert bounds.may_occlude(data, pose, K, np.array([0]), limbs, rects, farthest, lowest, NEAR).all()
         for person, (rect, own) in enumerate(zip(rects, limbs, strict=True)):
-            known = own, rect, float(farthest[person]), float(lowest[person]), NEAR
-            for some in (geoms, geoms[~found[:, person]]):
-                may_occlude = bounds.any_may_occlude(data, pose, focal_and_centre(K), some, *known)
-                assert may_occlude == (some is geoms and found[:, person].any())
+            known = own, float(farthest[person]), float(lowest[person])
+            found = bounds.may_occlude(data, pose, focal_and_centre(K), rect, NEAR, geoms, *known)
+            plane = bounds.may_occlude(data, pose, focal_and_centre(K), rect, NEAR, np.array([0]), *known)
+            assert plane.all(), "nothing is ruled out for what has no box"
             depth = (points[geoms] - pose[:3, 3]) @ pose[:3, 2]
             before = in_rectangle(points[geoms], pose, rect).all(axis=1) & (depth.min(axis=1) < farthest[person] + 0.01)
             high = points[geoms, :, 2].max(axis=1) > lowest[person] + 1e-4
             beside = np.array([separated(model, data, geom, pose[:3, 3], points[own]) for geom in geoms])
-            np.testing.assert_array_equal(found[:, person], before & (high | (pose[2, 3] <= lowest[person])) & ~beside)
-            counts += [found[:, person].sum(), (before & ~high).sum(), (before & beside).sum()]
+            np.testing.assert_array_equal(found, before & (high | (pose[2, 3] <= lowest[person])) & ~beside)
+            counts += [found.sum(), (before & ~high).sum(), (before & beside).sum()]
     assert (counts > 20).all(), "each rule decides some"
 
 
@@ -126,24 +106,24 @@ def test_meshes_that_may_occlude_people_have_a_triangle_that_does():
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     boxes, triangles = Bounds(model), Bounds(model, triangles=True)
-    geoms, limbs, rects = np.arange(31), [np.array([0])], [PixelRect(20, 10, 24, 30)]
+    geoms, limbs, rect = np.arange(31), np.array([0]), PixelRect(20, 10, 24, 30)
     counts = np.zeros(3, dtype=int)
     for _ in range(40):
-        pose, farthest, lowest = random_pose(rng), rng.uniform(1.0, 5.0, 1), rng.normal(0.0, 1.0, 1)
-        known = data, pose, K, geoms, limbs, rects, farthest, lowest, NEAR
-        by_boxes, found = boxes.may_occlude(*known)[:, 0], triangles.may_occlude(*known)[:, 0]
+        pose, farthest, lowest = random_pose(rng), rng.uniform(1.0, 5.0), rng.normal(0.0, 1.0)
+        known = data, pose, focal_and_centre(K), rect, NEAR, geoms, limbs, farthest, lowest
+        by_boxes, found = boxes.may_occlude(*known), triangles.may_occlude(*known)
         assert found[0] == by_boxes[0], "only meshes have triangles"
         for geom in range(1, 31):
             corners_of = corners_of_triangles(model, data, geom)
             depth, height = (corners_of - pose[:3, 3]) @ pose[:3, 2], corners_of[..., 2].max(axis=1)
-            reaching = in_rectangle(corners_of, pose, rects[0]).all(axis=1) & (depth.min(axis=1) < farthest + 0.01)
+            reaching = in_rectangle(corners_of, pose, rect).all(axis=1) & (depth.min(axis=1) < farthest + 0.01)
             high = (height > lowest + 1e-4) | (pose[2, 3] <= lowest)
             expected = by_boxes[geom] & (reaching & high).any()
             assert found[geom] == expected
             counts += [expected, by_boxes[geom] & ~expected, expected & ~(reaching & high).all()]
     assert (counts > 20).all(), "meshes of all kinds"
     triangles.release()
-    np.testing.assert_array_equal(triangles.may_occlude(*known)[:, 0], by_boxes)
+    np.testing.assert_array_equal(triangles.may_occlude(*known), by_boxes)
 
 
 def corners_of_triangles(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:

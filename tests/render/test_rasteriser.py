@@ -299,10 +299,27 @@ def test_culling_geoms_out_of_view_changes_no_pixel(shadows: bool, drawing: Draw
             picture, culled = renderer.color(stage.data, pose, K), scene.ngeom
             np.testing.assert_array_equal(stage.model.geom_group, group)
             with monkeypatch.context() as patch:
-                patch.setattr(Bounds, "hidden", lambda *_: np.zeros(0, dtype=np.intp))
+                patch.setattr(Bounds, "in_view", lambda *arguments: np.ones(len(arguments[-1]), dtype=bool))
                 assert np.array_equal(picture, renderer.color(stage.data, pose, K))
             left_out += scene.ngeom - culled
     assert left_out > 20
+
+
+def test_nothing_is_culled_where_a_material_reflects():
+    spec = new_spec()
+    spec.add_material(name="mirror", reflectance=0.5)
+    for place in (3.0, -3.0):
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.3, 0, 0], pos=[place, 0.0, 1.0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with Rasteriser(model, WIDTH, HEIGHT, exclusive=True) as renderer:
+        shown = []
+        for reflectance in (0.5, 0.0):
+            model.mat_reflectance[:] = reflectance
+            renderer.color(data, looking((0.0, 0.0, 1.0), (1.0, 0.0, 1.0)), K)
+            shown.append(renderer._scene._color.ngeom)
+    assert shown == [2, 1]
 
 
 def test_a_model_of_its_own_is_drawn_alike_and_left_as_it_was():

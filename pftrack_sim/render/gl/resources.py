@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 _GL_RGBA = 0x1908
 _PLANE, _SKYBOX = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
@@ -98,35 +98,34 @@ def _plain(value: Any) -> object:
 
 
 def _texture_digests(model: mujoco.MjModel) -> list[object]:
-    from pftrack_sim.render.gl.digest_kernels import words_digest  # numba: imported when it is used
-
     digests: list[object] = []
     for texture in range(model.ntex):
         form = [int(getattr(model, f"tex_{name}")[texture]) for name in ("type", "width", "height", "nchannel")]
         start, size = int(model.tex_adr[texture]), form[1] * form[2] * form[3]
-        texels: NDArray[np.uint8] = model.tex_data[start : start + size]
-        whole = size // 8 * 8
-        words = np.frombuffer(texels[:whole].tobytes() if start % 8 else texels[:whole], dtype=np.uint64)
-        rest = texels[whole:].tobytes()
-        digests.append((*form, int(model.tex_colorspace[texture]), int(words_digest(words)), rest))
+        texels = hashlib.sha256(model.tex_data[start : start + size]).digest()
+        digests.append((*form, int(model.tex_colorspace[texture]), texels))
     return digests
 
 
 def _mesh_digests(model: mujoco.MjModel) -> list[object]:
-    from pftrack_sim.render.gl.digest_kernels import rows_digests  # numba: imported when it is used
-
-    digests = np.arange(1, 1 + model.nmesh, dtype=np.uint64)
     vertices, normals = (model.mesh_vertadr, model.mesh_vertnum), (model.mesh_normaladr, model.mesh_normalnum)
     coordinates, faces = (model.mesh_texcoordadr, model.mesh_texcoordnum), (model.mesh_faceadr, model.mesh_facenum)
-    for array, (starts, counts) in (
+    arrays = [
         (model.mesh_vert, vertices),
         (model.mesh_normal, normals),
         (model.mesh_texcoord, coordinates),
         (model.mesh_face, faces),
         (model.mesh_facenormal, faces),
         (model.mesh_facetexcoord, faces),
-    ):
-        rows_digests(digests, np.ascontiguousarray(array).view(np.uint32), starts, counts)
-    # The convex hull that belongs to a mesh with a graph is drawn too; it is not compared.
-    graphs = model.mesh_graphadr.tolist()
-    return [digest if graph < 0 else object() for digest, graph in zip(digests.tolist(), graphs, strict=True)]
+    ]
+    digests: list[object] = []
+    for mesh in range(model.nmesh):
+        digest = hashlib.sha256()
+        for array, (starts, counts) in arrays:
+            start, count = int(starts[mesh]), int(counts[mesh])
+            digest.update(count.to_bytes(8))
+            if start >= 0:  # Else the mesh has no such rows
+                digest.update(array[start : start + count])
+        # The convex hull that belongs to a mesh with a graph is drawn too; it is not compared.
+        digests.append(digest.digest() if model.mesh_graphadr[mesh] < 0 else object())
+    return digests

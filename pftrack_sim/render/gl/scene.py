@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.camera.pinhole import Intrinsics, frustum
-from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.render.backend import DRAWN_GROUPS, sky_material
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.render.backend import DRAWN_GROUPS, PixelRect, sky_material
 from pftrack_sim.render.culling import Bounds
 from pftrack_sim.render.gl.resources import Resources
 from pftrack_sim.scene.layout import SCENERY_GROUP
@@ -60,13 +60,25 @@ class ModelScene:
         """
         model, hidden = self._model, self._visible[:0]
         if self._exclusive:
-            view = T_world_camera, intrinsics, size, self._clip_m[0]
-            hidden = self._visible[self._bounds.hidden(model, data, *view, self._visible)]
+            hidden = self._hidden(data, T_world_camera, intrinsics, size)
         model.geom_group[hidden] = _NEVER_DRAWN_GROUP
         self._compose(self._color, model, data, T_world_camera, intrinsics, size)
         model.geom_group[hidden] = self._groups[hidden]
         mujoco.mjv_makeLights(model, data, self._color)
         return self._color
+
+    def _hidden(
+        self, data: mujoco.MjData, T_world_camera: FloatArray, intrinsics: Intrinsics, size: tuple[int, int]
+    ) -> IntArray:
+        """Visible geoms that change no pixel of a color image; none that casts a shadow, where a light casts any."""
+        model, geoms = self._model, self._visible
+        if (model.mat_reflectance > 0.0).any():
+            return geoms[:0]
+        rect = PixelRect(0, 0, *size)
+        shown = self._bounds.in_view(data, T_world_camera, intrinsics, rect, self._clip_m[0], geoms)
+        if (model.light_active & model.light_castshadow).any():
+            shown |= model.geom_castshadow[geoms]
+        return geoms[~shown]
 
     def ids_scene(
         self,
