@@ -13,7 +13,6 @@ from typing import Annotated, Any, ClassVar, Self, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from pftrack_sim.core.errors import ParameterError, did_you_mean
-from pftrack_sim.scenario.validation import problems
 
 PRESETS = ("default", "paper")  # `paper`: the printed values only; `default`: the best values found since
 
@@ -55,5 +54,8 @@ class Parameters(BaseModel):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
+            # Imported where it is needed: the model of scenarios takes a third of a second.
+            from pftrack_sim.scenario.validation import problems
+
             lines = problems(error, values, cls.model_json_schema())
             raise ParameterError(f"{tracker}: {'; '.join(lines)}") from None

@@ -30,7 +30,7 @@ from pftrack_sim.benchmark.running.episode import EpisodeJob, run_episode
 from pftrack_sim.benchmark.running.executor import FinishedJob
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode
 
 SIZE: dict[str, Any] = {"camera.width_px": 320, "camera.height_px": 240, "lights.shadows": False}
 EIGHT = [
@@ -119,7 +119,7 @@ def isolation() -> tuple[float, float]:
     begun, extra = [], []
     for _ in range(8):
         start = time.perf_counter()
-        tracker = IsolatedTracker("stay", seed=0, preset="default", params={}, limits=LIMITS)
+        tracker = IsolatedTracker(TrackerCode("stay", limits=LIMITS), seed=0)
         tracker.wait_until_made()
         begun.append(time.perf_counter() - start)
         tracker.init(image, np.array([10.0, 10, 50, 90]))

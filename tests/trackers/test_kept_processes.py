@@ -2,12 +2,11 @@
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, TrackerProcesses
+from pftrack_sim.trackers.isolation import IsolatedTracker, TrackerCode, TrackerFault, TrackerProcesses, process
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems start a process for each episode")
 IMAGE = np.zeros((9, 12, 3), np.uint8)
@@ -15,17 +14,11 @@ SEEDS = (5, 9, 5)
 
 
 def played(
-    processes: TrackerProcesses | None, factory: str, seed: int, log: Path | None = None, **more: Any
+    processes: TrackerProcesses | None, factory: str, seed: int, log: Path | None = None, *, sandboxed: bool = False
 ) -> list[float]:
-    tracker = IsolatedTracker(
-        f"tests.trackers.kept_trackers:{factory}",
-        seed=seed,
-        preset="default",
-        params={} if log is None else {"log": str(log)},
-        limits=Limits(**more.pop("limits", {})),
-        processes=processes,
-        **more,
-    )
+    params = {} if log is None else {"log": str(log)}
+    code = TrackerCode(f"tests.trackers.kept_trackers:{factory}", params=params, sandboxed=sandboxed)
+    tracker = IsolatedTracker(code, seed=seed, processes=processes)
     try:
         tracker.init(IMAGE, [1, 2, 3, 4])
         return [value for _ in range(2) for value in tracker.update(IMAGE).box]
@@ -54,12 +47,12 @@ def test_the_same_seed_gives_the_same_bits_after_any_episodes(tmp_path: Path, fa
 
 
 @linux
-def test_what_an_episode_started_ends_with_it_while_its_process_is_kept():
-    for namespaces in (True, False):
+def test_what_an_episode_started_ends_with_it_while_its_process_is_kept(monkeypatch: pytest.MonkeyPatch):
+    for command in (process.namespace_command, tuple):
+        monkeypatch.setattr(process, "namespace_command", command)
         with TrackerProcesses() as processes:
-            limits = {"namespaces": namespaces}
             for _ in range(2):
-                child = int(played(processes, "leaves_a_child", 0, limits=limits)[0])
+                child = int(played(processes, "leaves_a_child", 0)[0])
                 assert child > 0
                 assert not Path(f"/proc/{child}").exists()
 
@@ -69,10 +62,8 @@ def test_what_is_printed_is_kept_per_episode():
     said: list[str | None] = []
     with TrackerProcesses() as processes:
         for seed in (1, 2, 3):
-            tracker = IsolatedTracker(
-                "tests.trackers.kept_trackers:prints", seed=seed, preset="default", params={}, limits=Limits(),
-                processes=processes,
-            )  # fmt: skip
+            code = TrackerCode("tests.trackers.kept_trackers:prints")
+            tracker = IsolatedTracker(code, seed=seed, processes=processes)
             tracker.init(IMAGE, [1, 2, 3, 4])
             tracker.close()
             said.append(tracker.printed)

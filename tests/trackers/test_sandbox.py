@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, TrackerProcesses, sandbox
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode, TrackerFault, TrackerProcesses, sandbox
 from tests.trackers import sandbox_probe
 from tests.trackers.test_kept_processes import played
 
@@ -29,9 +29,8 @@ sandboxed = pytest.mark.skipif(not _works(), reason="needs bubblewrap")
 
 def _said(sandboxed: bool, params: dict[str, Any]) -> str | None:
     limits = Limits(memory_mb=300)
-    tracker = IsolatedTracker(
-        f"{sandbox_probe.__name__}:make", seed=0, preset="default", params=params, limits=limits, sandboxed=sandboxed
-    )
+    code = TrackerCode(f"{sandbox_probe.__name__}:make", params=params, limits=limits, sandboxed=sandboxed)
+    tracker = IsolatedTracker(code, seed=0)
     try:
         tracker.init(IMAGE, [1, 2, 3, 4])
         tracker.update(IMAGE)
@@ -74,10 +73,9 @@ def test_a_sandbox_is_kept_and_gives_the_same_bits():
 @sandboxed
 @pytest.mark.parametrize(("name", "words"), [("segfault", "SIGSEGV"), ("takes_shared_memory", "limit of 100 MB")])
 def test_faults_in_a_sandbox_are_named(name: str, words: str):
-    tracker = IsolatedTracker(
-        f"tests.attack.hostile_trackers:{name}", seed=0, preset="default", params={}, limits=Limits(memory_mb=100),
-        sandboxed=True,
-    )  # fmt: skip
+    limits = Limits(memory_mb=100)
+    code = TrackerCode(f"tests.attack.hostile_trackers:{name}", limits=limits, sandboxed=True)
+    tracker = IsolatedTracker(code, seed=0)
     tracker.init(IMAGE, [1, 2, 3, 4])
     tracker.update(IMAGE)
     with pytest.raises(TrackerFault, match=words):

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError, PftrackError, TrackerError
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits
+from pftrack_sim.trackers.isolation import IsolatedTracker, TrackerCode
 from pftrack_sim.trackers.trax.client import TraxTracker
 from pftrack_sim.trackers.trax.protocol import (
     Message,
@@ -114,7 +114,7 @@ def test_images_survive_every_way_without_loss(tmp_path: Path):
 def test_a_tracker_written_with_the_library_runs(region: str, image: str):
     pytest.importorskip("trax")
     name = f"trax:{sys.executable} {PROGRAMS / 'with_library.py'} {region} {image}"
-    tracker = IsolatedTracker(name, seed=3, preset="default", params={"alpha": 0.5}, limits=Limits(frame_s=20.0))
+    tracker = IsolatedTracker(TrackerCode(name, params={"alpha": 0.5}), seed=3)
     for first in (5.0, 9.0):  # the second start is a new program
         tracker.init(IMAGE, [first, 4.0, 6.0, 8.0])
         for frame in (1, 2):

@@ -19,7 +19,14 @@ from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes, 
 from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerFault, TrackerProcesses, try_make
+from pftrack_sim.trackers.isolation import (
+    IsolatedTracker,
+    Limits,
+    TrackerCode,
+    TrackerFault,
+    TrackerProcesses,
+    try_make,
+)
 from pftrack_sim.trackers.isolation.sandbox import check_sandbox
 
 Isolation: TypeAlias = Literal["auto", "always", "never", "container"]
@@ -225,15 +232,8 @@ def make_runners(
         if spec.label in dropped:
             made = _DroppedTracker()
         elif is_isolated(spec.name, isolation):
-            made = IsolatedTracker(
-                spec.name,
-                seed=seed,
-                preset=spec.preset,
-                params=spec.params,
-                limits=limits or Limits(),
-                sandboxed=isolation == "container",
-                processes=processes,
-            )
+            code = _code_of(spec, isolation, limits or Limits())
+            made = IsolatedTracker(code, seed=seed, processes=processes)
         else:
             made = trackers.make(spec.name, seed=seed, preset=spec.preset, **spec.params)
         runners.append(TrackerRunner(spec, made))
@@ -254,16 +254,13 @@ def check_trackers(
         if spec.name not in trackers.names() and ":" not in spec.name:
             trackers.describe(spec.name)
         if is_isolated(spec.name, isolation):
-            try_make(
-                spec.name,
-                preset=spec.preset,
-                params=spec.params,
-                limits=limits,
-                sandboxed=isolation == "container",
-                processes=processes,
-            )
+            try_make(_code_of(spec, isolation, limits), processes)
         else:
             trackers.make(spec.name, preset=spec.preset, **spec.params)
+
+
+def _code_of(spec: TrackerSpec, isolation: Isolation, limits: Limits) -> TrackerCode:
+    return TrackerCode(spec.name, spec.preset, spec.params, limits, sandboxed=isolation == "container")
 
 
 def checked_isolation(name: str) -> Isolation:

@@ -1,7 +1,8 @@
 """Process of an isolated tracker: load it once, then serve one episode after the other until the connection is closed.
 
-Replies are JSON, never pickled, so that objects of third-party code cannot run code in the parent process. Images
-arrive as bytes: no shared memory is left behind by a process that is killed.
+Messages are a length (8 bytes, big endian) and as many bytes: requests and replies in JSON, an image as its pixels.
+Nothing is pickled, so that objects of third-party code cannot run code in the parent process, and no shared memory is
+left behind by a process that is killed.
 
 Same seed, same bits, whatever ran before: an episode begins in one of three ways.
 
@@ -19,8 +20,8 @@ import inspect
 import json
 import os
 import random
-import signal
 import socket
+import struct
 import sys
 import time
 from collections.abc import Callable
@@ -33,163 +34,156 @@ from pftrack_sim import trackers
 from pftrack_sim.core.records import Detections, TrackedBoxes, Tracker
 from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
-from pftrack_sim.trackers.isolation.channel import receive, send
-from pftrack_sim.trackers.isolation.process_tree import end_descendants
 from pftrack_sim.trackers.trax import PREFIX as TRAX
+
+LENGTH = struct.Struct("!Q")
+"""Length of a message."""
 
 MAX_PARTICLES = 10_000
 """Number of particles sent, which are for drawing only."""
 
-_MAX_REQUEST_BYTES = 1 << 30
 _ENDED = 97
 """Exit code of an episode's process whose parent asked it to end."""
 
 _GPU_DEVICES = ("/dev/nvidia", "/dev/dri/", "/dev/kfd")
 
 
-def serve(requests: socket.socket, memory_limit_mb: float, contained: bool) -> NoReturn:
+def serve(requests: socket.socket, settings: dict[str, Any], end_others: Callable[[], None]) -> NoReturn:
     """Serve a tracker until the parent closes the connection.
 
     Args:
         requests: For requests, images and replies.
-        memory_limit_mb: Memory limit of the tracker, for messages.
-        contained: Whether this process is in a PID namespace in which all others belong to the tracker.
+        settings: `name`, `preset` and `params` of the tracker, `once` if this process serves one episode only, and its
+            memory limit `memory_mb`, for messages.
+        end_others: Ends the processes that an episode has left running.
     """
-    server = _Server(requests, memory_limit_mb, contained)
-    server.load()
+    server = _Server(requests, settings, end_others)
     while True:
         server.run_episode()
 
 
 class _Server:
-    def __init__(self, requests: socket.socket, memory_limit_mb: float, contained: bool) -> None:
-        self._requests = requests
-        self._memory_limit_mb = memory_limit_mb
-        self._contained = contained
-        self._make: Callable[[int], Tracker] | None = None
+    def __init__(self, requests: socket.socket, settings: dict[str, Any], end_others: Callable[[], None]) -> None:
+        self._requests, self._settings, self._end_others = requests, settings, end_others
         self._tracker: Tracker | None = None
-        self._way: Literal["reset", "fork", "once"] = "once"
-
-    def load(self) -> None:
-        """Import the tracker and make it, unless the parent knows that this process serves one episode only."""
-        request, _ = self._read()
-
-        def load() -> dict[str, Any]:
-            name, preset, params = request["name"], request["preset"], request["params"]
-            self._make = lambda seed: trackers.make(name, seed=seed, preset=preset, **params)
-            # A program of its own is started anew for every sequence anyway.
-            if request["once"] or name.startswith(TRAX):
-                return {"way": "once"}
-            _seed_generators(0)
-            tracker = self._make(0)
-            if _has_reset(tracker):
-                self._way = "reset"
-            elif _can_fork():
-                self._way = "fork"
-            if self._way == "reset":
-                self._tracker = tracker
-            return {"way": self._way}
-
-        self._answer(load)
+        self._way: Literal["reset", "fork", "once"] | None = None
 
     def run_episode(self) -> None:
         """Serve one episode; returns when this process can serve another."""
         request, _ = self._read()
+        if self._way is None and not self._answer(self._load):
+            return
         if self._way == "fork" and (pid := os.fork()):
-            _, status = os.waitpid(pid, 0)
-            end_descendants(contained=self._contained)  # what the episode left running
-            code = os.waitstatus_to_exitcode(status)
+            code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+            self._end_others()
             if code != _ENDED:
-                _end_like(code)
+                os._exit(code if code >= 0 else 128 - code)  # as a shell tells that it was ended by a signal
         else:
-            self._serve_episode(int(request["seed"]))
+            self._answer(lambda: self._begin(int(request["seed"])))
+            while (call := self._read())[0]["command"] != "end":
+                self._answer(lambda call=call: self._call(*call))
             if self._way == "fork":
-                with contextlib.suppress(Exception):
+                with contextlib.suppress(Exception):  # the tracker may have replaced it
                     sys.stdout.flush()
                 os._exit(_ENDED)
         self._reply({"ended": self._way != "once"})
 
-    def _serve_episode(self, seed: int) -> None:
-        if self._way == "fork":
-            end_with_parent()
+    def _make(self, seed: int) -> Tracker:
+        _seed_generators(seed)
+        return trackers.make(
+            self._settings["name"], seed=seed, preset=self._settings["preset"], **self._settings["params"]
+        )
 
-        def begin() -> dict[str, Any]:
+    def _load(self) -> None:
+        """Import the tracker and make it, unless this process serves one episode only."""
+        # A program of its own is started anew for every sequence anyway.
+        if self._settings["once"] or self._settings["name"].startswith(TRAX):
+            self._way = "once"
+            return
+        tracker = self._make(0)
+        if _has_reset(tracker):
+            self._way, self._tracker = "reset", tracker
+        else:
+            self._way = "fork" if _can_fork() else "once"
+
+    def _begin(self, seed: int) -> dict[str, Any]:
+        if isinstance(self._tracker, _Resettable):
             _seed_generators(seed)
-            if isinstance(self._tracker, _Resettable) and self._way == "reset":
-                self._tracker.reset(seed=seed)
-            elif self._tracker is None and self._make is not None:
-                self._tracker = self._make(seed)
-            return {
-                "needs_truth": isinstance(self._tracker, trackers.NeedsTruth),
-                "needs_detections": isinstance(self._tracker, trackers.NeedsDetections),
-            }
+            self._tracker.reset(seed=seed)
+        else:
+            self._tracker = self._make(seed)
+        return {
+            "way": self._way,
+            "needs_truth": isinstance(self._tracker, trackers.NeedsTruth),
+            "needs_detections": isinstance(self._tracker, trackers.NeedsDetections),
+        }
 
-        self._answer(begin)
-        while True:
-            request, pixels = self._read()
-            if request["command"] == "end":
-                return
-            self._answer(lambda request=request, pixels=pixels: self._call(request, pixels))
-
-    def _call(self, request: dict[str, Any], pixels: bytes | bytearray) -> dict[str, Any]:
+    def _call(self, request: dict[str, Any], pixels: bytearray) -> dict[str, Any]:
         """Call `init` or `update` and return the reply, with the time taken [ms]."""
         tracker = self._tracker
         assert tracker is not None
         original = np.frombuffer(pixels, dtype=np.uint8).reshape(request["shape"])
         image = original.copy()
-        if request["truth"] is not None and isinstance(tracker, trackers.NeedsTruth):
+        if isinstance(tracker, trackers.NeedsTruth) and "truth" in request:
             tracker.receive_truth(np.array(request["truth"]))
-        if request["detections"] is not None and isinstance(tracker, trackers.NeedsDetections):
-            boxes, scores = (np.array(request["detections"][key], dtype=np.float64) for key in ("boxes", "scores"))
-            tracker.receive_detections(Detections(boxes.reshape(-1, 4), scores, float(request["detections"]["age_s"])))
+        if isinstance(tracker, trackers.NeedsDetections) and "detections" in request:
+            boxes, scores, age_s = request["detections"]
+            tracker.receive_detections(Detections(np.array(boxes).reshape(-1, 4), np.array(scores, float), age_s))
         start_s = time.perf_counter()
         if request["command"] == "init":
-            tracker.init(image, np.array(request["box"]))
-            ms = (time.perf_counter() - start_s) * 1e3
+            output = tracker.init(image, np.array(request["box"]))
+        else:
+            output = tracker.update(image)
+        reply: dict[str, Any] = {"ms": (time.perf_counter() - start_s) * 1e3}
+        if request["command"] == "init":
             check_unmodified(image, original)
-            return {"ms": ms, "tracks": _track_rows(tracker)}
-        output = tracker.update(image)
-        ms = (time.perf_counter() - start_s) * 1e3
-        estimate = checked_estimate(output, image, original)
-        return {
-            "ms": ms,
-            "tracks": _track_rows(tracker),
-            "box": estimate.box.tolist(),
-            "confidence": estimate.confidence,
-            "occluded": estimate.occluded,
-            "particles": None if estimate.particles is None else estimate.particles[:MAX_PARTICLES].tolist(),
-        }
+        else:
+            estimate = checked_estimate(output, image, original)
+            particles = None if estimate.particles is None else estimate.particles[:MAX_PARTICLES].tolist()
+            reply |= {"box": estimate.box.tolist(), "confidence": estimate.confidence, "occluded": estimate.occluded}
+            reply |= {"particles": particles}
+        if isinstance(tracker, trackers.NeedsDetections) and isinstance(tracker.tracks, TrackedBoxes):
+            reply["tracks"] = np.column_stack([tracker.tracks.identities, tracker.tracks.boxes]).tolist()
+        return reply
 
-    def _read(self) -> tuple[dict[str, Any], bytes | bytearray]:
-        try:
-            request: dict[str, Any] = json.loads(receive(self._requests, limit_bytes=_MAX_REQUEST_BYTES))
-            pixels = receive(self._requests, limit_bytes=_MAX_REQUEST_BYTES) if "shape" in request else b""
-        except (EOFError, OSError):
+    def _read(self) -> tuple[dict[str, Any], bytearray]:
+        request: dict[str, Any] = json.loads(self._read_message())
+        return request, self._read_message() if "shape" in request else bytearray()
+
+    def _read_message(self) -> bytearray:
+        (length,) = LENGTH.unpack(self._read_bytes(LENGTH.size))
+        return self._read_bytes(length)
+
+    def _read_bytes(self, count: int) -> bytearray:
+        content = bytearray()
+        while len(content) < count:
+            with contextlib.suppress(OSError):
+                if part := self._requests.recv(count - len(content)):
+                    content += part
+                    continue
             # The parent is gone: exit without waiting for threads or exit handlers of the tracker.
             os._exit(0)
-        return request, pixels
+        return content
 
-    def _answer(self, work: Callable[[], dict[str, Any]]) -> None:
+    def _answer(self, work: Callable[[], dict[str, Any] | None]) -> bool:
+        """Send what work returns, if anything, or its fault; whether it succeeded."""
         try:
             reply = work()
         except BaseException as error:  # noqa: BLE001 - third-party code may call sys.exit
-            limit = f" (memory limit {self._memory_limit_mb:g} MB)" if isinstance(error, MemoryError) else ""
-            reply = {"error": describe_error(error) + limit + locate_error(error), "traceback": traceback_text(error)}
-        self._reply(reply)
+            limit = f" (memory limit {self._settings['memory_mb']:g} MB)" if isinstance(error, MemoryError) else ""
+            text = describe_error(error) + limit + locate_error(error)
+            self._reply({"error": text, "traceback": traceback_text(error)})
+            return False
+        if reply is not None:
+            self._reply(reply)
+        return True
 
     def _reply(self, reply: dict[str, Any]) -> None:
+        message = json.dumps(reply).encode()
         try:
-            send(self._requests, json.dumps(reply).encode())
+            self._requests.sendall(LENGTH.pack(len(message)) + message)
         except OSError:
             os._exit(0)
-
-
-def _track_rows(tracker: Tracker) -> list[list[float]] | None:
-    """Identity and box of everybody whom a multi-object tracker follows; None for other trackers."""
-    tracks = tracker.tracks if isinstance(tracker, trackers.NeedsDetections) else None
-    if not isinstance(tracks, TrackedBoxes):
-        return None
-    return np.column_stack([tracks.identities, tracks.boxes]).tolist()
 
 
 def _seed_generators(seed: int) -> None:
@@ -218,29 +212,5 @@ def _can_fork() -> bool:
     """Whether a fork of this process is whole: threads and GPU contexts are not inherited."""
     if sys.platform != "linux":
         return False
-    opened = [_target(one) for one in Path("/proc/self/fd").iterdir()]
+    opened = [os.path.realpath(one) for one in Path("/proc/self/fd").iterdir()]
     return len(os.listdir("/proc/self/task")) == 1 and not any(one.startswith(_GPU_DEVICES) for one in opened)
-
-
-def _target(link: Path) -> str:
-    try:
-        return os.readlink(link)
-    except OSError:
-        return ""
-
-
-def end_with_parent() -> None:
-    """Let the system kill this process when its parent ends (Linux)."""
-    import ctypes
-
-    set_parent_death_signal = 1
-    ctypes.CDLL(None).prctl(set_parent_death_signal, int(signal.SIGKILL), 0, 0, 0)
-
-
-def _end_like(code: int) -> NoReturn:
-    """End this process with the exit code or by the signal of an episode's process: the parent is told how it ended."""
-    if code < 0:
-        with contextlib.suppress(OSError, ValueError):  # SIGKILL has no handler
-            signal.signal(-code, signal.SIG_DFL)
-        os.kill(os.getpid(), -code)
-    os._exit(max(code, 0))

@@ -2,32 +2,40 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import json
-import math
 import os
+import shutil
 import signal
 import socket
+import subprocess
 import sys
-import threading
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from typing import Any, cast
 
 import numpy as np
 
-from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.inputs import environment_of_programs
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import LONGEST_TRACEBACK, one_line, printable
-from pftrack_sim.trackers.isolation.channel import ChannelError, receive, send
-from pftrack_sim.trackers.isolation.fork_server import fork_supervisor
+from pftrack_sim.trackers.isolation.child import LENGTH
+from pftrack_sim.trackers.isolation.sandbox import sandbox_command
 
 _MAX_REPLY_BYTES = 16 * 1024 * 1024
 _MAX_OUTPUT_BYTES = 2000
 _MAX_PIPE_BYTES = 1 << 20
 _END_S = 5.0
 """Time in which a supervisor must report how its tracker ended, and end itself."""
+
+_START = (
+    "import json, sys; settings = json.loads(sys.argv.pop()); sys.path[:] = settings['path']; "
+    "from pftrack_sim.trackers.isolation.supervisor import supervise; supervise(settings)"
+)
 
 
 @dataclass(frozen=True)
@@ -38,18 +46,37 @@ class Limits:
         frame_s: Time for one frame.
         memory_mb: Memory besides Python's own; 0 is no limit. Enforced on Linux only.
         make_s: Time for making the tracker, including imports and model files.
-        namespaces: Whether its processes run in namespaces of their own where the system allows it (Linux).
+        processes: Number of processes at which it is ended. Enforced on Linux only.
     """
 
     frame_s: float = 60.0
     memory_mb: float = 4096.0
     make_s: float = 120.0
-    namespaces: bool = True
+    processes: int = 4096
 
     def __post_init__(self) -> None:
         if not self.frame_s > 0 or not self.memory_mb >= 0:
             given = f"{self.frame_s:g} and {self.memory_mb:g}"
             raise ParameterError(f"the time limit must be > 0 s and the memory limit >= 0 MB, got {given}")
+
+
+@dataclass(frozen=True)
+class TrackerCode:
+    """What a process loads.
+
+    Attributes:
+        name: For `trackers.make`.
+        preset: Preset.
+        params: Parameters.
+        limits: Limits.
+        sandboxed: Whether it runs in a sandbox, see `sandbox`.
+    """
+
+    name: str
+    preset: str = "default"
+    params: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    limits: Limits = Limits()
+    sandboxed: bool = False
 
 
 class TrackerFault(Exception):
@@ -60,188 +87,211 @@ class TrackerFault(Exception):
         self.traceback = traceback
 
 
+@functools.cache
+def namespace_command() -> tuple[str, ...]:
+    """Words before a command that give it PID and user namespaces of its own; none where the system has none."""
+    words = ("unshare", "--user", "--map-current-user", "--pid", "--fork", "--kill-child")
+    if sys.platform != "linux" or shutil.which(words[0]) is None:
+        return ()
+    return words if subprocess.run([*words, "true"], capture_output=True, check=False).returncode == 0 else ()
+
+
 class TrackerProcess:
     """A process that makes a tracker and serves its episodes, one after the other.
 
     Args:
-        limits: Limits.
-        sandbox: Command line that runs Python in a sandbox; empty without one.
+        code: What it loads.
+        once: Whether it serves one episode only.
 
     Raises:
         RunError: No process can be started.
-
-    Attributes:
-        way: How episodes begin, see `child`; None until the tracker is loaded.
+        ParameterError: There is no sandbox here.
     """
 
-    def __init__(self, limits: Limits, sandbox: Sequence[str] = ()) -> None:
-        self.way: str | None = None
-        self._requests, child_requests = socket.socketpair()
-        self._life, child_life = socket.socketpair()
-        output, child_output = os.pipe()
-        self._output = open(output, "rb", buffering=0)  # noqa: SIM115 - open for the lifetime of the process
+    def __init__(self, code: TrackerCode, *, once: bool) -> None:
+        self.code = code
+        self._broken = False
+        if code.sandboxed:
+            command, path = sandbox_command(code.params, code.limits.memory_mb)
+        else:
+            # It looks for modules where this process does (-P).
+            command, path = [*namespace_command(), sys.executable, "-P"], sys.path
+        self._requests, requests = socket.socketpair()
+        self._life, life = socket.socketpair()
+        settings = {
+            "name": code.name,
+            "preset": code.preset,
+            "params": dict(code.params),
+            "once": once,
+            "path": path,
+            "memory_mb": code.limits.memory_mb,
+            "processes": code.limits.processes,
+            "requests": requests.fileno(),
+            "life": life.fileno(),
+        }
         try:
-            self._process = fork_supervisor(
-                (child_requests.fileno(), child_life.fileno(), child_output),
-                (limits.memory_mb, limits.namespaces, tuple(sandbox)),
+            self._process = subprocess.Popen(
+                [*command, "-c", _START, json.dumps(settings)],
+                pass_fds=[requests.fileno(), life.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # no Ctrl-C reaches it
+                env=environment_of_programs(),
             )
+        except OSError as error:
+            raise RunError(f"no process could be started for a tracker: {error}") from None
         finally:
-            child_requests.close()
-            child_life.close()
-            os.close(child_output)
-        self._reader = _OutputReader(self._output.fileno())
+            requests.close()
+            life.close()
+        assert self._process.stdout is not None
+        self._output = self._process.stdout.fileno()
+        os.set_blocking(self._output, False)
+        self.listen()
 
     def send(self, request: dict[str, Any], limit_s: float, image: Image | None = None) -> None:
         """Send a request, with an image where there is one.
 
         Raises:
-            TimeoutError: The process does not read.
-            OSError: The connection is closed.
+            TrackerFault: The process does not read, or has closed the connection.
         """
-        send(self._requests, json.dumps(request).encode(), limit_s=limit_s)
-        if image is not None:
-            send(self._requests, np.ascontiguousarray(image).data, limit_s=limit_s)
+        pixels = [] if image is None else [np.ascontiguousarray(image).data.cast("B")]
+        self._requests.settimeout(limit_s)
+        try:
+            for message in [json.dumps(request).encode(), *pixels]:
+                self._requests.sendall(LENGTH.pack(len(message)))
+                self._requests.sendall(message)
+        except TimeoutError:
+            raise self._fault(f"it did not read its image within {limit_s:g} s") from None
+        except OSError:
+            raise self._fault(self._exit_reason()) from None
 
     def receive(self, limit_s: float) -> dict[str, Any]:
-        """Receive a reply.
+        """Receive a reply; the whole of it has one deadline.
 
         Raises:
             TrackerFault: None came, it cannot be read, or it is an error.
         """
+        end_s = time.monotonic() + limit_s
         try:
-            content = receive(self._requests, limit_bytes=_MAX_REPLY_BYTES, limit_s=limit_s)
-            message: object = json.loads(content)
+            (length,) = LENGTH.unpack(self._read(LENGTH.size, end_s))
+            if length > _MAX_REPLY_BYTES:
+                raise ValueError(f"a message of {length} bytes; at most {_MAX_REPLY_BYTES} are read")
+            reply: object = json.loads(self._read(length, end_s))
+            if not isinstance(reply, dict):
+                raise ValueError("it is no table")
         except TimeoutError:
-            raise TrackerFault(f"no answer within {limit_s:g} s") from None
+            raise self._fault(f"no answer within {limit_s:g} s") from None
         except (EOFError, OSError):
-            raise TrackerFault(self.exit_reason()) from None
-        except (ChannelError, ValueError, RecursionError) as error:
-            raise unreadable(error) from None
-        if not isinstance(message, dict):
-            raise TrackerFault("its answer cannot be read: it is no table")
-        reply = cast("dict[str, Any]", message)
-        if "error" in reply:
-            raise TrackerFault(
-                one_line(str(reply["error"])), printable(str(reply.get("traceback", "")), LONGEST_TRACEBACK)
-            )
-        return reply
+            raise self._fault(self._exit_reason()) from None
+        except (ValueError, RecursionError) as error:
+            raise self.unreadable(error) from None
+        table = cast("dict[str, Any]", reply)
+        if "error" in table:
+            traceback = printable(str(table.get("traceback", "")), LONGEST_TRACEBACK)
+            raise self._fault(one_line(str(table["error"])), traceback)
+        return table
+
+    def _read(self, count: int, end_s: float) -> bytearray:
+        """Read from the connection, and beside it what is printed: one that waits for its output never answers."""
+        content = bytearray()
+        while len(content) < count:
+            left_s = end_s - time.monotonic()
+            output = [] if self._output_ended else [self._output]
+            ready = wait([self._requests, *output], left_s) if left_s > 0.0 else []
+            if not ready:
+                raise TimeoutError
+            if self._output in ready:
+                self._read_output()
+            if self._requests in ready:
+                part = self._requests.recv(count - len(content))
+                if not part:
+                    raise EOFError
+                content += part
+        return content
+
+    def unreadable(self, error: Exception) -> TrackerFault:
+        """The fault that a reply is wrong."""
+        return self._fault(f"its answer cannot be read: {one_line(str(error))}")
+
+    def _fault(self, problem: str, traceback: str = "") -> TrackerFault:
+        self._broken = True
+        return TrackerFault(problem, traceback)
 
     def end_episode(self) -> bool:
-        """End an episode; whether the process can serve another."""
+        """End an episode; whether the process can serve another. It cannot after a fault."""
+        if self._broken:
+            return False
         try:
             self.send({"command": "end"}, _END_S)
-            if self.receive(_END_S) != {"ended": True}:
-                return False
-            # An episode's process may have written more than it was asked for.
-            self._requests.setblocking(False)
-            self._requests.recv(1)
-        except BlockingIOError:
-            return True
-        except (TrackerFault, OSError):
+            ended = self.receive(_END_S)
+        except TrackerFault:
             return False
-        return False
+        # An episode's process may have written more than it was asked for.
+        return ended == {"ended": True} and not wait([self._requests], 0.0)
 
-    def take_output(self) -> str | None:
-        """Stop listening; the beginning of what was printed since `listen`, or None. May be called twice."""
-        return self._reader.stop()
+    def listen(self) -> None:
+        """Forget what was printed so far."""
+        self._kept, self._printed_bytes, self._output_ended = bytearray(), 0, False
 
     @property
     def printed(self) -> str | None:
-        """The beginning of what was printed so far, or None."""
-        return self._reader.text
+        """The beginning of what was printed since `listen`, or None."""
+        self._read_rest()
+        if not self._printed_bytes:
+            return None
+        text = printable(bytes(self._kept).decode(errors="replace").strip(), 2 * _MAX_OUTPUT_BYTES)
+        more = self._printed_bytes - len(self._kept)
+        return f"{text} [and {more} bytes more]" if more else text
 
-    def listen(self) -> None:
-        """Read what is printed from now on."""
-        self._reader = _OutputReader(self._output.fileno())
+    def _read_rest(self) -> None:
+        last = self._printed_bytes + _MAX_PIPE_BYTES
+        while self._printed_bytes < last and self._read_output():
+            continue
 
-    def exit_reason(self) -> str:
-        """How the process ended."""
+    def _read_output(self) -> bool:
+        """Read some of what was printed; whether there was any."""
         try:
-            how: object = json.loads(receive(self._life, limit_bytes=1000, limit_s=_END_S))
-        except (EOFError, OSError, ChannelError, ValueError):
-            how = None
-        report = cast("dict[str, float]", how) if isinstance(how, dict) else {}
+            content = b"" if self._output_ended else os.read(self._output, 65536)
+            self._output_ended = not content
+        except BlockingIOError:
+            return False
+        self._printed_bytes += len(content)
+        self._kept += content[: max(_MAX_OUTPUT_BYTES - len(self._kept), 0)]
+        return bool(content)
+
+    def _exit_reason(self) -> str:
+        """How the process ended."""
+        self._life.settimeout(_END_S)
+        report: dict[str, float] = {}
+        with contextlib.suppress(OSError, ValueError):
+            report = json.loads(self._life.recv(1000))
         if "memory_mb" in report:
             return f"it and its children used more than the memory limit of {report['memory_mb']:g} MB"
         if "processes" in report:
             return f"it started {report['processes']:g} processes or more"
-        self._process.wait(_END_S)
-        code = int(report["exit"]) if "exit" in report else self._process.exit_code
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_S)
+        code = int(report["exit"]) if "exit" in report else self._process.returncode
         if code is None or (not code and not report):
             return "it closed its side of the connection"
-        if code < 0:
-            return f"its process was ended by {signal.Signals(-code).name}"
+        number = -code if code < 0 else code - 128
+        if number in {*signal.Signals}:
+            return f"its process was ended by {signal.Signals(number).name}"
         return f"its process ended with exit code {code}"
 
     def close(self) -> None:
         """End the process and its children. May be called twice."""
+        with contextlib.suppress(OSError):
+            self._life.shutdown(socket.SHUT_RDWR)  # the supervisor ends all of them
         self._life.close()
-        # On Linux the supervisor ends all of them.
-        if not self._process.wait(_END_S if sys.platform == "linux" else 0.0):
-            self._process.kill()
+        try:
             self._process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
         self._requests.close()
-        self._reader.stop()
-        self._output.close()
-
-
-class _OutputReader:
-    """Reads a pipe beside the process that writes to it, and keeps the beginning."""
-
-    def __init__(self, descriptor: int) -> None:
-        os.set_blocking(descriptor, False)
-        self._kept = bytearray()
-        self._count = 0
-        self._stopped, self._stop = os.pipe()
-        self._thread: threading.Thread | None = threading.Thread(target=self._run, args=(descriptor,), daemon=True)
-        self._thread.start()
-
-    @property
-    def text(self) -> str | None:
-        """What was read so far, or None."""
-        if not self._count:
-            return None
-        text = printable(bytes(self._kept).decode(errors="replace").strip(), 2 * _MAX_OUTPUT_BYTES)
-        more = self._count - len(self._kept)
-        return f"{text} [and {more} bytes more]" if more else text
-
-    def stop(self) -> str | None:
-        """Read what the pipe still holds, and no more. May be called twice."""
-        if self._thread is not None:
-            os.close(self._stop)
-            self._thread.join()
-            os.close(self._stopped)
-            self._thread = None
-        return self.text
-
-    def _run(self, descriptor: int) -> None:
-        last = math.inf
-        while self._count < last:
-            # Nothing but the end of this object is ever read from the second pipe.
-            if last == math.inf and self._stopped in wait([descriptor, self._stopped]):
-                last = self._count + _MAX_PIPE_BYTES
-            try:
-                content = os.read(descriptor, 65536)
-            except BlockingIOError:
-                if last < math.inf:
-                    return
-                continue
-            except OSError:
-                return
-            if not content:
-                return
-            self._count += len(content)
-            self._kept += content[: max(_MAX_OUTPUT_BYTES - len(self._kept), 0)]
-
-
-def unreadable(error: Exception) -> TrackerFault:
-    """The fault of a tracker whose reply is wrong."""
-    return TrackerFault(f"its answer cannot be read: {one_line(str(error))}")
-
-
-def took_ms(reply: dict[str, Any], began_s: float) -> float:
-    """Time of a call as the child measured it, at most as long as the parent waited; raises TrackerFault."""
-    ms = reply.get("ms", 0.0)
-    if isinstance(ms, bool) or not isinstance(ms, (int, float)) or not math.isfinite(ms) or ms < 0.0:
-        raise TrackerFault("its answer cannot be read: the time taken is no number of milliseconds")
-    return min(float(ms), (time.monotonic() - began_s) * 1e3)
+        self._read_rest()
+        self._output_ended = True
+        if self._process.stdout is not None:
+            self._process.stdout.close()

@@ -30,9 +30,6 @@ _SETTINGS = ("alternatives", "fonts", "group", "ld.so.cache", "ld.so.conf", "ld.
 _VARIABLES = ("LANG", "LC_ALL", "LC_CTYPE", "LP_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
               "OPENBLAS_NUM_THREADS", "PATH", "PYTHONHASHSEED", "TZ")  # fmt: skip
 _MAX_TMP_MB = 1024.0
-_INIT = (
-    "import sys; from pftrack_sim.trackers.isolation.supervisor import run_in_sandbox; run_in_sandbox(*sys.argv[1:])"
-)
 
 
 @functools.cache
@@ -60,8 +57,8 @@ def check_sandbox() -> None:
         )
 
 
-def sandbox_command(params: Mapping[str, Any], memory_mb: float) -> list[str]:
-    """Command line that runs the init of a tracker in a sandbox; its arguments are appended.
+def sandbox_command(params: Mapping[str, Any], memory_mb: float) -> tuple[list[str], list[str]]:
+    """Command line that runs Python in a sandbox, to be followed by Python's arguments, and the path of its modules.
 
     Readable are Python, the folders on its path, this package, and the files and folders that parameters name.
 
@@ -73,23 +70,23 @@ def sandbox_command(params: Mapping[str, Any], memory_mb: float) -> list[str]:
         ParameterError: There is no sandbox here.
     """
     check_sandbox()
-    path = [os.path.realpath(one) for one in sys.path if os.path.exists(one or ".")]
-    package = Path(__file__).resolve().parents[3]
+    package = str(Path(__file__).resolve().parents[3])
+    path = [*(os.path.realpath(one) for one in sys.path if os.path.exists(one or ".")), package]
     named = [one for one in params.values() if isinstance(one, str) and os.path.exists(one) and os.path.isabs(one)]
-    readable = [*path, sys.prefix, sys.base_prefix, str(package), *named]
+    readable = [*path, sys.prefix, sys.base_prefix, *named]
     here = os.getcwd()
     variables = {name: os.environ[name] for name in _VARIABLES if name in os.environ} | {
         "HOME": "/tmp",
         "NUMBA_CACHE_DIR": "/tmp/numba",
         "PYTHONDONTWRITEBYTECODE": "1",
-        "PYTHONPATH": os.pathsep.join([*path, str(package)]),
+        "PYTHONPATH": os.pathsep.join(path),
     }
     settings = [word for name, value in variables.items() for word in ("--setenv", name, value)]
     inside = here if _is_within(here, path) else "/tmp"
     python = os.path.realpath(sys.executable)
-    # No site: PYTHONPATH holds everything that the parent has found.
-    command = ["--chdir", inside, "--", python, "-s", "-S", "-P", "-c", _INIT]
-    return [*_bwrap(memory_mb or _MAX_TMP_MB), *_binds(readable), *settings, *_CLOSED, *command]
+    # No site: the path holds everything that the parent has found.
+    words = [*_bwrap(memory_mb or _MAX_TMP_MB), *_binds(readable), *settings, *_CLOSED]
+    return [*words, "--chdir", inside, "--", python, "-s", "-S", "-P"], path
 
 
 _CLOSED = ("--remount-ro", "/dev", "--remount-ro", "/")
@@ -97,9 +94,9 @@ _CLOSED = ("--remount-ro", "/dev", "--remount-ro", "/")
 
 def _bwrap(tmp_mb: float) -> list[str]:
     size = str(int(min(tmp_mb, _MAX_TMP_MB) * 1024 * 1024))
-    # The init of the tracker is the first process: it may kill all others without ending the sandbox.
+    # The supervisor is the first process: a tracker that kills all others does not end it.
     return [
-        *("bwrap", "--unshare-all", "--die-with-parent", "--new-session", "--as-pid-1", "--cap-drop", "ALL"),
+        *("bwrap", "--unshare-all", "--new-session", "--as-pid-1", "--cap-drop", "ALL"),
         *("--clearenv", "--proc", "/proc", "--dev", "/dev"),
         *("--size", size, "--tmpfs", "/dev/shm", "--size", size, "--tmpfs", "/tmp"),
     ]
@@ -107,13 +104,8 @@ def _bwrap(tmp_mb: float) -> list[str]:
 
 def _binds(readable: Iterable[str]) -> Sequence[str]:
     words: list[str] = []
-    for one in _SYSTEM:
-        if os.path.islink(one):
-            words += ["--symlink", os.readlink(one), one]
-        elif os.path.isdir(one):
-            words += ["--ro-bind", one, one]
-    for name in _SETTINGS:
-        words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
+    for one in [*_SYSTEM, *(f"/etc/{name}" for name in _SETTINGS)]:
+        words += ["--ro-bind-try", one, one]
     folders: list[str] = []
     for one in sorted({os.path.realpath(one) for one in readable} - {"/"}):
         if not _is_within(one, folders):

@@ -1,12 +1,10 @@
-"""Supervisor of a tracker's process: it ends with everything it started, and its memory is watched.
+"""First process of an isolated tracker: it starts the tracker, watches its limits, and ends with all that it started.
 
-    parent --- supervisor --- init --- tracker, loaded --- tracker, in an episode --- whatever it starts
+    run --- supervisor --- tracker, loaded --- tracker, in an episode --- whatever it starts
 
-On Linux the init is the first process of a PID namespace (with a user namespace, which needs no privileges): processes
-inside cannot signal anything outside, and the kernel ends all of them with the init. Where namespaces are not allowed
-the init and the supervisor are subreapers: what the tracker leaves behind becomes their child and is killed. With
-`--isolation container` the init is the first process of a sandbox. On other systems the tracker runs in this process,
-without an init.
+On Linux the supervisor is the first process of a PID namespace where the system allows one (`process`, `sandbox`):
+processes inside cannot signal anything outside, and the kernel ends all of them with the supervisor. Elsewhere it is a
+subreaper: what the tracker leaves behind becomes its child and is killed.
 """
 
 from __future__ import annotations
@@ -19,205 +17,145 @@ import os
 import select
 import signal
 import socket
-import struct
 import sys
-from collections.abc import Sequence
+import time
+from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from pftrack_sim.trackers.isolation.channel import send
 from pftrack_sim.trackers.isolation.child import serve
-from pftrack_sim.trackers.isolation.process_tree import (
-    END_S,
-    MAX_PROCESSES,
-    descendants,
-    end_descendants,
-    memory_kb,
-    proportional_kb,
-    sum_kb,
-)
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
-_CLONE_NEWUSER, _CLONE_NEWPID = 0x10000000, 0x20000000
 _WATCH_PERIOD_S = 0.1
-_STATUS = struct.Struct("!i")
+_END_S = 5.0
+"""Time for ending processes."""
 
 
-def supervise(
-    requests: socket.socket,
-    life: socket.socket,
-    output: int,
-    memory_limit_mb: float,
-    namespaces: bool,
-    sandbox: Sequence[str],
-) -> None:
-    """Run a tracker until it ends or the parent closes `life`. Target function of the process.
+def supervise(settings: dict[str, Any]) -> NoReturn:
+    """Run a tracker until it ends or the parent closes the socket `life`. Main function of the process.
 
     Args:
-        requests: For requests, images and replies of the tracker.
-        life: Its end ends everything; the supervisor sends one message over it: how the tracker ended.
-        output: Descriptor for everything printed.
-        memory_limit_mb: Memory limit of the tracker and its children together; 0 is no limit.
-        namespaces: Whether to use namespaces where the system allows it.
-        sandbox: Command line that runs Python in a sandbox; empty without one.
+        settings: Descriptors of the sockets `requests` and `life`, `memory_mb` and `processes` of `Limits`, and what
+            the tracker is made of, see `child.serve`.
     """
-    _detach(output)
-    if sys.platform != "linux":
-        serve(requests, memory_limit_mb, contained=False)
-    import resource
-
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    _keep_descriptors(0, 1, 2, requests.fileno(), life.fileno())
-    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    contained = not sandbox and namespaces and _enter_namespaces()
-    status, status_of_init = os.pipe()
-    init = os.fork()
-    if init == 0:
-        life.close()
-        os.close(status)
-        if sandbox:
-            _enter_sandbox(sandbox, requests, status_of_init, memory_limit_mb)
-        _run_init(requests, status_of_init, memory_limit_mb, contained)
-    os.close(status_of_init)
-    requests.close()
-    how = _watch(life, status, init, memory_limit_mb)
-    end_descendants((init,))
-    with contextlib.suppress(OSError):
-        send(life, json.dumps(how).encode(), limit_s=END_S)
-    os._exit(0)
-
-
-def _enter_sandbox(command: Sequence[str], requests: socket.socket, status: int, memory_limit_mb: float) -> NoReturn:
-    """Become the sandbox, whose first process is the init."""
-    for descriptor in (requests.fileno(), status):
-        os.set_inheritable(descriptor, True)
-    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    os.execvp(command[0], [*command, str(requests.fileno()), str(status), str(memory_limit_mb)])
-
-
-def run_in_sandbox(requests: str, status: str, memory_limit_mb: str) -> NoReturn:
-    """Init of a sandbox, given descriptors and the memory limit as words of its command line."""
-    _print_whole_lines()
-    _run_init(socket.socket(fileno=int(requests)), int(status), float(memory_limit_mb), contained=True)
-
-
-def _run_init(requests: socket.socket, status: int, memory_limit_mb: float, contained: bool) -> NoReturn:
-    """Fork the tracker's process, wait for it and for orphans, and pass on how it ended."""
-    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    for stream in (sys.stdout, sys.stderr):
+        # Printed lines are written at once: a process that is killed loses what is in its buffers.
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace", line_buffering=True)
+    faulthandler.enable()
+    requests, life = (socket.socket(fileno=settings[key]) for key in ("requests", "life"))
+    contained = os.getpid() == 1
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     tracker = os.fork()
     if tracker == 0:
-        os.close(status)
+        life.close()
         # Where the system shares processor time among sessions, many processes do not slow their supervisor down.
         os.setsid()
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         # What an episode leaves behind becomes a child of the process that is kept, which kills it.
         _prctl(_PR_SET_CHILD_SUBREAPER, 1)
-        _limit(memory_limit_mb, contained)
-        serve(requests, memory_limit_mb, contained)
+        _limit(settings["memory_mb"])
+        serve(requests, settings, lambda: end_descendants(contained=contained))
     requests.close()
-    while True:
-        ended, how = os.waitpid(-1, 0)
-        if ended == tracker:
-            os.write(status, _STATUS.pack(os.waitstatus_to_exitcode(how)))
-            os._exit(0)
+    how = _watch(life, tracker, settings["memory_mb"], settings["processes"])
+    with contextlib.suppress(OSError):
+        life.sendall(json.dumps(how).encode())
+    if not contained:
+        end_descendants(contained=False)
+    os._exit(0)
 
 
-def _watch(life: socket.socket, status: int, init: int, memory_limit_mb: float) -> dict[str, float]:
+def _watch(life: socket.socket, tracker: int, memory_mb: float, max_processes: int) -> dict[str, float]:
     """Wait until the tracker ends, exceeds a limit, or is no longer wanted; returns how it ended."""
-    own_kb = memory_kb(os.getpid())
-    while True:
-        ready, _, _ = select.select([life, status], [], [], _WATCH_PERIOD_S)
-        if status in ready:
-            content = os.read(status, _STATUS.size)
-            return {"exit": _STATUS.unpack(content)[0]} if len(content) == _STATUS.size else {}
-        if life in ready:
-            return {}
-        processes = descendants(init)
-        if len(processes) >= MAX_PROCESSES:
-            return {"processes": MAX_PROCESSES}
-        if memory_limit_mb > 0 and _use_more(processes, memory_limit_mb * 1024, own_kb):
-            return {"memory_mb": memory_limit_mb}
+    own_kb = _memory_kb("self")
+    while not select.select([life], [], [], _WATCH_PERIOD_S)[0]:
+        while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+            if ended[0] == tracker:
+                return {"exit": os.waitstatus_to_exitcode(ended[1])}
+        processes = _descendants(max_processes)
+        if len(processes) >= max_processes:
+            return {"processes": max_processes}
+        limit_kb = memory_mb * 1024
+        if (
+            memory_mb > 0
+            and sum(max(_memory_kb(pid) - own_kb, 0.0) for pid in processes) > limit_kb
+            # Pages that forks share were counted once for each: the exact figure is slower.
+            and sum(_proportional_kb(pid) for pid in processes) > limit_kb
+        ):
+            return {"memory_mb": memory_mb}
+    return {}
 
 
-def _use_more(processes: Sequence[int], limit_kb: float, own_kb: float) -> bool:
-    """Whether processes use more memory than allowed, besides what each was forked with."""
-    if sum(max(memory_kb(pid) - own_kb, 0.0) for pid in processes) <= limit_kb:
-        return False
-    # Pages that forks share were counted once for each: the exact figure is slower.
-    return sum(max(proportional_kb(pid), 0.0) for pid in processes) > limit_kb
+def end_descendants(*, contained: bool) -> None:
+    """Kill and reap every descendant of this process, which must be a subreaper so that none escapes it.
 
-
-def _enter_namespaces() -> bool:
-    """Put the processes forked from here on into PID and user namespaces of their own, if the system allows it."""
-    user, group = os.getuid(), os.getgid()
-    if _libc().unshare(_CLONE_NEWUSER | _CLONE_NEWPID):
-        return False
-    with contextlib.suppress(OSError):  # without the maps the processes run as nobody: files stay those of the user
-        Path("/proc/self/setgroups").write_text("deny", encoding="ascii")
-        Path("/proc/self/uid_map").write_text(f"{user} {user} 1", encoding="ascii")
-        Path("/proc/self/gid_map").write_text(f"{group} {group} 1", encoding="ascii")
-    return True
-
-
-def _limit(memory_mb: float, contained: bool) -> None:
-    """Limits of the tracker's process."""
-    import resource
-
-    if contained:  # elsewhere the user's other processes would count; it does not hold for root
-        _set_limit(resource.RLIMIT_NPROC, MAX_PROCESSES)
-    if memory_mb <= 0:
-        return
-    limit = int(memory_mb * 1024 * 1024)
-    _set_limit(resource.RLIMIT_FSIZE, limit)
-    # A write beyond the limit is an error of the tracker (EFBIG), not a signal.
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    # Data segment, not address space: accelerator libraries reserve far more address space than they use.
-    _set_limit(resource.RLIMIT_DATA, int(sum_kb("/proc/self/status", ("VmData:",)) * 1024) + limit)
-
-
-def _set_limit(which: int, value: int) -> None:
-    import resource
-
-    hard = resource.getrlimit(which)[1]
-    wanted = value if hard == resource.RLIM_INFINITY else min(value, hard)
-    resource.setrlimit(which, (wanted, wanted))
-
-
-def _detach(output: int) -> None:
-    """Disconnect from terminal and keyboard signals; redirect standard output and error."""
-    sys.stdin = open(os.devnull)  # noqa: SIM115 - open for the lifetime of the process
-    os.dup2(sys.stdin.fileno(), 0)
-    for stream in (1, 2):
-        os.dup2(output, stream)
-    os.close(output)
-    _print_whole_lines()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(os, "setsid"):
-        with contextlib.suppress(OSError):
-            os.setsid()
-
-
-def _print_whole_lines() -> None:
-    """Write printed lines at once: a process that is killed loses what is in its buffers."""
-    sys.stdout, sys.stderr = (
-        open(one, "w", buffering=1, encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
-        for one in (1, 2)
-    )
-    faulthandler.enable()
-
-
-def _keep_descriptors(*kept: int) -> None:
-    """Close all other descriptors: a tracker's child would hold the pipes of the parent's helpers open."""
-    for name in os.listdir("/proc/self/fd"):
-        if int(name) not in kept:
+    Args:
+        contained: Whether all processes but this one and the first belong to the tracker. `/proc` may then show the
+            numbers of another namespace.
+    """
+    end_s = time.monotonic() + _END_S
+    while time.monotonic() < end_s:
+        for pid in [-1] if contained else map(int, _descendants()):
             with contextlib.suppress(OSError):
-                os.close(int(name))
+                os.kill(pid, signal.SIGKILL)
+        try:
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                continue
+        except ChildProcessError:
+            return
+        time.sleep(0.002)
+
+
+def _descendants(at_most: int = 4096) -> list[str]:
+    """Children of this process, theirs, and so on: their names in Linux's `/proc`."""
+    found, rest = list[str](), ["self"]
+    while rest and len(found) < at_most:
+        with contextlib.suppress(OSError):
+            for task in Path(f"/proc/{rest.pop()}/task").iterdir():
+                below = (task / "children").read_text(encoding="ascii").split()
+                found += below
+                rest += below
+    return found
+
+
+def _memory_kb(pid: str) -> float:
+    """Anonymous and shared memory in use, without mapped files."""
+    return _sum_kb(f"/proc/{pid}/status", ("RssAnon:", "RssShmem:", "VmSwap:"))
+
+
+def _proportional_kb(pid: str) -> float:
+    """As `_memory_kb`, with pages that several processes share divided among them; slower."""
+    return _sum_kb(f"/proc/{pid}/smaps_rollup", ("Pss_Anon:", "Pss_Shmem:", "SwapPss:")) or _memory_kb(pid)
+
+
+def _sum_kb(path: str, names: tuple[str, ...]) -> float:
+    """Sum of some lines of a file in `/proc`; 0 where it cannot be read."""
+    try:
+        lines = Path(path).read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return 0.0
+    return sum(float(line.split()[1]) for line in lines if line.startswith(names))
+
+
+def _limit(memory_mb: float) -> None:
+    """Limits of the tracker's process, which its children inherit (Linux)."""
+    if sys.platform != "linux":
+        return
+    import resource
+
+    limits = {resource.RLIMIT_CORE: 0}
+    if memory_mb > 0:
+        limits[resource.RLIMIT_FSIZE] = int(memory_mb * 1024 * 1024)
+        # Data segment, not address space: accelerator libraries reserve far more address space than they use.
+        limits[resource.RLIMIT_DATA] = int((memory_mb * 1024 + _sum_kb("/proc/self/status", ("VmData:",))) * 1024)
+        # A write beyond the limit is an error of the tracker (EFBIG), not a signal.
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    for which, value in limits.items():
+        hard = resource.getrlimit(which)[1]
+        least = value if hard == resource.RLIM_INFINITY else min(value, hard)
+        resource.setrlimit(which, (least, least))
 
 
 def _prctl(option: int, value: int) -> None:
-    _libc().prctl(option, int(value), 0, 0, 0)
-
-
-def _libc() -> ctypes.CDLL:
-    return ctypes.CDLL(None, use_errno=True)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(option, int(value), 0, 0, 0)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import json
+import math
 import threading
 import time
 from collections import defaultdict
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,27 +15,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core.errors import BoxError, ParameterError, TrackerError
 from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes
 from pftrack_sim.core.text import one_line
-from pftrack_sim.trackers.isolation.process import Limits, TrackerFault, TrackerProcess, took_ms, unreadable
-from pftrack_sim.trackers.isolation.sandbox import sandbox_command
-
-
-@dataclass(frozen=True)
-class TrackerCode:
-    """What a process loads.
-
-    Attributes:
-        name: For `trackers.make`.
-        preset: Preset.
-        params: Parameters, as JSON.
-        limits: Limits.
-        sandboxed: Whether it runs in a sandbox, see `sandbox`.
-    """
-
-    name: str
-    preset: str
-    params: str
-    limits: Limits
-    sandboxed: bool
+from pftrack_sim.trackers.isolation.process import TrackerCode, TrackerFault, TrackerProcess
 
 
 class TrackerProcesses:
@@ -44,39 +23,28 @@ class TrackerProcesses:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._idle: defaultdict[TrackerCode, list[TrackerProcess]] = defaultdict(list)
-        self._serve_once: set[TrackerCode] = set()
+        self._idle: defaultdict[str, list[TrackerProcess]] = defaultdict(list)
+        self._serve_once: set[str] = set()
 
     def take(self, code: TrackerCode) -> TrackerProcess:
-        """A process that has loaded the tracker, or a new one that begins to.
-
-        Raises:
-            RunError: No process can be started.
-        """
+        """A process that has loaded the tracker, or a new one that begins to; errors are those of `TrackerProcess`."""
         with self._lock:
-            if self._idle[code]:
-                process = self._idle[code].pop()
+            if self._idle[repr(code)]:
+                process = self._idle[repr(code)].pop()
                 process.listen()
                 return process
-            once = code in self._serve_once
-        params: dict[str, Any] = json.loads(code.params)
-        sandbox = sandbox_command(params, code.limits.memory_mb) if code.sandboxed else ()
-        process = TrackerProcess(code.limits, sandbox)
-        request = {"command": "load", "name": code.name, "preset": code.preset, "params": params, "once": once}
-        # Failures here are reported by the first reply.
-        with contextlib.suppress(OSError):
-            process.send(request, code.limits.make_s)
-        return process
+            once = repr(code) in self._serve_once
+        return TrackerProcess(code, once=once)
 
-    def give_back(self, code: TrackerCode, process: TrackerProcess) -> None:
+    def give_back(self, process: TrackerProcess) -> None:
         """Keep a process that can serve another episode."""
         with self._lock:
-            self._idle[code].append(process)
+            self._idle[repr(process.code)].append(process)
 
     def expect_one_episode(self, code: TrackerCode) -> None:
         """Load this tracker anew for each episode from now on: its processes can serve only one."""
         with self._lock:
-            self._serve_once.add(code)
+            self._serve_once.add(repr(code))
 
     def __len__(self) -> int:
         with self._lock:
@@ -85,7 +53,7 @@ class TrackerProcesses:
     def close(self) -> None:
         """End the processes that are kept. May be called twice."""
         with self._lock:
-            kept = [process for processes in self._idle.values() for process in processes]
+            kept = sum(self._idle.values(), list[TrackerProcess]())
             self._idle.clear()
         for process in kept:
             process.close()
@@ -103,12 +71,8 @@ class IsolatedTracker:
     The tracker is made concurrently: only the first call waits for it.
 
     Args:
-        name: For `trackers.make`.
+        code: What is loaded.
         seed: Root seed of the episode.
-        preset: Preset.
-        params: Parameters.
-        limits: Limits.
-        sandboxed: Whether it runs in a sandbox.
         processes: Where its process comes from and goes to; None: a new one that ends with the episode.
 
     Raises:
@@ -117,77 +81,54 @@ class IsolatedTracker:
 
     Attributes:
         took_ms: Time of the last call, measured in the child process.
+        tracks: Everybody whom it follows in the last image; None where it follows one person or says nothing.
     """
 
-    def __init__(
-        self,
-        name: str,
-        *,
-        seed: int,
-        preset: str,
-        params: dict[str, Any],
-        limits: Limits,
-        sandboxed: bool = False,
-        processes: TrackerProcesses | None = None,
-    ) -> None:
+    def __init__(self, code: TrackerCode, *, seed: int, processes: TrackerProcesses | None = None) -> None:
         self.took_ms = 0.0
-        self._limits = limits
         self.tracks: TrackedBoxes | None = None
-        self._truth: list[float] | None = None
-        self._detections: dict[str, Any] | None = None
-        self._code = TrackerCode(name, preset, json.dumps(params, sort_keys=True), limits, sandboxed)
+        self._limits = code.limits
+        self._extra: dict[str, Any] = {}
         self._processes = processes
-        self._process = (TrackerProcesses() if processes is None else processes).take(self._code)
-        self._needs_truth: bool | None = None
-        self._needs_detections = False
-        self._unmade: TrackerFault | None = None
-        self._failed = False
+        self._process = (TrackerProcesses() if processes is None else processes).take(code)
+        self._made: dict[str, Any] | TrackerFault | None = None
         self._printed: str | None = None
         self._open = True
-        # Failures here are reported by the first call.
-        with contextlib.suppress(OSError):
-            self._process.send({"command": "start", "seed": seed}, limits.make_s)
+        with contextlib.suppress(TrackerFault):  # reported by the first reply
+            self._process.send({"command": "start", "seed": seed}, self._limits.make_s)
 
     @property
     def needs_truth(self) -> bool:
         """Whether the tracker implements `NeedsTruth`; waits until it is made and raises TrackerFault if it fails."""
-        self.wait_until_made()
-        return bool(self._needs_truth)
+        return bool(self.wait_until_made().get("needs_truth"))
 
     @property
     def needs_detections(self) -> bool:
         """Whether the tracker implements `NeedsDetections`; as `needs_truth`."""
-        self.wait_until_made()
-        return self._needs_detections
+        return bool(self.wait_until_made().get("needs_detections"))
 
-    def wait_until_made(self) -> None:
-        """Wait until the tracker is made; raises TrackerFault if it fails."""
-        if self._needs_truth is not None:
-            return
-        if self._unmade is not None:
-            raise self._unmade
-        try:
-            if self._process.way is None:
-                self._process.way = str(self._receive(self._limits.make_s).get("way"))
-            reply = self._receive(self._limits.make_s)
-            self._needs_detections = bool(reply.get("needs_detections"))
-            self._needs_truth = bool(reply.get("needs_truth"))
-        except TrackerFault as error:
-            self._unmade = TrackerFault(f"could not be made: {error}", error.traceback)
-            raise self._unmade from None
+    def wait_until_made(self) -> dict[str, Any]:
+        """Wait until the tracker is made, and return what it said of itself; raises TrackerFault if it fails."""
+        if self._made is None:
+            try:
+                self._made = self._process.receive(self._limits.make_s)
+            except TrackerFault as error:
+                self._made = TrackerFault(f"could not be made: {error}", error.traceback)
+        if isinstance(self._made, TrackerFault):
+            raise self._made from None
+        return self._made
 
     def receive_truth(self, box: ArrayLike) -> None:
         """Pass on the target's true box in the next frame, for a tracker that `needs_truth`."""
-        self._truth = [float(value) for value in np.asarray(box)]
+        self._extra["truth"] = np.asarray(box, dtype=np.float64).tolist()
 
     def receive_detections(self, detections: Detections) -> None:
         """Pass on the detections in the next frame, for a tracker that `needs_detections`."""
-        boxes, scores = detections.boxes.tolist(), detections.scores.tolist()
-        self._detections = {"boxes": boxes, "scores": scores, "age_s": detections.age_s}
+        self._extra["detections"] = detections.boxes.tolist(), detections.scores.tolist(), detections.age_s
 
     def init(self, image: Image, box: ArrayLike) -> None:
         """As `Tracker.init`; raises TrackerFault."""
-        self._call("init", image, box=[float(value) for value in np.asarray(box)])
+        self._call("init", image, box=np.asarray(box, dtype=np.float64).tolist())
 
     def update(self, image: Image) -> Estimate:
         """As `Tracker.update`; raises TrackerFault."""
@@ -199,8 +140,26 @@ class IsolatedTracker:
             box = np.array(reply["box"], dtype=np.float64)
             return Estimate(box, float(confidence), occluded, reply["particles"])
         except (KeyError, TypeError, ValueError, OverflowError, BoxError) as error:
-            self._failed = True
-            raise unreadable(error) from None
+            raise self._process.unreadable(error) from None
+
+    def _call(self, command: str, image: Image, **arguments: Any) -> dict[str, Any]:
+        """Send a command with an image, and return the reply."""
+        needs_detections = self.needs_detections
+        began_s = time.monotonic()
+        request = {"command": command, "shape": image.shape, **self._extra, **arguments}
+        self._process.send(request, self._limits.frame_s, image)
+        reply = self._process.receive(self._limits.frame_s)
+        try:
+            ms, rows = reply["ms"], reply.get("tracks")
+            if isinstance(ms, bool) or not isinstance(ms, (int, float)) or not 0.0 <= ms < math.inf:
+                raise TypeError("the time taken is no number of milliseconds")
+            self.took_ms = min(float(ms), (time.monotonic() - began_s) * 1e3)
+            if needs_detections:
+                table = np.array(rows, dtype=np.float64).reshape(-1, 5)
+                self.tracks = None if rows is None else TrackedBoxes(table[:, 1:], table[:, 0].astype(np.int64))
+        except (KeyError, TypeError, ValueError, OverflowError, ParameterError) as error:
+            raise self._process.unreadable(error) from None
+        return reply
 
     @property
     def printed(self) -> str | None:
@@ -214,71 +173,25 @@ class IsolatedTracker:
         """
         if not self._open:
             return
-        self._open = False
         process, processes = self._process, self._processes
-        if processes is not None and process.way == "once":
-            processes.expect_one_episode(self._code)
-        made = self._needs_truth is not None
-        kept = processes is not None and made and not self._failed and process.end_episode()
+        way = self._made.get("way") if isinstance(self._made, dict) else None
+        if processes is not None and way == "once":
+            processes.expect_one_episode(process.code)
+        kept = processes is not None and way is not None and process.end_episode()
         if not kept:
             process.close()
-        self._printed = process.take_output()
+        self._printed, self._open = process.printed, False
         if processes is not None and kept:
-            processes.give_back(self._code, process)
-
-    def _call(self, command: str, image: Image, **arguments: Any) -> dict[str, Any]:
-        """Send an image and a command, and return the reply."""
-        self.wait_until_made()
-        request = {"command": command, **arguments, "shape": image.shape, "truth": self._truth}
-        request["detections"] = self._detections
-        began_s = time.monotonic()
-        try:
-            self._process.send(request, self._limits.frame_s, image)
-        except TimeoutError:
-            self._failed = True
-            raise TrackerFault(f"it did not read its image within {self._limits.frame_s:g} s") from None
-        except OSError:
-            self._failed = True
-            raise TrackerFault(self._process.exit_reason()) from None
-        reply = self._receive(self._limits.frame_s)
-        self.took_ms = took_ms(reply, began_s)
-        self.tracks = self._tracks_of(reply) if self._needs_detections else None
-        return reply
-
-    def _tracks_of(self, reply: dict[str, Any]) -> TrackedBoxes | None:
-        rows = reply.get("tracks")
-        try:
-            table = np.array(rows, dtype=np.float64).reshape(-1, 5)
-            return None if rows is None else TrackedBoxes(table[:, 1:], table[:, 0].astype(np.int64))
-        except (TypeError, ValueError, OverflowError, ParameterError) as error:
-            self._failed = True
-            raise unreadable(error) from None
-
-    def _receive(self, limit_s: float) -> dict[str, Any]:
-        try:
-            return self._process.receive(limit_s)
-        except TrackerFault:
-            self._failed = True
-            raise
+            processes.give_back(process)
 
 
-def try_make(
-    name: str,
-    *,
-    preset: str,
-    params: dict[str, Any],
-    limits: Limits,
-    sandboxed: bool = False,
-    processes: TrackerProcesses | None = None,
-) -> None:
+def try_make(code: TrackerCode, processes: TrackerProcesses | None = None) -> None:
     """Make a tracker once, to report errors in its name, preset or parameters before a run.
 
     Raises:
         TrackerError: It cannot be made.
     """
-    tracker = IsolatedTracker(
-        name, seed=0, preset=preset, params=params, limits=limits, sandboxed=sandboxed, processes=processes
-    )
+    tracker = IsolatedTracker(code, seed=0, processes=processes)
     try:
         tracker.wait_until_made()
     except TrackerFault as error:
@@ -286,7 +199,7 @@ def try_make(
         for prefix in ("TrackerError: ", "ParameterError: ", "UnknownNameError: "):
             text = text.removeprefix(prefix)  # messages of this package need no type
         tracker.close()  # so that all that it printed has been read
-        text = text if name in text else f"tracker {name!r} could not be made: {text}"
+        text = text if code.name in text else f"tracker {code.name!r} could not be made: {text}"
         raise TrackerError(text + (f"; it printed: {one_line(tracker.printed)}" if tracker.printed else "")) from None
     finally:
         tracker.close()
