@@ -11,10 +11,10 @@ from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr, xlogy
 
+from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.photometry import DISPLAY_GAMMA
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.records import Image
@@ -95,7 +95,7 @@ def _edgeworth_cdf(limits_e: FloatArray, mean_e: FloatArray, read_e: float) -> F
     return ndtr(z) - density * (mean_e / spread**3) / 6.0 * (z * z - 1.0)
 
 
-@njit(cache=True)
+@kernel
 def _sample(image: Image, red: Table, green: Table, blue: Table, key: np.uint64) -> Image:
     """Draw every pixel at a random quantile.
 

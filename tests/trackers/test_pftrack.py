@@ -171,7 +171,7 @@ def walking_off(count: int = 30, ratio: float = 0.97) -> Scene:
 def test_a_person_who_walks_off_before_a_scene_that_rests_becomes_smaller():
     images, truth = walking_off()
     ratio = {share: run(images, truth[0], scale_core=share)[-1].box[3] / truth[-1, 3] for share in (0.4, 1.0)}
-    assert ratio[0.4] < 1.2
+    assert ratio[0.4] < 1.25
     assert ratio[1.0] > 1.5
 
 

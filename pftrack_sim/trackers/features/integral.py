@@ -11,9 +11,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.types import FloatArray
 
 _LEAST_AREA = 1e-6  # Below this area [px^2] the difference of sums is a rounding error
@@ -45,42 +45,34 @@ def channel_means(integral: FloatArray, boxes: FloatArray, rectangles: FloatArra
     return out
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _means(
     integral: FloatArray, boxes: FloatArray, rectangles: FloatArray, first: NDArray[np.intp], out: FloatArray
 ) -> None:
     """Fill `(N, R, C)` with the means of C channels from the first one of each rectangle on."""
-    height, width = integral.shape[0] - 1.0, integral.shape[1] - 1.0
-    rows, columns = np.empty((4, 2)), np.empty((4, 2))
+    height, width = integral.shape[0] - 1, integral.shape[1] - 1
+    # The lines beside each side of a rectangle, and their weights in the difference of the sums.
+    rows, columns = np.empty(4, np.int64), np.empty(4, np.int64)
+    row_weights, column_weights = np.empty(4), np.empty(4)
     for n in range(boxes.shape[0]):
-        x, y, w, h = boxes[n]
         for r in range(rectangles.shape[0]):
-            left, top = x + rectangles[r, 0] * w, y + rectangles[r, 1] * h
-            right = min(max(left + rectangles[r, 2] * w, 0.0), width)
-            bottom = min(max(top + rectangles[r, 3] * h, 0.0), height)
-            left, top = min(max(left, 0.0), width), min(max(top, 0.0), height)
+            x = boxes[n, 0] + rectangles[r, 0] * boxes[n, 2]
+            y = boxes[n, 1] + rectangles[r, 1] * boxes[n, 3]
+            left, right = min(max(x, 0.0), width), min(max(x + rectangles[r, 2] * boxes[n, 2], 0.0), width)
+            top, bottom = min(max(y, 0.0), height), min(max(y + rectangles[r, 3] * boxes[n, 3], 0.0), height)
             area = (right - left) * (bottom - top)
-            if area <= _LEAST_AREA:
-                out[n, r] = 0.0
-                continue
-            _lines(left, right, integral.shape[1], columns)
-            _lines(top, bottom, integral.shape[0], rows)
+            for side in range(2):
+                sign = 2.0 * side - 1.0
+                column, row = right if side else left, bottom if side else top
+                columns[2 * side], rows[2 * side] = min(int(column), width - 1), min(int(row), height - 1)
+                columns[2 * side + 1], rows[2 * side + 1] = columns[2 * side] + 1, rows[2 * side] + 1
+                column_weights[2 * side + 1] = sign * (column - columns[2 * side])
+                column_weights[2 * side] = sign - column_weights[2 * side + 1]
+                row_weights[2 * side + 1] = sign * (row - rows[2 * side])
+                row_weights[2 * side] = sign - row_weights[2 * side + 1]
             for c in range(out.shape[2]):
                 total = 0.0
                 for i in range(4):
-                    row = int(rows[i, 0])
-                    along = 0.0
                     for j in range(4):
-                        along += columns[j, 1] * integral[row, int(columns[j, 0]), first[r] + c]
-                    total += rows[i, 1] * along
-                out[n, r, c] = total / area
-
-
-@njit(nogil=True, cache=True)
-def _lines(near: float, far: float, count: int, out: FloatArray) -> None:
-    """Fill `(4, 2)` with the lines beside two positions, and their weights in the difference of the sums there."""
-    low, high = min(int(near), count - 2), min(int(far), count - 2)
-    out[0, 0], out[0, 1] = low, near - low - 1.0
-    out[1, 0], out[1, 1] = low + 1, low - near
-    out[2, 0], out[2, 1] = high, high + 1.0 - far
-    out[3, 0], out[3, 1] = high + 1, far - high
+                        total += row_weights[i] * column_weights[j] * integral[rows[i], columns[j], first[r] + c]
+                out[n, r, c] = total / area if area > _LEAST_AREA else 0.0

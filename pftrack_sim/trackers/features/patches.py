@@ -12,9 +12,9 @@ from typing import TypeAlias
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, whole_block_size
@@ -81,7 +81,7 @@ def sample_patches(grey: NDArray[np.uint8], placements: FloatArray, shape: tuple
     return out
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sample(
     grey: NDArray[np.uint8], placements: NDArray[np.float64], rows: int, columns: int, out: NDArray[np.float32]
 ) -> None:
@@ -90,9 +90,9 @@ def _sample(
     max_x, max_y = np.float32(width - 1), np.float32(height - 1)
     count = rows * columns
     for n in range(placements.shape[0]):
-        cx, cy, ux, uy, vx, vy = placements[n]
         # Pixel centres lie at half pixels: position 0.5 is the centre of pixel 0.
-        cx, cy = cx - 0.5, cy - 0.5
+        cx, cy = placements[n, 0] - 0.5, placements[n, 1] - 0.5
+        ux, uy, vx, vy = placements[n, 2], placements[n, 3], placements[n, 4], placements[n, 5]
         reach_x, reach_y = 0.5 * (abs(ux) + abs(vx)), 0.5 * (abs(uy) + abs(vy))
         inside = cx - reach_x >= 0 and cy - reach_y >= 0 and cx + reach_x < width - 1 and cy + reach_y < height - 1
         step_x, step_y = np.float32(ux / columns), np.float32(uy / columns)

@@ -6,7 +6,6 @@ import math
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -38,6 +37,10 @@ class MixtureParameters(Parameters):
     sigma_min: Positive = 0.2
     share_min: Annotated[float, Field(ge=1e-9, le=0.3)] = 0.001
     outlier_c: Positive = 1.3
+
+
+_LEAST = np.float32(1e-30)  # Least likelihood of a pixel
+_TOGETHER = 100  # Patches compared at once, which fit a processor's cache
 
 
 class PixelMixture:
@@ -97,11 +100,18 @@ class PixelMixture:
 
         They are known up to a constant. A robust one has exp(-rho(x)) of (12) in place of exp(-x^2 / 2).
         """
-        out = np.empty(len(patches))
-        c = self.params.outlier_c if robust else math.inf
+        c = np.float32(self.params.outlier_c if robust else math.inf)
         peaks = (self.shares / self.sigmas).astype(np.float32)
         means, inverses = self.means.astype(np.float32), (1.0 / self.sigmas).astype(np.float32)
-        _log_likelihoods(patches, peaks, means, inverses, np.float32(c), out)
+        out = np.empty(len(patches))
+        for start in range(0, len(patches), _TOGETHER):
+            some = patches[start : start + _TOGETHER]
+            total = np.full(some.shape, _LEAST)
+            for peak, mean, inverse in zip(peaks, means, inverses, strict=True):
+                x = np.abs(some - mean) * inverse
+                inner = np.minimum(x, c)
+                total += peak * np.exp(inner * (np.float32(0.5) * inner - x))
+            out[start : start + _TOGETHER] = np.log(total).sum(axis=1, dtype=np.float64)
         return out
 
     def prediction_error(self, patch: NDArray[np.float32]) -> float:
@@ -131,60 +141,3 @@ def huber(x: FloatArray, c: float) -> FloatArray:
     """Huber's rho (12): x^2 / 2 up to c, linear beyond."""
     size = np.abs(x)
     return np.where(size <= c, 0.5 * np.square(x), c * size - 0.5 * c * c)
-
-
-@njit(nogil=True, cache=True, error_model="numpy")
-def _log_likelihoods(
-    patches: NDArray[np.float32],
-    peaks: NDArray[np.float32],
-    means: NDArray[np.float32],
-    inverses: NDArray[np.float32],
-    c: np.float32,
-    out: NDArray[np.float64],
-) -> None:
-    """Fill `out` with log-likelihoods. The inner loops are vectorised."""
-    count = patches.shape[1]
-    total = np.empty(count, np.float32)
-    fraction = np.empty(count, np.float32)
-    bits = np.empty(count, np.int32)
-    power = bits.view(np.float32)
-    half, offset = np.float32(0.5), np.float32(0.5) * c * c if c < np.inf else np.float32(0.0)
-    for n in range(patches.shape[0]):
-        total[:] = _LEAST
-        for i in range(3):
-            for k in range(count):
-                x = abs(patches[n, k] - means[i, k]) * inverses[i, k]
-                loss = half * x * x if x <= c else c * x - offset
-                # exp(-loss) = 2^-whole 2^-fraction; the first is written into the exponent bits of a float32.
-                exponent = min(loss * _LOG2_E, _MAX_EXPONENT)
-                whole = np.int32(exponent)
-                fraction[k] = exponent - np.float32(whole)
-                bits[k] = np.int32((np.float32(127.0) - np.float32(whole)) * np.float32(8388608.0))
-            for k in range(count):
-                total[k] += peaks[i, k] * power[k] * _two_to_minus(fraction[k])
-        logarithm, product = 0.0, 1.0
-        for k in range(count):
-            product *= total[k]
-            # One logarithm for several pixels, as it costs more than the rest.
-            if k % _TOGETHER == _TOGETHER - 1:
-                logarithm += math.log(product)
-                product = 1.0
-        out[n] = logarithm + math.log(product)
-
-
-@njit(nogil=True, cache=True, inline="always")
-def _two_to_minus(x: np.float32) -> np.float32:
-    """2^-x for x in [0, 1]: a polynomial of degree 6 through Chebyshev points, accurate to float32."""
-    return _C0 + x * (_C1 + x * (_C2 + x * (_C3 + x * (_C4 + x * (_C5 + x * _C6)))))
-
-
-_C0, _C1, _C2, _C3, _C4, _C5, _C6 = (
-    np.float32(value)
-    for value in np.polynomial.Chebyshev.interpolate(lambda x: 2.0**-x, 6, domain=[0.0, 1.0])
-    .convert(kind=np.polynomial.Polynomial)
-    .coef
-)
-_LOG2_E = np.float32(math.log2(math.e))
-_MAX_EXPONENT = np.float32(120.0)
-_TOGETHER = 8
-_LEAST = np.float32(1e-30)  # Least likelihood of a pixel: the product of `_TOGETHER` is still above 0 in float64

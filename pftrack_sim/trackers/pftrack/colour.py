@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pftrack_sim.core.records import Image
@@ -30,8 +29,11 @@ class ColourModel:
 
     def learn(self, patch: Image, width_px: float, height_px: float, rate: float) -> None:
         """Add an RGB patch with the target, `width_px` by `height_px`, in its middle, with weight `rate` in [0, 1]."""
-        now = np.zeros((2, 1 << 3 * BITS), np.float32)
-        _count(patch, width_px, height_px, now)
+        rows, columns = patch.shape[:2]
+        down = np.abs(2.0 * np.arange(rows) + 1.0 - rows)[:, None] / height_px
+        away = np.maximum(down, np.abs(2.0 * np.arange(columns) + 1.0 - columns) / width_px)
+        bins = _bins(patch)
+        now = np.array([_shares(bins[away < INNER]), _shares(bins[away > OUTER])])
         if self._histograms is None:
             self._histograms = now
         else:
@@ -41,42 +43,17 @@ class ColourModel:
 
     def respond(self, patch: Image, width_px: float, height_px: float) -> NDArray[np.float32]:
         """`(rows, columns)` score in [0, 1] of a box of the given size centred on each pixel of an RGB patch."""
-        scores = np.empty(patch.shape[:2], np.float32)
-        _look_up(patch, self._scores, scores)
+        scores = self._scores[_bins(patch)]
         box = [max(round(CORE * side) | 1, 1) for side in (width_px, height_px)]
         return np.asarray(cv2.boxFilter(scores, -1, box, borderType=cv2.BORDER_CONSTANT), dtype=np.float32)
 
 
-@njit(nogil=True, cache=True)
-def _bin(red: np.uint8, green: np.uint8, blue: np.uint8) -> int:
-    drop = 8 - BITS
-    return ((int(red) >> drop) << 2 * BITS) | ((int(green) >> drop) << BITS) | (int(blue) >> drop)
+def _bins(patch: Image) -> NDArray[np.int32]:
+    """`(rows, columns)` bin of each pixel's colour."""
+    red, green, blue = (channel.astype(np.int32) >> 8 - BITS for channel in cv2.split(patch))
+    return (red << 2 * BITS) | (green << BITS) | blue
 
 
-@njit(nogil=True, cache=True)
-def _look_up(patch: Image, scores: NDArray[np.float32], out: NDArray[np.float32]) -> None:
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = scores[_bin(patch[i, j, 0], patch[i, j, 1], patch[i, j, 2])]
-
-
-@njit(nogil=True, cache=True)
-def _count(patch: Image, width: float, height: float, out: NDArray[np.float32]) -> None:
-    """Fill `out` with the normalised histograms of the target and of the surround."""
-    rows, columns = patch.shape[:2]
-    for i in range(rows):
-        down = 2.0 * abs(i + 0.5 - 0.5 * rows)
-        for j in range(columns):
-            across = 2.0 * abs(j + 0.5 - 0.5 * columns)
-            k = _bin(patch[i, j, 0], patch[i, j, 1], patch[i, j, 2])
-            if across < INNER * width and down < INNER * height:
-                out[0, k] += np.float32(1)
-            elif across > OUTER * width or down > OUTER * height:
-                out[1, k] += np.float32(1)
-    for part in range(2):
-        total = np.float32(0)
-        for k in range(out.shape[1]):
-            total += out[part, k]
-        if total > 0:
-            for k in range(out.shape[1]):
-                out[part, k] /= total
+def _shares(bins: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Histogram that sums to 1, or is all 0 without pixels."""
+    return np.bincount(bins, minlength=1 << 3 * BITS).astype(np.float32) / np.float32(max(bins.size, 1))

@@ -10,8 +10,9 @@ import math
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pftrack_sim.core.compiled import kernel
 
 Floats: TypeAlias = NDArray[np.float32]
 
@@ -36,17 +37,16 @@ def hog_map(grey: NDArray[np.uint8], window: Floats, out: Floats) -> None:
         out: `(CHANNELS, n, m)`, filled.
     """
     rows, columns = window.shape
-    histograms = np.zeros((rows + 2, columns + 2, DIRECTIONS), np.float32)
-    _count(grey, histograms)
-    _normalise(histograms, window, out)
+    _describe(grey, window, np.zeros((rows + 2, columns + 2, DIRECTIONS), np.float32), out)
 
 
-@njit(nogil=True, cache=True, fastmath=True)
-def _count(grey: NDArray[np.uint8], histograms: Floats) -> None:
-    """Add every pixel's gradient magnitude to its nearest direction in the four nearest cells, bilinearly.
+@kernel
+def _describe(grey: NDArray[np.uint8], window: Floats, histograms: Floats, out: Floats) -> None:
+    """Add every pixel's gradient magnitude to its nearest direction in the four nearest cells, then normalise.
 
-    `histograms` has a border of one cell.
+    `(n + 2, m + 2, DIRECTIONS)` histograms are 0 and have a border of one cell.
     """
+    rows, columns = window.shape
     height, width = grey.shape
     magnitudes = np.empty(width, np.float32)
     directions = np.empty(width, np.int32)
@@ -75,12 +75,6 @@ def _count(grey: NDArray[np.uint8], histograms: Floats) -> None:
             histograms[top, left + 1, direction] += upper * right
             histograms[top + 1, left, direction] += lower * (_ONE - right)
             histograms[top + 1, left + 1, direction] += lower * right
-
-
-@njit(nogil=True, cache=True, fastmath=True)
-def _normalise(histograms: Floats, window: Floats, out: Floats) -> None:
-    """Fill `out` with the clipped, normalised channels of every cell."""
-    rows, columns = window.shape
     energies = np.empty((rows + 2, columns + 2), np.float32)
     for i in range(rows + 2):
         for j in range(columns + 2):
