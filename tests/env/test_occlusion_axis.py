@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import observing
 import pytest
 
 from pftrack_sim import scenario
@@ -27,13 +28,9 @@ NEXT_TO_PILLARS_AT_S = 3.1
 
 
 def truths(name: str, until_s: float, seed: int = 3, from_s: float = 0.0, **axis: Any) -> list[Truth]:
-    """Truth of the target from a time on; before it nothing is rendered."""
+    """Truth of the target from a time on, with these keys of the axis."""
     keys = {f"axes.occlusion.{key}": value for key, value in axis.items()}
-    with Simulation(scenario.load(name, {**CLEAR, **keys})) as simulation:
-        observed = [simulation.reset(seed).truth]
-        for _ in range(round(from_s * RATE_HZ) - 1):
-            simulation.world.advance()
-        return observed + [simulation.advance().truth for _ in range(round((until_s - from_s) * RATE_HZ))]
+    return observing.truths(name, {**CLEAR, **keys}, seed, from_s, until_s)
 
 
 def assert_as_requested(fraction: np.ndarray, from_s: float, spans_s: tuple[tuple[float, float], ...], share: float):

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import observing
 import pytest
 
 from pftrack_sim import scenario
@@ -25,15 +26,9 @@ CALM: dict[str, Any] = {
 ONLY_MANOEUVRES: dict[str, Any] = {"faster_m_s": 0.0, "range_m": 0.0, "leave_s": 0.0, "at_s": 0.5}
 
 
-def truths(
-    until_s: float, name: str = "easy/plaza-walk", from_s: float = 0.0, seed: int = 3, **axis: Any
-) -> list[Truth]:
+def truths(until_s: float, name: str = "easy/plaza-walk", from_s: float = 0.0, **axis: Any) -> list[Truth]:
     keys = {f"axes.target.{key}": value for key, value in axis.items()}
-    with Simulation(scenario.load(name, {**CALM, **keys})) as simulation:
-        observed = [simulation.reset(seed).truth]
-        for _ in range(round(from_s * RATE_HZ) - 1):
-            simulation.world.advance()
-        return observed + [simulation.advance().truth for _ in range(round((until_s - from_s) * RATE_HZ))]
+    return observing.truths(name, {**CALM, **keys}, 3, from_s, until_s)
 
 
 def speeds(observed: list[Truth]) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import importlib
 import os
@@ -17,7 +18,7 @@ from render_stage import HEIGHT, WIDTH, K, build, looking
 
 from pftrack_sim.core.errors import RenderError, UnknownNameError
 from pftrack_sim.render.gl import context
-from pftrack_sim.render.gl.context import open_context
+from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.render.selection import open_renderer
 
@@ -62,10 +63,16 @@ def test_a_context_restores_the_one_that_was_current_before():
     second.close()
 
 
-def test_a_context_of_another_owner_is_current_again_afterwards():
-    opened = open_context()
-    if opened.info.backend != "egl":
-        pytest.skip("EGL draws nothing here")
+@pytest.fixture
+def opened():
+    """A context of EGL."""
+    with contextlib.closing(open_context()) as context:
+        if context.info.backend != "egl":
+            pytest.skip("EGL draws nothing here")
+        yield context
+
+
+def test_a_context_of_another_owner_is_current_again_afterwards(opened: GLContext):
     theirs = importlib.import_module("mujoco.egl").GLContext(16, 16)
     current = importlib.import_module("OpenGL.platform").PLATFORM.GetCurrentContext
     with theirs.as_current():
@@ -74,13 +81,9 @@ def test_a_context_of_another_owner_is_current_again_afterwards():
             assert current() not in (None, before)
         assert current() == before
     theirs.free()
-    opened.close()
 
 
-def test_a_context_that_another_thread_uses_raises():
-    opened = open_context()
-    if opened.info.backend != "egl":
-        pytest.skip("EGL draws nothing here")
+def test_a_context_that_another_thread_uses_raises(opened: GLContext):
     errors: list[str] = []
 
     def use() -> None:
@@ -98,7 +101,6 @@ def test_a_context_that_another_thread_uses_raises():
     assert "another thread" in errors[0]
     use()
     assert len(errors) == 1
-    opened.close()
 
 
 def test_an_unknown_backend_raises_with_the_known_names():
