@@ -5,10 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-import numpy as np
-
-from pftrack_sim.core.types import FloatArray
-
 SCENERY_GROUP = 0
 PEOPLE_GROUP = 1
 ROBOT_GROUP = 2
@@ -47,13 +43,9 @@ class WalkableArea:
         goals_m: Goals of pedestrians, free of obstacles.
     """
 
-    bounds_m: tuple[float, float, float, float]
+    bounds_m: Bounds
     footprints: tuple[Footprint, ...]
     goals_m: tuple[tuple[float, float], ...]
-
-
-_EYE = np.eye(4)
-_EYE.setflags(write=False)
 
 
 def body_owners(model: Any) -> list[str]:
@@ -65,11 +57,3 @@ def body_owners(model: Any) -> list[str]:
 def owner_name(body_name: str) -> str:
     """Name of the person or thing that a body belongs to: "target/left-shank" -> "target", "pillar-3" -> "pillar-3"."""
     return body_name.split("/", 1)[0]
-
-
-def pose_matrix(position_m: FloatArray, rotation: FloatArray) -> FloatArray:
-    """`(4, 4)` pose from a `(3,)` position [m] and a `(3, 3)` rotation."""
-    pose = _EYE.copy()
-    pose[:3, :3] = rotation
-    pose[:3, 3] = position_m
-    return pose

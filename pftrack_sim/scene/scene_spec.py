@@ -13,6 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
+
 _TEXTURE_2D = mujoco.mjtTexture.mjTEXTURE_2D
 _LINEAR = mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR
 BLANK = np.zeros((6, 1, 3), np.uint8)  # In place of every image where nothing is drawn in colour
@@ -70,6 +72,25 @@ class SceneSpec(mujoco.MjSpec):
             start = int(model.texture(name).adr[0])
             model.tex_data[start : start + image.size] = image.reshape(-1)
         return model
+
+
+def add_box(
+    body: mujoco.MjsBody, name: str, half_m: ArrayLike, centre_m: ArrayLike, *, solid: bool, **properties: Any
+) -> mujoco.MjsGeom:
+    """Add a box to a body: one that is drawn, or a `solid` one that the robot collides with.
+
+    Solid boxes are hidden as all colliders are: the range finder measures those, not what is drawn.
+    """
+    return body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=half_m,
+        pos=centre_m,
+        group=HIDDEN_GROUP if solid else SCENERY_GROUP,
+        contype=int(solid),
+        conaffinity=2 * solid,
+        **properties,
+    )
 
 
 def mesh_file(vertices: ArrayLike, normals: ArrayLike, coordinates: ArrayLike, faces: ArrayLike) -> bytes:

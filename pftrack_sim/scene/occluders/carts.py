@@ -11,7 +11,7 @@ import numpy as np
 
 from pftrack_sim.scenario.axes import DistractorsAxis, OcclusionAxis
 from pftrack_sim.scenario.model import Occluder
-from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
+from pftrack_sim.scene.scene_spec import add_box
 
 HALF_THICKNESS_M = 0.24
 _CHASSIS_M = 0.20
@@ -62,19 +62,8 @@ def add_carts(spec: mujoco.MjSpec, sizes: Mapping[str, CartSize]) -> None:
     for name, size in sizes.items():
         body = spec.worldbody.add_body(name=name, mocap=True, pos=[0.0, 0.0, _HIDDEN_Z_M])
         for part, (rgba, low, high) in _boxes(size).items():
-            # Hidden as all colliders: the range finder measures those, not what is drawn.
-            collides = int(part == "solid")
-            body.add_geom(
-                name=f"{name}/{part}",
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=0.5 * (np.array(high) - np.array(low)),
-                pos=0.5 * (np.array(high) + np.array(low)),
-                rgba=list(rgba),
-                group=HIDDEN_GROUP if collides else SCENERY_GROUP,
-                density=0.0,
-                contype=collides,
-                conaffinity=2 * collides,
-            )
+            half, centre = 0.5 * np.subtract(high, low), 0.5 * np.add(high, low)
+            add_box(body, f"{name}/{part}", half, centre, solid=part == "solid", rgba=list(rgba), density=0.0)
 
 
 def _boxes(size: CartSize) -> dict[str, tuple[Colour, Corner, Corner]]:

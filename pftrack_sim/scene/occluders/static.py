@@ -11,22 +11,19 @@ import numpy as np
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
-from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint
+from pftrack_sim.scene.layout import Footprint
 from pftrack_sim.scene.places.materials import image_file, read_image
-from pftrack_sim.scene.scene_spec import SceneSpec
+from pftrack_sim.scene.scene_spec import SceneSpec, add_box
 
 MAX_CRATES = 16  # Largest number of crates in one stack
 _CRATE_M = 0.62
 _SKIN_M = 0.002
 _QUARTER = float(np.sqrt(0.5))
-_BOX_QUAT = {
-    "shaft": (_QUARTER, -_QUARTER, 0.0, 0.0),
-    "slab": (_QUARTER, -_QUARTER, 0.0, 0.0),
-    "shaft-sides": (0.5, 0.5, 0.5, 0.5),
-}
-"""MuJoCo maps flat textures onto the faces of local z: these boxes are turned so that it is the body's y or x."""
+_ABOUT_X = ((_QUARTER, -_QUARTER, 0.0, 0.0), [0, 2, 1])
+_TURNED = {"shaft": _ABOUT_X, "slab": _ABOUT_X, "shaft-sides": ((0.5, 0.5, 0.5, 0.5), [1, 2, 0])}
+"""Quaternion, and order of the sizes, of boxes that are turned so that their local z is the body's y or x: MuJoCo maps
+flat textures onto the faces of local z."""
 
-_BOX_SIZE_ORDER = {"shaft": [0, 2, 1], "slab": [0, 2, 1], "shaft-sides": [1, 2, 0]}
 _MATERIAL = {"shaft": "concrete", "shaft-sides": "concrete", "slab": "brick"} | dict.fromkeys(
     ("plinth", "capital", "coping"), "stone"
 )
@@ -79,19 +76,9 @@ def add_static_occluders(spec: SceneSpec, placements: Mapping[str, Placement]) -
             quat=[np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)],
         )
         for order, (part, (centre, half)) in enumerate(_boxes(placement).items()):
-            # Hidden as all colliders: the range finder measures those, not what is drawn.
-            collides = int(part == "solid")
-            geom = body.add_geom(
-                name=f"{name}/{part}",
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=half[_BOX_SIZE_ORDER.get(part, [0, 1, 2])],
-                pos=centre,
-                quat=_BOX_QUAT.get(part, (1.0, 0.0, 0.0, 0.0)),
-                group=HIDDEN_GROUP if collides else SCENERY_GROUP,
-                density=0.0,
-                contype=collides,
-                conaffinity=2 * collides,
-            )
+            turned, size = _TURNED.get(part, ((1.0, 0.0, 0.0, 0.0), [0, 1, 2]))
+            solid = part == "solid"
+            geom = add_box(body, f"{name}/{part}", half[size], centre, solid=solid, quat=turned, density=0.0)
             if part in _MATERIAL:
                 geom.material = f"occluder/{_MATERIAL[part]}"
             elif part.startswith("crate"):

@@ -57,7 +57,7 @@ def _shading(name: GarmentName, seed: int, buttoned: bool) -> NDArray[np.float32
     """`(h, w)` brightness of a garment by its folds, hems, seams and belt; read-only."""
     shading = _folds(name, seed)
     height, width = shading.shape
-    from_front = np.abs(np.arange(width) - 0.5 * width)
+    from_front = np.abs(np.arange(width, dtype=float) - 0.5 * width)
     match name:
         case "top":
             shading[-5:] *= 0.80

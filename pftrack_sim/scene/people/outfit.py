@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -67,60 +67,10 @@ class Outfit:
 
 def sample_outfit(rng: np.random.Generator) -> Outfit:
     """Sample everyday clothes."""
-    return _draw_outfit(rng).outfit()
-
-
-class _DrawnGarment(NamedTuple):
-    """What is drawn for a garment: colours, the first of which is its main one, tints, pattern, repeat, seed."""
-
-    colours: list[Colour]
-    tints: list[list[float]]
-    pattern: Pattern
-    scale_m: float
-    texture_seed: int
-
-    @property
-    def colour(self) -> Colour:
-        """Its main colour."""
-        return _tinted(self.colours[0], self.tints[0])
-
-    def garment(self, contrast: float) -> Garment:
-        """The garment: its accent is the first colour with enough contrast to it, else a light or dark grey."""
-        main, *others = self.colours
-        grey: Colour = (225, 225, 225) if sum(main) < 3 * 128 else (35, 35, 35)
-        accent = next((other for other in others if _distance(other, main) > contrast), grey)
-        return Garment(self.colour, _tinted(accent, self.tints[1]), self.pattern, self.scale_m, self.texture_seed)
-
-
-class _DrawnOutfit(NamedTuple):
-    """What is drawn for an outfit; most are only compared by their main colours."""
-
-    top: _DrawnGarment
-    bottom: _DrawnGarment
-    shoes: _DrawnGarment
-    long_sleeves: bool
-    long_legs: bool
-    open_front: bool
-    looseness: float
-
-    def outfit(self) -> Outfit:
-        """The outfit."""
-        return Outfit(
-            self.top.garment(_CONTRAST["top"]),
-            self.bottom.garment(_CONTRAST["bottom"]),
-            self.shoes.garment(_CONTRAST["shoes"]),
-            self.long_sleeves,
-            self.long_legs,
-            self.open_front,
-            self.looseness,
-        )
-
-
-def _draw_outfit(rng: np.random.Generator) -> _DrawnOutfit:
-    return _DrawnOutfit(
-        top=_draw_garment(rng, "top"),
-        bottom=_draw_garment(rng, "bottom"),
-        shoes=_draw_garment(rng, "shoes"),
+    return Outfit(
+        top=_sample_garment(rng, "top"),
+        bottom=_sample_garment(rng, "bottom"),
+        shoes=_sample_garment(rng, "shoes"),
         long_sleeves=bool(rng.random() < 0.6),
         long_legs=bool(rng.random() < 0.88),
         open_front=bool(rng.random() < 0.4),
@@ -135,8 +85,8 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
     of the colour histograms grows monotonically. The draws do not depend on the similarity: with the same random
     numbers, outfits form a path from clearly different clothes to the same clothes.
     """
-    candidates = [_draw_outfit(rng) for _ in range(12)]
-    other = max(candidates, key=lambda candidate: min(_dissimilarity(candidate, reference), 1.0)).outfit()
+    candidates = [sample_outfit(rng) for _ in range(12)]
+    other = max(candidates, key=lambda candidate: min(_dissimilarity(candidate, reference), 1.0))
     draws = rng.random(6)
     if similarity == 1.0:
         return reference
@@ -152,14 +102,18 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
     )
 
 
-def _draw_garment(rng: np.random.Generator, name: str) -> _DrawnGarment:
+def _sample_garment(rng: np.random.Generator, name: str) -> Garment:
+    """A garment whose accent is the first colour drawn with enough contrast to it, else a light or dark grey."""
     colours, colour_shares, patterns, pattern_shares = _palette(name)
     # Draws as `rng.choice(..., p=...)`, to the bit, in a third of its time.
     indices: list[int] = colour_shares.searchsorted(rng.random(8), side="right").tolist()
+    main, *others = (colours[index] for index in indices)
     tints: list[list[float]] = rng.normal(0.0, 7.0, (2, 3)).tolist()
     pattern = patterns[int(pattern_shares.searchsorted(rng.random(), side="right"))]
     scale_m, texture_seed = float(rng.uniform(0.045, 0.11)), int(rng.integers(2**31))
-    return _DrawnGarment([colours[index] for index in indices], tints, pattern, scale_m, texture_seed)
+    grey: Colour = (225, 225, 225) if sum(main) < 3 * 128 else (35, 35, 35)
+    accent = next((other for other in others if _distance(other, main) > _CONTRAST[name]), grey)
+    return Garment(_tinted(main, tints[0]), _tinted(accent, tints[1]), pattern, scale_m, texture_seed)
 
 
 def _tinted(colour: Colour, tint: Sequence[float]) -> Colour:
@@ -199,7 +153,7 @@ def _limited(colour: Colour, reference: Colour, reach: float) -> Colour:
     return colour if distance <= reach else rgb(start + way * (reach / distance))
 
 
-def _dissimilarity(first: _DrawnOutfit, second: Outfit) -> float:
+def _dissimilarity(first: Outfit, second: Outfit) -> float:
     """Smallest of the garments' colour distances, each relative to a clearly different colour."""
     return min(
         _distance(getattr(first, name).colour, getattr(second, name).colour) / distance

@@ -18,7 +18,7 @@ from pftrack_sim.scene.places.street import build_street, build_street_by_day
 from pftrack_sim.scene.places.warehouse import build_warehouse
 from pftrack_sim.scene.scene_spec import SceneSpec
 
-_BUILDERS: dict[str, Callable[[PlaceBuilder, Lights], WalkableArea]] = {
+_BUILDERS: dict[str, Callable[[PlaceBuilder], WalkableArea]] = {
     "plaza": build_plaza,
     "corridor": build_corridor,
     "warehouse": build_warehouse,
@@ -46,4 +46,4 @@ def add_place(
     builder = PlaceBuilder(spec, rng, place.clutter, lights, patch_rng or np.random.default_rng(0))
     add_ground_plane(spec)
     add_seats(builder, seats)
-    return _BUILDERS[place.kind](builder, lights)
+    return _BUILDERS[place.kind](builder)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
@@ -17,9 +17,13 @@ from pftrack_sim.scene.places.fixed import Collider, Section, fixed_props
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
 from pftrack_sim.scene.places.shade import foliage, roof_with_windows
-from pftrack_sim.scene.scene_spec import SceneSpec
+from pftrack_sim.scene.scene_spec import SceneSpec, add_box
 
 _LEAST_WINDOW_SUN_DEG = 40.0  # A lower sun would meet the walls, not the floor
+_FOLIAGE_M = 7.0  # Height of the foliage that is not seen and casts shadows
+
+ShadowArea: TypeAlias = tuple[float, float, float]
+"""x, y of the centre of the area with shadows, and half its width [m]."""
 
 
 class LooseProp(NamedTuple):
@@ -103,14 +107,46 @@ class PlaceBuilder:
         headlight.diffuse = headlight.specular = [0.0, 0.0, 0.0]
         headlight.active = 1
 
-    def add_main_light(
-        self, name: str, direction: ArrayLike, diffuse: ArrayLike, shadow_area: tuple[float, float, float]
+    def add_daylight(
+        self, bounds: Bounds, sun_rgb: ArrayLike, shadow_area: ShadowArea, sky_rgb: ArrayLike, ambient_rgb: ArrayLike
     ) -> None:
-        """Add the directional light that casts the shadows of the place.
+        """Add the sun, partly behind the foliage of trees over an area, and the light of the sky."""
+        lights = self.lights
+        sun = sun_direction(lights)
+        self.add_main_light("sun", sun, sun_rgb, shadow_area)
+        if lights.patches:
+            crowns = foliage(bounds, lights.patches, lights.patch_m, _FOLIAGE_M, self.patch_rng)
+            if len(crowns.faces):
+                self.add("foliage", (crowns,))
+        # Light from the sky has a direction: without it all shaded fronts would look flat.
+        self.add_fill_light("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), sky_rgb)
+        self.set_ambient_light(ambient_rgb)
 
-        The light travels in `direction` `(3,)`. `shadow_area` is x, y of the centre of the area with shadows, and half
-        its width [m].
+    def add_ceiling_light(
+        self,
+        bounds: Bounds,
+        height_m: float,
+        shadow_area: ShadowArea,
+        sun_rgb: ArrayLike,
+        direction: ArrayLike,
+        lamps_rgb: ArrayLike,
+    ) -> None:
+        """Add light from above: of the sun through windows in the roof if it has patches, else the sum of all lamps.
+
+        `lamps_rgb` is what reaches the floor from all lamps together, in a mean `direction`.
         """
+        lights = self.lights
+        if not lights.patches:
+            self.add_main_light("lamp-above", direction, lamps_rgb, shadow_area)
+            return
+        elevation_deg = max(lights.sun_elevation_deg, _LEAST_WINDOW_SUN_DEG)
+        sun = sun_direction(lights.model_copy(update={"sun_elevation_deg": elevation_deg}))
+        roof = roof_with_windows(bounds, lights.patches, lights.patch_m, height_m, self.patch_rng)
+        self.add("windowed-roof", (roof,))
+        self.add_main_light("lamp-above", sun, sun_rgb, shadow_area)
+
+    def add_main_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike, shadow_area: ShadowArea) -> None:
+        """Add the directional light that casts the shadows of the place; it travels in `direction` `(3,)`."""
         unit = np.asarray(direction, dtype=np.float64)
         unit = unit / np.linalg.norm(unit)
         x, y, half_width = shadow_area
@@ -119,56 +155,34 @@ class PlaceBuilder:
         light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, unit, diffuse, self.lights.shadows)
         light.pos = np.array([x, y, 0.0]) - 40.0 * unit
 
-    def add_foliage(self, bounds: Bounds, height_m: float) -> None:
-        """Keep the main light from `lights.patches` of an area, as crowns of trees at a height would."""
-        lights = self.lights
-        if lights.patches:
-            crowns = foliage(bounds, lights.patches, lights.patch_m, height_m, self.patch_rng)
-            if len(crowns.faces):
-                self.add("foliage", (crowns,))
-
-    def add_windowed_roof(
-        self,
-        name: str,
-        bounds: Bounds,
-        height_m: float,
-        diffuse: tuple[float, float, float],
-        shadow_area: tuple[float, float, float],
-    ) -> None:
-        """Add sunlight `diffuse` `(3,)` as the main light `name`, through windows in the roof of an area."""
-        lights = self.lights
-        sun = sun_direction(lights.sun_azimuth_deg, max(lights.sun_elevation_deg, _LEAST_WINDOW_SUN_DEG))
-        roof = roof_with_windows(bounds, lights.patches, lights.patch_m, height_m, self.patch_rng)
-        self.add("windowed-roof", (roof,))
-        self.add_main_light(name, sun, diffuse, shadow_area)
-
     def add_fill_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike) -> None:
         """Add a weak directional light without shadows: light from the sky or reflected by walls."""
         light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, direction, diffuse, False)
         light.pos = [0.0, 0.0, 8.0]
 
-    def add_lamp(
+    def add_lamps(
         self,
-        name: str,
-        position: Sequence[float],
+        positions: Sequence[tuple[float, float, float]],
         diffuse: ArrayLike,
         cutoff_deg: float,
         attenuation: Sequence[float],
         exponent: float,
-        casts_shadow: bool = False,
+        shadow_of: int | None = None,
     ) -> None:
-        """Add a spotlight that shines straight down.
+        """Add spotlights `lamp-1`.. that shine straight down.
 
-        `diffuse` `(3,)` is the colour on the axis at distance 0, `cutoff_deg` half the angle of its cone, `attenuation`
-        `(3,)` constant, linear and quadratic, and `exponent` that of the cosine fall-off towards the edge of the cone.
+        `diffuse`, `(3,)` or `(N, 3)`, is the colour on the axis at distance 0, `cutoff_deg` half the angle of the cone,
+        `attenuation` `(3,)` constant, linear and quadratic, and `exponent` that of the cosine fall-off towards the edge
+        of the cone. The lamp `shadow_of` casts the shadows of the place.
         """
-        shadow = casts_shadow and self.lights.shadows
-        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_SPOT, (0.0, 0.0, -1.0), diffuse, shadow)
-        light.pos = list(position)
-        light.cutoff = cutoff_deg
-        light.exponent = exponent
-        light.attenuation = list(attenuation)
-        if casts_shadow:
+        down, spot = (0.0, 0.0, -1.0), mujoco.mjtLightType.mjLIGHT_SPOT
+        for index, position in enumerate(positions):
+            colour = np.broadcast_to(diffuse, (len(positions), 3))[index]
+            shadow = index == shadow_of and self.lights.shadows
+            light = self._add_light(f"lamp-{index + 1}", spot, down, colour, shadow)
+            light.pos, light.attenuation = list(position), list(attenuation)
+            light.cutoff, light.exponent = cutoff_deg, exponent
+        if shadow_of is not None:
             self.spec.visual.map.shadowscale = 1.0
 
     def finish(self, bounds: Bounds, goals: Sequence[tuple[float, float]]) -> WalkableArea:
@@ -218,14 +232,12 @@ def add_ground_plane(spec: mujoco.MjSpec) -> None:
 def _add_collider(body: mujoco.MjsBody, name: str, collider: Collider, z_m: float) -> None:
     """Add a hidden box whose centre is at height `z_m` in the frame of the body."""
     half_x, half_y, height = collider
-    geom = body.add_geom(name=f"{name}/solid", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_x, half_y, 0.5 * height])
-    geom.pos = [0.0, 0.0, z_m]
-    geom.group, geom.contype, geom.conaffinity = HIDDEN_GROUP, 1, 2
+    add_box(body, f"{name}/solid", [half_x, half_y, 0.5 * height], [0.0, 0.0, z_m], solid=True)
 
 
-def sun_direction(azimuth_deg: float, elevation_deg: float) -> FloatArray:
-    """`(3,)` unit vector in which sunlight travels, for a sun at this azimuth and elevation."""
-    azimuth, elevation = np.deg2rad([azimuth_deg, elevation_deg])
+def sun_direction(lights: Lights) -> FloatArray:
+    """`(3,)` unit vector in which sunlight travels."""
+    azimuth, elevation = np.deg2rad([lights.sun_azimuth_deg, lights.sun_elevation_deg])
     level = np.cos(elevation)
     return -np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
 

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 
 from pftrack_sim.core.random_streams import pick
-from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
 from pftrack_sim.scene.places.catalogue import load_prop
@@ -30,7 +29,7 @@ _LONG_WALLS = (("north", 1.0, 0.0, 0.0), ("south", -1.0, np.pi, 1.1))
 """Name, sign of y, yaw of props on the wall, and their shift along x, so that doors do not face each other."""
 
 
-def build_corridor(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
+def build_corridor(builder: PlaceBuilder) -> WalkableArea:
     """Build the corridor; the sun does not reach it."""
     builder.add_fixed(_add_floor_and_ceiling)
     builder.add_fixed(_add_walls)
@@ -39,14 +38,10 @@ def build_corridor(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     _add_fixed_props(builder)
     builder.add_loose(_loose_props(builder.rng), (0.12, 0.03))
     # The sum of all panels, as a distant light: soft shadows right under people.
-    area = (16.0, 0.0, 23.0)
-    if lights.patches:
-        builder.add_windowed_roof("lamp-above", BOUNDS, _CEILING + 0.1, (0.62, 0.57, 0.47), area)
-    else:
-        builder.add_main_light("lamp-above", (0.06, 0.10, -1.0), (0.20, 0.20, 0.19), area)
-    for index, x in enumerate(_LAMPS_X):
-        position, colour = (x, 0.0, _CEILING - 0.15), (0.66, 0.64, 0.58)
-        builder.add_lamp(f"lamp-{index + 1}", position, colour, 80.0, (1.0, 0.06, 0.06), exponent=0.7)
+    area, sun, lamps = (16.0, 0.0, 23.0), (0.62, 0.57, 0.47), (0.20, 0.20, 0.19)
+    builder.add_ceiling_light(BOUNDS, _CEILING + 0.1, area, sun, (0.06, 0.10, -1.0), lamps)
+    positions = [(x, 0.0, _CEILING - 0.15) for x in _LAMPS_X]
+    builder.add_lamps(positions, (0.66, 0.64, 0.58), 80.0, (1.0, 0.06, 0.06), exponent=0.7)
     builder.set_ambient_light((0.43, 0.43, 0.42))
     return builder.finish(BOUNDS, GOALS)
 
@@ -152,21 +147,15 @@ def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     def random_couch() -> Prop:
         return load_prop("couch", cloth=pick(rng, ("fabric-blue", "fabric-red", "fabric-green")))
 
-    def plant(x: float, y: float, height: float) -> LooseProp:
-        prop = potted_plant(rng, height)
-        half_x, half_y, top = bounding_box(prop)
-        # People brush past leaves that reach farther.
-        return LooseProp("plant", (x, y, 0.0), prop, (min(half_x, 0.3), min(half_y, 0.3), top))
-
     return [
         LooseProp("couch", (_LOBBY_X - 0.3, north - 0.45, 0.0), random_couch()),
         LooseProp("couch", (_LOBBY_X + 0.9, south + 0.45, np.pi), random_couch()),
         LooseProp("table", (_LOBBY_X - 0.3, north - 1.25, 0.0), load_prop("low-table")),
-        plant(_LOBBY_WEST + 0.45, north - 0.5, 1.6),
-        plant(_LOBBY_EAST - 0.5, south + 0.5, 1.4),
-        plant(_LOBBY_WEST + 0.4, -2.55, 1.2),
-        plant(-5.5, 1.3, 1.5),
-        plant(37.5, -1.3, 1.6),
+        potted_plant(rng, _LOBBY_WEST + 0.45, north - 0.5, 1.6),
+        potted_plant(rng, _LOBBY_EAST - 0.5, south + 0.5, 1.4),
+        potted_plant(rng, _LOBBY_WEST + 0.4, -2.55, 1.2),
+        potted_plant(rng, -5.5, 1.3, 1.5),
+        potted_plant(rng, 37.5, -1.3, 1.6),
         LooseProp("bin", (_LOBBY_EAST - 1.8, north - 0.4, 0.0), load_prop("litter-bin")),
         LooseProp("bin", (13.2, -1.45, 0.0), load_prop("litter-bin")),
         LooseProp("bench", (9.4, 1.5, 0.0), load_prop("narrow-bench")),

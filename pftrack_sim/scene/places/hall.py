@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pftrack_sim.core.random_streams import pick
-from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
+from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.fixed import FixedProps
 from pftrack_sim.scene.places.materials import texture, tiling
@@ -24,7 +23,7 @@ _LAMPS = ((0.0, 0.0), (8.0, 0.0), (16.0, 0.0), (24.0, 0.0), (32.0, 0.0))
 _COUCHES = ((7.0, 4.2, 0.0), (13.0, 4.2, 0.0), (19.0, 4.4, 0.0), (10.0, -5.0, np.pi), (25.0, -4.8, np.pi))
 
 
-def build_hall(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
+def build_hall(builder: PlaceBuilder) -> WalkableArea:
     """Build the hall; the sun reaches it through its roof only."""
     builder.add_fixed(_add_floor_and_roof)
     builder.add_fixed(_add_walls)
@@ -34,15 +33,11 @@ def build_hall(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     builder.add("advertising-column", column, (17.0, -4.4), collider=(0.7, 0.7, 3.2))
     builder.add_fixed(_add_machines)
     builder.add_loose(_loose_props(builder.rng), (0.15, 0.12, 0.05))
-    area = (15.0, 0.0, 23.0)
-    if lights.patches:
-        builder.add_windowed_roof("lamp-above", BOUNDS, _ROOF + 0.1, (0.66, 0.62, 0.54), area)
-    else:
-        builder.add_main_light("lamp-above", (0.18, 0.30, -1.0), (0.24, 0.24, 0.23), area)
+    area, sun, lamps = (15.0, 0.0, 23.0), (0.66, 0.62, 0.54), (0.24, 0.24, 0.23)
+    builder.add_ceiling_light(BOUNDS, _ROOF + 0.1, area, sun, (0.18, 0.30, -1.0), lamps)
     builder.add_fill_light("lamp-fill", (-0.6, -0.7, -0.3), (0.13, 0.13, 0.13))
-    for index, (x, y) in enumerate(_LAMPS):
-        position, colour = (x, y, _ROOF - 0.6), (0.62, 0.58, 0.50)
-        builder.add_lamp(f"lamp-{index + 1}", position, colour, 76.0, (1.0, 0.03, 0.02), exponent=1.0)
+    positions = [(x, y, _ROOF - 0.6) for x, y in _LAMPS]
+    builder.add_lamps(positions, (0.62, 0.58, 0.50), 76.0, (1.0, 0.03, 0.02), exponent=1.0)
     builder.set_ambient_light((0.39, 0.38, 0.37))
     return builder.finish(BOUNDS, GOALS)
 
@@ -164,9 +159,7 @@ def _loose_props(rng: np.random.Generator) -> list[LooseProp]:
     cloths = ("fabric-blue", "fabric-red", "fabric-green")
     items = [LooseProp("couch", pose, load_prop("couch", cloth=pick(rng, cloths))) for pose in _COUCHES]
     for x, y in ((8.6, 4.4), (28.0, 5.0), (28.0, -5.0), (4.0, -5.0)):
-        plant = potted_plant(rng, float(rng.uniform(1.3, 1.8)))
-        half_x, half_y, top = bounding_box(plant)
-        items.append(LooseProp("plant", (x, y, 0.0), plant, (min(half_x, 0.3), min(half_y, 0.3), top)))
+        items.append(potted_plant(rng, x, y, float(rng.uniform(1.3, 1.8))))
     for pose in ((13.0, -6.4, 0.0), (31.0, 6.0, 0.0)):
         items.append(LooseProp("planter", pose, planter(rng, "leaves-light")))
     items += [

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pftrack_sim.core.random_streams import pick
-from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, sun_direction
+from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
 from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.fixed import FixedProps
@@ -25,7 +24,6 @@ WALK = ((-14.0, -1.5), (-3.0, -0.5), (3.0, 0.3), (8.0, 2.6), (13.0, 3.6), (17.5,
 _BRANCH = ((13.6, 3.4), (15.5, 7.0), (20.0, 9.0), (27.0, 8.0), (33.0, 3.6), (36.0, 1.6))
 _WALK_M, _EDGE_M = 3.2, 0.1
 _STEP_M = 0.004  # From the walk, on which soles stand, down to its branch and to the lawn
-_FOLIAGE_M = 7.0
 
 _TREES = ((1.6, 3.4), (5.4, -2.2), (9.0, 6.6), (10.6, -0.2), (15.7, -2.2), (19.4, 3.6), (22.6, 1.2), (24.6, -6.6),
           (28.4, -0.4), (33.4, -4.6), (-3.4, 4.6), (0.8, -6.4), (13.0, -8.0), (24.4, 11.4), (30.6, 6.4),
@@ -35,18 +33,14 @@ _HEDGES = ((3.0, 13.2, 11.0), (22.0, 13.2, 12.0), (2.0, -13.2, 12.0), (22.0, -13
 _BENCHES = ((6.0, 4.7, 0.0), (22.6, -6.0, np.pi), (-5.6, 1.8, 0.0), (17.4, 10.6, 0.0), (28.0, -6.4, np.pi))
 
 
-def build_park(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
+def build_park(builder: PlaceBuilder) -> WalkableArea:
     """Build the park."""
     add_skybox(builder.spec, "sky-day")
     builder.add_fixed(_add_ground)
-    sun = sun_direction(lights.sun_azimuth_deg, lights.sun_elevation_deg)
     builder.add_fixed(_add_surroundings)
     builder.add_fixed(_add_fixed_props)
     builder.add_loose(_loose_props(builder.rng), (0.2, 0.2, 0.1))
-    builder.add_main_light("sun", sun, (0.62, 0.58, 0.50), (15.0, 0.0, 26.0))
-    builder.add_foliage(BOUNDS, _FOLIAGE_M)
-    builder.add_fill_light("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), (0.10, 0.11, 0.12))
-    builder.set_ambient_light((0.36, 0.39, 0.41))
+    builder.add_daylight(BOUNDS, (0.62, 0.58, 0.50), (15.0, 0.0, 26.0), (0.10, 0.11, 0.12), (0.36, 0.39, 0.41))
     return builder.finish(BOUNDS, GOALS)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from pftrack_sim.core.random_streams import pick
-from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box, sun_direction
 from pftrack_sim.scene.places.buildings import house
@@ -39,7 +38,6 @@ _WEST = (("rose", 1, None, True, 3), ("office", 0, "awning-sand", False, 2), ("c
 _FAR = (("rose", 0, "awning-blue", False, 2), ("brick", 1, "awning-red", False, 3),
         ("cream", 2, "awning-green", False, 2))  # fmt: skip
 
-_FOLIAGE_M = 7.0  # Height of the foliage that is not seen and casts shadows
 
 # x, y and, where there is a third number, yaw.
 _TREES = ((0.0, 9.5), (7.5, 9.5), (15.0, 9.5), (27.0, 8.0), (0.0, -9.5), (9.0, -9.5), (26.0, -9.0))
@@ -52,11 +50,11 @@ _TABLES = ((11.5, -12.6), (14.9, -11.6), (18.0, -10.4), (7.6, -13.0))
 _LITTER_BINS = ((13.4, 9.6), (2.0, -8.6), (24.8, 9.6), (20.6, -8.6), (-5.0, 8.4))
 
 
-def build_plaza(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
+def build_plaza(builder: PlaceBuilder) -> WalkableArea:
     """Build the plaza."""
     add_skybox(builder.spec, "sky-day")
     builder.add("paving", (quad(tiling("paving"), (-40, -45, 0), (125, 0, 0), (0, 90, 0)),), casts_shadow=False)
-    sun = sun_direction(lights.sun_azimuth_deg, lights.sun_elevation_deg)
+    sun = sun_direction(builder.lights)
     builder.add_fixed(_add_houses, bool(sun[0] < 0.0), bool(sun[0] > 0.0), bool(sun[1] < 0.0), bool(sun[1] > 0.0))
     builder.add_fixed(_add_side_street)
     builder.add_fixed(_add_trees)
@@ -64,11 +62,7 @@ def build_plaza(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
     builder.add("advertising-column", column, (11.0, -3.6), collider=(0.7, 0.7, 3.2))
     builder.add_fixed(_add_fixed_props)
     builder.add_loose(_loose_props(builder.rng), (0.25, 0.25, 0.12))
-    builder.add_main_light("sun", sun, (0.60, 0.57, 0.50), (13.0, 0.0, 26.0))
-    builder.add_foliage(BOUNDS, _FOLIAGE_M)
-    # Light from the sky has a direction: without it all shaded fronts would look flat.
-    builder.add_fill_light("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), (0.10, 0.11, 0.13))
-    builder.set_ambient_light((0.37, 0.39, 0.43))
+    builder.add_daylight(BOUNDS, (0.60, 0.57, 0.50), (13.0, 0.0, 26.0), (0.10, 0.11, 0.13), (0.37, 0.39, 0.43))
     return builder.finish(BOUNDS, GOALS)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scene.places.builder import LooseProp, bounding_box
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.fixed import built_once
 from pftrack_sim.scene.places.materials import CARTONS, texture
@@ -237,8 +238,8 @@ def framed_poster(index: int, width: float, height: float, z: float) -> Prop:
     )
 
 
-def potted_plant(rng: np.random.Generator, height: float) -> Prop:
-    """A plant in a pot."""
+def potted_plant(rng: np.random.Generator, x: float, y: float, height: float) -> LooseProp:
+    """A plant in a pot at x, y [m]; people brush past leaves that reach farther than 0.3 m."""
     leaves = [
         rough_ellipsoid(
             texture("leaves-light" if k % 2 else "leaves-dark"),
@@ -251,7 +252,9 @@ def potted_plant(rng: np.random.Generator, height: float) -> Prop:
         for k in range(3)
     ]
     pot = cylinder(texture("terracotta"), (0, 0, 0), 0.18, 0.36, 10, 0.25)
-    return (pot, cylinder(texture("bark"), (0, 0, 0.3), 0.03, 0.5 * height, 6), *leaves)
+    plant = (pot, cylinder(texture("bark"), (0, 0, 0.3), 0.03, 0.5 * height, 6), *leaves)
+    half_x, half_y, top = bounding_box(plant)
+    return LooseProp("plant", (x, y, 0.0), plant, (min(half_x, 0.3), min(half_y, 0.3), top))
 
 
 def rack(rng: np.random.Generator) -> Prop:

@@ -6,9 +6,8 @@ import numpy as np
 
 from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box, sun_direction
+from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
 from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.fixed import FixedProps
@@ -26,7 +25,6 @@ _LAMPS = ((0.5, 1.0), (10.5, 1.0), (20.5, 1.0), (30.5, 1.0), (5.5, -1.0), (25.5,
 _UNLIT_LAMPS = ((-7.0, 1.0), (40.5, 1.0), (15.5, -1.0), (36.0, -1.0), (-4.5, -1.0))
 """Lamp posts without a light source, far from where people walk: OpenGL has eight lights."""
 
-_FOLIAGE_M = 7.0
 
 _CAR_PAINTS = ("paint-silver", "paint-blue", "paint-red", "paint-green", "paint-maroon", "paint-black", "paint-cream",
                "white")  # fmt: skip
@@ -38,30 +36,25 @@ _SOUTH = (("office", 2, None), ("rose", 3, "awning-blue"), ("brick", 0, None), (
           ("rose", 0, None))  # fmt: skip
 
 
-def build_street(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
+def build_street(builder: PlaceBuilder) -> WalkableArea:
     """Build the street; the sun has set."""
     add_skybox(builder.spec, "sky-night")
     _add_street(builder, night=True)
-    patches = lights.patches
+    patches = builder.lights.patches
+    lamps = [(x, side * (_KERB + 1.45), 4.4) for x, side in _LAMPS]
     colours = _lamp_colours(patches, builder.patch_rng)
-    for index, (x, side) in enumerate(_LAMPS):
-        position, falloff, narrow = (x, side * (_KERB + 1.45), 4.4), (1.0, 0.08, 0.04), 4.0 + 8.0 * patches
-        builder.add_lamp(f"lamp-{index + 1}", position, colours[index], 56.0, falloff, narrow, casts_shadow=index == 1)
+    builder.add_lamps(lamps, colours, 56.0, (1.0, 0.08, 0.04), exponent=4.0 + 8.0 * patches, shadow_of=1)
     sky = 1.0 - 0.4 * patches
     builder.add_fill_light("moon", (0.35, 0.5, -0.7), sky * np.array([0.12, 0.13, 0.165]))
     builder.set_ambient_light(sky * np.array([0.19, 0.19, 0.22]))
     return builder.finish(BOUNDS, GOALS)
 
 
-def build_street_by_day(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
+def build_street_by_day(builder: PlaceBuilder) -> WalkableArea:
     """Build the same street by day."""
     add_skybox(builder.spec, "sky-day")
     _add_street(builder, night=False)
-    sun = sun_direction(lights.sun_azimuth_deg, lights.sun_elevation_deg)
-    builder.add_main_light("sun", sun, (0.60, 0.57, 0.50), (15.0, 0.0, 26.0))
-    builder.add_foliage(BOUNDS, _FOLIAGE_M)
-    builder.add_fill_light("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), (0.10, 0.11, 0.13))
-    builder.set_ambient_light((0.37, 0.39, 0.43))
+    builder.add_daylight(BOUNDS, (0.60, 0.57, 0.50), (15.0, 0.0, 26.0), (0.10, 0.11, 0.13), (0.37, 0.39, 0.43))
     return builder.finish(BOUNDS, GOALS)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
 from pftrack_sim.scene.places.catalogue import load_prop
@@ -26,7 +25,7 @@ _UNLIT_LAMPS = ((12.0, 7.0), (12.0, -7.0), (21.5, 7.0), (21.5, -7.0), (2.0, 7.0)
 """Lamps without a light source: OpenGL has eight lights."""
 
 
-def build_warehouse(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
+def build_warehouse(builder: PlaceBuilder) -> WalkableArea:
     """Build the warehouse; the sun does not reach it."""
     builder.add_fixed(_add_floor_and_roof)
     for index, (x, y) in enumerate((*_LAMPS, *_UNLIT_LAMPS)):
@@ -37,16 +36,12 @@ def build_warehouse(builder: PlaceBuilder, lights: Lights) -> WalkableArea:
         builder.add(f"pillar-{index + 1}", load_prop("steel-pillar"), (x, 0.0), collider=(0.23, 0.23, _ROOF))
     _add_racks(builder)
     builder.add_loose(_loose_props(builder.rng), (0.12, 0.18, 0.1))
-    area = (14.0, 0.0, 21.0)
-    if lights.patches:
-        builder.add_windowed_roof("lamp-above", BOUNDS, _ROOF + 0.1, (0.68, 0.63, 0.52), area)
-    else:
-        builder.add_main_light("lamp-above", (0.22, 0.42, -1.0), (0.27, 0.27, 0.26), area)
+    area, sun, lamps = (14.0, 0.0, 21.0), (0.68, 0.63, 0.52), (0.27, 0.27, 0.26)
+    builder.add_ceiling_light(BOUNDS, _ROOF + 0.1, area, sun, (0.22, 0.42, -1.0), lamps)
     # Light reflected by floor and walls: it shades what faces north.
     builder.add_fill_light("lamp-fill", (-0.5, -0.8, -0.25), (0.14, 0.14, 0.15))
-    for index, (x, y) in enumerate(_LAMPS):
-        position, colour = (x, y, _ROOF - 1.2), (0.70, 0.69, 0.62)
-        builder.add_lamp(f"lamp-{index + 1}", position, colour, 74.0, (1.0, 0.03, 0.025), exponent=1.2)
+    positions = [(x, y, _ROOF - 1.2) for x, y in _LAMPS]
+    builder.add_lamps(positions, (0.70, 0.69, 0.62), 74.0, (1.0, 0.03, 0.025), exponent=1.2)
     builder.set_ambient_light((0.36, 0.36, 0.37))
     return builder.finish(BOUNDS, GOALS)
 
