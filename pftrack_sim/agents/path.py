@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +68,7 @@ class Path:
         # The same by piece, for the place of one arc length.
         self._first_m: list[float] = self._starts.tolist()
         self._ends_m: list[float] = ends.tolist()
+        self._bends: list[float] = self._curvature.tolist()
         self._rows: list[list[float]] = np.stack([self._origin, *table[[0, 1, 2, 4]]], axis=1).tolist()
 
     def __eq__(self, other: object) -> bool:
@@ -106,30 +107,31 @@ class Path:
         """Curvature [1/m] at an arc length; positive turns left."""
         return self._rows[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)][4]
 
-    def bends(self, s_m: float, ahead_m: float) -> Iterator[tuple[float, float]]:
-        """Ways to the lines and arcs ahead of an arc length, at most this far [m], and their curvatures [1/m]."""
-        for piece in range(bisect.bisect_right(self._ends_m, s_m), bisect.bisect_right(self._first_m, s_m + ahead_m)):
-            yield max(self._first_m[piece] - s_m, 0.0), self._rows[piece][4]
+    def bends(self, s_m: float, ahead_m: float) -> Iterable[tuple[float, float]]:
+        """First arc lengths [m] and curvatures [1/m] of the lines and arcs from one arc length to this far ahead."""
+        reached = slice(bisect.bisect_right(self._ends_m, s_m), bisect.bisect_right(self._first_m, s_m + ahead_m))
+        return zip(self._first_m[reached], self._bends[reached], strict=True)
 
     def project(self, xy_m: Sequence[float] | FloatArray, near_s_m: float, within_m: float = 2.0) -> float:
         """Arc length of the point nearest to `(2,)` x, y [m] among those within `within_m` of `near_s_m`."""
         x, y = float(xy_m[0]), float(xy_m[1])
         low, high = near_s_m - within_m, near_s_m + within_m
-        best_m, least = low, math.inf
+        best_m, least_m = low, math.inf
         for piece in range(bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high)):
             origin, from_x, from_y, heading, bend = self._rows[piece]
             start, end = max(self._first_m[piece], low), min(self._ends_m[piece], high)
             cos, sin, dx, dy = math.cos(heading), math.sin(heading), x - from_x, y - from_y
-            run = cos * dx + sin * dy
+            s_m = origin + cos * dx + sin * dy
             if bend:
-                run = math.atan2(bend * run, 1.0 - bend * (cos * dy - sin * dx)) / bend
-            nearest = min(max(origin + run, start), end)
-            # On an arc, the nearer end is not always the one to which it was clipped.
-            for s in (nearest, start, end) if bend else (nearest,):
-                there_x, there_y, _ = self.pose(s)
-                squared = (there_x - x) ** 2 + (there_y - y) ** 2
-                if squared < least:
-                    best_m, least = s, squared
+                # The angle about the centre of an arc, at most half a circle from the middle of the arc.
+                angle = math.atan2(bend * (s_m - origin), 1.0 - bend * (cos * dy - sin * dx))
+                middle = 0.5 * (start + end)
+                s_m = middle + math.remainder(origin + angle / bend - middle, 2.0 * math.pi / bend)
+            s_m = min(max(s_m, start), end)
+            there_x, there_y, _ = self.pose(s_m)
+            distance_m = math.hypot(there_x - x, there_y - y)
+            if distance_m < least_m:
+                best_m, least_m = s_m, distance_m
         return best_m
 
     def offset(self, left_m: float) -> Path:

@@ -24,6 +24,7 @@ _MOVER_FIELDS = (
     "waypoint_x", "waypoint_y",  # Where it walks to [m]
     "speed", "pace",  # Desired speed [m/s], and a factor on it
     "reaction",  # Share of the forces that it reacts to; 0 for what is moved by other laws
+    "turns",  # 1 where the heading follows the velocity, at a limited rate
     "extra_m",  # Distance to keep from it, in addition to that from a person
     "ax", "ay",  # Acceleration [m/s^2]
 )  # fmt: skip
@@ -130,7 +131,7 @@ def accelerate(movers: Movers, rectangles: Rectangles) -> None:
 
 @kernel
 def move(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
-    """Move those that react by a tick of their accelerations, as far as all distances are kept.
+    """Move those that react by a tick of their accelerations, as far as all distances are kept; and turn people.
 
     Velocities are changed pair by pair, as little as the barriers ask. Where that could not keep the least distances,
     positions are shifted apart, and the velocities with them.
@@ -196,6 +197,13 @@ def move(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
                     _shift(person, lack * away_x, lack * away_y, tick_s)
         if not shifted:
             break
+    for index in range(len(movers)):
+        person = movers[index]
+        if person.turns > 0.0:
+            vx, vy = person.vx, person.vy
+            error = (math.atan2(vy, vx) - person.heading + math.pi) % (2.0 * math.pi) - math.pi
+            rate = min(math.sqrt(vx * vx + vy * vy) / 0.4, 1.0) * error / _TURN_TIME_CONSTANT_S
+            person.heading += min(max(rate, -_MAX_TURN_RATE_RAD_S), _MAX_TURN_RATE_RAD_S) * tick_s
 
 
 @kernel
@@ -233,11 +241,3 @@ def _from_rectangle(rectangle: Any, x: float, y: float) -> tuple[float, float, f
         over_u, over_v = over_u / distance, over_v / distance
     u, v = math.copysign(over_u, u), math.copysign(over_v, v)
     return distance, rectangle.cos * u - rectangle.sin * v, rectangle.sin * u + rectangle.cos * v
-
-
-def turn(movers: Movers, tick_s: float) -> None:
-    """Turn the headings of `(N,)` movers in place towards their velocities, at a limited rate."""
-    vx, vy, heading = movers["vx"], movers["vy"], movers["heading"]
-    error = (np.arctan2(vy, vx) - heading + math.pi) % (2.0 * math.pi) - math.pi
-    rate = np.minimum(np.sqrt(vx * vx + vy * vy) / 0.4, 1.0) * error / _TURN_TIME_CONSTANT_S
-    heading += np.minimum(np.maximum(rate, -_MAX_TURN_RATE_RAD_S), _MAX_TURN_RATE_RAD_S) * tick_s

@@ -22,7 +22,6 @@ from pftrack_sim.agents.pedestrians.avoidance import (
     WAITING_REACTION,
     accelerate,
     move,
-    turn,
 )
 from pftrack_sim.agents.pedestrians.goal_manager import GoalManager, PaceChanges
 from pftrack_sim.agents.pedestrians.goal_sampler import PREDICTION_TIMES_S, GoalSampler
@@ -127,6 +126,7 @@ class Crowd:
         self._state = self._movers.view(np.float64).reshape(len(self._movers), -1)[:, :4]
         self._headings = self._movers["heading"][: self._robot]
         self._movers["pace"] = 1.0
+        self._movers["turns"][1 : self._robot - len(self._members)] = 1.0
         self._movers["extra_m"][self._robot :] = VEHICLE_EXTRA_M
         self._state[self._robot, :2] = FAR_M
         rngs = [stream(self._seed, f"{kind}s", i) for kind, count in self._counts.items() for i in range(count)]
@@ -197,9 +197,6 @@ class Crowd:
         for cart in self.carts:
             cart.update(dt_s, time_s, around)
         self._update_reactive(dt_s, time_s)
-        walkers = self._robot - len(self._members)
-        if walkers > 1:
-            turn(self._movers[1:walkers], dt_s)
 
     def _moved_robot(self, dt_s: float, robot_m: Xy) -> tuple[float, float, float, float]:
         """Store the robot's position and its velocity (differences, low-pass filtered), and return x, y, vx, vy."""
@@ -242,11 +239,12 @@ class Crowd:
         self._goals.walk_and_stop(person, time_s, position, route)
 
     def _update_reactive(self, dt_s: float, time_s: float) -> None:
-        if self._reacts:
-            self._pace.update(time_s)
-            self._goals.update(dt_s, time_s, self.target_s_m)
-            accelerate(self._movers, self._obstacles.rectangles)
-            move(self._movers, self._obstacles.rectangles, dt_s)
+        if self._robot == 1 + len(self._members):
+            return
+        self._pace.update(time_s)
+        self._goals.update(dt_s, time_s, self.target_s_m)
+        accelerate(self._movers, self._obstacles.rectangles)
+        move(self._movers, self._obstacles.rectangles, dt_s)
 
     def _group(self) -> None:
         """Divide the pedestrians into reactive and scripted ones, after a phase has changed."""
@@ -255,7 +253,6 @@ class Crowd:
         for person, pedestrian in self._scripted.items():
             if pedestrian.phase in (Phase.SCRIPTED, Phase.WAITING):
                 reaction[person] = 0.0 if pedestrian.phase is Phase.SCRIPTED else WAITING_REACTION
-        self._reacts = bool(reaction.any())
 
     def _predicted(self, around: Surroundings) -> tuple[FloatArray, FloatArray]:
         """`(K, 2)` camera and `(K, 2)` target positions at `PREDICTION_TIMES_S`.

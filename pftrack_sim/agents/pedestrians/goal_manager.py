@@ -94,8 +94,9 @@ class GoalManager:
         """Advance waypoints and goals of those that react by a tick that ends at `time_s`, with the target there."""
         movers = self._movers
         left_m = np.hypot(movers["waypoint_x"] - movers["x"], movers["waypoint_y"] - movers["y"])
-        arrived = (left_m < self._arrival_radius_m) & (movers["reaction"] > 0.0)
-        for person in np.flatnonzero(arrived).tolist():
+        for person in np.flatnonzero(left_m < self._arrival_radius_m).tolist():
+            if movers["reaction"][person] == 0.0:
+                continue
             task = self._tasks[person]
             if task.waypoints:
                 self._walk_to(person, task.waypoints.pop(0))
@@ -107,10 +108,10 @@ class GoalManager:
         self._since_check_s += dt_s
         if self._since_check_s + 1e-9 >= _CHECK_PERIOD_S:
             self._since_check_s = 0.0
-            reactive = np.flatnonzero(movers["reaction"])
-            self._checked = (self._checked + 1) % len(reactive)
-            person = int(reactive[self._checked])
-            self._check_progress(person, time_s, self._position(person), target_s_m)
+            reactive = np.flatnonzero(movers["reaction"]).tolist()
+            self._checked = (self._checked + 1) % max(len(reactive), 1)
+            for person in reactive[self._checked : self._checked + 1]:
+                self._check_progress(person, time_s, self._position(person), target_s_m)
 
     def _check_progress(self, person: int, time_s: float, position: FloatArray, target_s_m: float) -> None:
         task, obstacles = self._tasks[person], self._graph.obstacles

@@ -6,6 +6,8 @@ robot is in contact with the ground alone, the small model gives the same bits i
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
@@ -16,6 +18,7 @@ from pftrack_sim.scene.robot import BASE, CAMERA
 
 _LIMB_M_S = 8.0  # Faster than any limb or cart moves
 _CONTACT_M = 0.02  # Margin of contacts, and rounding
+_FAR_M2 = 1e4
 _STATE = int(
     mujoco.mjtState.mjSTATE_TIME
     | mujoco.mjtState.mjSTATE_PHYSICS
@@ -44,7 +47,8 @@ class RobotAlone:
         alone.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         self._state = np.empty(mujoco.mj_stateSize(alone, _STATE))
         self._camera = int(alone.camera(CAMERA).id)
-        own = model.body_rootid[model.geom_bodyid] == model.body(BASE).id
+        self._base = int(model.body(BASE).id)
+        own = model.body_rootid[model.geom_bodyid] == self._base
         solid = (model.geom_contype | model.geom_conaffinity) != 0
         types = np.bitwise_or.reduce(model.geom_contype[own]), np.bitwise_or.reduce(model.geom_conaffinity[own])
         meets = ((model.geom_contype & types[1]) | (model.geom_conaffinity & types[0])) != 0
@@ -56,22 +60,35 @@ class RobotAlone:
         # People stand still within a tick, but in the second one of a frame, the poses are those of the first.
         room_m = _CONTACT_M + clock.tick_s * (2.0 * speed_m_s + (_LIMB_M_S if clock.ticks > 1 else 0.0))
         self._near_m = room_m + radii_m
-        reach_m = np.linalg.norm(np.abs(self._middles) + self._halves, axis=1)
-        self._near_origin_m2 = (self._near_m[:, None] + reach_m) ** 2
+        self._near_base_m = room_m + _reach_m(model, np.flatnonzero(own & solid))
+        self._closing_m = clock.tick_s * (2.0 * speed_m_s + _LIMB_M_S)
+        self._free_ticks = 0
 
     def may_touch(self, data: mujoco.MjData) -> bool:
-        """Whether the robot may touch anything but the ground within a tick, by the poses of the scene's geoms."""
-        positions, rotations = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3)
-        origins = positions[self._others]
-        spheres = positions[self._own] + (rotations[self._own] @ self._centres[:, :, None])[:, :, 0]
-        squared = (spheres * spheres).sum(axis=1)[:, None] + (origins * origins).sum(axis=1) - 2.0 * spheres @ origins.T
-        sphere, other = np.nonzero(squared < self._near_origin_m2)
-        if not len(sphere):
+        """Whether the robot may touch anything but the ground within a tick, by the poses of the scene's geoms.
+
+        To be asked once a tick: what is far away is left out for as many ticks as it needs to come near.
+        """
+        if self._free_ticks > 0:
+            self._free_ticks -= 1
             return False
-        # Distances of these spheres from the oriented boxes that hold these geoms.
-        local = ((spheres[sphere] - origins[other])[:, None] @ rotations[self._others[other]])[:, 0]
-        beyond = np.maximum(np.abs(local - self._middles[other]) - self._halves[other], 0.0)
-        return bool(((beyond * beyond).sum(axis=1) < self._near_m[sphere] ** 2).any())
+        rotations = data.geom_xmat.reshape(-1, 3, 3)
+        origins, turned = data.geom_xpos[self._others], rotations[self._others]
+        base = (data.xpos[self._base] - origins)[:, None] @ turned
+        squared_m = self._squared_m(base, slice(None))[:, 0]
+        free_m = math.sqrt(squared_m.min(initial=_FAR_M2)) - self._near_base_m
+        if free_m > 0.0:
+            self._free_ticks = int(free_m / self._closing_m)
+            return False
+        near = np.flatnonzero(squared_m < self._near_base_m**2)
+        spheres = data.geom_xpos[self._own] + (rotations[self._own] @ self._centres[:, :, None])[:, :, 0]
+        local = (spheres - origins[near, None]) @ turned[near]
+        return bool((self._squared_m(local, near) < self._near_m**2).any())
+
+    def _squared_m(self, points: FloatArray, others: IntArray | slice) -> FloatArray:
+        """`(M, N)` squared distances of `(M, N, 3)` points in the frames of M other geoms from their boxes [m^2]."""
+        beyond = np.maximum(np.abs(points - self._middles[others, None]) - self._halves[others, None], 0.0)
+        return np.einsum("mni,mni->mn", beyond, beyond)
 
     def load(self, data: mujoco.MjData) -> None:
         """Take time, positions, velocities and commands from the scene."""
@@ -110,3 +127,16 @@ def _spheres(model: mujoco.MjModel, geoms: IntArray) -> tuple[IntArray, FloatArr
             rows.append((geom, centre, float(np.hypot(across_m, 0.5 * step_m))))
     ids, centres, radii_m = zip(*rows, strict=True)
     return np.array(ids, dtype=np.intp), np.array(centres), np.array(radii_m)
+
+
+def _reach_m(model: mujoco.MjModel, geoms: IntArray) -> float:
+    """Radius of a sphere about the origin of the robot's base that holds its geoms however its joints are [m]."""
+    reaches: list[float] = []
+    for geom in geoms.tolist():
+        body, reach = int(model.geom_bodyid[geom]), model.geom_rbound[geom] + np.linalg.norm(model.geom_pos[geom])
+        while model.body_parentid[body] != 0:
+            reach += np.linalg.norm(model.body_pos[body])
+            body = int(model.body_parentid[body])
+        reaches.append(float(reach))
+    slides = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    return max(reaches) + float(np.abs(model.jnt_range[slides]).max(initial=0.0))

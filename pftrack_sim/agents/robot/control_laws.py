@@ -55,11 +55,7 @@ def follow_path(
     error = math.remainder(heading - pose[2], 2.0 * math.pi)
     # Positive when the path is to the left of the robot.
     lateral = -math.sin(heading) * (x - pose[0]) + math.cos(heading) * (y - pose[1])
-    speed = min(
-        max(speed_m_s, 0.0),
-        limits.speed_m_s,
-        _bend_speed(path, s_m, limits),
-    )
+    speed = min(max(speed_m_s, 0.0), _bend_speed(path, s_m, limits))
     if abs(error) > _MAX_HEADING_ERROR_RAD:
         return 0.0, math.copysign(0.6 * limits.turn_rad_s, error)
     speed *= math.cos(error)
@@ -71,12 +67,15 @@ def follow_path(
 
 def _bend_speed(path: Path, s_m: float, limits: DriveLimits) -> float:
     """Highest speed [m/s] from which every bend ahead can be reached at its own speed."""
-    slowest = math.inf
-    for ahead_m, curvature in path.bends(s_m, 0.5 * limits.speed_m_s**2 / BRAKE_M_S2 + _BEND_PREVIEW_M):
-        bend = max(abs(curvature), 1e-6)
-        # A fifth of the turn rate is kept for corrections.
-        speed = min(math.sqrt(_LATERAL_ACCELERATION_M_S2 / bend), 0.8 * limits.turn_rad_s / bend)
-        slowest = min(slowest, math.sqrt(speed * speed + 2.0 * BRAKE_M_S2 * ahead_m))
+    slowest = limits.speed_m_s
+    # A fifth of the turn rate is kept for corrections.
+    turn_rad_s = 0.8 * limits.turn_rad_s
+    gentle = min(_LATERAL_ACCELERATION_M_S2 / slowest**2, turn_rad_s / slowest)
+    for first_m, curvature in path.bends(s_m, 0.5 * slowest**2 / BRAKE_M_S2 + _BEND_PREVIEW_M):
+        bend = abs(curvature)
+        if bend > gentle:
+            speed = min(math.sqrt(_LATERAL_ACCELERATION_M_S2 / bend), turn_rad_s / bend)
+            slowest = min(slowest, math.sqrt(speed * speed + 2.0 * BRAKE_M_S2 * max(first_m - s_m, 0.0)))
     return slowest
 
 

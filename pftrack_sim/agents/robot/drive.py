@@ -30,6 +30,7 @@ _FAR_M = 1000.0
 _JOINTS = ("robot/axle-left", "robot/axle-right", "robot/pan", "robot/tilt")
 _MOTORS = ("robot/drive-left", "robot/drive-right", "robot/pan", "robot/tilt")
 _GROUND = "ground"
+_IDENTITY, _OPENCV_AXES = np.eye(4), np.array([1.0, -1.0, -1.0])
 
 
 class Drive:
@@ -238,8 +239,8 @@ class Equilibrium:
 
 def pose_of_camera(data: mujoco.MjData, camera: int) -> FloatArray:
     """`(4, 4)` T_world_camera, axes as OpenCV; MuJoCo's y points up and its z backwards."""
-    pose = np.eye(4)
-    pose[:3, :3] = data.cam_xmat[camera].reshape(3, 3) * (1.0, -1.0, -1.0)
+    pose = _IDENTITY.copy()
+    pose[:3, :3] = data.cam_xmat[camera].reshape(3, 3) * _OPENCV_AXES
     pose[:3, 3] = data.cam_xpos[camera]
     return pose
 

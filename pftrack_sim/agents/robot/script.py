@@ -26,6 +26,7 @@ GAP_TIME_CONSTANT_S = 0.8  # Time constant at which the robot closes a gap to it
 _TURN_AWAY_S = 0.35  # Time that the camera needs until the target has left the view
 _COME_BACK_S = 0.1  # Time until a part of the target is back in the view
 _CHECK_M = 0.1
+_NEAR_M = 0.25  # Farther along its route the robot never gets in a tick
 _BODY_RAD = math.radians(14.0)  # Half the angular width of a person, with a margin
 
 
@@ -127,7 +128,7 @@ class Script:
         lane, turn = self._lane, self._stops.turn_rad_s(time_s)
         if lane is None:
             return 0.0, turn or 0.0
-        self._s_m = lane.path.project(pose[:2], self._s_m)
+        self._s_m = lane.path.project(pose[:2], self._s_m, _NEAR_M)
         route = self._robot.route
         if isinstance(route, scenario.WaypointRoute):
             left, gap_m = lane.path.length_m - self._s_m, 0.0

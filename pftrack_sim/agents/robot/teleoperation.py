@@ -78,14 +78,14 @@ class Wander:
         share = (np.arange(_COSINES) + rng.random(_COSINES)) / _COSINES
         omega = 2.0 * math.pi / period_s * (0.4 + 1.2 * share)
         phase = rng.uniform(0.0, 2.0 * math.pi, _COSINES)
-        self._omega, self._phase = omega, phase
+        self._cosines: list[tuple[float, float]] = np.stack([omega, phase], axis=1).tolist()
         self._amplitude = rms * math.sqrt(2.0 / _COSINES)
 
     def at(self, time_s: float) -> float:
         """Value at a time."""
         if self._amplitude == 0.0:
             return 0.0
-        return self._amplitude * float(np.cos(self._omega * time_s + self._phase).sum())
+        return self._amplitude * sum([math.cos(omega * time_s + phase) for omega, phase in self._cosines])
 
 
 class Head:

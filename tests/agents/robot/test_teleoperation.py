@@ -78,6 +78,13 @@ def test_an_operator_of_zeros_is_the_steady_one():
     assert Stops(Operator(), 3).turn_rad_s(7.0) is None
 
 
+def test_the_bearing_is_to_the_left_and_up_of_the_optical_axis():
+    T = camera(1.0, 2.0, math.radians(90.0))
+    left, up = bearing(T, (0.0, 3.0))
+    assert left == pytest.approx(math.radians(45.0))
+    assert up == pytest.approx(math.atan2(1.1 - T[2, 3], math.sqrt(2.0)))
+
+
 @pytest.mark.parametrize("character", CHARACTERS)
 def test_a_character_gives_the_keys_left_out(character: str):
     given = Operator.model_validate({"character": character, "wander_s": 9.0})
