@@ -87,6 +87,7 @@ def _json_numbers(one: Profile) -> dict[str, float | None]:
 
 def _print(profiles: Mapping[str, Profile]) -> None:
     """Print profiles beside the quantiles of recorded video; numbers outside of its middle half are marked."""
+    from pftrack_sim.report.tables import Table
     from pftrack_sim.score.profile import QUANTILES, ends_reached, recorded_quantiles
 
     recorded = recorded_quantiles()
@@ -100,25 +101,20 @@ def _print(profiles: Mapping[str, Profile]) -> None:
             *(f"{share:.0%}" for share in QUANTILES),
             *(name.replace("/", "/\n").replace(" ", "\n") for name in shown),
         )
-        table = tables.new_table("Profile, after the quantiles of 48 recorded sequences", ("number",), heads)
-        for key, quantiles in recorded.items():
-            cells = [_marked(columns[name][key], quantiles) for name in shown]
-            table.add_row(key, *(_short(value) for value in quantiles), *cells)
-        tables.print_table(table)
+        rows = [
+            [key, *map(_short, quantiles), *(_marked(columns[name][key], quantiles) for name in shown)]
+            for key, quantiles in recorded.items()
+        ]
+        title = "Profile, after the quantiles of 48 recorded sequences"
+        tables.print_table(Table(title, ("number",), heads, rows))
     if len(profiles) > 1:
-        table = tables.new_table(
-            "Least and greatest, and which ends of the recorded 10 to 90 % they reach",
-            ("number",),
-            ("10%", "90%", "least", "greatest", "ends"),
-        )
+        rows: list[list[str]] = []
         for key, (low, *_, high) in recorded.items():
             values = [value for one in profiles.values() if not math.isnan(value := getattr(one, key))] or [math.nan]
-            cells = [_short(value) for value in (low, high, min(values), max(values))]
-            table.add_row(key, *cells, ends_reached(key, values))
-        tables.print_table(table)
-    tables.console.print(
-        "< below 25 %, << below 10 %, > above 75 %, >> above 90 % of the recorded sequences", soft_wrap=True
-    )
+            rows.append([key, *map(_short, (low, high, min(values), max(values))), ends_reached(key, values)])
+        title = "Least and greatest, and which ends of the recorded 10 to 90 % they reach"
+        tables.print_table(Table(title, ("number",), ("10%", "90%", "least", "greatest", "ends"), rows))
+    tables.print_lines(["< below 25 %, << below 10 %, > above 75 %, >> above 90 % of the recorded sequences"])
 
 
 def _marked(value: float, quantiles: Sequence[float]) -> str:

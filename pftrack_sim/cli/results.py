@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,6 +62,7 @@ def score(
 def _print_scored(found: Scored) -> None:
     """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
     from pftrack_sim.benchmark.results import score_text
+    from pftrack_sim.report.tables import Table, interval_of, number_text
 
     overlaps: dict[str, dict[str, list[float]]] = {}
     groups: dict[tuple[str, str], list[Summary]] = {}
@@ -72,27 +72,25 @@ def _print_scored(found: Scored) -> None:
         groups.setdefault(("", tracker), []).append(one.summary)
     trackers = [tracker for _, tracker in groups]
     if len(overlaps) <= _MOST_SEQUENCES:
-        table = tables.new_table("Mean overlap per sequence", ("sequence",), trackers)
-        for name, by_tracker in overlaps.items():
-            runs = [by_tracker.get(one, []) for one in trackers]
-            table.add_row(name, *(f"{sum(run) / len(run):.3f}" if run else "-" for run in runs))
-        tables.print_table(table)
+        rows = [
+            [name, *(number_text(interval_of(by_tracker.get(one, []))[0]) for one in trackers)]
+            for name, by_tracker in overlaps.items()
+        ]
+        tables.print_table(Table("Mean overlap per sequence", ("sequence",), trackers, rows))
     tables.print_groups("frames with a known box", groups, unit="result")
     if found.benchmark:
         heads = list(next(iter(found.benchmark.values())))
         spaced = [name.replace("_", "\n", 1) for name in heads]
-        table = tables.new_table("As the benchmark's own scorer computes them", ("tracker",), spaced)
-        for tracker, values in found.benchmark.items():
-            table.add_row(tracker, *(score_text(values[name]) for name in heads))
-        tables.print_table(table)
+        rows = [[one, *(score_text(values[name]) for name in heads)] for one, values in found.benchmark.items()]
+        tables.print_table(Table("As the benchmark's own scorer computes them", ("tracker",), spaced, rows))
     if found.comparisons:
-        table = tables.new_table(
-            "Differences of mean overlap over sequences (95% interval, p of the sign-flip test after Holm)",
-            ("first", "second"),
-            ("sequences", "first - second", "p"),
-        )
-        for pair in found.comparisons:
-            ends = "" if math.isnan(pair.low) else f"\n{pair.low:+.3f} to {pair.high:+.3f}"
-            p = "-" if math.isnan(pair.p_corrected) else f"{pair.p_corrected:.3f}"
-            table.add_row(pair.first, pair.second, str(pair.seeds), f"{pair.difference:+.3f}{ends}", p)
-        tables.print_table(table)
+        title = "Differences of mean overlap over sequences (95% interval, p of the sign-flip test after Holm)"
+        rows = [
+            [
+                *(pair.first, pair.second, str(pair.seeds)),
+                tables.difference_text(pair.difference, pair.low, pair.high),
+                number_text(pair.p_corrected),
+            ]
+            for pair in found.comparisons
+        ]
+        tables.print_table(Table(title, ("first", "second"), ("sequences", "first - second", "p"), rows))

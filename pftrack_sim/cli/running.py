@@ -83,10 +83,7 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
             cache=cache,
             on_progress=on_progress,
         )
-    tables.print_bench(finished.results)
-    tables.print_axes(finished)
-    tables.print_follow(finished.results)
-    tables.print_suites(plan, finished.results)
+    tables.print_run(plan, finished)
     tables.print_folder(path)
     write_page(path)
     tables.print_tracebacks(finished)

@@ -20,8 +20,8 @@ from pftrack_sim.benchmark.kept.checksums import update_sum
 from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.results import score_text
 from pftrack_sim.report.contents import contents
-from pftrack_sim.report.markdown import number_text
 from pftrack_sim.report.strips import strips
+from pftrack_sim.report.tables import number_text
 from pftrack_sim.scenario import Scenario
 
 _PAGE = Path(__file__).parent / "page"

@@ -23,7 +23,7 @@ from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.contents import COVERED_BELOW, read_frames, spans
-from pftrack_sim.report.markdown import number_text
+from pftrack_sim.report.tables import number_text
 
 _PAGE = Path(__file__).parent / "page"
 _MOST_EPISODES = 12

@@ -22,7 +22,7 @@ from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import by_episode, read_frames
-from pftrack_sim.report.markdown import interval, number_text
+from pftrack_sim.report.tables import interval, number_text
 
 LINES = ("-", "--", ":", "-.")
 """Dashes of trackers that share a colour, in this order."""

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
-from pftrack_sim.benchmark.claims import REFERENCES, Interval, compare_with_paper, evaluate_claims
-from pftrack_sim.benchmark.degradation import TITLES, degradation, table_rows
+from pftrack_sim.benchmark.claims import REFERENCES, evaluate_claims
 from pftrack_sim.benchmark.kept.files import write_bytes
-from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.report.axes import axes_rows
 from pftrack_sim.report.profile_tables import profile_table
+from pftrack_sim.report.tables import (
+    Table,
+    axes,
+    following,
+    interval,
+    number_text,
+    paper_table,
+    people,
+    place_of,
+    range_text,
+)
+from pftrack_sim.scenario.axes import axes_by_name
 
 _BLOCK = re.compile(r"(?P<begin><!-- tables of (?P<name>[^\s>]+) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL)
 
@@ -24,21 +33,8 @@ _LIST = re.compile(
     r"(?P<begin><!-- list of (?P<name>axes|measures) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL
 )
 
-_FOLLOWING = {
-    "success": "success",
-    "tracked": "tracking_rate",
-    "within": "within",
-    "collided": "collision",
-    "RMS of distance [m]": "distance_rms_m",
-    "RMS of bearing [deg]": "bearing_rms_deg",
-}
-_PROPORTIONS = ("success", "collision")
-
-_COVERING = ("occlusion", "distractors")
-"""Axes that hide the target, over which recoveries are shown."""
-
 _MOST_COLUMNS = 12
-"""Columns, for scenarios and conditions, above which the table of overlaps is too wide to read and left out."""
+"""Columns, for scenarios and conditions, above which a table of overlaps has none."""
 
 _BESIDE_OVERLAP = {
     "skill": "skill",
@@ -97,7 +93,12 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
 
 
 def _axes_list() -> str:
-    return _table(["Axis", "severity 1", "law", "reference"], list(axes_rows()))
+    """The stress axes, with what severity 1 is."""
+    rows = [
+        [f"`{name}`", f"{axis(severity=1.0).physical:.3g} {axis.unit}", axis.law, axis.source]
+        for name, axis in axes_by_name().items()
+    ]
+    return _table(["Axis", "severity 1", "law", "reference"], rows)
 
 
 def _measures() -> str:
@@ -115,43 +116,19 @@ def _measures() -> str:
 
 def tables(store: RunStore) -> str:
     """Tables of a run: of overlaps, of following, of everybody in view, and of its suites with their claims."""
-    results = store.results
-    columns = list(dict.fromkeys(_column(result) for result in results))
-    wide = len(columns) > _MOST_COLUMNS or any(suite.table for suite in store.plan.suites)
-    parts = [_overlaps(results, [] if wide else columns), *_axes(store)]
-    if any(result.following for result in results):
-        parts.append(_following(results))
-    if any(not math.isnan(result.number("hota")) for result in results):
-        parts.append(_people(results))
-    for suite in store.plan.suites:
-        parts += _suite(suite, results)
+    results, suites = store.results, store.plan.suites
+    places = list(dict.fromkeys(place_of(result) for result in results))
+    wide = len(places) > _MOST_COLUMNS or any(suite.table for suite in suites)
+    found = [*axes(store), *following(results), *people(results)]
+    parts = [_overlaps(results, [] if wide else places), *map(_markdown, found)]
+    for suite in suites:
+        parts += [_markdown(one) for one in paper_table(suite, results)]
+        parts += _claims(suite, results)
     return "\n".join(parts)
 
 
-def _suite(suite: Suite, results: Sequence[Result]) -> Iterator[str]:
-    if suite.table is not None:
-        heads = [name.rpartition("/")[2] for name in suite.table.columns]
-        rows: list[list[str]] = []
-        for row in compare_with_paper(suite, results):
-            ours = [*(number_text(one[0], 1) for one in row.ours[:-1]), _ranged(row.ours[-1], 1)]
-            cells = [f"{number_text(printed, 1)} / {own}" for printed, own in zip(row.printed, ours, strict=True)]
-            rows.append([f"`{row.tracker}`", *cells])
-        yield _table([f"{suite.table.title}: printed / simulated", *heads, "mean"], rows)
-    claims = evaluate_claims(suite, results)
-    if claims:
-        rows = [
-            [
-                claim.statement,
-                claim.verdict,
-                "; ".join(f"{one.name} {_ranged((one.difference, one.low, one.high), 3)}" for one in claim.comparisons),
-            ]
-            for claim in claims
-        ]
-        yield _table(["Claim of the paper", "Verdict", "Difference (95 % interval over seeds)"], rows)
-
-
-def _overlaps(results: Sequence[Result], columns: Sequence[str]) -> str:
-    """Overlap by tracker in descending order, in each scenario and condition and over all, and what stands beside it.
+def _overlaps(results: Sequence[Result], places: Sequence[str]) -> str:
+    """Overlap by tracker in descending order, at each place and over all, and what stands beside it.
 
     In open loop the references are rows, since all trackers have the same frames.
     """
@@ -159,99 +136,47 @@ def _overlaps(results: Sequence[Result], columns: Sequence[str]) -> str:
     beside = {**_BESIDE_OVERLAP, **({name: name for name in REFERENCES} if closed else {})}
 
     def cells(measure: str, own: Sequence[Result]) -> list[str]:
-        means = [interval(measure, [one for one in own if _column(one) == name])[0] for name in columns]
-        return [number_text(mean, 3) for mean in means]
+        return [number_text(interval(measure, [one for one in own if place_of(one) == name])[0]) for name in places]
 
     rows: list[tuple[float, list[str]]] = []
     for label in dict.fromkeys(result.label for result in results):
         own = [result for result in results if result.label == label]
         mean = score.mean_summary([result.measures for result in own])
-        overall = _ranged(interval("mean_overlap", own), 3)
-        others = [number_text(getattr(mean, name), 3) for name in beside.values()]
+        others = [number_text(getattr(mean, name)) for name in beside.values()]
+        overall = range_text(interval("mean_overlap", own))
         rows.append((mean.mean_overlap, [f"`{label}`", *cells("mean_overlap", own), overall, *others]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
     references = [
-        [name, *cells(name, results), number_text(interval(name, results)[0], 3), *["-"] * len(beside)]
+        [name, *cells(name, results), number_text(interval(name, results)[0]), *["-"] * len(beside)]
         for name in (() if closed else REFERENCES)
     ]
-    return _table(["Mean overlap", *columns, "mean", *beside], [*(row for _, row in rows), *references])
+    return _table(["Mean overlap", *places, "mean", *beside], [*(row for _, row in rows), *references])
 
 
-def _axes(store: RunStore) -> Iterator[str]:
-    """Scores over every axis with at least two levels, a row for each."""
-    found = degradation(store).curves
-    for measure, title in TITLES.items():
-        rows = table_rows(found, measure)
-        if measure == "recovered":
-            rows = [row for row in rows if row.at.axis.split()[-1] in _COVERING]
-        if rows:
-            labels = list(rows[0].means)
-            cells = [
-                [
-                    f"{row.at.axis}",
-                    f"{row.at.level:g}",
-                    f"{row.at.x:g}",
-                    *(number_text(row.means[one], 3) for one in labels),
-                ]
-                for row in rows
-            ]
-            yield f"{title}:\n\n" + _table(["Axis", "level", "in its unit", *labels], cells)
+def _markdown(table: Table) -> str:
+    """A table with its title as the head of its first column; definitions are elsewhere in the document."""
+    of_trackers = table.names[-1].startswith("tracker")
+
+    def cells(row: Sequence[str]) -> list[str]:
+        *place, name = row[: len(table.names)]
+        return [", ".join([*place, f"`{name}`" if of_trackers else name]), *row[len(table.names) :]]
+
+    return _table([table.title, *table.numbers], [cells(row) for row in table.rows])
 
 
-def _following(results: Sequence[Result]) -> str:
-    """Measures of following by scenario, condition and tracker."""
-    rows: list[list[str]] = []
-    for column, label in dict.fromkeys((_column(result), result.label) for result in results):
-        own = [result for result in results if (_column(result), result.label) == (column, label)]
-        cells = [_ranged(interval(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in _FOLLOWING.values()]
-        rows.append([f"{column}, `{label}`", str(len(own)), *cells])
-    return _table(["Following", "seeds", *_FOLLOWING], rows)
-
-
-def _people(results: Sequence[Result]) -> str:
-    """Scores of everybody in view by scenario, condition and tracker of several people."""
-    groups: dict[tuple[str, str], list[Result]] = {}
-    for result in results:
-        if not math.isnan(result.number("hota")):
-            groups.setdefault((_column(result), result.label), []).append(result)
+def _claims(suite: Suite, results: Sequence[Result]) -> list[str]:
     rows = [
         [
-            f"{column}, `{label}`",
-            str(len(own)),
-            *(
-                _ranged(interval(name.lower(), own), 1 if name == "switches" else 3)
-                for name in score.PEOPLE_DEFINITIONS
-            ),
+            claim.statement,
+            claim.verdict,
+            "; ".join(f"{one.name} {range_text((one.difference, one.low, one.high))}" for one in claim.comparisons),
         ]
-        for (column, label), own in groups.items()
+        for claim in evaluate_claims(suite, results)
     ]
-    return _table(["Everybody in view", "seeds", *score.PEOPLE_DEFINITIONS], rows)
-
-
-def _column(result: Result) -> str:
-    return result.scenario if not result.condition.levels else f"{result.scenario} {result.condition.name}"
-
-
-def interval(measure: str, results: Sequence[Result], proportion: bool = False) -> Interval:
-    """Mean of a measure over results that have it, and its 95 % interval; NaN where none has."""
-    values = [value for result in results if not math.isnan(value := result.number(measure))]
-    if not values:
-        return math.nan, math.nan, math.nan
-    rng = random_streams.stream(0, "bootstrap")
-    low, high = score.proportion_interval(values) if proportion else score.bootstrap_interval(values, rng)
-    return sum(values) / len(values), low, high
+    heads = ["Claim of the paper", "Verdict", "Difference (95 % interval over seeds)"]
+    return [_table(heads, rows)] if rows else []
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [heads, ["---"] * len(heads), *rows]
     return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |\n" for line in lines)
-
-
-def _ranged(interval: Interval, digits: int) -> str:
-    mean, low, high = (number_text(value, digits) for value in interval)
-    return mean if low == "-" else f"{mean} ({low} to {high})"
-
-
-def number_text(value: float, digits: int) -> str:
-    """A number with so many decimals, or `-` for NaN."""
-    return "-" if math.isnan(value) else f"{value:.{digits}f}"

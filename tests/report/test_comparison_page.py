@@ -18,6 +18,7 @@ from pftrack_sim.benchmark.losses import TAGS
 from pftrack_sim.cli import reading, tables
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.report.comparison import _parting_s
+from pftrack_sim.report.tables import Table
 
 
 @pytest.mark.slow
@@ -97,9 +98,8 @@ def test_no_column_of_the_printed_comparison_is_cut_at_80_columns(
     lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert next(line for line in lines if "first  second" in line).endswith("verdict")
     assert {" ".join(line.split()[-2:]) for line in lines} >= {"too few", "-0.850 seeds"}
-    table = tables.new_table("many", ("place",), [f"my_long_tracker_{k}" for k in range(8)])
-    table.add_row("here", *(f"0.{k}99" for k in range(8)))
-    tables.print_table(table)
+    heads = [f"my_long_tracker_{k}" for k in range(8)]
+    tables.print_table(Table("many", ("place",), heads, [["here", *(f"0.{k}99" for k in range(8))]]))
     printed = capsys.readouterr().out
     assert all(f"my_long_tracker_{k}" in printed and f"0.{k}99" in printed for k in range(8)), printed
 

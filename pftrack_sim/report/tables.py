@@ -1,0 +1,184 @@
+"""Tables of results as values: a terminal prints them, a document holds them as Markdown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from pftrack_sim import score
+from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.asked.suite import Suite
+from pftrack_sim.benchmark.claims import Interval, compare_with_paper
+from pftrack_sim.benchmark.degradation import TITLES, degradation, table_rows
+from pftrack_sim.core import random_streams
+
+FOLLOWING: Mapping[str, str] = MappingProxyType(
+    {
+        "success": "success",
+        "tracked": "tracking_rate",
+        "within": "within",
+        "collided": "collision",
+        "RMS of distance [m]": "distance_rms_m",
+        "RMS of bearing [deg]": "bearing_rms_deg",
+    }
+)
+"""Columns of the table of following, and their measures."""
+
+_PROPORTIONS = ("success", "collision")
+_COVERING = ("occlusion", "distractors")
+"""Axes that hide the target, over which recoveries are shown."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text.
+
+    Attributes:
+        title: What it shows.
+        names: Heads of its columns of text.
+        numbers: Heads of its columns of numbers, to the right of those.
+        rows: Its cells.
+        notes: Definitions of heads, by name.
+        grouped: Whether the first column is a place, under which the rows of its trackers belong together.
+    """
+
+    title: str
+    names: Sequence[str]
+    numbers: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Mapping[str, str] = field(default_factory=dict[str, str])
+    grouped: bool = False
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """A number with so many decimals, or `-` for NaN."""
+    return "-" if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def range_text(interval: Interval, digits: int = 3) -> str:
+    """`0.497 (0.422 to 0.570)`, or the mean alone where there is no interval."""
+    mean, low, high = (number_text(value, digits) for value in interval)
+    return mean if low == "-" else f"{mean} ({low} to {high})"
+
+
+def interval(measure: str, results: Iterable[Result], proportion: bool = False) -> Interval:
+    """Mean of a measure over results that have it, and its 95 % interval; NaN where none has."""
+    return interval_of([result.number(measure) for result in results], proportion)
+
+
+def interval_of(values: Iterable[float], proportion: bool = False) -> Interval:
+    """Mean of the known values and its 95 % interval: Wilson's of a proportion, else bootstrapped."""
+    known = [value for value in values if not math.isnan(value)]
+    if not known:
+        return math.nan, math.nan, math.nan
+    # The same random stream for every cell: an interval does not depend on the other rows.
+    rng = random_streams.stream(0, "bootstrap")
+    low, high = score.proportion_interval(known) if proportion else score.bootstrap_interval(known, rng)
+    return sum(known) / len(known), low, high
+
+
+def place_of(result: Result) -> str:
+    """`"corridor jitter=2"`; the base condition has the scenario's name alone."""
+    return result.scenario if not result.condition.levels else f"{result.scenario} {result.condition.name}"
+
+
+def summaries(
+    frames: str, groups: Mapping[tuple[str, str], Sequence[score.Summary]], unit: str, *, wide: bool
+) -> Table:
+    """Means over seeds, or other units, by (place, tracker), with the median time per frame.
+
+    Args:
+        frames: Which frames count.
+        groups: Summaries by place and tracker.
+        unit: What the means are over.
+        wide: Whether there is room for the precision at 20 px.
+    """
+    places = dict.fromkeys(place for place, _ in groups)
+    counts = {len(found) for found in groups.values()}
+    count = f" {min(counts)}" if len(counts) == 1 else ""
+    where = f" in {next(iter(places))}" if len(places) == 1 and any(places) else ""
+    beside = {"stay": "stay", "skill": "skill", "tracked\n>= 0.5": "success", "\n>= 0.3": "success_30"}
+    beside |= {"centre\ninside": "centre_inside", "ceiling": "ceiling"} | (
+        {"precision\n@ 20 px": "precision"} if wide else {}
+    )
+    rows: list[list[str]] = []
+    for (place, label), found in groups.items():
+        mean = score.mean_summary(list(found))
+        overlap = range_text(interval_of(one.mean_overlap for one in found))
+        took = [one.ms_median for one in found if not math.isnan(one.ms_median)]
+        cells = [overlap, *(number_text(getattr(mean, name)) for name in beside.values())]
+        ms = f"{float(np.median(took)):.2f}" if took else "-"
+        rows.append([place, label, *([] if count else [str(len(found))]), *cells, ms])
+    title = f"Over{count or ' all'} {unit}{'' if count == ' 1' else 's'}{where} ({frames})"
+    heads = [*([] if count else [f"{unit}s"]), "mean\noverlap", *beside, "ms"]
+    if len(places) > 1:
+        return Table(title, ["", "tracker"], heads, rows, score.DEFINITIONS, grouped=True)
+    return Table(title, ["tracker"], heads, [row[1:] for row in rows], score.DEFINITIONS)
+
+
+def following(results: Sequence[Result], columns: Mapping[str, str] = FOLLOWING) -> Iterator[Table]:
+    """Measures of following by place and tracker; none for runs in open loop."""
+    found = [
+        [
+            *(place, label, str(len(own))),
+            *(range_text(interval(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in columns.values()),
+        ]
+        for (place, label), own in _by_place(one for one in results if one.following is not None).items()
+    ]
+    if found:
+        notes = score.FOLLOWING_DEFINITIONS
+        yield Table("Following", ["", "tracker+controller"], ["seeds", *columns], found, notes, grouped=True)
+
+
+def people(results: Sequence[Result], heads: Sequence[str] = tuple(score.PEOPLE_DEFINITIONS)) -> Iterator[Table]:
+    """Scores of everybody in view by place and tracker of several people; none without one."""
+    found = [
+        [
+            *(place, label, str(len(own))),
+            *(range_text(interval(name.lower(), own), 1 if name == "switches" else 3) for name in heads),
+        ]
+        for (place, label), own in _by_place(one for one in results if not math.isnan(one.number("hota"))).items()
+    ]
+    if found:
+        notes = {name: score.PEOPLE_DEFINITIONS[name] for name in heads}
+        yield Table("Everybody in view", ["", "tracker"], ["seeds", *heads], found, notes, grouped=True)
+
+
+def paper_table(suite: Suite, results: Sequence[Result]) -> Iterator[Table]:
+    """The table of a suite's paper, each cell beside that of the results; none where the suite has none."""
+    if suite.table is None:
+        return
+    rows: list[list[str]] = []
+    for row in compare_with_paper(suite, results):
+        ours = [*(number_text(one[0], 1) for one in row.ours[:-1]), range_text(row.ours[-1], 1)]
+        rows.append(
+            [row.tracker, *(f"{number_text(one, 1)} / {own}" for one, own in zip(row.printed, ours, strict=True))]
+        )
+    heads = [name.rpartition("/")[2] for name in suite.table.columns]
+    yield Table(f"{suite.table.title}: printed / simulated", ["tracker"], [*heads, "mean"], rows)
+
+
+def axes(store: RunStore) -> Iterator[Table]:
+    """Scores over every axis with at least two levels, on the same frames at each."""
+    found = degradation(store).curves
+    for measure, title in TITLES.items():
+        rows = table_rows(found, measure)
+        if measure == "recovered":
+            rows = [row for row in rows if row.at.axis.split()[-1] in _COVERING]
+        if rows:
+            cells = [
+                [row.at.label, f"{row.at.level:g}", f"{row.at.x:g}", *map(number_text, row.means.values())]
+                for row in rows
+            ]
+            yield Table(title, ["axis"], ["level", "in its unit", *rows[0].means], cells)
+
+
+def _by_place(results: Iterable[Result]) -> dict[tuple[str, str], list[Result]]:
+    groups: dict[tuple[str, str], list[Result]] = {}
+    for one in results:
+        groups.setdefault((place_of(one), one.label), []).append(one)
+    return groups
