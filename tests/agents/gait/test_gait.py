@@ -374,6 +374,8 @@ def test_a_raised_arm_leaves_everything_else_in_place(postures: dict[str, Postur
     (plain, _), (waving, _) = standing(postures["plain"]), standing(postures["wave"])
     forearm, neck = PARTS.index("right-forearm"), PARTS.index("head")
     assert (waving[:, forearm, 2] > plain[:, neck, 2]).all()
+    reaching, _ = standing(Posture(arms=(None, Arm(1.0, shoulder=1.2, elbow=0.5))))
+    assert (reaching[:, forearm, 0] > plain[:, forearm, 0] + 0.15).all()
     others = [index for index in range(len(PARTS)) if index != forearm]
     assert np.abs(waving[:, others] - plain[:, others]).max() < 1e-9
 
