@@ -14,7 +14,6 @@ from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
 from pftrack_sim.scene import places
 from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
-from pftrack_sim.scene.places.fixed import fixed_props
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 KINDS = get_args(Place.model_fields["kind"].annotation)
@@ -86,27 +85,15 @@ def test_place_compiles_within_its_triangle_budget(kind: str, seed: int) -> None
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_same_seed_gives_the_same_model(kind: str) -> None:
+def test_same_seed_gives_the_same_model_whatever_was_built_in_between(kind: str) -> None:
     first, _ = built_place(kind, 3)
-    spec = SceneSpec()
-    places.add_place(spec, Place(kind=kind), Lights(), stream(3, "place"))
-    second = spec.compile()
-    for field in ("geom_pos", "geom_quat", "body_pos", "body_quat", "mesh_vert", "mesh_texcoord", "mesh_face"):
-        np.testing.assert_array_equal(getattr(first, field), getattr(second, field))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_fixed_props_are_built_once_and_other_seeds_do_not_change_them(kind: str) -> None:
-    first, _ = built_place(kind, 3)
-    built = fixed_props.cache_info().misses
-    again: list[mujoco.MjModel] = []
     for seed, patches in ((4, 0.3), (3, 0.0)):
         spec = SceneSpec()
         places.add_place(spec, Place(kind=kind), Lights(patches=patches), stream(seed, "place"))
-        again.append(spec.compile())
-    assert fixed_props.cache_info().misses == built
-    for field in ("geom_pos", "geom_rgba", "mesh_vert", "mesh_normal", "mesh_texcoord", "mesh_face", "tex_data"):
-        np.testing.assert_array_equal(getattr(first, field), getattr(again[1], field))
+    second = spec.compile()
+    fields = ("geom_pos", "geom_quat", "geom_rgba", "body_pos", "body_quat")
+    for field in (*fields, "mesh_vert", "mesh_normal", "mesh_texcoord", "mesh_face", "tex_data"):
+        np.testing.assert_array_equal(getattr(first, field), getattr(second, field))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -173,6 +160,17 @@ def test_shipped_paths_of_target_and_robot_keep_clear_of_obstacles(name: str, se
         assert track[:, 1].max() <= high - 0.5
         nearest = min(track, key=lambda point: clearance_m(area, point))
         assert clearance_m(area, nearest) >= margin, nearest
+
+
+@pytest.mark.parametrize("name", scenario.names())
+def test_the_target_of_every_scenario_keeps_its_shoulders_clear(name: str) -> None:
+    for seed in (0, 1):
+        settings = scenario.load(name).resolve(seed)
+        target, place = settings.target, settings.place.model_copy(update={"clutter": 1.0})
+        area = places.add_place(SceneSpec(), place, settings.lights, stream(seed, "place"))
+        walked = resampled(np.array(target.path_m))[: int(10 * target.speed_m_s * settings.duration_s)]
+        nearest = min(walked, key=lambda point: clearance_m(area, point))
+        assert clearance_m(area, nearest) > 0.25, (seed, nearest)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

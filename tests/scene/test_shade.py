@@ -79,14 +79,3 @@ def test_patches_change_the_image_and_not_the_truth() -> None:
     assert np.abs(patchy.image.astype(float) - even.image).mean() > 3.0
     assert even.truth.visible_fraction == patchy.truth.visible_fraction
     np.testing.assert_array_equal(even.truth.visible_box, patchy.truth.visible_box)
-
-
-def test_crowns_and_their_leaves_are_as_wide_as_asked():
-    half = 1.0
-    mesh = foliage(BOUNDS, 0.3, 2.0 * half, 5.0, np.random.default_rng(3))
-    count = len(mesh.vertices) // 22
-    crowns = mesh.vertices.reshape(count, 22, 3)
-    for middle, first, last in ((0, 1, 10), (10, 11, 16), (16, 17, 22)):
-        radii = np.linalg.norm(crowns[:, first:last] - crowns[:, middle : middle + 1], axis=2)
-        assert radii.min() > (0.12 * 0.6 * 0.7 * half if middle else 0.6 * 0.75 * half) - 1e-9
-        assert radii.max() < (0.3 * 1.3 * 1.2 * half if middle else 1.3 * 1.15 * half) + 1e-9

@@ -10,7 +10,7 @@ from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.fixed import FixedProps
 from pftrack_sim.scene.places.materials import texture, tiling
-from pftrack_sim.scene.places.meshes import ALL_FACES, SIDES, Prop, box, cylinder, quad
+from pftrack_sim.scene.places.meshes import ALL_FACES, SIDES, Prop, box, quad
 from pftrack_sim.scene.places.props import advertising_column, framed_poster, planter, potted_plant, signboard
 
 BOUNDS = (-6.0, -12.0, 36.0, 12.0)
@@ -107,24 +107,6 @@ def _front(length: float, first: int) -> Prop:
     )
 
 
-def _column() -> Prop:
-    concrete, steel = texture("concrete"), texture("steel-dark")
-    return (
-        cylinder(concrete, (0, 0, 0), 0.34, _ROOF, 14),
-        cylinder(steel, (0, 0, 0), 0.38, 0.5, 14),
-        cylinder(steel, (0, 0, 2.6), 0.36, 0.3, 14),
-    )
-
-
-def _ticket_machine(display: str) -> Prop:
-    """A ticket machine, its front towards -y."""
-    return (
-        box(texture("paint-blue"), (0, 0, 0.9), (0.7, 0.5, 1.8)),
-        quad(texture(display), (-0.25, -0.26, 1.0), (0.5, 0, 0), (0, 0, 0.5)),
-        quad(texture("grille"), (-0.2, -0.26, 0.4), (0.4, 0, 0), (0, 0, 0.3)),
-    )
-
-
 def _departures() -> Prop:
     """A board that hangs across the hall, legible from both sides; the origin is at its lower edge."""
     black, white = texture("paint-black"), texture("white")
@@ -140,9 +122,10 @@ def _departures() -> Prop:
 
 def _add_columns(props: FixedProps) -> None:
     """Add the columns and the departure boards."""
+    column = load_prop("round-column")
     for row, y in enumerate(_COLUMNS_Y):
         for index, x in enumerate(_COLUMNS_X):
-            props.add(f"pillar-{row * len(_COLUMNS_X) + index + 1}", _column(), (x, y), collider=(0.36, 0.36, _ROOF))
+            props.add(f"pillar-{row * len(_COLUMNS_X) + index + 1}", column, (x, y), collider=(0.36, 0.36, _ROOF))
     for index, x in enumerate((9.0, 25.0)):
         props.add(f"departures-{index + 1}", _departures(), (x, 0.0, 3.6), casts_shadow=False)
 
@@ -151,7 +134,7 @@ def _add_machines(props: FixedProps) -> None:
     """Add the kiosk and the ticket machines."""
     props.add("kiosk-1", load_prop("kiosk"), (22.6, 8.6), collider=(1.75, 1.6, 2.8))
     for index, x in enumerate((1.0, 1.9, 2.8)):
-        machine = _ticket_machine(f"display-{index}")
+        machine = load_prop("ticket-machine", display=f"display-{index}")
         props.add(f"ticket-machine-{index + 1}", machine, (x, 6.6), collider=(0.35, 0.25, 1.8))
 
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scene.places.materials import AtlasRegion, Texture
+from pftrack_sim.scene.places.materials import Texture
 from pftrack_sim.scene.scene_spec import mesh_file
 
 
@@ -65,22 +65,13 @@ def quad(
     normal = _cross(right, up)
     normals = np.empty_like(vertices)
     normals[:] = normal / np.linalg.norm(normal)
-    if isinstance(texture, AtlasRegion):
-        uv = _region_of_grid(texture, columns, rows)
-    else:
-        uv = texture.coordinates(unit, (float(np.linalg.norm(right)), float(np.linalg.norm(up))))
+    uv = texture.coordinates(unit, (float(np.linalg.norm(right)), float(np.linalg.norm(up))))
     return TexturedMesh(texture.material, vertices, normals, uv, _grid_triangles(columns, rows))
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     # For single vectors ten times as fast as np.cross; a place has thousands of faces.
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-@lru_cache(maxsize=512)
-def _region_of_grid(texture: AtlasRegion, columns: int, rows: int) -> FloatArray:
-    """Texture coordinates of the corners of the cells of a face; read-only."""
-    return _frozen(texture.coordinates(_grid_points(columns, rows), 1.0))
 
 
 def _frozen(array: FloatArray) -> FloatArray:
@@ -138,17 +129,8 @@ def box(texture: Texture, centre: ArrayLike, size: ArrayLike, faces: tuple[str, 
     vertices, normals, unit, edges, triangles = _cube(faces)
     lengths = np.asarray(size, dtype=np.float64)
     corners = np.asarray(centre, dtype=np.float64) + vertices * (0.5 * lengths)
-    if isinstance(texture, AtlasRegion):
-        uv = _region_of_cube(texture, faces)
-    else:
-        uv = texture.coordinates(unit, np.repeat(edges @ lengths, 4, axis=0))
+    uv = texture.coordinates(unit, np.repeat(edges @ lengths, 4, axis=0))
     return TexturedMesh(texture.material, corners, normals, uv, triangles)
-
-
-@lru_cache(maxsize=512)
-def _region_of_cube(texture: AtlasRegion, faces: tuple[str, ...]) -> FloatArray:
-    """Texture coordinates of the vertices of some faces of a cube; read-only."""
-    return _frozen(texture.coordinates(_cube(faces)[2], 1.0))
 
 
 def cylinder(
@@ -158,14 +140,7 @@ def cylinder(
 
     `base` `(3,)` is the centre of the lower end [m]; radii and height are in metres.
     """
-    mesh = _cylinder(texture, radius, height, sides, radius if top_radius is None else top_radius)
-    vertices = mesh.vertices + np.asarray(base, dtype=np.float64)
-    return TexturedMesh(texture.material, vertices, mesh.normals, mesh.uv, mesh.faces)
-
-
-@lru_cache(maxsize=512)
-def _cylinder(texture: Texture, radius: float, height: float, sides: int, top: float) -> TexturedMesh:
-    """A cylinder with its base at the origin; read-only."""
+    top = radius if top_radius is None else top_radius
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
     slope = np.array([0.0, 0.0, (radius - top) / max(height, 1e-6)])
@@ -177,9 +152,9 @@ def _cylinder(texture: Texture, radius: float, height: float, sides: int, top: f
     fan = 2 * (sides + 1) + np.column_stack([np.zeros(sides - 2), np.arange(1, sides - 1), np.arange(2, sides)])
     return TexturedMesh(
         texture.material,
-        _frozen(np.concatenate([low, high, high[:-1]])),
-        _frozen(np.concatenate([outward, outward, np.tile([0.0, 0.0, 1.0], (sides, 1))])),
-        _frozen(np.concatenate([texture.coordinates(unit, size), texture.coordinates(lid, (2.0 * top, 2.0 * top))])),
+        np.concatenate([low, high, high[:-1]]) + np.asarray(base, dtype=np.float64),
+        np.concatenate([outward, outward, np.tile([0.0, 0.0, 1.0], (sides, 1))]),
+        np.concatenate([texture.coordinates(unit, size), texture.coordinates(lid, (2.0 * top, 2.0 * top))]),
         np.concatenate([_grid_triangles(sides, 1), fan]).astype(np.int32),
     )
 
@@ -203,11 +178,14 @@ def rough_ellipsoid(
     bump[0], bump[-1] = bump[0, 0], bump[-1, 0]
     axes = np.asarray(radii, dtype=np.float64)
     unit = _sphere(segments)
+    normals = unit / axes
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    odd = np.meshgrid(np.arange(segments + 1) % 2.0, np.arange(rings + 1) % 2.0)
     return TexturedMesh(
         texture.material,
         (np.asarray(centre, dtype=np.float64) + bump[..., None] * unit * axes).reshape(-1, 3),
-        _ellipsoid_normals(segments, tuple(axes.tolist())),
-        _mirrored_cells(texture, segments),
+        normals.reshape(-1, 3),
+        texture.coordinates(np.stack(odd, axis=-1).reshape(-1, 2), (1.0, 1.0)),
         _grid_triangles(segments, rings),
     )
 
@@ -221,23 +199,6 @@ def _sphere(segments: int) -> FloatArray:
     )
     level = np.cos(elevation)
     return _frozen(np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1))
-
-
-@lru_cache(maxsize=128)
-def _ellipsoid_normals(segments: int, axes: tuple[float, ...]) -> FloatArray:
-    """`(N, 3)` normals of an ellipsoid with these half axes; read-only."""
-    normals = _sphere(segments) / np.array(axes)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    return _frozen(normals.reshape(-1, 3))
-
-
-@lru_cache(maxsize=128)
-def _mirrored_cells(texture: Texture, segments: int) -> FloatArray:
-    """`(N, 2)` texture coordinates of a sphere's cells, of which neighbours mirror the texture; read-only."""
-    rings = segments // 2 + 1
-    odd_column, odd_row = np.arange(segments + 1) % 2, np.arange(rings + 1) % 2
-    mirrored = np.column_stack([np.tile(odd_column, rings + 1), np.repeat(odd_row, segments + 1)]).astype(np.float64)
-    return _frozen(texture.coordinates(mirrored, (1.0, 1.0)))
 
 
 def loft(texture: Texture, sections: Sequence[tuple[float, float, float, float, float]]) -> TexturedMesh:

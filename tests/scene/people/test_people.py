@@ -13,7 +13,6 @@ from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.scene.build import add_agents
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
-from pftrack_sim.scene.people import outfit as outfit_module
 from pftrack_sim.scene.people.anatomy import sample_anatomy
 from pftrack_sim.scene.people.cloth_texture import PIXEL_M, GarmentName, cloth_texture
 from pftrack_sim.scene.people.head_texture import paint_head
@@ -252,11 +251,8 @@ def test_a_face_is_skin_in_front_and_hair_on_top():
     assert bearded[75, width // 2].mean() < face[75, width // 2].mean() - 40.0
 
 
-def test_garments_are_drawn_as_by_the_choice_of_numpy():
-    palette = asset_table("people")["garments"]["top"]
-    weights = np.array([weight for _, weight in palette["colours"]])
-    chosen = rng(3).choice(len(weights), size=8, p=weights / weights.sum())
-    colours, shares, *_ = outfit_module._palette("top")
-    drawn = shares.searchsorted(rng(3).random(8), side="right")
-    np.testing.assert_array_equal(drawn, chosen)
-    assert [tuple(colour) for colour in colours] == [tuple(colour) for colour, _ in palette["colours"]]
+def test_garments_are_as_frequent_as_their_weights():
+    weights = dict(asset_table("people")["garments"]["top"]["patterns"])
+    worn = [sample_outfit(rng(seed)).top.pattern for seed in range(600)]
+    for pattern, weight in weights.items():
+        assert abs(worn.count(pattern) / 600 - weight / sum(weights.values())) < 0.07
