@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Generic, Literal, Protocol, TypeVar
+from typing import Generic, Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 
+NoiseUnit: TypeAlias = Literal["px", "box"]  # Unit of the dynamics' noise: pixels, or a share of the estimated box
 MIN_SIZE_PX = 2.0
 USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a second, a lasting change counts as usual
 CARRIED_SHARE = 0.75  # Of the particles, by the camera's motion; the others find a target that the camera follows
@@ -167,3 +167,30 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
 
 def _box(state: FloatArray) -> Box:
     return boxes.from_states(state[None])[0]
+
+
+def state_of(box: Box) -> FloatArray:
+    """`(4,)` state of a `(4,)` box."""
+    return np.concatenate([boxes.centre(box), box[2:]])
+
+
+def noise_scales(state: FloatArray, unit: NoiseUnit) -> tuple[float, float, float]:
+    """Factors from `unit` to pixels of the noise of position, width and height.
+
+    A share of the box is one of the square root of its area for the position (a camera shakes alike in both
+    directions), and of width and height each for themselves.
+    """
+    if unit == "px":
+        return 1.0, 1.0, 1.0
+    width, height = float(state[2]), float(state[3])
+    return math.sqrt(width * height), width, height
+
+
+def clip_states(states: FloatArray, image: Image, min_size: float | FloatArray) -> None:
+    """Clip `(N, 4+)` states in place: centres to the image, sizes to `min_size` [px] and twice the image."""
+    height_px, width_px = image.shape[:2]
+    low, high = np.zeros(4), np.array([width_px, height_px, 2.0 * width_px, 2.0 * height_px])
+    low[2:] = min_size
+    clipped = states[:, :4]
+    np.maximum(clipped, low, out=clipped)  # `np.clip` takes four times as long for a hundred states
+    np.minimum(clipped, high, out=clipped)

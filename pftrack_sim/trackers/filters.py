@@ -1,8 +1,7 @@
-"""Particle filters without any knowledge of images: dynamics, weights, resampling, and adaptive noise.
+"""Particle filters without any knowledge of images: dynamics, weights, resampling, and adaptive velocity.
 
-The adaptive functions (Zhou, Chellappa & Moghaddam 2004; Kwon et al. 2005, eq. 6 to 11) are independent of what is
-observed: an error is a number that is about 1 where the model predicts as well as expected, and an observation is a
-vector that changes smoothly with the state.
+The velocity (Zhou, Chellappa & Moghaddam 2004; Kwon et al. 2005, eq. 6 to 8) is independent of what is observed: an
+observation is a vector that changes smoothly with the state.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
 Observations: TypeAlias = NDArray[np.floating[Any]]  # Observations may have half the precision of states
@@ -162,41 +160,6 @@ def systematic_resampling(weights: FloatArray, rng: np.random.Generator, count: 
     points = (rng.random() + np.arange(draws)) * (total / draws)
     # Rounding may put the last point on the upper end, beyond the last particle.
     return np.searchsorted(edges, np.minimum(points, np.nextafter(total, 0.0)), side="right")
-
-
-@dataclass(frozen=True)
-class AdaptiveNoise:
-    """Noise and number of particles as functions of the prediction error.
-
-    Attributes:
-        noise: R_0, the factor on the dynamics' noise when the error is 1.
-        noise_min: R_min.
-        noise_max: R_max.
-        count: J_0, the number of particles when the factor is R_0.
-        count_max: J_max.
-    """
-
-    noise: float
-    noise_min: float
-    noise_max: float
-    count: int
-    count_max: int
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.noise_min <= self.noise <= self.noise_max:
-            given = f"{self.noise_min:g}, {self.noise:g}, {self.noise_max:g}"
-            raise ParameterError(f"expected 0 < noise_min <= noise <= noise_max, got {given}")
-        if not 1 <= self.count <= self.count_max:
-            given = f"{self.count}, {self.count_max}"
-            raise ParameterError(f"expected 1 <= particle_count <= particle_count_max, got {given}")
-
-    def factor(self, error: float) -> float:
-        """R_t = max(min(R_0 sqrt(error), R_max), R_min) (9) of a prediction error >= 0."""
-        return max(min(self.noise * float(np.sqrt(error)), self.noise_max), self.noise_min)
-
-    def particles(self, factor: float) -> int:
-        """J_t = J_0 R_t / R_0 (11) of a factor R_t, rounded, in [1, J_max]."""
-        return max(min(round(self.count * factor / self.noise), self.count_max), 1)
 
 
 def fit_slopes(state_shifts: FloatArray, observation_shifts: Observations) -> Observations:

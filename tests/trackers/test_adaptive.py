@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
+from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.trackers.filters import AdaptiveNoise, adaptive_velocity, fit_slopes
+from pftrack_sim.trackers.filters import adaptive_velocity, fit_slopes
+from pftrack_sim.trackers.papers.kwon2005 import Kwon2005Parameters
 
-SPREAD = AdaptiveNoise(noise=1.0, noise_min=0.5, noise_max=2.5, count=200, count_max=450)
+SPREAD = Kwon2005Parameters(particle_count_max=450)
 
 
 @pytest.mark.parametrize(
@@ -17,31 +17,25 @@ SPREAD = AdaptiveNoise(noise=1.0, noise_min=0.5, noise_max=2.5, count=200, count
 )
 def test_noise_and_particle_number_match_hand_computed_values(error: float, factor: float, count: int):
     """Eq. 9 and 11 with their limits."""
-    assert SPREAD.factor(error) == pytest.approx(factor)
-    assert SPREAD.particles(SPREAD.factor(error)) == count
-
-
-@given(st.floats(0, 1e6), st.floats(0, 1e6))
-def test_noise_and_particle_number_grow_with_the_error(one: float, other: float):
-    low, high = (SPREAD.factor(error) for error in sorted((one, other)))
-    assert SPREAD.noise_min <= low <= high <= SPREAD.noise_max
-    assert 1 <= SPREAD.particles(low) <= SPREAD.particles(high) <= SPREAD.count_max
+    assert SPREAD.noise_factor(error) == pytest.approx(factor)
+    assert SPREAD.particle_number(SPREAD.noise_factor(error)) == count
 
 
 def test_the_particle_number_is_at_least_one():
-    assert AdaptiveNoise(noise=10, noise_min=0.01, noise_max=10, count=1, count_max=5).particles(0.01) == 1
+    assert Kwon2005Parameters(noise=10, noise_min=0.01, noise_max=10, particle_count=1).particle_number(0.01) == 1
 
 
-@pytest.mark.parametrize("given", [{"noise_min": 1.1}, {"noise_max": 0.9}, {"noise_min": 0.0}])
-def test_unordered_noise_limits_are_refused(given: dict[str, float]):
-    with pytest.raises(ParameterError, match="noise_min <= noise <= noise_max"):
-        AdaptiveNoise(**{"noise": 1.0, "noise_min": 0.5, "noise_max": 2.0, **given}, count=1, count_max=1)
-
-
-@pytest.mark.parametrize(("count", "count_max"), [(0, 5), (6, 5)])
-def test_unordered_particle_numbers_are_refused(count: int, count_max: int):
-    with pytest.raises(ParameterError, match="particle_count <= particle_count_max"):
-        AdaptiveNoise(1.0, 0.5, 2.0, count=count, count_max=count_max)
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"noise_min": 1.1}, "noise_min <= noise <= noise_max, got 1.1, 1, 2.5"),
+        ({"noise_max": 0.9}, "noise_min <= noise <= noise_max"),
+        ({"particle_count": 600}, "particle_count <= particle_count_max, got 600, 500"),
+    ],
+)
+def test_unordered_limits_are_refused(given: dict[str, float], words: str):
+    with pytest.raises(ParameterError, match=words):
+        trackers.make("kwon2005", preset="paper", **given)
 
 
 UNITS = np.array([300.0, 20.0, 0.01, 0.05])

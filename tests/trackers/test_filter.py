@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
+from pftrack_sim.trackers.box_filter import clip_states
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk, systematic_resampling
-from pftrack_sim.trackers.quasi_random import SobolNormals
+from pftrack_sim.trackers.relatives.yang2005 import SobolNormals
 
 WEIGHTS = np.array([0.02, 0.2, 0.0, 0.31, 0.07, 0.15, 0.25])
 
@@ -156,3 +157,13 @@ def test_identical_particles_have_exactly_that_mean(top: int | None):
     moving = ParticleFilter(np.tile(state, (400, 1)), np.random.default_rng(0))
     moving.weigh(np.random.default_rng(1).normal(size=400))
     assert moving.mean(top).tolist() == state.tolist()
+
+
+@pytest.mark.parametrize("min_size", [2.0, np.array([7.5, 20.0])])
+def test_clipped_states_have_their_centre_in_the_image_and_a_bounded_size(min_size: float | np.ndarray):
+    states = np.random.default_rng(0).uniform(-100.0, 500.0, (50, 6))
+    before = states.copy()
+    clip_states(states, np.zeros((120, 160, 3), np.uint8), min_size)
+    assert ((states[:, :2] >= 0) & (states[:, :2] <= [160, 120])).all()
+    assert ((states[:, 2:4] >= min_size) & (states[:, 2:4] <= [320, 240])).all()
+    assert np.array_equal(states[:, 4:], before[:, 4:])

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -14,7 +13,7 @@ from hypothesis import strategies as st
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.trackers.features.histogram import distance_layout, histogram, histograms
-from pftrack_sim.trackers.features.online_feature import FeatureSettings, Normalisation, OnlineFeatureModel
+from pftrack_sim.trackers.features.online_feature import Normalisation, OnlineFeatureModel, OnlineFeatureParameters
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ConstantVelocity
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
@@ -122,8 +121,9 @@ def test_learned_distances_have_the_range_of_those_to_the_first_frame(scale: Nor
     """One sigma for (10) to (13) means something only then."""
     rng = np.random.default_rng(0)
     features = rng.dirichlet(np.full(50, 0.2), 60)
-    plain = FeatureSettings(1.0, 0.4, 0.4, 30, 3, scale, "growing", 1.0, anchored=False)
-    models = [OnlineFeatureModel(features[0], replace(plain, anchored=anchored)) for anchored in (False, True)]
+    plain = OnlineFeatureParameters(window=30, component_count=3, learned_scale=scale)
+    learning = (plain, plain.model_copy(update={"anchored": True}))
+    models = [OnlineFeatureModel(features[0], (0.4, 0.4), one) for one in learning]
     before = models[0].likelihood(features)
     for model in models:
         for feature in features[:30]:

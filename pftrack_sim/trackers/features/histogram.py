@@ -47,9 +47,10 @@ class BinLayout:
     @cached_property
     def spans(self) -> NDArray[np.uintp]:
         """`(rows, 2)` first point of each row with a weight, and one after the last."""
-        weighty = self.weights > 0
-        first, last = weighty.argmax(axis=1), self.weights.shape[1] - weighty[:, ::-1].argmax(axis=1)
-        return np.where(weighty.any(axis=1)[:, None], np.stack([first, last], axis=1), 0).astype(np.uintp)
+        weighty = np.greater(self.weights, 0)
+        first, last = weighty.argmax(axis=1), self.weights.shape[1] - np.flip(weighty, axis=1).argmax(axis=1)
+        empty = ~np.any(weighty, axis=1, keepdims=True)
+        return np.where(empty, 0, np.stack([first, last], axis=1)).astype(np.uintp)
 
     @cached_property
     def first_bins(self) -> NDArray[np.uintp]:

@@ -68,7 +68,9 @@ def area_histograms(codes: Codes, states: FloatArray, partition: Partition, bin_
     inside = (rows >= 0) & (rows < codes.shape[0]) & (columns >= 0) & (columns < codes.shape[1])
     box, i, j = np.nonzero(inside)
     bins = box * bin_count + codes[rows[inside], columns[inside], 0]
-    counts = [np.bincount(bins, weights[i, j], len(states) * bin_count) for weights in partition.weights]
+    counts = [
+        np.bincount(bins, weights[i, j], len(states) * bin_count).astype(np.float64) for weights in partition.weights
+    ]
     return np.stack([one.reshape(len(states), bin_count) for one in counts], axis=1)
 
 

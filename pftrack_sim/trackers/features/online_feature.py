@@ -3,104 +3,108 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.subspace import Memory, Subspace, residuals
+from pftrack_sim.trackers.parameters import Parameters
 
 Normalisation: TypeAlias = Literal["sum", "length", "root"]
 """Of learnt vectors: to sum 1; to length 1; or the square root of the former, whose distances are Bhattacharyya's."""
 
 
-@dataclass(frozen=True)
-class FeatureSettings:
-    """Settings of one feature.
+class OnlineFeatureParameters(Parameters):
+    """Parameters of learning; printed values have their equation.
 
     Attributes:
-        share: Its weight in the mixture (14).
-        sigma: Width of the likelihood (10) or (11) under the first frame.
-        learned_sigma: Width of the likelihood (12) or (13) under the subspace.
-        window: Number of vectors that the subspace begins with; 0 disables learning.
-        component_count: Columns of U in (12) and (13).
-        normalisation: Of learnt vectors.
-        memory: What becomes of old vectors.
-        forgetting: Factor of a growing memory per vector.
-        anchored: Whether the likelihood under the subspace is multiplied by that under the first frame.
+        window: T and n: the frame at which learning starts, and the number of estimates that A begins with. Printed:
+            40, both.
+        memory: What becomes of old estimates (`Memory`): `"growing"`, as (6) and (7) say, or `"sliding"`, as
+            section II says.
+        forgetting: Factor on the growing memory's singular values per frame. 1 as (6) and (7) print none.
+        component_count: Columns of U in (12) and (13). Not printed: 10.
+        learned_scale: Normalisation of learnt vectors (`Normalisation`). Not printed (the factor f of (5)):
+            `"length"`, with which D of (12) and (13) has the range [0, 1] of D in (10) and (11), as their common sigma
+            demands. With `"sum"` D is so small that all particles weigh the same.
+        anchored: Whether the learned likelihood (12, 13) is multiplied by that of the first frame (10, 11), the only
+            one that is certain to show the target. Not in the paper: False.
     """
 
-    share: float
-    sigma: float
-    learned_sigma: float
-    window: int
-    component_count: int
-    normalisation: Normalisation
-    memory: Memory
-    forgetting: float
-    anchored: bool
+    window: Annotated[int, Field(ge=2, le=1000)] = 40
+    memory: Memory = "growing"
+    forgetting: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    component_count: Annotated[int, Field(ge=1, le=1000)] = 10
+    learned_scale: Normalisation = "length"
+    anchored: bool = False
 
 
 class OnlineFeatureModel:
-    """Appearance in one `(d,)` feature: that of the first frame until the window is full, a subspace afterwards."""
+    """Appearance in one `(d,)` feature: that of the first frame until the window is full, a subspace afterwards.
 
-    def __init__(self, first: FloatArray, settings: FeatureSettings) -> None:
-        self.share = settings.share
-        self._settings = settings
+    Args:
+        first: `(d,)` the first frame's.
+        sigmas: Widths of the likelihood under the first frame, (10) or (11), and under the subspace, (12) or (13).
+        params: How it is learnt; None: not at all.
+    """
+
+    def __init__(self, first: FloatArray, sigmas: tuple[float, float], params: OnlineFeatureParameters | None) -> None:
+        self._sigma, self._learned_sigma = sigmas
+        self._params = params
         self._root = np.sqrt(_divide_rows(first[None], first[None].sum(axis=1))[0])
-        self._window: deque[FloatArray] = deque(maxlen=settings.window)
+        self._window: list[FloatArray] = []
         self._subspace: Subspace | None = None
         self.learn(first)
 
     def likelihood(self, features: FloatArray) -> FloatArray:
         """`(N,)` p(z|x) of `(N, d)` features: (10) and (11) with D^2, (12) and (13) with D, or the product."""
-        out = np.ones(len(features))
-        if self._subspace is None or self._settings.anchored:
-            out *= _likelihood(1.0 - self._bhattacharyya(features), self._settings.sigma)
-        if self._subspace is not None:
-            distances = self._distances(self._normalised(features), self._subspace)
-            out *= _likelihood(distances, self._settings.learned_sigma)
-        return out
+        if self._subspace is None or self._params is None:
+            return _likelihood(1.0 - self._bhattacharyya(features), self._sigma)
+        vectors = _normalised(features, self._params.learned_scale)
+        learned = _likelihood(self._distances(vectors, self._subspace, self._params), self._learned_sigma)
+        if self._params.anchored:
+            learned *= _likelihood(1.0 - self._bhattacharyya(features), self._sigma)
+        return learned
 
     def similarity(self, features: FloatArray) -> FloatArray:
         """`(N,)` similarity in [0, 1]: Bhattacharyya with the first frame, or the cosine with the subspace."""
-        if self._subspace is None:
+        if self._subspace is None or self._params is None:
             return self._bhattacharyya(features)
-        vectors = self._normalised(features)
+        vectors = _normalised(features, self._params.learned_scale)
         lengths = np.linalg.norm(vectors, axis=1)
-        distances = self._distances(vectors, self._subspace)
+        distances = self._distances(vectors, self._subspace, self._params)
         sine = np.divide(distances, lengths, out=np.ones(len(features)), where=lengths > 0.0)
         return np.sqrt(np.clip(1.0 - np.square(sine), 0.0, 1.0))
 
     def learn(self, feature: FloatArray) -> None:
         """Add the `(d,)` feature of one more estimate."""
-        if not self._settings.window:
+        if self._params is None:
             return
-        vector = self._normalised(feature[None])[0]
+        vector = _normalised(feature[None], self._params.learned_scale)[0]
         if self._subspace is not None:
             self._subspace.append(vector)
             return
         self._window.append(vector)
-        if len(self._window) == self._settings.window:
-            self._subspace = Subspace(np.column_stack(self._window), self._settings.memory, self._settings.forgetting)
+        if len(self._window) == self._params.window:
+            self._subspace = Subspace(np.column_stack(self._window), self._params.memory, self._params.forgetting)
             self._window.clear()
 
     def _bhattacharyya(self, features: FloatArray) -> FloatArray:
         return np.minimum(np.sqrt(features) @ self._root, 1.0)
 
-    def _distances(self, vectors: FloatArray, subspace: Subspace) -> FloatArray:
+    @staticmethod
+    def _distances(vectors: FloatArray, subspace: Subspace, params: OnlineFeatureParameters) -> FloatArray:
         """`(N,)` D of (12) and (13) of `(N, d)` normalised vectors; 1, its maximum, for those that are all 0."""
-        return np.where(vectors.any(axis=1), residuals(vectors, subspace.basis(self._settings.component_count)), 1.0)
+        return np.where(vectors.any(axis=1), residuals(vectors, subspace.basis(params.component_count)), 1.0)
 
-    def _normalised(self, features: FloatArray) -> FloatArray:
-        if self._settings.normalisation == "length":
-            return _divide_rows(features, np.linalg.norm(features, axis=1))
-        sums = features.sum(axis=1)
-        if self._settings.normalisation == "root":
-            return np.sqrt(_divide_rows(features, sums))
-        return _divide_rows(features, sums)
+
+def _normalised(features: FloatArray, scale: Normalisation) -> FloatArray:
+    if scale == "length":
+        return _divide_rows(features, np.linalg.norm(features, axis=1))
+    shares = _divide_rows(features, features.sum(axis=1))
+    return np.sqrt(shares) if scale == "root" else shares
 
 
 def _likelihood(distances: FloatArray, sigma: float) -> FloatArray:

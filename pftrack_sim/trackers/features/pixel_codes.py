@@ -27,8 +27,8 @@ def hsv_joint_codes(image: Image, bin_counts: tuple[int, int, int]) -> NDArray[n
 
     The numbers of bins are powers of two whose product is at most 256.
     """
-    channels = cv2.split(_hsv(image))
-    hue, saturation, value = (channel >> _shift(count) for channel, count in zip(channels, bin_counts, strict=True))
+    codes = _hsv(image)
+    hue, saturation, value = (codes[..., k] >> _shift(count) for k, count in enumerate(bin_counts))
     return ((hue * np.uint8(bin_counts[1]) + saturation) * np.uint8(bin_counts[2]) + value)[..., None]
 
 

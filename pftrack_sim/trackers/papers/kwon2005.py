@@ -22,6 +22,7 @@ from pydantic import Field
 
 from pftrack_sim.core import boxes, random_streams
 from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
@@ -29,7 +30,7 @@ from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.features.patches import PatchSampler, grid_shape
 from pftrack_sim.trackers.features.pixel_mixture import MixtureParameters, OutlierRule, PixelMixture
 from pftrack_sim.trackers.features.pyramid import ImagePyramid
-from pftrack_sim.trackers.filters import AdaptiveNoise, ParticleFilter, RandomWalk, adaptive_velocity, fit_slopes
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk, adaptive_velocity, fit_slopes
 from pftrack_sim.trackers.parameters import Count, Positive, Share
 
 MotionModel: TypeAlias = Literal["similarity", "affine"]
@@ -124,6 +125,14 @@ class Kwon2005Parameters(MixtureParameters):
     camera_motion: bool = False
     particles: bool = False
 
+    def noise_factor(self, error: float) -> float:
+        """R_t = max(min(R_0 sqrt(error), R_max), R_min) (9) of a prediction error >= 0, 1 where it is as expected."""
+        return max(min(self.noise * math.sqrt(error), self.noise_max), self.noise_min)
+
+    def particle_number(self, factor: float) -> int:
+        """J_t = J_0 R_t / R_0 (11) of a factor R_t, rounded, in [1, J_max]."""
+        return max(min(round(self.particle_count * factor / self.noise), self.particle_count_max), 1)
+
 
 @dataclass(frozen=True, eq=False)
 class TemplateMotion:
@@ -185,15 +194,21 @@ class Kwon2005(BaseTracker):
     """The appearance-adaptive particle filter; it draws from the stream `"tracker"` of the root seed.
 
     Where no occlusions are detected, the model learns from every estimate.
+
+    Raises:
+        ParameterError: Limits of the noise or of the number of particles are not in order.
     """
 
     def __init__(self, params: Kwon2005Parameters, seed: int, *, detects_occlusions: bool) -> None:
         super().__init__()
+        for names in (("noise_min", "noise", "noise_max"), ("particle_count", "particle_count_max")):
+            values = [getattr(params, name) for name in names]
+            if values != sorted(values):
+                given = ", ".join(f"{value:g}" for value in values)
+                raise ParameterError(f"kwon2005: expected {' <= '.join(names)}, got {given}")
         self.params = params
         self._seed = seed
         self._detects_occlusions = detects_occlusions
-        p = params
-        self._noise = AdaptiveNoise(p.noise, p.noise_min, p.noise_max, p.particle_count, p.particle_count_max)
 
     def _start(self, image: Image, box: Box) -> None:
         p = self.params
@@ -256,8 +271,8 @@ class Kwon2005(BaseTracker):
             velocity = adaptive_velocity(self._slopes, predicted - self._patch)
             shifted = self._motion.clip((self._state + velocity)[None], image)
             predicted = self._patches(sampler, shifted)[0]
-        factor = self._noise.factor(self._model.prediction_error(predicted))
-        return velocity, factor, self._noise.particles(factor)
+        factor = self.params.noise_factor(self._model.prediction_error(predicted))
+        return velocity, factor, self.params.particle_number(factor)
 
     def _sampler(self, image: Image) -> PatchSampler:
         width, height = self._motion.boxes(self._state[None])[0, 2:]

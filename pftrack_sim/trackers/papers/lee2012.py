@@ -25,15 +25,14 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
+from pftrack_sim.trackers.box_filter import NoiseUnit, clip_states, noise_scales, state_of
 from pftrack_sim.trackers.features.histogram import distance_layout, histograms
 from pftrack_sim.trackers.features.hog import COLUMNS, ROWS, hog
 from pftrack_sim.trackers.features.image_region import block_means, block_size
-from pftrack_sim.trackers.features.online_feature import FeatureSettings, Normalisation, OnlineFeatureModel
+from pftrack_sim.trackers.features.online_feature import OnlineFeatureModel, OnlineFeatureParameters
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
-from pftrack_sim.trackers.features.subspace import Memory
 from pftrack_sim.trackers.filters import ConstantVelocity, ParticleFilter
-from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
+from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, Share
 
 COLOUR_BINS = (8, 8, 4)
 MIN_SIZE_SHARE = 0.1
@@ -41,8 +40,10 @@ MIN_SIZE_SHARE = 0.1
 _LAYOUT = distance_layout(ROWS, COLUMNS, 1, math.prod(COLOUR_BINS))
 
 
-class Lee2012Parameters(Parameters):
-    """Parameters of all methods. Defaults are the preset `paper`; printed values have their equation.
+class Lee2012Parameters(OnlineFeatureParameters):
+    """Parameters of all methods, besides those of learning. Defaults are the preset `paper`.
+
+    Printed values have their equation.
 
     Attributes:
         particle_count: Number of particles. Printed: 100.
@@ -60,19 +61,8 @@ class Lee2012Parameters(Parameters):
         sigma_colour: Width of the colour's likelihood before learning (10). Printed: 0.4. The printed exponent has
             1 - D^2, which would favour the least similar particle: D^2 is meant.
         sigma_hog: The same of HOG (11). Printed: 0.4.
-        window: T and n: the frame at which learning starts, and the number of estimates that A begins with. Printed:
-            40, both.
-        memory: What becomes of old estimates (`Memory`): `"growing"`, as (6) and (7) say, or `"sliding"`, as
-            section II says.
-        forgetting: Factor on the growing memory's singular values per frame. 1 as (6) and (7) print none.
-        component_count: Columns of U in (12) and (13). Not printed: 10.
         learned_sigma_colour: Width of the colour's likelihood after learning (12). Printed: 0.4.
         learned_sigma_hog: The same of HOG (13). Printed: 0.4.
-        learned_scale: Normalisation of learnt vectors (`Normalisation`). Not printed (the factor f of (5)):
-            `"length"`, with which D of (12) and (13) has the range [0, 1] of D in (10) and (11), as their common sigma
-            demands. With `"sum"` D is so small that all particles weigh the same.
-        anchored: Whether the learned likelihood (12, 13) is multiplied by that of the first frame (10, 11), the only
-            one that is certain to show the target. Not in the paper: False.
         learn_above: `lee2012-checked` learns from estimates of at least this confidence, as a share of the mean over
             the last `window` it learnt from. Not in the paper, whose method learns from all; its conclusion names that
             as its weakness.
@@ -110,14 +100,8 @@ class Lee2012Parameters(Parameters):
     alpha: Share = 0.1
     sigma_colour: Positive = 0.4
     sigma_hog: Positive = 0.4
-    window: Annotated[int, Field(ge=2, le=1000)] = 40
-    memory: Memory = "growing"
-    forgetting: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    component_count: Annotated[int, Field(ge=1, le=1000)] = 10
     learned_sigma_colour: Positive = 0.4
     learned_sigma_hog: Positive = 0.4
-    learned_scale: Normalisation = "length"
-    anchored: bool = False
     learn_above: Share = 0.9
     particles: bool = False
 
@@ -165,16 +149,12 @@ class Lee2012(BaseTracker):
         self._learnt_confidences: deque[float] = deque(maxlen=p.window)
         self._first_size = np.array(box[2:])
         first = self._region(image, box[None]).features(box[None])
-        window = p.window if self._method.learns else 0
-        share = p.alpha if self._method.uses_hog else 1.0
-        mixture = ((share, p.sigma_colour, p.learned_sigma_colour), (1.0 - share, p.sigma_hog, p.learned_sigma_hog))
-        self._models = tuple(
-            OnlineFeatureModel(
-                feature[0],
-                FeatureSettings(*part, window, p.component_count, p.learned_scale, p.memory, p.forgetting, p.anchored),
-            )
-            for feature, part in zip(first, mixture, strict=False)
-        )
+        learning = p if self._method.learns else None
+        sigmas = (p.sigma_colour, p.learned_sigma_colour), (p.sigma_hog, p.learned_sigma_hog)
+        self._shares = (p.alpha, 1.0 - p.alpha) if self._method.uses_hog else (1.0,)
+        self._models = [
+            OnlineFeatureModel(one[0], widths, learning) for one, widths in zip(first, sigmas, strict=False)
+        ]
 
     def _follow(self, image: Image) -> Estimate:
         particle_filter = self._filter
@@ -182,17 +162,18 @@ class Lee2012(BaseTracker):
         clip_states(particle_filter.states, image, MIN_SIZE_SHARE * self._first_size)
         particles = boxes.from_states(particle_filter.states)
         region = self._region(image, particles)
-        pairs = zip(self._models, region.features(particles), strict=True)
+        parts = zip(self._shares, self._models, region.features(particles), strict=True)
         with np.errstate(divide="ignore"):
-            likelihood = sum(model.share * model.likelihood(features) for model, features in pairs)
+            likelihood = sum(share * model.likelihood(features) for share, model, features in parts)
             particle_filter.weigh(np.log(likelihood))
         self._state = particle_filter.mean()
         particle_filter.resample()
         box = boxes.from_states(self._state[None])
-        pairs = list(zip(self._models, region.features(box), strict=True))
-        confidence = min(sum(model.share * float(model.similarity(feature)[0]) for model, feature in pairs), 1.0)
+        features = region.features(box)
+        parts = zip(self._shares, self._models, features, strict=True)
+        confidence = min(sum(share * float(model.similarity(feature)[0]) for share, model, feature in parts), 1.0)
         if not self._method.checks or self._is_reliable(confidence):
-            for model, feature in pairs:
+            for model, feature in zip(self._models, features, strict=True):
                 model.learn(feature[0])
         return Estimate(box[0], confidence, False, particles if self.params.particles else None)
 

@@ -30,10 +30,10 @@ class ColourModel:
     def learn(self, patch: Image, width_px: float, height_px: float, rate: float) -> None:
         """Add an RGB patch with the target, `width_px` by `height_px`, in its middle, with weight `rate` in [0, 1]."""
         rows, columns = patch.shape[:2]
-        down = np.abs(2.0 * np.arange(rows) + 1.0 - rows)[:, None] / height_px
-        away = np.maximum(down, np.abs(2.0 * np.arange(columns) + 1.0 - columns) / width_px)
+        down = np.abs(np.linspace(1.0 - rows, rows - 1.0, rows)[:, None]) / height_px
+        away = np.maximum(down, np.abs(np.linspace(1.0 - columns, columns - 1.0, columns)) / width_px)
         bins = _bins(patch)
-        now = np.array([_shares(bins[away < INNER]), _shares(bins[away > OUTER])])
+        now = np.stack([_shares(bins[away < INNER]), _shares(bins[away > OUTER])])
         if self._histograms is None:
             self._histograms = now
         else:
@@ -50,7 +50,7 @@ class ColourModel:
 
 def _bins(patch: Image) -> NDArray[np.int32]:
     """`(rows, columns)` bin of each pixel's colour."""
-    red, green, blue = (channel.astype(np.int32) >> 8 - BITS for channel in cv2.split(patch))
+    red, green, blue = (patch[..., k].astype(np.int32) >> 8 - BITS for k in range(3))
     return (red << 2 * BITS) | (green << BITS) | blue
 
 

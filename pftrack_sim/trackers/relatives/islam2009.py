@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -22,7 +23,6 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
-from pftrack_sim.trackers.features.edges import edge_distances
 from pftrack_sim.trackers.features.histogram import epanechnikov_layout, histogram, similarities
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.patches import sample_patches
@@ -127,6 +127,18 @@ class ShapeAndColour:
     def similarity(self, box: Box) -> float:
         """Similarity of a `(4,)` box [px], in [0, 1]."""
         return min(float(self.similarities(box[None])[0]), 1.0)
+
+
+def edge_distances(image: Image, thresholds: tuple[float, float], cap_px: float) -> NDArray[np.uint8]:
+    """`(H, W)` distance of every pixel to the nearest edge, 0 on edges and 255 from `cap_px` on.
+
+    Edges are those of Canny's detector on the grey image (ITU-R BT.601) with the lower and upper of the two thresholds.
+    Beyond the cap all pixels count as equally far, so that one lost or new edge does not change a whole region.
+    """
+    grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    edges = np.asarray(cv2.Canny(grey, *thresholds), dtype=np.uint8)
+    distances = cv2.distanceTransform(255 - edges, cv2.DIST_L2, cv2.DIST_MASK_3)
+    return np.asarray(cv2.convertScaleAbs(np.minimum(distances, cap_px), alpha=255.0 / cap_px), dtype=np.uint8)
 
 
 class Islam2009(BoxFilterTracker[Islam2009Parameters, ShapeAndColour]):

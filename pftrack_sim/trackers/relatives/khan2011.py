@@ -24,8 +24,14 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, USUAL_RATE
-from pftrack_sim.trackers.box_state import NoiseUnit, clip_states, noise_scales, state_of
+from pftrack_sim.trackers.box_filter import (
+    MIN_SIZE_PX,
+    USUAL_RATE,
+    NoiseUnit,
+    clip_states,
+    noise_scales,
+    state_of,
+)
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import SIDE, Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes

@@ -18,6 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
+from scipy.special import ndtri
+from scipy.stats import qmc
 
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
@@ -26,10 +28,8 @@ from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracke
 from pftrack_sim.trackers.features.hog import hog
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.integral import integral_image, rectangle_means
-from pftrack_sim.trackers.features.orientation import orientation_channels
 from pftrack_sim.trackers.filters import Dynamics, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Positive
-from pftrack_sim.trackers.quasi_random import SobolNormals
 
 POINTS = (24, 48)
 """Columns and rows of blocks in the first box: the resolution at which the target is observed."""
@@ -39,6 +39,8 @@ DIRECTION_COUNT = 8
 SIFT_CLIP = 0.2
 """Greatest value of a unit descriptor before it is normalised again (Lowe 2004)."""
 STAGES: tuple[str, ...] = ("colour", "orientation", "haar", "sift")
+_SOBOL_BITS = 64  # The sequence has 2^64 points, so that no tracker comes to its end
+_LEAST_SHARE = 1e-12
 
 
 class Yang2005Parameters(BoxFilterParameters):
@@ -123,6 +125,21 @@ class CascadeRegion:
         return _unit(np.minimum(_unit(hog(self._grey, local)), SIFT_CLIP))
 
 
+def orientation_channels(grey: NDArray[np.uint8], bin_count: int) -> NDArray[np.float32]:
+    """`(H, W, bin_count)` gradient magnitude (Sobel, 3x3) of every pixel, in the channel of its edge's orientation.
+
+    The first bin begins at a horizontal gradient; orientations are those of lines, 0 to 180 degrees, so that a dark
+    target on a bright background has those of a bright one on a dark background.
+    """
+    right = np.asarray(cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=3), dtype=np.float32)
+    down = np.asarray(cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=3), dtype=np.float32)
+    angle = np.mod(np.arctan2(down, right), np.float32(np.pi))
+    bins = np.minimum((angle * np.float32(bin_count / np.pi)).astype(np.intp), bin_count - 1)
+    out = np.zeros((*grey.shape, bin_count), np.float32)
+    np.put_along_axis(out, bins[..., None], np.hypot(right, down)[..., None], axis=2)
+    return out
+
+
 def _unit(vectors: FloatArray) -> FloatArray:
     """`(N, F)` vectors of length 1, or 0 where they are 0."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
@@ -181,6 +198,27 @@ class Cascade:
     def _log_likelihood(self, stage: str, wanted: FloatArray) -> FloatArray:
         away = distances(stage, self.seen.features(stage, wanted), self.model[stage])
         return -0.5 * np.square(away / self.sigmas[stage])
+
+
+class SobolNormals:
+    """Quasi-random normal noise: a scrambled Sobol sequence through the inverse normal distribution.
+
+    Its points cover the space more evenly than independent ones, most so if their number is a power of two: successive
+    draws of 2^k points are then digital nets (Owen 1998). It goes on from draw to draw.
+
+    Args:
+        dimension: D, number of components.
+        rng: Source of the scrambling.
+    """
+
+    def __init__(self, dimension: int, rng: np.random.Generator) -> None:
+        self._sequence = qmc.Sobol(dimension, scramble=True, bits=_SOBOL_BITS, rng=rng)
+
+    def draw(self, count: int) -> FloatArray:
+        """`(count, D)` next values; of a number that is no power of two, the first of the next power."""
+        uniform = self._sequence.random(1 << (count - 1).bit_length())[:count]
+        # 0 and 1 lie at infinity.
+        return np.asarray(ndtri(np.clip(uniform, _LEAST_SHARE, 1.0 - _LEAST_SHARE)), dtype=np.float64)
 
 
 class Yang2005(BoxFilterTracker[Yang2005Parameters, Cascade]):
