@@ -60,7 +60,7 @@ def open_renderer(
 
 def open_id_renderer(model: Any, width_px: int, height_px: int) -> Renderer:
     """Open a renderer of ids and depths alone, which needs no OpenGL."""
-    from pftrack_sim.render.cpu.id_rasteriser import IdRasteriser  # numba: imported when it is used
+    from pftrack_sim.render.id_rasteriser import IdRasteriser  # numba: imported when it is used
 
     return IdRasteriser(model, width_px, height_px)
 

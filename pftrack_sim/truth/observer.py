@@ -120,12 +120,7 @@ class TruthObserver:
         pelvis = np.flatnonzero(in_group & (model.geom_bodyid == self._pelvis[0]))
         boxed = [*boxed, pelvis] if pelvis.size else boxed
         bodies = [[surface_points(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]]
-        if renderer.draws_color:
-            self._finder = SilhouetteFinder(model, renderer, geoms, Bodies(bodies), boxed)
-        else:
-            from pftrack_sim.truth.geometric import GeometricFinder  # numba: imported when it is used
-
-            self._finder = GeometricFinder(model, renderer, geoms, Bodies(bodies), boxed)
+        self._finder = SilhouetteFinder(model, renderer, geoms, Bodies(bodies), boxed)
         self._has_pelvis, self._has_parts = bool(pelvis.size), bool(parts)
         self._target_centre: tuple[float, float] | None = None
         self._centres: Callable[[], FloatArray] | None = None

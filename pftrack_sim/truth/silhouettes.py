@@ -87,7 +87,8 @@ class SilhouetteFinder:
         self.renderer, self.bodies, self.people_count = renderer, bodies, len(geoms)
         self.geoms = np.concatenate([*geoms, *boxed])
         """Geom ids of all parts of `bodies`."""
-        self.batches = [range(len(geoms))]
+        # A renderer of colors draws the whole image whatever is asked for: everybody together.
+        self.batches = [range(len(geoms))] if renderer.draws_color else [range(1), range(1, len(geoms))]
         """People who are best found together."""
         self._geoms_of = geoms
         self._first = bodies.some([0, *range(len(geoms), len(geoms) + len(boxed))])
@@ -96,7 +97,6 @@ class SilhouetteFinder:
         self._masks = np.zeros((len(geoms), model.ngeom + 1), dtype=np.bool_)
         for mask, ids in zip(self._masks, geoms, strict=True):
             mask[ids] = True
-        self._scenery = np.flatnonzero(renderer.visible_geoms & ~self._masks[:, :-1].any(axis=0))
         self._others = np.flatnonzero(renderer.visible_geoms & ~self._masks[0, :-1])
         """All but the first person."""
         self._bounds = Bounds(model, triangles=True)
@@ -168,9 +168,11 @@ class SilhouetteFinder:
                 rects[person] = rect
         if not rects:
             return {}
-        view, found = (data, T_world_camera, K, measured, self._scenery), list(rects)
+        found = list(rects)
+        scenery = np.flatnonzero(renderer.visible_geoms & ~self._masks[found, :-1].any(axis=0))
+        view = data, T_world_camera, K, measured, scenery
         may_occlude = np.stack([self._may_occlude(*view, person, rect) for person, rect in rects.items()], axis=1)
-        occluders = self._scenery[may_occlude.any(axis=1)]
+        occluders = scenery[may_occlude.any(axis=1)]
         occluded = [found[column] for column in np.flatnonzero(may_occlude.any(axis=0))]
         layers: list[Segmentation] = []
         layer_of: dict[int, Segmentation] = {}

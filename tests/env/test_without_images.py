@@ -19,8 +19,7 @@ from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
-from pftrack_sim.truth.geometric import GeometricFinder
-from pftrack_sim.truth.silhouettes import Silhouette
+from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder
 from pftrack_sim.wrappers import BoxObservation
 
 ROOT = Path(__file__).parents[2]
@@ -169,13 +168,13 @@ def test_others_are_those_of_their_frame_whenever_they_are_asked_for():
 
 def test_the_pixels_of_a_target_that_nothing_can_occlude_are_found_when_they_are_read(monkeypatch: pytest.MonkeyPatch):
     searches: list[object] = []
-    find = GeometricFinder.find
+    find = SilhouetteFinder.find
 
-    def counted(self: GeometricFinder, *args: Any) -> dict[int, Silhouette]:
+    def counted(self: SilhouetteFinder, *args: Any) -> dict[int, Silhouette]:
         searches.append(args)
         return find(self, *args)
 
-    monkeypatch.setattr(GeometricFinder, "find", counted)
+    monkeypatch.setattr(SilhouetteFinder, "find", counted)
     with Simulation(scenario.load("plaza-walk", SMALL), image=False) as simulation:
         simulation.reset(1)
         truth = simulation.advance().truth

@@ -9,8 +9,8 @@ from render_stage import FOVY, HEIGHT, WIDTH, K, build, random_view
 
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.render.backend import PixelRect
-from pftrack_sim.render.cpu.id_rasteriser import IdRasteriser
 from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.render.id_rasteriser import IdRasteriser
 
 
 @pytest.mark.parametrize("seed", range(4))

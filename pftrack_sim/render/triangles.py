@@ -32,14 +32,12 @@ class Triangles(NamedTuple):
         faces: `(F, 3)` vertices of each triangle, counted from the geom's first, counter-clockwise from outside.
         vertex_starts: `(ngeom + 1,)` first vertex of each geom.
         face_starts: `(ngeom + 1,)` first triangle of each geom.
-        radii_m: `(ngeom,)` radius around the origin of the geom's frame that contains it.
     """
 
     vertices: FloatArray
     faces: NDArray[np.int32]
     vertex_starts: IntArray
     face_starts: IntArray
-    radii_m: FloatArray
 
 
 def model_triangles(model: Any, drawn: BoolArray) -> Triangles:
@@ -59,17 +57,8 @@ def model_triangles(model: Any, drawn: BoolArray) -> Triangles:
     ]
     vertices = np.concatenate([vertices for vertices, _ in shapes]).astype(np.float64, copy=False)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)]).astype(np.intp)
-    distances_m = np.linalg.norm(vertices, axis=1)
-    radii_m, some = np.zeros(len(shapes)), starts[:-1] < starts[1:]
-    if some.any():
-        radii_m[some] = np.maximum.reduceat(distances_m, starts[:-1][some])
-    return Triangles(
-        vertices,
-        np.concatenate([faces for _, faces in shapes]).astype(np.int32),
-        starts,
-        np.cumsum([0, *(len(faces) for _, faces in shapes)]).astype(np.intp),
-        radii_m,
-    )
+    faces = np.concatenate([faces for _, faces in shapes]).astype(np.int32)
+    return Triangles(vertices, faces, starts, np.cumsum([0, *(len(faces) for _, faces in shapes)]).astype(np.intp))
 
 
 def _meshes(model: Any) -> list[tuple[NDArray[Any], NDArray[Any]]]:

@@ -1,1 +1,0 @@
-"""Segmentations without OpenGL and without colours, drawn by the processor."""

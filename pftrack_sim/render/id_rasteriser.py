@@ -1,0 +1,198 @@
+"""A renderer of segmentations alone, on the processor and without any OpenGL library."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pftrack_sim.camera.pinhole import Intrinsics, camera_matrix, focal_and_centre
+from pftrack_sim.core.compiled import kernel
+from pftrack_sim.core.errors import RenderError
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
+from pftrack_sim.render.triangles import Triangles, model_triangles
+
+_SUBPIXEL = 1e-6  # Rounding of the places where a row crosses the edges of a triangle [px]
+
+
+class IdRasteriser(Renderer):
+    """Draws the ids and depths of a model's geoms, no colours; see `pftrack_sim.render.backend.Renderer`.
+
+    A pixel shows the triangle at its centre, as in OpenGL, from which it differs by the rounding of edges only. The
+    inverse depth is 1 / depth [1/m]. It costs by the triangles and pixels of the geoms asked for, not by the image.
+    """
+
+    description = "ids and depths on the processor, no colours"
+    draws_color = False
+
+    def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int) -> None:
+        super().__init__(width_px, height_px)
+        self.rebind(model)
+
+    def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
+        """See `Renderer.rebind`."""
+        self._read_model(model)
+        self._triangles: Triangles | None = model_triangles(model, self.visible_geoms)
+
+    def unbind(self) -> None:
+        """See `Renderer.unbind`."""
+        self._triangles = None
+
+    close = unbind
+
+    def color(
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
+    ) -> NoReturn:
+        """Raise `RenderError`: there are no colours."""
+        raise RenderError("this renderer draws no colours: it was opened for the truth without images")
+
+    def ids(
+        self,
+        data: mujoco.MjData,
+        T_world_camera: ArrayLike,
+        K: ArrayLike | float,
+        *,
+        geoms: BoolArray | None = None,
+        rect: PixelRect | None = None,
+    ) -> Segmentation:
+        """Find the geom at each pixel; see `Renderer.ids`."""
+        if self._triangles is None:
+            raise RenderError("this renderer has no model: rebind it")
+        geoms, rect = self._geoms_and_rect(geoms, rect)
+        ids = np.full((rect.height, rect.width), -1, dtype=np.int32)
+        inverse_depth = np.zeros((rect.height, rect.width), dtype=np.float32)
+        fx, fy, cx, cy = focal_and_centre(camera_matrix(K, self.width_px, self.height_px))
+        # A copy: for a read-only pose, the kernel would be compiled once more.
+        pose, window = np.array(checked_poses(T_world_camera), order="C"), (fx, fy, cx - rect.left, cy - rect.top)
+        poses = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3)
+        draw_triangles(np.flatnonzero(geoms), *self._triangles, *poses, pose, window, self.near_m, ids, inverse_depth)
+        return Segmentation(rect, ids, inverse_depth)
+
+
+@kernel
+def draw_triangles(
+    geoms: IntArray,
+    vertices: FloatArray,
+    faces: NDArray[np.int32],
+    vertex_starts: IntArray,
+    face_starts: IntArray,
+    positions: FloatArray,
+    rotations: FloatArray,
+    pose: FloatArray,
+    intrinsics: Intrinsics,
+    near_m: float,
+    ids: NDArray[np.int32],
+    inverse_depth: NDArray[np.float32],
+) -> None:
+    """Draw geoms into `(h, w)` ids and inverse depths; a triangle that faces away has no pixels.
+
+    Args:
+        geoms: `(N,)` which to draw.
+        vertices: See `Triangles`, as the next three.
+        faces: The same.
+        vertex_starts: The same.
+        face_starts: The same.
+        positions: `(ngeom, 3)` of the geoms [m].
+        rotations: `(ngeom, 3, 3)` of the geoms.
+        pose: `(4, 4)` T_world_camera.
+        intrinsics: fx, fy, cx, cy [px]; the principal point is counted from the corner of the arrays.
+        near_m: Depth of the near plane, at which triangles are cut.
+        ids: `(h, w)` geom at the centre of each pixel.
+        inverse_depth: `(h, w)` 1 / depth there [1/m].
+    """
+    fx, fy, cx, cy = intrinsics
+    axes, corners = np.empty((3, 4)), np.empty((4, 3))
+    most = 0
+    for geom in geoms:
+        most = max(most, vertex_starts[geom + 1] - vertex_starts[geom])
+    local, pixels = np.empty((most, 3)), np.empty((most, 3))
+    for geom in geoms:
+        for axis in range(3):
+            axes[axis, 3] = 0.0
+            for column in range(3):
+                axes[axis, column] = 0.0
+                axes[axis, 3] += pose[column, axis] * (positions[geom, column] - pose[column, 3])
+                for along in range(3):
+                    axes[axis, column] += pose[along, axis] * rotations[geom, along, column]
+        first = vertex_starts[geom]
+        for index in range(vertex_starts[geom + 1] - first):
+            x, y, z = vertices[first + index, 0], vertices[first + index, 1], vertices[first + index, 2]
+            for axis in range(3):
+                local[index, axis] = axes[axis, 0] * x + axes[axis, 1] * y + axes[axis, 2] * z + axes[axis, 3]
+            inverse = 1.0 / local[index, 2]
+            pixels[index, 0] = fx * local[index, 0] * inverse + cx
+            pixels[index, 1] = fy * local[index, 1] * inverse + cy
+            pixels[index, 2] = inverse
+        for face in range(face_starts[geom], face_starts[geom + 1]):
+            count = 0
+            for side in range(3):
+                here, after = faces[face, side], faces[face, (side + 1) % 3]
+                if local[here, 2] >= near_m:
+                    for axis in range(3):
+                        corners[count, axis] = pixels[here, axis]
+                    count += 1
+                if (local[here, 2] >= near_m) != (local[after, 2] >= near_m):
+                    # Where the side of the triangle passes through the near plane.
+                    share = (near_m - local[here, 2]) / (local[after, 2] - local[here, 2])
+                    x = local[here, 0] + share * (local[after, 0] - local[here, 0])
+                    y = local[here, 1] + share * (local[after, 1] - local[here, 1])
+                    corners[count, 0], corners[count, 1] = fx * x / near_m + cx, fy * y / near_m + cy
+                    corners[count, 2] = 1.0 / near_m
+                    count += 1
+            for last in range(2, count):
+                _fill(corners, last, geom, ids, inverse_depth)
+
+
+@kernel
+def _fill(
+    corners: FloatArray, last: int, geom: int, ids: NDArray[np.int32], inverse_depth: NDArray[np.float32]
+) -> None:
+    """Fill the pixels whose centres lie in a triangle, where it is in front.
+
+    `(4, 3)` corners are x, y [px], 1 / depth [1/m]; those of the triangle are the first, and the `last` two.
+    """
+    ax, ay, az = corners[0, 0], corners[0, 1], corners[0, 2]
+    bx, by, bz = corners[last - 1, 0], corners[last - 1, 1], corners[last - 1, 2]
+    cx, cy, cz = corners[last, 0], corners[last, 1], corners[last, 2]
+    doubled = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)  # Twice the area; y is down
+    if not doubled > 0.0:
+        return
+    height, width = ids.shape
+    top, bottom = max(_pixel(min(ay, by, cy)), 0), min(_pixel(max(ay, by, cy)), height)
+    # Most triangles are smaller than a pixel: many lie between the centres of two rows or columns.
+    narrow = max(_pixel(min(ax, bx, cx) - _SUBPIXEL), 0) >= min(_pixel(max(ax, bx, cx) + _SUBPIXEL), width)
+    if top >= bottom or narrow:
+        return
+    per_x = ((by - ay) * (cz - az) - (cy - ay) * (bz - az)) / doubled
+    per_y = ((cx - ax) * (bz - az) - (bx - ax) * (cz - az)) / doubled
+    for row in range(top, bottom):
+        y = row + 0.5
+        # All three edges, without branches: which of them the row crosses cannot be predicted.
+        a_above, b_above, c_above = ay <= y, by <= y, cy <= y
+        on_ab = ax + (y - ay) / (by - ay) * (bx - ax)
+        on_bc = bx + (y - by) / (cy - by) * (cx - bx)
+        on_ca = cx + (y - cy) / (ay - cy) * (ax - cx)
+        low = on_ab if a_above != b_above else np.inf
+        high = on_ab if a_above != b_above else -np.inf
+        low = on_bc if b_above != c_above and on_bc < low else low
+        high = on_bc if b_above != c_above and on_bc > high else high
+        low = on_ca if c_above != a_above and on_ca < low else low
+        high = on_ca if c_above != a_above and on_ca > high else high
+        left, right = max(_pixel(low), 0), min(_pixel(high), width)
+        value = az + per_x * (left + 0.5 - ax) + per_y * (y - ay)
+        for column in range(left, right):
+            single = np.float32(value)
+            present = inverse_depth[row, column]
+            if single > present or (single == present and geom > ids[row, column]):
+                inverse_depth[row, column] = single
+                ids[row, column] = geom
+            value += per_x
+
+
+@kernel
+def _pixel(coordinate: float) -> int:
+    """The first pixel whose centre is at a coordinate or after it, for coordinates about an image."""
+    return int(np.ceil(min(max(coordinate, -1.0), 1e6) - 0.5))
