@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import json
+import statistics
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pftrack_sim.cli import reading, results, running, tables
+from pftrack_sim.cli import datasets, reading, running, tables
 from pftrack_sim.cli.examples import epilog
-from pftrack_sim.cli.export import export
 from pftrack_sim.cli.options import Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.profile import profile
 from pftrack_sim.cli.progress import progress_bar
 from pftrack_sim.cli.studio import studio
-from pftrack_sim.cli.trax import trax
 from pftrack_sim.cli.values import parse_settings, parse_trackers
-from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
 
 app = typer.Typer(
     name="pftrack-sim",
@@ -51,9 +53,39 @@ def list_names(
     what: Annotated[str, typer.Argument(help="scenarios, suites, trackers, controllers or axes.")] = "scenarios",
 ) -> None:
     """List scenarios, suites, trackers, controllers or axes."""
-    from pftrack_sim.cli.listing import print_names
+    from rich.table import Table
 
-    print_names(what)
+    from pftrack_sim import controllers, scenario, trackers
+    from pftrack_sim.benchmark.asked.suite import load_suite, suite_names
+    from pftrack_sim.scenario.axes import axes_by_name
+
+    def scenarios() -> Iterator[tuple[str, str]]:
+        for name in scenario.names():
+            tree = scenario.load(name).tree
+            yield name, f"{tree.get('tier', 'easy'):5} {tree['title']}"
+
+    def axes() -> Iterator[tuple[str, str]]:
+        for name, axis in axes_by_name().items():
+            typical = f"{axis(severity=1.0).physical:g} {axis.unit}"
+            about = " ".join((axis.__doc__ or "").split())
+            yield (
+                name,
+                f"{about}\n  severity 1: {axis.headline} = {typical}\n  law: {axis.law}\n  source: {axis.source}",
+            )
+
+    listings: dict[str, Callable[[], Iterable[tuple[str, str]]]] = {
+        "scenarios": scenarios,
+        "suites": lambda: ((name, load_suite(name).title) for name in suite_names()),
+        "trackers": lambda: ((name, trackers.describe(name)) for name in trackers.names()),
+        "controllers": lambda: ((name, controllers.describe(name)) for name in controllers.names()),
+        "axes": axes,
+    }
+    if what not in listings:
+        raise UnknownNameError("listing", what, listings)
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for row in listings[what]():
+        table.add_row(*row)
+    tables.console.print(table)
 
 
 def render(
@@ -127,13 +159,55 @@ def doctor(
     check: Annotated[bool, typer.Option("--check", help="Print nothing; exit with 1 if no renderer works.")] = False,
 ) -> None:
     """Report which renderers work, and what is missing."""
-    from pftrack_sim.cli.doctor import print_doctor
+    from pftrack_sim.core.errors import RenderError
     from pftrack_sim.render.doctor import report
 
     found = report()
     if not check:
-        print_doctor(found)
+        tables.print_lines(found.lines())
+        for name in [*([found.chosen.backend] if found.chosen else []), *(["warp"] if found.warp else [])]:
+            try:
+                result = f"takes {_frame_ms(name):.0f} ms"
+            except RenderError as error:
+                result = f"fails: {error}"
+            tables.print_lines([f"{name}: a frame of 320x240 with its truth {result}"])
     raise typer.Exit(0 if found.usable else 1)
+
+
+def _frame_ms(backend: str) -> float:
+    """Median time of a frame of `plaza-walk` with its truth at 320x240 [ms]; the first frames are not timed."""
+    from pftrack_sim.scenario import load
+    from pftrack_sim.simulation.simulation import Simulation
+
+    scenario = load("plaza-walk", {"camera.width_px": 320, "camera.height_px": 240})
+    with Simulation(scenario, backend=backend) as simulation:
+        simulation.reset(0)
+        simulation.advance()
+        times = [time.perf_counter()]
+        for _ in range(5):
+            simulation.advance()
+            times.append(time.perf_counter())
+    return 1e3 * statistics.median(later - earlier for earlier, later in pairwise(times))
+
+
+def trax(
+    tracker: Annotated[str, typer.Argument(help="Tracker: name or name[key=value,...].")],
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the tracker.")] = 0,
+    preset: Preset = "default",
+    params: Params = None,
+) -> None:
+    """Serve a tracker to a program that speaks TraX.
+
+    It is the command of a tracker in the VOT toolkit; not meant to be typed.
+    """
+    from pftrack_sim import trackers
+    from pftrack_sim.trackers.trax.server import connection, serve
+
+    specs = parse_trackers(tracker, preset, params or [])
+    if len(specs) != 1:
+        raise ParameterError(f"trax serves one tracker, got {tracker!r}")
+    made = trackers.make(specs[0].name, seed=seed, preset=specs[0].preset, **specs[0].params)
+    serve(made, specs[0].label, *connection())
 
 
 # In the order of the help.
@@ -146,9 +220,9 @@ for name, command in {
     "follow": running.follow,
     "film": running.film,
     "evaluate": running.evaluate,
-    "export": export,
-    "export-results": results.export_results,
-    "score": results.score,
+    "export": datasets.export,
+    "export-results": datasets.export_results,
+    "score": datasets.score,
     "compare": reading.compare,
     "report": reading.report,
     "query": reading.query,

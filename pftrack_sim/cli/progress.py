@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -162,14 +163,8 @@ def _line(status: RunProgress) -> str:
         for name, mean in status.means.items()
         if not math.isnan(mean)
     )
-    left = "" if math.isnan(status.left_s) else f"  {_clock(status.left_s)} left"
+    left = "" if math.isnan(status.left_s) else f"  {timedelta(seconds=round(status.left_s))} left"
     return f"{status.done} of {status.total} episodes, {status.frames} frames{left}  {means}".rstrip()
-
-
-def _clock(seconds: float) -> str:
-    whole = round(seconds)
-    hours, minutes = whole // 3600, whole // 60 % 60
-    return f"{hours}:{minutes:02d}:{whole % 60:02d}"
 
 
 def _resume_command(path: Path) -> str:

@@ -1,10 +1,9 @@
-"""Values as they are typed at the command line."""
+"""Values as they are typed at the command line; what has another form is a `ParameterError` with an example."""
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -45,14 +44,6 @@ def parse_settings(
 ) -> dict[str, Any]:
     """`KEY=VALUE` pairs; a value is read as TOML (numbers, true, lists, tables), or else as plain text.
 
-    Args:
-        pairs: As typed.
-        option: Where they were typed, for the message.
-        example: Of a pair, for the message.
-
-    Raises:
-        ParameterError: Not of that form.
-
     >>> parse_settings(["camera.width_px=320", "lights.shadows=false", "robot.gaze=forward"])
     {'camera.width_px': 320, 'lights.shadows': False, 'robot.gaze': 'forward'}
     """
@@ -65,24 +56,13 @@ def parse_settings(
     return settings
 
 
-def parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """`KEY=VALUE` pairs for every tracker, and `TRACKER.KEY=VALUE` pairs for one.
+def _parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """By the tracker's name, `KEY=VALUE` pairs for every tracker, and `TRACKER.KEY=VALUE` pairs for one.
 
-    Args:
-        pairs: As typed.
-        trackers: Names of the trackers that take part.
-
-    Returns:
-        Parameters by the tracker's name.
-
-    Raises:
-        ParameterError: Not of that form.
-        UnknownNameError: A tracker that does not take part.
-
-    >>> parse_params(["particles=true", "opencv-vit.model=vit.onnx"], ["ko2012", "opencv-vit"])
+    >>> _parse_params(["particles=true", "opencv-vit.model=vit.onnx"], ["ko2012", "opencv-vit"])
     {'ko2012': {'particles': True}, 'opencv-vit': {'particles': True, 'model': 'vit.onnx'}}
     """
-    found: defaultdict[str, dict[str, Any]] = defaultdict(dict)
+    found: dict[str, dict[str, Any]] = {}
     given = parse_settings(pairs, option="--param", example="ko2012.particle_count=200")
     for key, value in given.items():
         # A factory that is spelled out has dots of its own: the last one divides.
@@ -90,8 +70,8 @@ def parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, dic
         if tracker and tracker not in trackers:
             raise UnknownNameError("tracker before a parameter's name", tracker, trackers)
         for one in [tracker] if tracker else trackers:
-            found[one][name] = value
-    return dict(found)
+            found.setdefault(one, {})[name] = value
+    return found
 
 
 def _value(text: str) -> Any:
@@ -104,16 +84,9 @@ def _value(text: str) -> Any:
 
 
 def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[TrackerSpec]:
-    """Trackers between commas, each with parameters in brackets where it has some; `preset` is one of them.
+    """Trackers between commas, each with parameters in brackets where it has some; `preset` is one of these.
 
-    Args:
-        text: As it is typed.
-        preset: Of every tracker that names none.
-        pairs: Parameters typed elsewhere, as `parse_params` takes them; those in brackets go before them.
-
-    Raises:
-        ParameterError: Not of that form.
-        UnknownNameError: A parameter for a tracker that does not take part.
+    `pairs` are parameters typed elsewhere; those in brackets go before them.
 
     >>> [one.label for one in parse_trackers("stay, ko2012[preset=paper,particle_count=50]", "default")]
     ['stay', 'ko2012[preset=paper,particle_count=50]']
@@ -133,7 +106,7 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Tr
         found.append(TrackerSpec(name=match[1].strip(), preset=chosen, params=params))
     if not found:
         parse_names(text)  # raises
-    elsewhere = parse_params(pairs, [one.name for one in found])
+    elsewhere = _parse_params(pairs, [one.name for one in found])
     if any("preset" in params for params in elsewhere.values()):
         raise ParameterError("the preset is no --param: give --preset, or ko2012[preset=paper]")
     return [one.model_copy(update={"params": {**elsewhere.get(one.name, {}), **one.params}}) for one in found]
@@ -141,9 +114,6 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Tr
 
 def parse_part(text: str) -> tuple[int, int]:
     """`K/N`.
-
-    Raises:
-        ParameterError: Not of that form.
 
     >>> parse_part("2/4")
     (2, 4)
@@ -158,9 +128,6 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]
     """`TRACKER=MS` pairs between commas (`measured` for MS is None), or `paper` for the figures that the papers print.
 
     TRACKER is a name, or a name with its parameters: `ko2012[particle_count=50]=12`.
-
-    Raises:
-        ParameterError: Not of that form.
 
     >>> parse_latency("lee2012=55, stay=7", ["lee2012", "stay"])
     {'lee2012': 55.0, 'stay': 7.0}
@@ -189,9 +156,6 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]
 
 def parse_axes(pairs: Sequence[str]) -> dict[str, list[float]]:
     """`AXIS=0,1,2` and `AXIS.PARAMETER=5,10` pairs.
-
-    Raises:
-        ParameterError: Not of that form.
 
     >>> parse_axes(["jitter=0,1.5"])
     {'jitter': [0.0, 1.5]}

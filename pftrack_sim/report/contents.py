@@ -14,10 +14,10 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.degradation import degradation, levels_of
+from pftrack_sim.benchmark.losses import LOSS, TAGS, tag_title
 from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link
-from pftrack_sim.report.losses import losses_of
 from pftrack_sim.score.statistics import Comparison
 
 GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
@@ -74,6 +74,7 @@ MEASURES: Mapping[str, str] = MappingProxyType(
 COVERED_BELOW = 0.5
 """Visible fraction below which the target counts as occluded."""
 
+_EPISODE = "scenario, condition, seed, label"
 _FRAME_COLUMNS = ("label", "time_s", "overlap", "centre_error_px", "visible_fraction", "scored")
 
 
@@ -178,8 +179,37 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
         ],
         "drives": following_episodes(store, numbers),
         "matrix": _matrix(results, trackers),
-        **losses_of(store, trackers, numbers),
+        **_losses(store, trackers, numbers),
     }
+
+
+def _losses(store: RunStore, trackers: Sequence[str], numbers: Mapping[tuple[str, str, int], int]) -> dict[str, Any]:
+    """Data of the losses.
+
+    Args:
+        store: The run.
+        trackers: Labels in the order of the page.
+        numbers: The page's episodes by scenario, condition and seed.
+
+    Returns:
+        `loss`: the definition; `tags`: names and meanings; `losses`: rows of tracker, episode, first and zero time [s],
+        time found again or null, and a bit for each tag; `moments`: rows of tracker, episode, number of frames in which
+        the target can be seen, and number of those with each tag.
+    """
+    bits = " + ".join(f"{name}::INTEGER * {1 << place}" for place, name in enumerate(TAGS))
+    counts = ", ".join(f"sum({name}::INTEGER)::INTEGER" for name in TAGS)
+    times = ", ".join(f"round({name}, 3)" for name in ("time_s", "zero_s", "found_s"))
+    lost = store.query(f"SELECT {_EPISODE}, {times}, {bits} FROM losses")
+    seen = store.query(f"SELECT {_EPISODE}, count(*), {counts} FROM moments WHERE scored GROUP BY ALL ORDER BY ALL")
+
+    def rows(found: Sequence[tuple[Any, ...]]) -> list[list[Any]]:
+        return [
+            [trackers.index(label), numbers[scenario, condition, seed], *values]
+            for scenario, condition, seed, label, *values in found
+        ]
+
+    meanings = [[tag_title(name), words] for name, (words, _) in TAGS.items()]
+    return {"loss": LOSS, "tags": meanings, "losses": rows(lost.rows), "moments": rows(seen.rows)}
 
 
 def board(
