@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,7 +25,6 @@ from pftrack_sim.simulation.occlusion.static import plan_static
 from pftrack_sim.simulation.seating import meeting_problems
 
 AFTER_S = 3.0  # The dry run continues for this time after the last planned event
-_CLEAR_S = 1.5  # By this time after a cover, most walkers are clear of the line of sight
 _DEPTH_GAP = 0.25
 _DEPTH_GAP_S = 2.5  # Crossings within this time of each other differ by `_DEPTH_GAP` in depth
 
@@ -53,11 +52,9 @@ def make_plan(
     layout: WalkableArea,
     path: Path,
     seats: Sequence[Seat],
-    dry_run: Callable[[float, float | None], DryRun],
+    dry_run: DryRun,
 ) -> Plan:
-    """Plan an episode; there is no dry run where nothing is to be planned.
-
-    `dry_run` takes the time up to which the run goes, and one up to which it is certainly needed, or None.
+    """Plan an episode.
 
     Target and robot follow their scripts whatever else moves, so the dry run has no other people. The scenario's own
     occluders are planned first, and from their part of the dry run only: the stress axes do not change them.
@@ -78,8 +75,7 @@ def make_plan(
     plan = Plan(layout)
     if until_s == AFTER_S:
         return plan
-    only_walkers = until_s == occluders_s and all(occluder.kind == "walker" for occluder in occluders)
-    run = dry_run(until_s, until_s - AFTER_S + _CLEAR_S if only_walkers else None)
+    run = dry_run.until(until_s)
     if meetings_s:
         problems += meeting_problems(settings, path, seats, run)
     if occluders:

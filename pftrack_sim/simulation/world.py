@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
-from dataclasses import replace
+import itertools
+import math
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import mujoco
@@ -33,7 +34,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.robot import RobotForm
-from pftrack_sim.simulation.dry_run import DryRun, dry_run
+from pftrack_sim.simulation.dry_run import DryRun, Sample, simulated
 from pftrack_sim.simulation.feasibility import path_problems, placement_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
 from pftrack_sim.simulation.seating import planned_seats, seat_problems
@@ -65,24 +66,23 @@ class World:
         form, step_s = RobotForm.of(settings.robot, settings.camera), self.clock.step_s
         robot_alone, self._equilibrium = compile_robot_alone(form, step_s), _equilibrium(form, step_s)
 
-        def run_in(model: mujoco.MjModel, until_s: float, first_s: float | None = None) -> DryRun:
+        def run_in(model: mujoco.MjModel) -> Iterator[Sample]:
             alone = self._crowd(Plan(layout), distractors=0, groups=())
-            return dry_run(model, self.clock, self._robot(model), alone, until_s, settings.target.height_m, first_s)
+            return simulated(model, self.clock, self._robot(model), alone)
 
-        def among_solids(found: DryRun, until_s: float) -> DryRun:
-            reach_m = ROBOT_RADIUS_M + settings.robot.max_speed_m_s * self.clock.tick_s
-            if ObstacleMap(layout).clearance_m(found.robot_m).min() > reach_m:
-                return found
+        def run() -> Iterator[Sample]:
+            reach_m, count = ROBOT_RADIUS_M + settings.robot.max_speed_m_s * self.clock.tick_s, 0
+            obstacles = ObstacleMap(layout)
+            for sample in run_in(robot_alone):
+                if obstacles.clearance_m(sample.robot_m)[0] <= reach_m:
+                    break
+                yield sample
+                count += 1
             # It may touch something: with everything that it collides with.
-            return run_in(solid_stage(settings, spec).compile(), until_s)
+            yield from itertools.islice(run_in(solid_stage(settings, spec).compile()), count, None)
 
-        def run(until_s: float, first_s: float | None = None) -> DryRun:
-            found = among_solids(run_in(robot_alone, until_s, first_s), until_s)
-            if (rest := found.rest) is None:
-                return found
-            return replace(found, rest=replace(rest, finish=lambda: among_solids(rest.finish(), until_s)))
-
-        plan = make_plan(settings, seed, layout, self._path, seats, run)
+        whole = DryRun.of(run(), settings.target.height_m, math.inf)
+        plan = make_plan(settings, seed, layout, self._path, seats, whole)
         people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)

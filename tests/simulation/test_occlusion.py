@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Literal
 
 import mujoco
@@ -21,7 +20,7 @@ from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
 from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.scene_spec import SceneSpec
-from pftrack_sim.simulation.dry_run import DryRun, Rest
+from pftrack_sim.simulation.dry_run import DryRun, Sample
 from pftrack_sim.simulation.occlusion import static
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, covered_by_person, plan_crossing
 from pftrack_sim.simulation.occlusion.static import covered_by_box, plan_static, spans
@@ -62,7 +61,13 @@ def dry_run_of(camera: Camera, duration_s: float = 14.0) -> DryRun:
     s = np.minimum(TARGET.speed_m_s * times, path.length_m)
     x, y, _ = path.at(s)
     places = np.array([camera(t, one) for t, one in zip(times.tolist(), s.tolist(), strict=True)])
-    return DryRun(times, np.c_[places, np.full(len(times), CAMERA_Z_M)], np.stack([x, y], axis=1), places, HEIGHT_M)
+    return run_of(times, places, np.stack([x, y], axis=1))
+
+
+def run_of(times_s: np.ndarray, camera_m: np.ndarray, target_m: np.ndarray) -> DryRun:
+    """The run of a robot below its camera."""
+    camera = np.c_[camera_m, np.full(len(times_s), CAMERA_Z_M)]
+    return DryRun.of(map(Sample, times_s, camera, target_m, camera_m), HEIGHT_M, float(times_s[-1]))
 
 
 def occluder_of(kind: str, rng: np.random.Generator) -> model.Occluder:
@@ -97,23 +102,6 @@ def hidden_share(placement: Placement, camera: np.ndarray, target: np.ndarray) -
     return float(((sight <= placement.height_m) & within).any(axis=1).mean())
 
 
-@pytest.mark.parametrize(("first_s", "cut_off"), [(1.5, False), (0.3, True)])
-def test_a_crossing_planned_on_the_first_part_of_a_run_is_that_of_the_whole(first_s: float, cut_off: bool) -> None:
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        whole, finished = dry_run_of(camera_of(("behind", "beside")[seed % 2], rng)), list[bool]()
-        request = occluder_of("walker", rng).model_copy(update={"duration_s": 0.5})
-
-        def finish(whole: DryRun = whole, finished: list[bool] = finished) -> DryRun:
-            finished.append(True)
-            return whole
-
-        first = whole.until(request.at_s + 0.5 + first_s)
-        first = replace(first, rest=Rest(whole.end_s, finish))
-        assert plan_crossing(request, first, HALL) == plan_crossing(request, whole, HALL)
-        assert bool(finished) == cut_off
-
-
 @pytest.mark.parametrize("kind", ["pillar", "wall", "boxes"])
 def test_static_occluders_cover_at_the_requested_time_and_leave_the_paths_free(kind: str) -> None:
     for seed in range(56):
@@ -137,8 +125,7 @@ def test_static_occluders_cover_at_the_requested_time_and_leave_the_paths_free(k
 def test_straight_behind_the_target_a_static_occluder_is_impossible() -> None:
     times = np.arange(600) * TICK_S
     target = np.stack([1.2 * times, 0.0 * times], axis=1)
-    camera = np.c_[target - (3.0, 0.0), np.full(600, CAMERA_Z_M)]
-    run = DryRun(times, camera, target, camera[:, :2], HEIGHT_M)
+    run = run_of(times, target - (3.0, 0.0), target)
     request = model.Occluder(kind="pillar", at_s=3.0)
     with pytest.raises(ParameterError, match=r"occluders\[1\].*walker"):
         plan_static(request, run, HALL, "occluders[1]")
@@ -293,8 +280,7 @@ def test_a_box_covers_only_from_between_camera_and_target(x_m: float, covers: bo
 
 def test_a_low_cart_hides_the_same_part_of_the_target_at_any_depth() -> None:
     times, target = np.arange(8.0), np.tile([6.0, 0.0], (8, 1))
-    camera = np.tile([0.0, 0.0, CAMERA_Z_M], (8, 1))
-    run = DryRun(times, camera, target, camera[:, :2], HEIGHT_M)
+    run = run_of(times, np.zeros((8, 2)), target)
     hidden_m: list[float] = []
     for depth in (0.35, 0.5, 0.65):
         crossing = Crossing(3.0, 1.0, depth, 1, (0.0, 3.0), 1.0)

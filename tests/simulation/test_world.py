@@ -10,7 +10,6 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.agents.clock import PHYSICS_HZ, TICK_HZ, Clock
 from pftrack_sim.core.errors import ScenarioError
-from pftrack_sim.simulation import world as world_module
 from pftrack_sim.simulation.world import World
 
 BASE: dict[str, Any] = {"duration_s": 3, "lights.shadows": False}
@@ -120,22 +119,3 @@ def test_seeds_differ():
 def test_a_robot_that_would_start_in_furniture_is_an_error_before_the_first_frame():
     with pytest.raises(ScenarioError, match=r"robot\.route: the robot would run into 'plant-7' at -5\.5"):
         world({"robot.route.distance_m": 5.5}, 0, "easy/corridor")
-
-
-def test_the_dry_run_of_the_robot_alone_is_that_among_everything_to_the_bit(monkeypatch: pytest.MonkeyPatch):
-    runs: list[tuple[mujoco.MjModel, Any]] = []
-    real = world_module.dry_run
-
-    def recorded(model: mujoco.MjModel, *arguments: Any) -> Any:
-        found = real(model, *arguments)
-        runs.append((model, found.whole()))
-        return found
-
-    monkeypatch.setattr(world_module, "dry_run", recorded)
-    # Something is that near wherever the robot is: it is simulated among everything too.
-    monkeypatch.setattr(world_module, "ROBOT_RADIUS_M", 100.0)
-    world({"occluders": [{"kind": "walker", "at_s": 1.0, "duration_s": 0.3}]})
-    (alone, first), (everything, second) = runs
-    assert alone.ngeom < everything.ngeom
-    for name in ("camera_m", "robot_m", "target_m"):
-        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))

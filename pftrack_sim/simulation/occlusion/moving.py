@@ -27,6 +27,7 @@ STEP_S = 1.0 / 30.0
 MAX_SPEED_M_S = 2.2
 WALL_GAP_M = 0.42  # Preferred distance of the mover's centre to walls and obstacles
 _PREFERRED_SPEED_M_S = 1.2
+_MOST_CLEAR_S, _ALL_CLEAR_S = 1.5, 3.2  # Times after a cover at which movers are clear of the line of sight
 _NO_FAULT_COST = 0.35  # A crossing with a lower cost is good enough: other depths are not tried
 
 # Half widths of a walking person with swinging arms, seen from behind and from the side.
@@ -81,11 +82,7 @@ def plan_crossing(
         ParameterError: Every course leads through obstacles while it covers the target, or the times do not fit.
     """
     check_times(occluder, run, name)
-    try:
-        best = _best_candidate(occluder, run, ObstacleMap(layout), mover)
-    except _CutOffError:
-        run = run.whole()
-        best = _best_candidate(occluder, run, ObstacleMap(layout), mover)
+    best = _best_candidate(occluder, run, ObstacleMap(layout), mover)
     if best.hits_obstacle:
         raise ParameterError(
             f"{name}: a {mover.name} that covers the target from {occluder.at_s:g} s to "
@@ -138,10 +135,6 @@ def cart_height_m(axis: OcclusionAxis, crossing: Crossing, run: DryRun) -> float
     return max(min(camera_z + (top - camera_z) * face / distance for face in faces), _MIN_CART_HEIGHT_M)
 
 
-class _CutOffError(Exception):
-    """A course is not over by the end of the first part of a dry run."""
-
-
 @dataclass(frozen=True)
 class _Candidate:
     crossing: Crossing
@@ -168,25 +161,16 @@ def _candidates(
 ) -> Iterator[_Candidate]:
     """Crossings from both sides and from several waiting places, with their costs."""
     sides: tuple[Literal[-1, 1], ...] = (1, -1)
-    begin_s, end_s, known_s = float(run.times_s[0]), run.end_s, float(run.times_s[-1])
     until_s = occluder.at_s + occluder.duration_s
     for side in sides:
         for aside in mover.asides_m:
-            lead = min(aside / 0.9 + 0.6, occluder.at_s - begin_s)
+            lead = min(aside / 0.9 + 0.6, occluder.at_s)
             waiting = _waiting_place(occluder, run, depth, side, lead, aside, mover.half_width_m)
             crossing = Crossing(
                 occluder.at_s, occluder.duration_s, depth, side, waiting, lead, mover.half_width_m, mover.edge_m_s
             )
-            start_s = max(occluder.at_s - lead - 5.0 * STEP_S, begin_s)
-            times = np.arange(start_s, min(until_s + 3.2, end_s), STEP_S)
-            recorded = times <= known_s
-            times = times[recorded]
-            camera, target = run.at(times)
-            track = crossing_track(crossing, start_s, STEP_S, camera[:, :2], target)
-            known = ~np.isnan(track[:, 0])
-            if known.all() and not recorded.all():
-                raise _CutOffError
-            track, target, times = track[known], target[known], times[known]
+            start_s = max(occluder.at_s - lead - 5.0 * STEP_S, 0.0)
+            times, target, track = _course(crossing, run, start_s)
             clearance = obstacles.clearance_m(track)
             cost = _course_cost(crossing, track, target, clearance[times <= until_s])
             cost += 1.0 * abs(depth - occluder.depth)
@@ -197,6 +181,19 @@ def _candidates(
             # A cover that is shorter than a step has no sample of its own.
             narrow = bool((clearance[covering] < mover.min_gap_m).any())
             yield _Candidate(crossing, cost, narrow)
+
+
+def _course(
+    crossing: Crossing, run: DryRun, start_s: float, after_s: float = _MOST_CLEAR_S
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`(T,)` times, and `(T, 2)` places of target and mover from a time until the crossing is over."""
+    times = np.arange(start_s, min(crossing.until_s + after_s, run.end_s), STEP_S)
+    camera, target = run.at(times)
+    track = crossing_track(crossing, start_s, STEP_S, camera[:, :2], target)
+    known = ~np.isnan(track[:, 0])
+    if known.all() and after_s < _ALL_CLEAR_S:
+        return _course(crossing, run, start_s, _ALL_CLEAR_S)
+    return times[known], target[known], track[known]
 
 
 def _course_cost(crossing: Crossing, track: FloatArray, target: FloatArray, clearance: FloatArray) -> float:
@@ -211,12 +208,13 @@ def _course_cost(crossing: Crossing, track: FloatArray, target: FloatArray, clea
 
 def _side_effect_cost(crossing: Crossing, run: DryRun, start_s: float, times: FloatArray, track: FloatArray) -> float:
     """Cost of covering the target at other times, and of waiting in the way of robot or target."""
-    waiting = run.times_s < start_s
+    before = run.until(start_s)
+    waiting = before.times_s < start_s
     moving = (times < crossing.at_s - 0.1) | (times > crossing.until_s + 0.1)
     cameras, targets = run.at(times[moving])
-    camera = np.vstack([run.camera_m[waiting, :2], cameras[:, :2]])
-    target = np.vstack([run.target_m[waiting], targets])
-    robot = np.vstack([run.robot_m[waiting], run.robot_at(times[moving])])
+    camera = np.vstack([before.camera_m[waiting, :2], cameras[:, :2]])
+    target = np.vstack([before.target_m[waiting], targets])
+    robot = np.vstack([before.robot_m[waiting], run.robot_at(times[moving])])
     mover = np.vstack([np.tile(crossing.waiting_m, (int(waiting.sum()), 1)), track[moving]])
     covered = covered_by_person(camera, target, mover, crossing.half_width_m)
     gap = min(float(np.hypot(*(mover - robot).T).min()), float(np.hypot(*(mover - target).T).min()))
@@ -250,7 +248,7 @@ def _left_of(sight: FloatArray) -> FloatArray:
 
 def _apparent_half_width(crossing: Crossing, run: DryRun) -> float:
     """Half of the width of a walker seen by the camera while covering: shoulders from behind, a chest from the side."""
-    start_s = max(crossing.at_s - crossing.lead_s - 2.0 * STEP_S, float(run.times_s[0]))
+    start_s = max(crossing.at_s - crossing.lead_s - 2.0 * STEP_S, 0.0)
     times = np.arange(start_s, crossing.until_s + STEP_S, STEP_S)
     camera, target = run.at(times)
     track = crossing_track(crossing, start_s, STEP_S, camera[:, :2], target)

@@ -55,12 +55,11 @@ def plan_static(occluder: model.Occluder, run: DryRun, layout: WalkableArea, nam
 
 def check_times(occluder: model.Occluder, run: DryRun, name: str) -> None:
     """Raise a `ParameterError` unless an occlusion begins and ends within the dry run."""
-    first, last = float(run.times_s[0]), run.end_s
     until_s = occluder.at_s + occluder.duration_s
-    if occluder.at_s < first or until_s > last:
+    if occluder.at_s < 0.0 or until_s > run.end_s:
         raise ParameterError(
             f"{name}: at_s = {occluder.at_s:g} and duration_s = {occluder.duration_s:g} end at {until_s:g} s, "
-            f"but the episode lasts from {first:g} s to {last:g} s"
+            f"but the episode lasts from 0 s to {run.end_s:g} s"
         )
 
 
@@ -91,10 +90,9 @@ def _search(occluder: model.Occluder, run: DryRun, obstacles: ObstacleMap) -> Pl
 
 def _alternative(occluder: model.Occluder, run: DryRun, obstacles: ObstacleMap) -> str:
     """What would work instead: the nearest possible time, or a walker."""
-    last = float(run.times_s[-1]) - occluder.duration_s
     for shift in _SHIFTS_S:
         at_s = round(occluder.at_s + shift, 2)
-        if float(run.times_s[0]) <= at_s <= last:
+        if 0.0 <= at_s <= run.end_s - occluder.duration_s:
             other = occluder.model_copy(update={"at_s": at_s})
             if isinstance(_search(other, run, obstacles), Placement):
                 return f'at_s = {at_s:g}, or kind = "walker"'
