@@ -1,9 +1,9 @@
 """Scores of trackers and robots, and statistics over seeds; what other rooms use is exported here.
 
-`frames`: overlap and errors of single frames. `reference`: a box that stays, and the best box of fixed shape.
+`frames`: overlap and errors of single frames, of a box that stays, and of several episodes on the same frames.
 `curves`: success and precision of OTB, TrackingNet and GOT-10k. `events`: failures, recoveries, drift over time.
-`episode`: all measures of an episode in one row. `following`: measures of a driven robot. `paired`: several episodes on
-the same frames. `statistics`: intervals, paired comparisons, rank correlation. `profile`: how hard a video is.
+`episode`: all measures of an episode in one row. `following`: measures of a driven robot. `statistics`: intervals,
+paired comparisons, rank correlation. `profile`: how hard a video is.
 """
 
 from pftrack_sim.score.curves import (
@@ -15,9 +15,7 @@ from pftrack_sim.score.curves import (
 )
 from pftrack_sim.score.definitions import DEFINITIONS, FOLLOWING_DEFINITIONS, MEASURE_DEFINITIONS, PEOPLE_DEFINITIONS
 from pftrack_sim.score.episode import Measures, Summary, mean_summary, measure, summarise
-from pftrack_sim.score.frames import frame_scores
-from pftrack_sim.score.paired import Arm, overlaps_on_common_frames
-from pftrack_sim.score.reference import counted_frames, stay_overlaps
+from pftrack_sim.score.frames import Arm, counted_frames, frame_scores, overlaps_on_common_frames, stay_overlaps
 from pftrack_sim.score.statistics import (
     RankAgreement,
     bootstrap_interval,

@@ -16,8 +16,14 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.score import curves, events, reference
-from pftrack_sim.score.frames import FrameScores
+from pftrack_sim.score import curves, events
+from pftrack_sim.score.frames import (
+    FrameScores,
+    counted_frames,
+    first_scored,
+    fixed_shape_overlaps,
+    stay_overlaps,
+)
 
 RECOVERY_S = 2.0  # Time within which a tracker is to have recovered
 
@@ -33,7 +39,7 @@ class Summary:
         success: Share of frames with an overlap of at least `SUCCESS_OVERLAP`.
         success_30: The same with `LOOSE_OVERLAP`.
         centre_inside: Share of frames in which the centre of the estimate lies inside the true box.
-        ceiling: Highest `success` of a box with the shape of the first one; see `reference.fixed_shape_ceiling`.
+        ceiling: Highest `success` of a box with the shape of the first one, see `frames.fixed_shape_overlaps`.
         precision: Share of frames with a centre error of at most `PRECISION_PX`.
         centre_error_median_px: Median centre error; infinite when the tracker missed most frames.
         ms_median: Median time of the frames in which the tracker answered, without that of the initialisation.
@@ -52,8 +58,8 @@ class Summary:
 
     @property
     def skill(self) -> float:
-        """`mean_overlap` relative to `stay`."""
-        return reference.skill(self.mean_overlap, self.stay)
+        """`mean_overlap` relative to `stay`: 0 for equal, 1 for perfect; NaN where `stay` is 1."""
+        return (self.mean_overlap - self.stay) / (1.0 - self.stay) if self.stay < 1.0 else math.nan
 
     def as_dict(self) -> dict[str, Any]:
         """Fields by name."""
@@ -111,19 +117,19 @@ def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
             f"scored and ms must have one number for each of {frames.overlap.size} frames, got {np.shape(scored)} "
             f"and {took.shape}"
         )
-    counted = reference.counted_frames(scored)
+    counted = counted_frames(scored)
     overlap, error = frames.overlap[counted], frames.centre_error_px[counted]
     return Summary(
         frames=int(counted.sum()),
         mean_overlap=curves.average_overlap(overlap),
-        stay=curves.average_overlap(reference.stay_overlaps(frames.truth, scored)[counted]),
+        stay=curves.average_overlap(stay_overlaps(frames.truth, scored)[counted]),
         success=curves.success_rate(overlap),
         success_30=curves.success_rate(overlap, curves.LOOSE_OVERLAP),
         centre_inside=curves.average_overlap(frames.centre_inside[counted]),
-        ceiling=reference.fixed_shape_ceiling(frames.truth, scored).success,
+        ceiling=curves.success_rate(fixed_shape_overlaps(frames.truth, scored)[counted]),
         precision=curves.precision(error),
         centre_error_median_px=_median(error),
-        ms_median=_median(_known(took[reference.first_scored(scored) + 1 :])),
+        ms_median=_median(_known(took[first_scored(scored) + 1 :])),
     )
 
 
@@ -156,7 +162,7 @@ def measure(
     if times.shape != frames.overlap.shape or (np.diff(times) <= 0.0).any():
         raise ParameterError(f"time_s must be {frames.overlap.size} rising numbers, got shape {times.shape}")
     summary = summarise(frames, scored, ms)
-    first, counted = reference.first_scored(scored), reference.counted_frames(scored)
+    first, counted = first_scored(scored), counted_frames(scored)
     overlap, took = frames.overlap[counted], _known(np.asarray(ms, dtype=np.float64)[first + 1 :])
     # Before the initialisation there is no occlusion to recover from.
     visible = np.asarray(visible_fraction, dtype=np.float64)[first:]

@@ -1,8 +1,14 @@
-"""Scores of single frames: overlap and centre errors of estimated boxes against true boxes."""
+"""Scores of single frames: overlap and centre errors of estimated boxes against true boxes.
+
+What a mean overlap is compared with follows from the true boxes alone: a box that stays, and a box that keeps its
+shape, as that of many trackers does. The true box of a walking person does not keep its shape: seen from the side its
+width follows the stride (Milan et al. 2016, "MOT16", annotation rules).
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +16,9 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+
+_SAME_S = 1e-6  # Times that differ by less are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,3 +67,87 @@ def frame_scores(estimates: ArrayLike, truth: ArrayLike) -> FrameScores:
     inside = np.asarray((np.abs(shift) <= 0.5 * size).all(axis=1) & has_area)
     overlap = boxes.pairwise_iou(estimated, true)
     return FrameScores(overlap, distances(np.ones_like(size), known), distances(size, has_area), inside, true)
+
+
+def first_scored(scored: ArrayLike) -> int:
+    """Index of the first frame in which the target can be seen: its box is given; the number of frames if none is."""
+    visible = np.flatnonzero(np.asarray(scored, dtype=np.bool_))
+    return int(visible[0]) if visible.size else np.size(scored)
+
+
+def counted_frames(scored: ArrayLike) -> BoolArray:
+    """`(N,)` the scored frames except the first one, whose box was given."""
+    counted = np.array(scored, dtype=np.bool_)
+    counted[: first_scored(counted) + 1] = False
+    return counted
+
+
+def stay_overlaps(truth: ArrayLike, scored: ArrayLike) -> FloatArray:
+    """`(N,)` overlap of the first scored box with the truth of every frame.
+
+    Args:
+        truth: `(N, 4)` boxes on which overlap is scored [px]; NaN or of zero area where the target is out of view.
+        scored: `(N,)` true where the target can be seen.
+
+    Raises:
+        ParameterError: The shapes do not fit.
+    """
+    true, first = _truth_and_first(truth, scored)
+    return boxes.pairwise_iou(np.broadcast_to(first, true.shape), true)
+
+
+def fixed_shape_overlaps(truth: ArrayLike, scored: ArrayLike) -> FloatArray:
+    """`(N,)` overlap of a box about the true centre, with the width and height of the first scored one, in every frame.
+
+    No tracker with a box of this shape reaches more: of all boxes of one shape, the one about the true centre has the
+    largest intersection with the true box. Arguments and errors are those of `stay_overlaps`.
+
+    >>> fixed_shape_overlaps([[0, 0, 10, 20], [5, 0, 10, 20], [8, 0, 40, 20]], [True, True, True]).tolist()
+    [1.0, 1.0, 0.25]
+    """
+    true, first = _truth_and_first(truth, scored)
+    corners = true[:, :2] + 0.5 * (true[:, 2:] - first[2:])
+    return boxes.pairwise_iou(np.concatenate([corners, np.broadcast_to(first[2:], corners.shape)], axis=1), true)
+
+
+def _truth_and_first(truth: ArrayLike, scored: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    true = np.asarray(truth, dtype=np.float64)
+    if true.ndim != 2 or true.shape[1] != 4 or np.shape(scored) != true.shape[:1]:
+        raise ParameterError(f"truth must be (N, 4) and scored (N,), got {true.shape} and {np.shape(scored)}")
+    first = first_scored(scored)
+    return true, true[first] if first < len(true) else boxes.NO_BOX
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """One tracker's episode at one severity, `(N,)` each.
+
+    Attributes:
+        time_s: Rising times of the frames that the tracker received.
+        overlap: Its overlap in each.
+        counted: Whether the frame is scored.
+    """
+
+    time_s: FloatArray
+    overlap: FloatArray
+    counted: BoolArray
+
+
+def overlaps_on_common_frames(arms: Sequence[Arm], from_s: float = 0.0) -> FloatArray:
+    """`(A,)` mean overlap of every arm over the times at which the target is scored in all of them; NaN where none is.
+
+    A harder condition cannot gain by showing fewer frames. The arms are episodes of one scenario and seed; times before
+    `from_s` are left out. The times are those of the arm with the most frames. Between two frames an arm keeps the
+    frame before: where frames are lost, the overlap of a delivered frame counts for as long as it is the last one.
+    """
+    times = max((arm.time_s for arm in arms), key=len)
+    times = times[times >= from_s - _SAME_S]
+    rows: list[IntArray] = [np.searchsorted(arm.time_s, times + _SAME_S) - 1 for arm in arms]
+    common = np.ones(len(times), dtype=np.bool_)
+    for arm, row in zip(arms, rows, strict=True):
+        # After the end of an episode nothing is held; frames lost at its end are like those lost before.
+        gap_s = float(np.max(np.diff(arm.time_s))) if len(arm.time_s) > 1 else 0.0
+        common &= (row >= 0) & arm.counted[row] & (times <= arm.time_s[-1] + gap_s)
+    if not common.any():
+        return np.full(len(arms), np.nan)
+    return np.array([float(arm.overlap[row[common]].mean()) for arm, row in zip(arms, rows, strict=True)])

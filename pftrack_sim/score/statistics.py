@@ -193,25 +193,6 @@ class RankAgreement:
     high: float
 
 
-def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
-    """Spearman's rank correlation of two `(N,)` scores of the same methods; ties share their mean rank.
-
-    NaN where a score is constant, or for fewer than two methods.
-
-    Raises:
-        ParameterError: The lengths differ, or a number is not finite.
-
-    >>> round(rank_correlation([0.2, 0.5, 0.9], [1.0, 2.0, 40.0]), 12)
-    1.0
-    """
-    one, other = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
-    if one.ndim != 1 or one.shape != other.shape or not (np.isfinite(one).all() and np.isfinite(other).all()):
-        raise ParameterError(f"two scores need the same number of finite values, got {one.shape} and {other.shape}")
-    if one.size < 2 or np.ptp(one) == 0.0 or np.ptp(other) == 0.0:
-        return math.nan
-    return float(np.corrcoef(scipy.stats.rankdata(one), scipy.stats.rankdata(other))[0, 1])
-
-
 def rank_agreement(
     first: ArrayLike,
     second: ArrayLike,
@@ -243,17 +224,23 @@ def rank_agreement(
         missing = np.isnan(scores).all(axis=1)
         if missing.any():
             raise ParameterError(f"method {int(np.argmax(missing))} has no score on any seed")
-    rho = rank_correlation(np.nanmean(one, axis=1), np.nanmean(other, axis=1))
+    rho = _rank_correlation(np.nanmean(one, axis=1), np.nanmean(other, axis=1))
     seeds = one.shape[1]
     drawn: list[float] = []
     for chosen in rng.integers(0, seeds, (resamples, seeds)):
         means = [_known_means(scores[:, chosen]) for scores in (one, other)]
-        if not any(np.isnan(mean).any() for mean in means):
-            drawn.append(rank_correlation(*means))
+        drawn.append(_rank_correlation(*means))
     known = np.array([value for value in drawn if not math.isnan(value)])
     if seeds < 2 or not known.size:
         return RankAgreement(rho, math.nan, math.nan)
     return RankAgreement(rho, *_percentile_interval(known, level))
+
+
+def _rank_correlation(first: FloatArray, second: FloatArray) -> float:
+    """Spearman's, ties sharing their mean rank; NaN where a score is constant or unknown, or for fewer than two."""
+    if first.size < 2 or not np.ptp(first) > 0.0 or not np.ptp(second) > 0.0:
+        return math.nan
+    return float(np.corrcoef(scipy.stats.rankdata(first), scipy.stats.rankdata(second))[0, 1])
 
 
 def _known_means(scores: FloatArray) -> FloatArray:
