@@ -201,13 +201,13 @@ def trax(
     It is the command of a tracker in the VOT toolkit; not meant to be typed.
     """
     from pftrack_sim import trackers
-    from pftrack_sim.trackers.trax.server import connection, serve
+    from pftrack_sim.trackers.trax.server import serve
 
     specs = parse_trackers(tracker, preset, params or [])
     if len(specs) != 1:
         raise ParameterError(f"trax serves one tracker, got {tracker!r}")
     made = trackers.make(specs[0].name, seed=seed, preset=specs[0].preset, **specs[0].params)
-    serve(made, specs[0].label, *connection())
+    serve(made, specs[0].label)
 
 
 # In the order of the help.

@@ -8,12 +8,10 @@ its own process by a segmentation fault at a malformed greeting.
 from __future__ import annotations
 
 import base64
-import binascii
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import unquote
 
 import cv2
 import numpy as np
@@ -23,10 +21,6 @@ from pftrack_sim.core.errors import TrackerError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.regions import mask_box, polygon_box
 from pftrack_sim.core.text import one_line
-
-VERSION = 3
-"""Version spoken by our server: a message `initialize` holds image and region. In version 4 it holds an object, and
-the image follows in a message `frame`."""
 
 MAX_LINE_BYTES = 256 * 1024 * 1024
 _PREFIX = "@@TRAX:"
@@ -166,32 +160,3 @@ def encode_buffer(image: Image) -> str:
 def encode_path(path: Path) -> str:
     """An image of the kind `path`."""
     return f"file://{path.absolute()}"
-
-
-def decode_image(text: str) -> Image:
-    """`(H, W, 3)` uint8 RGB of an image of any kind but `url`.
-
-    Raises:
-        TrackerError: It cannot be read.
-    """
-    scheme, _, rest = text.partition(":")
-    shown = one_line(text, 80)
-    try:
-        if scheme == "image":
-            width, height, kind, content = rest.split(";", 3)
-            channels = {"rgb": 3, "gray8": 1}[kind]
-            pixels = np.frombuffer(base64.b64decode(content), np.uint8).reshape(int(height), int(width), channels)
-            return np.repeat(pixels, 3 // channels, axis=2)
-        if scheme == "data":
-            content = base64.b64decode(rest.rpartition(";")[2].rpartition(",")[2])
-        else:
-            path = Path(text.removeprefix("file://"))
-            content = (path if path.exists() else Path(unquote(str(path)))).read_bytes()
-        decoded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR_RGB)
-    except OSError as error:
-        raise TrackerError(f"the image {shown!r} cannot be read: {error.strerror or error}") from None
-    except (ValueError, KeyError, binascii.Error, cv2.error) as error:
-        raise TrackerError(f"the image {shown!r} cannot be read: {one_line(str(error), 80)}") from None
-    if decoded is None:
-        raise TrackerError(f"the image {shown!r} cannot be read")
-    return np.asarray(decoded, dtype=np.uint8)

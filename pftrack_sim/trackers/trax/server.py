@@ -1,91 +1,80 @@
-"""Our trackers for programs that speak TraX, such as the VOT toolkit."""
+"""Our trackers for programs that speak TraX, such as the VOT toolkit, through the reference implementation `vot-trax`.
+
+Its client is not used for the other direction: it ends its own process by a segmentation fault where a greeting names
+no region format, as versions 1 and 4 of the protocol allow, and takes a program that has died for a lost target.
+"""
 
 from __future__ import annotations
 
-import os
-import socket
-from typing import IO
+import contextlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
 
 from pftrack_sim.core.errors import PftrackError, TrackerError
-from pftrack_sim.core.records import Estimate, Tracker
+from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.text import one_line
 from pftrack_sim.trackers.base import NeedsTruth
-from pftrack_sim.trackers.trax.protocol import VERSION, Message, decode_box, decode_image, encode_box, parse
 
 
-def serve(tracker: Tracker, name: str, requests: IO[bytes], replies: IO[bytes]) -> None:
-    """Answer requests until the other side quits or closes the connection.
+def serve(tracker: Tracker, name: str) -> None:
+    """Answer the client over standard input and output, or the socket whose port is in `TRAX_SOCKET`, until it quits.
 
-    The state has the property `confidence`. A problem is sent as the reason of a message `quit`.
+    The state has the property `confidence`. A problem is sent as the reason of a message `quit`. What the tracker
+    prints goes to standard error. Where nothing listens at the port, the library goes on trying.
 
     Args:
         tracker: The tracker.
         name: Sent in the greeting.
-        requests: Read line by line.
-        replies: Written line by line.
 
     Raises:
-        PftrackError: A request that is none, an image that cannot be read, or an error of the tracker.
+        PftrackError: `vot-trax` is not installed, a request that is none, an image that cannot be read, or an error of
+            the tracker.
     """
     if isinstance(tracker, NeedsTruth):
         raise TrackerError(f"{name} needs the ground truth, which TraX does not send")
-    hello = {
-        "trax.version": str(VERSION),
-        "trax.name": name,
-        "trax.family": "pftrack-sim",
-        "trax.image": "path;memory;buffer;",
-        "trax.region": "rectangle;polygon;mask;",
-        "trax.channels": "color;",
-    }
-
-    def reply(message: Message) -> None:
-        replies.write(message.encode())
-        replies.flush()
-
-    reply(Message("hello", (), hello))
     try:
-        for line in requests:
-            request = parse(line)
-            if request is None:
-                continue
-            if request.kind == "quit":
-                return
-            estimate = _answer(tracker, request)
-            state = encode_box(estimate.box, ("rectangle",))
-            reply(Message("state", (state,), {"confidence": f"{estimate.confidence:.6f}"}))
+        import trax
+    except ImportError:
+        raise TrackerError("serving a tracker needs the extra: pip install 'pftrack-sim[trax]'") from None
+    server: Any = trax.Server(
+        ["rectangle"], ["path", "memory", "buffer"], tracker_name=name, tracker_family="pftrack-sim"
+    )
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            while (request := server.wait()).type != "quit":
+                estimate = _answer(tracker, request)
+                state = trax.Rectangle.create(*estimate.box)
+                server.status([(state, {"confidence": f"{estimate.confidence:.6f}"})])
+    except trax.TraxException as error:
+        raise TrackerError(one_line(str(error))) from None
     except PftrackError as error:
-        reply(Message("quit", (), {"trax.reason": one_line(str(error))}))
+        server.quit(one_line(str(error)))
         raise
 
 
-def _answer(tracker: Tracker, request: Message) -> Estimate:
-    if request.kind == "initialize" and len(request.arguments) == 2:
-        box = decode_box(request.arguments[1])
-        if box is None:
-            raise TrackerError("the region to start on is empty")
-        tracker.init(decode_image(request.arguments[0]), box)
-        return Estimate(box)
-    if request.kind == "frame" and len(request.arguments) == 1:
-        return tracker.update(decode_image(request.arguments[0]))
-    given = f"{request.kind} with {len(request.arguments)} arguments"
-    raise TrackerError(f"a TraX request must be initialize with image and region, or frame with an image; got {given}")
+def _answer(tracker: Tracker, request: Any) -> Estimate:
+    image = _pixels(request.image["color"])
+    if request.type == "frame":
+        return tracker.update(image)
+    box = np.array(request.objects[0][0].bounds())
+    tracker.init(image, box)
+    return Estimate(box)
 
 
-def connection() -> tuple[IO[bytes], IO[bytes]]:
-    """The streams of this process: standard input and output, or the socket whose port is in `TRAX_SOCKET`.
-
-    What the tracker prints goes to standard error from here on.
-
-    Raises:
-        TrackerError: Nothing listens at that port.
-    """
-    port = os.environ.get("TRAX_SOCKET")
-    if port is not None:
-        try:
-            opened = socket.create_connection(("localhost", int(port)))
-        except (OSError, ValueError, OverflowError) as error:
-            raise TrackerError(f"no TraX client at the port TRAX_SOCKET={port}: {error}") from None
-        return opened.makefile("rb"), opened.makefile("wb")
-    requests, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    return requests, replies
+def _pixels(sent: Any) -> Image:
+    """`(H, W, 3)` uint8 RGB of an image of the library."""
+    if sent.type() == "memory":
+        pixels = sent.array()
+        return np.repeat(pixels, 3 // pixels.shape[2], axis=2)
+    try:
+        content = sent.buffer() if sent.type() == "buffer" else Path(sent.path()).read_bytes()
+        decoded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR_RGB)
+    except OSError as error:
+        raise TrackerError(f"the image {sent.path()!r} cannot be read: {error.strerror}") from None
+    if decoded is None:
+        raise TrackerError("the image cannot be read: it is no image file")
+    return np.asarray(decoded, dtype=np.uint8)
