@@ -15,14 +15,13 @@ import os
 import sys
 import threading
 from collections.abc import Generator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 
 from pftrack_sim.core.errors import RenderError, UnknownNameError
-from pftrack_sim.render.gl.egl import EGL_LIBRARY, EGLBinding
 
 BACKENDS = ("egl", "osmesa")  # OpenGL libraries that can be asked for by name
 
@@ -35,7 +34,7 @@ INSTALL_HINTS = """\
   Windows:         needs a graphics driver with OpenGL 1.5 or newer (GLFW)"""
 
 _SHARED_LIBRARIES: dict[str, tuple[tuple[str, ...], ...]] = {
-    "egl": ((EGL_LIBRARY,), ("libGL.so.1", "libOpenGL.so.0")),
+    "egl": (("libEGL.so.1",), ("libGL.so.1", "libOpenGL.so.0")),
     "osmesa": (("libOSMesa.so.8", "libOSMesa.so.6"),),
 }
 """What each backend loads on Linux: one file of each group."""
@@ -67,7 +66,6 @@ class GLContext:
     def __init__(self, context: Any, info: OpenGLInfo) -> None:
         self.info = info
         self._context: Any = context
-        self._binding: Any = EGLBinding(context) if info.backend == "egl" else context
         self._pid = os.getpid()
 
     @property
@@ -80,55 +78,38 @@ class GLContext:
         """Whether it is neither closed nor inherited through a fork."""
         return not self.closed and self._pid == os.getpid()
 
-    def current(self) -> AbstractContextManager[None]:
+    @contextmanager
+    def current(self) -> Generator[None]:
         """Make it current in this thread, and restore the thread's previous context at the end; blocks may be nested.
 
         Raises:
             RenderError: It is closed, inherited through a fork, or current in another thread.
         """
-        return _Current(self)
-
-    def bind(self) -> AbstractContextManager[None]:
-        """The block in which OpenGL's functions use it.
-
-        Raises:
-            RenderError: As `current`.
-        """
         if self.closed:
             raise RenderError("this renderer has been closed")
         if not self.usable:
             raise RenderError(_FORKED)
-        return self._binding.as_current()
+        outer = getattr(_thread, "context", None)
+        if outer is self:
+            yield
+            return
+        with ExitStack() as stack:
+            try:
+                stack.enter_context(self._context.as_current())
+            except Exception as error:  # PyOpenGL and the four backends each raise types of their own
+                words = "the OpenGL context is not available; does another thread use it?"
+                raise RenderError(f"{words} {error}") from error
+            _thread.context = self
+            try:
+                yield
+            finally:
+                _thread.context = outer
 
     def close(self) -> None:
         """Free it; a second call does nothing."""
         if self.usable:
             self._context.free()
-        self._context = self._binding = None
-
-
-class _Current(AbstractContextManager[None]):
-    """A block of `GLContext.current`; not a generator, which takes five times as long, several times a frame."""
-
-    def __init__(self, context: GLContext) -> None:
-        self._context = context
-        self._bound: AbstractContextManager[None] | None = None
-
-    def __enter__(self) -> None:
-        context, self._outer = self._context, getattr(_thread, "context", None)
-        if self._outer is context and context.usable:
-            return
-        bound = context.bind()
-        try:
-            bound.__enter__()
-        except Exception as error:  # PyOpenGL and the four backends each raise types of their own
-            raise RenderError(f"the OpenGL context is not available; does another thread use it? {error}") from error
-        self._bound, _thread.context = bound, context
-
-    def __exit__(self, *raised: Any) -> None:
-        if self._bound is not None:
-            _thread.context = self._outer
-            self._bound.__exit__(*raised)
+        self._context = None
 
 
 def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480)) -> GLContext:
