@@ -31,9 +31,7 @@ class Carried(Section):
         "hand.",
     )
     colour: tuple[_Channel, _Channel, _Channel] = setting((60, 62, 70), "Red, green, blue, 0 to 255.")
-    from_start: bool = setting(
-        True, "Whether it is carried from the start; else it lies where an action `picks_up` the item."
-    )
+    from_start: bool = setting(True, "Carried from the start; else it lies where an action `picks_up` the item.")
 
 
 def held_share(carried: Carried, actions: Sequence[Action], time_s: float) -> float:

@@ -36,7 +36,7 @@ class Walking(_Group):
     """Walk side by side along a path, and stop at its end; they do not avoid other people."""
 
     kind: Literal["walk"]
-    path_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=100)] = setting(..., "Points of the path.")
+    path_m: tuple[Point, ...] = setting(..., "Points of the path.", min_length=2, max_length=100)
     speed_m_s: float = number(1.1, 0.3, 1.8, "Walking speed.")
 
 

@@ -18,6 +18,7 @@ from pftrack_sim.scenario.carried import Carried, carrying_problem
 from pftrack_sim.scenario.groups import Group
 from pftrack_sim.scenario.section import (
     Angle,
+    Band,
     Coordinate,
     NotNegative,
     Point,
@@ -52,9 +53,7 @@ class WaypointRoute(Section):
     """The robot drives through points, then stops."""
 
     kind: Literal["waypoints"]
-    points_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=1000)] = setting(
-        ..., "Points to drive through."
-    )
+    points_m: tuple[Point, ...] = setting(..., "Points to drive through.", min_length=2, max_length=1000)
     speed_m_s: Positive = setting(0.8, "Cruising speed.")
 
 
@@ -92,12 +91,10 @@ class Robot(Section):
     max_pan_deg_s: Positive = setting(120.0, "Fastest pan rate of the head.")
     max_tilt_deg_s: Positive = setting(60.0, "Fastest tilt rate of the head.")
     floor_friction: float = number(
-        1.0, 0.02, 2, "Coulomb friction between tyres and floor: 1 dry, 0.4 wet tiles, 0.1 ice."
+        1.0, 0.02, 2, "Coulomb friction of tyres on the floor: 1 dry, 0.4 wet tiles, 0.1 ice."
     )
     latency_ms: float = number(0.0, 0, 2000, "Delay from a command to the motors, rounded to the physics step.")
-    odometry_error_percent: float = number(
-        0.5, 0, 20, "Standard deviation of the odometry's error of each wheel's radius and of the track."
-    )
+    odometry_error_percent: float = number(0.5, 0, 20, "Standard deviation of the odometry's wheel radii and track.")
 
 
 class Camera(Section):
@@ -121,21 +118,13 @@ class Jitter(Section):
 
     angular_rms_deg: float = number(0.0, 0, 20, "RMS of each of roll, pitch and yaw.")
     translational_rms_mm: NotNegative = setting(0.0, "RMS along each of x, y and z.")
-    band_hz: tuple[Positive, Positive] = setting((1.0, 12.0), "Lowest and highest frequency.")
-
-    @model_validator(mode="after")
-    def _band_is_ordered(self) -> Jitter:
-        if self.band_hz[0] >= self.band_hz[1]:
-            raise ValueError(f"band_hz must be [low, high] with low < high, got {list(self.band_hz)}")
-        return self
+    band_hz: Band = setting((1.0, 12.0), "Lowest and highest frequency.")
 
 
 class Sensor(Section):
     """Optical blur and anti-aliasing."""
 
-    psf_sigma_px: float = number(
-        0.5, 0, 5, "Blur of the lens: standard deviation of its point-spread function; 0 is a perfect lens."
-    )
+    psf_sigma_px: float = number(0.5, 0, 5, "Standard deviation of the lens's point-spread function; 0: perfect.")
     multisamples: Literal[0, 2, 4, 8] = setting(0, "Anti-aliasing samples per pixel of the colour image.")
 
 
@@ -191,8 +180,11 @@ MAX_PATH_M = 2000.0
 class Target(Section):
     """The person to track."""
 
-    path_m: Annotated[tuple[Point, ...], Field(min_length=2, max_length=1000)] = setting(
-        ..., "Points the target walks through; corners are rounded. It stops at the last one."
+    path_m: tuple[Point, ...] = setting(
+        ...,
+        "Points the target walks through; corners are rounded. It stops at the last one.",
+        min_length=2,
+        max_length=1000,
     )
     speed_m_s: float = number(1.25, 0.3, 2.2, "Walking speed.")
     height_m: float = number(1.74, 1.4, 2.1, "Body height.")
@@ -239,7 +231,7 @@ class Distractors(Section):
     similarity: Share = setting(0.2, "Similarity of their clothes to the target's; 1 is the same clothes.")
     speed_m_s: float = number(1.2, 0.3, 2.2, "Mean walking speed.")
     changes_per_minute: float = number(
-        0.0, 0, 60, "How often each changes its pace, or pauses for 1 to 3 s: a third of the changes."
+        0.0, 0, 60, "How often each changes its pace or, every third time, pauses for 1 to 3 s."
     )
 
 
@@ -254,9 +246,7 @@ class Occluder(Section):
     )
     at_s: NotNegative = setting(..., "When the target's centre line goes behind it.")
     duration_s: Positive = setting(1.0, "Duration for which the centre line stays behind it.")
-    share: Annotated[float, Field(gt=0.0, le=1.0)] = setting(
-        1.0, "Share of the target's height that a wall or boxes cover."
-    )
+    share: float = setting(1.0, "Share of the target's height that a wall or boxes cover.", gt=0, le=1)
     depth: float = number(0.6, 0.2, 0.9, "Position on the line from the camera (0) to the target (1).")
     similarity: Share = setting(0.0, "Similarity of a walker's clothes to the target's.")
 
@@ -266,9 +256,7 @@ class Follow(Section):
 
     distance_m: Positive = setting(3.0, "Wanted distance to the target.")
     distance_limit_m: Positive = setting(3.0, "Error of distance at which the reward reaches 0.")
-    bearing_limit_deg: Annotated[float, Field(gt=0.0, le=180.0)] = setting(
-        45.0, "Error of bearing at which the reward reaches 0."
-    )
+    bearing_limit_deg: float = setting(45.0, "Error of bearing at which the reward reaches 0.", gt=0, le=180)
     lost_after_s: Positive = setting(3.0, "The episode ends when the target is out of view this long.")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 Coordinate: TypeAlias = Annotated[float, Field(ge=-500.0, le=500.0)]
 Point: TypeAlias = tuple[Coordinate, Coordinate]  # x, y on the ground [m], world frame
@@ -14,6 +14,15 @@ Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, le=10_000.0)]
 Seconds: TypeAlias = Annotated[float, Field(ge=0.001, le=3600.0)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, le=10_000.0)]
+
+
+def _ordered(band: tuple[float, float]) -> tuple[float, float]:
+    if band[0] >= band[1]:
+        raise ValueError("must be [low, high] with low < high")
+    return band
+
+
+Band: TypeAlias = Annotated[tuple[Positive, Positive], AfterValidator(_ordered)]  # Lowest and highest frequency [Hz]
 
 
 class Section(BaseModel):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias, cast
+from typing import Any, Literal, TypeAlias, cast
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from pftrack_sim.scenario.section import Section, number, setting
 
@@ -48,12 +48,8 @@ class Operator(Section):
     route, with the target in the middle. Robots driven by actions have no operator.
     """
 
-    character: Character = setting(
-        "steady", "Values of the keys left out: those of a steady, careful, average, hasty operator."
-    )
-    reaction_s: float = number(
-        0.0, 0, 1, "Delay from a movement of the target to the operator's response; 0.2 to 0.4 in people."
-    )
+    character: Character = setting("steady", "Gives the keys left out the values of this kind of operator.")
+    reaction_s: float = number(0.0, 0, 1, "Delay of the response to a movement of the target; 0.2 to 0.4 in people.")
     dead_zone_deg: float = number(6.0, 0, 20, "Errors of direction that the operator leaves as they are.")
     head_hz: float = number(
         0.0,
@@ -62,28 +58,20 @@ class Operator(Section):
         "Natural frequency of the second-order response of the head, 0.5 to 1 in manual tracking; 0 is a first-order "
         "response without overshoot.",
     )
-    head_damping: float = number(
-        0.7, 0.1, 2, "Damping ratio of that response: 1 does not overshoot, 0.5 by 16 %, 0.3 by 37 %."
-    )
-    wander_deg: float = number(
-        0.0, 0, 40, "RMS angle by which the aim wanders sideways from the target; half as much up and down."
-    )
+    head_damping: float = number(0.7, 0.1, 2, "Damping ratio: 1 does not overshoot, 0.5 does by 16 %, 0.3 by 37 %.")
+    wander_deg: float = number(0.0, 0, 40, "RMS angle by which the aim wanders sideways; half as much up and down.")
     wander_s: float = number(4.0, 0.5, 60, "Mean period of that wandering: from one side to the other and back.")
     glances_per_minute: float = number(0.0, 0, 30, "How often the camera looks elsewhere and returns.")
-    glance_deg: Annotated[float, Field(gt=0.0, le=150.0)] = setting(
-        25.0, "Mean angle by which it looks to one side of the target, within 30 %."
+    glance_deg: float = setting(
+        25.0, "Mean angle by which it looks to one side of the target, within 30 %.", gt=0, le=150
     )
     glance_s: float = number(1.0, 0.1, 20, "Mean time until it turns back, within 30 %.")
-    keep_in_view: bool = setting(
-        True, "Whether the centre of the target stays in the image, at its edge at most, whatever the aim does."
-    )
+    keep_in_view: bool = setting(True, "Whether the target's centre stays in the image, whatever the aim does.")
     stops_per_minute: float = number(0.0, 0, 20, "How often the base brakes to a stop; afterwards it catches up.")
     stop_s: float = number(2.0, 0.1, 20, "Mean time for which it stands, within 30 %.")
-    stop_turn_deg: float = number(
-        0.0, 0, 120, "Angle by which the body turns on the spot in a stop, to one side and back."
-    )
+    stop_turn_deg: float = number(0.0, 0, 120, "Angle by which the body turns in a stop, to one side and back.")
     distance_ratio: float = number(
-        1.0, 1, 5, "Largest over smallest distance kept from the target; the route's is their geometric mean."
+        1.0, 1, 5, "Largest over smallest distance kept; the route's is their geometric mean."
     )
     distance_period_s: float = number(20.0, 2, 3600, "Mean time from near to far and back, within 20 %.")
     swing_m: float = number(

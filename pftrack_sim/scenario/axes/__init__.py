@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from pftrack_sim.scenario.axes.base import Axis
 from pftrack_sim.scenario.axes.scene import DistractorsAxis, LightAxis, OcclusionAxis, TargetAxis
 from pftrack_sim.scenario.axes.sensing import (
@@ -34,27 +36,4 @@ class Axes(Section):
 
 def axes_by_name() -> dict[str, type[Axis]]:
     """The class of every axis, in the order of the lists."""
-    found: dict[str, type[Axis]] = {}
-    for name, field in Axes.model_fields.items():
-        assert isinstance(field.annotation, type)
-        assert issubclass(field.annotation, Axis)
-        found[name] = field.annotation
-    return found
-
-
-__all__ = [
-    "Axes",
-    "Axis",
-    "BlurAxis",
-    "DetectorAxis",
-    "DistortionAxis",
-    "DistractorsAxis",
-    "JitterAxis",
-    "LightAxis",
-    "NoiseAxis",
-    "OcclusionAxis",
-    "RollingShutterAxis",
-    "StreamAxis",
-    "TargetAxis",
-    "axes_by_name",
-]
+    return {name: cast("type[Axis]", field.annotation) for name, field in Axes.model_fields.items()}

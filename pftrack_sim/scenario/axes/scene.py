@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from pftrack_sim.scenario.actions import Action, Lowering, Run, Stop, Turn
 from pftrack_sim.scenario.axes.base import Axis
@@ -25,15 +25,13 @@ class OcclusionAxis(Axis, name="occlusion", headline="duration_s", unit="s"):
         "pedestrian in other clothes; 'lookalike': one in the same.",
     )
     duration_s: Positive = setting(1.3, "How long each one covers the centre line at severity 1.")
-    share: Annotated[float, Field(gt=0.0, le=1.0)] = setting(
-        1.0, "Share of the target's visible body that a wall covers; others cover it whole."
+    share: float = setting(
+        1.0, "Share of the target's visible body that a wall covers; others cover it whole.", gt=0, le=1
     )
     count: int = number(1, 0, 6, "How many.")
     end_s: NotNegative = setting(7.0, "When the first one ends, at every severity.")
     every_s: Positive = setting(6.0, "From the end of one to the end of the next.")
-    depth: float = number(
-        0.5, 0.3, 0.7, "Where it passes on the line from the camera (0) to the target (1), if there is room."
-    )
+    depth: float = number(0.5, 0.3, 0.7, "Where it passes between the camera (0) and the target (1), if there is room.")
 
     @property
     def spans_s(self) -> tuple[tuple[float, float], ...]:
@@ -76,9 +74,7 @@ class DistractorsAxis(Axis, name="distractors", headline="count", unit="people")
     """
 
     count: int = number(2, 0, 8, "How many come near at severity 1.")
-    similarity: Share = setting(
-        1.0, "Similarity of clothes and build to the target's; 1 is a twin, 0 clearly different."
-    )
+    similarity: Share = setting(1.0, "Similarity of clothes and build to the target's: 1 a twin, 0 clearly different.")
     where: Literal["both", "across", "beside"] = setting(
         "both", "'across': they cross between camera and target; 'beside': they pass the target; 'both': by turns."
     )
@@ -117,16 +113,18 @@ class TargetAxis(Axis, name="target", headline="per_minute", unit="manoeuvres / 
     """Manoeuvres of the target on its path, changes of the robot's distance, and a target that leaves the view."""
 
     per_minute: NotNegative = setting(12.0, "Manoeuvres a minute at severity 1; 0 for none.")
-    manoeuvres: Annotated[tuple[Manoeuvre, ...], Field(min_length=1, max_length=100)] = setting(
+    manoeuvres: tuple[Manoeuvre, ...] = setting(
         ("stop", "run", "crouch", "turn"),
         "In this order, over and over. 'stop': stands still for a while; 'turn': faces about on the spot, walks "
         "back, and faces about again; 'crouch': stops, squats and rises; 'run': runs for a while.",
+        min_length=1,
+        max_length=100,
     )
     at_s: NotNegative = setting(2.0, "When the first manoeuvre begins.")
     run_m_s: float = number(2.7, 2.2, 3.2, "Speed of running.")
     faster_m_s: NotNegative = setting(0.1, "Added to the walking speed at severity 1.")
     range_m: NotNegative = setting(
-        0.4, "How far the robot swings ahead of and behind its place beside or behind the target."
+        0.4, "How far the robot swings ahead of and behind its place relative to the target."
     )
     period_s: Positive = setting(12.0, "Period of that swing; a short one asks for more than the robot's top speed.")
     leave_s: NotNegative = setting(0.5, "How long the target is out of view at severity 1.")
@@ -180,9 +178,11 @@ class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
     repeats every `every_s`.
     """
 
-    parts: Annotated[tuple[Part, ...], Field(min_length=1, max_length=100)] = setting(
+    parts: tuple[Part, ...] = setting(
         ("change", "colour", "flicker", "pools", "patches", "noise"),
         "Which changes; the others are left out. 'noise': the sensor's at gain 1, which dark frames show.",
+        min_length=1,
+        max_length=100,
     )
     lights: Literal["all", "sun", "lamps"] = setting("all", "Which lights change their brightness.")
     dim_ev: float = number(2.0, -5, 10, "Change: stops by which the light falls; negative rises.")
@@ -191,20 +191,18 @@ class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
     hold_s: Positive = setting(2.0, "Change: how long the light stays changed.")
     every_s: Positive = setting(5.0, "Change: from one beginning to the next.")
     temperature_k: float = number(
-        2856.0, WARMEST_K, COLDEST_K, "Colour: temperature of the light while it is changed; 6504 is white."
+        2856.0, WARMEST_K, COLDEST_K, "Colour: temperature of the changed light; 6504 is white."
     )
     flicker_hz: Positive = setting(6.0, "Flicker: frequency; above half the frame rate it aliases.")
     flicker_depth: float = number(0.1, 0, 1, "Flicker: (brightest - darkest) / (brightest + darkest) of the luminance.")
     pool_ev: float = number(0.7, 0, 10, "Pools: stops from below a lamp to midway between two.")
     pool_every_m: Positive = setting(8.0, "Pools: distance between lamps along the target's path.")
     patch_share: float = number(
-        0.2, 0, 0.9, "Patches: share of the ground in shade, added to `lights.patches` (needs shadows)."
+        0.2, 0, 0.9, "Patches: share of ground in shade, added to `lights.patches` (needs shadows)."
     )
     auto_exposure: bool = setting(True, "Whether the camera holds the first frame's mean luminance.")
     exposure_lag_s: NotNegative = setting(0.5, "Auto-exposure: time constant; 0 answers at once.")
-    exposure_range_ev: Annotated[float, Field(gt=0.0, le=10.0)] = setting(
-        4.0, "Auto-exposure: largest correction in stops."
-    )
+    exposure_range_ev: float = setting(4.0, "Auto-exposure: largest correction in stops.", gt=0, le=10)
     auto_white_balance: bool = setting(False, "Whether the camera holds the first frame's mean colour.")
     white_balance_lag_s: NotNegative = setting(1.5, "White balance: time constant; 0: at once.")
 

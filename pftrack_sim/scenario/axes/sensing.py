@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, model_validator
 
 from pftrack_sim.scenario.axes.base import Axis
-from pftrack_sim.scenario.section import NotNegative, Positive, number, setting
+from pftrack_sim.scenario.section import Band, NotNegative, Positive, number, setting
 
 Source: TypeAlias = Literal["wind", "ground", "road"]
 _Coefficient: TypeAlias = Annotated[float, Field(ge=-10.0, le=10.0)]
@@ -22,22 +22,18 @@ MAX_SHAKE_DEG = 40.0
 class JitterAxis(Axis, name="jitter", headline="angular_rms_deg", unit="deg RMS"):
     """Camera shake from the three sources of Ko et al. 2012: wind, ground vibration and road roughness."""
 
-    sources: Annotated[tuple[Source, ...], Field(min_length=1, max_length=8)] = setting(
-        ("wind", "ground", "road"), "Active sources."
-    )
+    sources: tuple[Source, ...] = setting(("wind", "ground", "road"), "Active sources.", min_length=1, max_length=8)
     wind_rms_deg: NotNegative = setting(0.5, "Gusts: RMS of each of pitch, yaw and roll.")
-    wind_corner_hz: Annotated[float, Field(gt=0.0, le=20.0)] = setting(
-        0.8, "Gusts: frequency above which they fade (spectrum 1 / (1 + (f / corner)^2))."
+    wind_corner_hz: float = setting(
+        0.8, "Gusts: frequency above which they fade (spectrum 1 / (1 + (f / corner)^2)).", gt=0, le=20
     )
     ground_rms_deg: NotNegative = setting(1.5, "Vibration: RMS of each of pitch, yaw and roll.")
     ground_rms_mm: NotNegative = setting(10.0, "Vibration: RMS along each of x, y and z.")
-    ground_band_hz: tuple[Positive, Positive] = setting((1.0, 5.0), "Vibration: lowest and highest frequency.")
+    ground_band_hz: Band = setting((1.0, 5.0), "Vibration: lowest and highest frequency.")
     road_class: RoadClass = setting("B", "Roughness of the road by ISO 8608: A (very good) to E (very poor).")
 
     @model_validator(mode="after")
-    def _band_is_ordered(self) -> JitterAxis:
-        if self.ground_band_hz[0] >= self.ground_band_hz[1]:
-            raise ValueError(f"ground_band_hz must be [low, high] with low < high, got {list(self.ground_band_hz)}")
+    def _shake_is_bounded(self) -> JitterAxis:
         if self.physical > MAX_SHAKE_DEG:
             raise ValueError(
                 f"the camera may shake by at most {MAX_SHAKE_DEG:g} deg RMS, got {self.physical:g} deg: severity "
@@ -94,9 +90,7 @@ class DistortionAxis(Axis, name="distortion", headline="radial", unit="|k1|"):
 class NoiseAxis(Axis, name="noise", headline="gain", unit="x analogue gain"):
     """Sensor noise by EMVA 1288: Poisson photoelectrons, Gaussian read noise, analogue gain."""
 
-    full_well_e: Annotated[float, Field(gt=0.0, le=25_000.0)] = setting(
-        10000.0, "Electrons of a white pixel at gain 1."
-    )
+    full_well_e: float = setting(10000.0, "Electrons of a white pixel at gain 1.", gt=0, le=25_000)
     read_noise_e: NotNegative = setting(6.0, "Standard deviation of the read noise [e-].")
     gain: Positive = setting(7.5, "Analogue gain, as ISO / 100: less light is enough for white, with fewer electrons.")
 
@@ -158,10 +152,10 @@ class DetectorAxis(Axis, name="detector", headline="false_alarms", unit="false a
     height_px: Positive = setting(56.0, "Height at which 37 % are missed for their size alone.")
     visible_share: Positive = setting(0.57, "Visible fraction at which 37 % are missed for it alone.")
     contrast_rms: Positive = setting(
-        0.03, "RMS contrast of the luminance in the box at which 37 % are missed for it alone."
+        0.03, "RMS contrast of luminance in the box at which 37 % are missed for it alone."
     )
-    box_noise: Annotated[float, Field(gt=0.0, le=1.0)] = setting(
-        0.07, "Standard deviation of the centre, as a share of width and height, and of log size."
+    box_noise: float = setting(
+        0.07, "Standard deviation of the centre, as a share of width and height, and of log size.", gt=0, le=1
     )
     false_alarms: NotNegative = setting(0.1, "False positives per frame: boxes without a person.")
     lowest_score: float = number(0.3, 0, 1, "Score of a detection that was nearly missed; 1 is the best.")

@@ -180,12 +180,12 @@ def rough_ellipsoid(
     unit = _sphere(segments)
     normals = unit / axes
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    odd = np.meshgrid(np.arange(segments + 1) % 2.0, np.arange(rings + 1) % 2.0)
+    odd = np.indices((rings + 1, segments + 1)).astype(np.float64)[::-1] % 2.0
     return TexturedMesh(
         texture.material,
         (np.asarray(centre, dtype=np.float64) + bump[..., None] * unit * axes).reshape(-1, 3),
         normals.reshape(-1, 3),
-        texture.coordinates(np.stack(odd, axis=-1).reshape(-1, 2), (1.0, 1.0)),
+        texture.coordinates(odd.reshape(2, -1).T, (1.0, 1.0)),
         _grid_triangles(segments, rings),
     )
 
