@@ -118,7 +118,7 @@ def score(
 
 def _print_scored(found: Scored) -> None:
     """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
-    from pftrack_sim.benchmark.results import score_text
+    from pftrack_sim.report.scored import benchmark_table
     from pftrack_sim.report.tables import Table, interval_of, number_text
 
     overlaps: dict[str, dict[str, list[float]]] = {}
@@ -135,11 +135,8 @@ def _print_scored(found: Scored) -> None:
         ]
         tables.print_table(Table("Mean overlap per sequence", ("sequence",), trackers, rows))
     tables.print_groups("frames with a known box", groups, unit="result")
-    if found.benchmark:
-        heads = list(next(iter(found.benchmark.values())))
-        spaced = [name.replace("_", "\n", 1) for name in heads]
-        rows = [[one, *(score_text(values[name]) for name in heads)] for one, values in found.benchmark.items()]
-        tables.print_table(Table("As the benchmark's own scorer computes them", ("tracker",), spaced, rows))
+    if (own := benchmark_table(found)) is not None:
+        tables.print_table(own)
     if found.comparisons:
         title = "Differences of mean overlap over sequences (95% interval, p of the sign-flip test after Holm)"
         rows = [

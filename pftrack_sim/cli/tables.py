@@ -97,7 +97,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
 def print_run(plan: Plan, store: RunStore) -> None:
     """Print all results of a run: overlaps, axes, following, and each suite's table and claims beside its paper's."""
     from pftrack_sim.benchmark.claims import evaluate_claims
-    from pftrack_sim.report.tables import axes, following, paper_table
+    from pftrack_sim.report.tables import axes, claim_text, following, paper_table
 
     results = store.results
     print_bench(results)
@@ -107,11 +107,7 @@ def print_run(plan: Plan, store: RunStore) -> None:
         for table in paper_table(suite, results):
             print_table(table)
         for claim in evaluate_claims(suite, results):
-            parts = [
-                f"  {part.name}: {part.difference:+.3f} [{part.low:+.3f}, {part.high:+.3f}] "
-                f"over {part.seeds} seeds: {part.verdict}"
-                for part in claim.comparisons
-            ]
+            parts = [f"  {claim_text(part)} over {part.seeds} seeds: {part.verdict}" for part in claim.comparisons]
             print_lines([f"\n{claim.verdict.upper()}: {claim.statement}", *parts])
 
 

@@ -15,13 +15,12 @@ from markupsafe import Markup
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
-from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper, evaluate_claims
+from pftrack_sim.benchmark.claims import evaluate_claims
 from pftrack_sim.benchmark.kept.checksums import update_sum
 from pftrack_sim.benchmark.kept.files import write_bytes
-from pftrack_sim.benchmark.results import score_text
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.strips import strips
-from pftrack_sim.report.tables import number_text
+from pftrack_sim.report.tables import Table, claim_text, paper_table
 from pftrack_sim.scenario import Scenario
 
 _PAGE = Path(__file__).parent / "page"
@@ -72,7 +71,7 @@ def render_page(
     suites: Sequence[Mapping[str, Any]] = (),
     scenarios: Sequence[tuple[str, str]] = (),
     errors: Sequence[Result] = (),
-    benchmark: Mapping[str, Mapping[str, float]] | None = None,
+    benchmark: Table | None = None,
 ) -> str:
     """The page as HTML.
 
@@ -84,7 +83,7 @@ def render_page(
         suites: Tables and claims of papers.
         scenarios: Scenarios with their hashes.
         errors: Results of trackers that failed.
-        benchmark: For each tracker what the scorer of a data set's own benchmark computes.
+        benchmark: What the scorer of a data set's own benchmark computes.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_PAGE), autoescape=True, undefined=jinja2.StrictUndefined
@@ -107,10 +106,7 @@ def render_page(
         how=how,
         scenarios=scenarios,
         errors=errors,
-        benchmark={
-            tracker: {name: score_text(value) for name, value in values.items()}
-            for tracker, values in (benchmark or {}).items()
-        },
+        benchmark=benchmark,
     )
 
 
@@ -148,26 +144,9 @@ def _words(value: object) -> str:
 
 def _suite(suite: Suite, results: Sequence[Result]) -> dict[str, Any]:
     """The paper's table beside the results, and the tested claims."""
-    rows: list[dict[str, Any]] = []
-    for row in compare_with_paper(suite, results):
-        cells = [_cell(*pair) for pair in zip(row.printed, row.ours, strict=True)]
-        rows.append({"tracker": row.tracker, "cells": cells})
-    claims: list[dict[str, Any]] = []
-    for claim in evaluate_claims(suite, results):
-        comparisons = [_comparison(one) for one in claim.comparisons]
-        claims.append({"statement": claim.statement, "verdict": claim.verdict, "comparisons": comparisons})
-    table = None
-    if suite.table is not None:
-        table = {"title": suite.table.title, "columns": suite.table.columns, "rows": rows}
-    return {"title": suite.title, "source": suite.source, "table": table, "claims": claims}
-
-
-def _comparison(one: ClaimComparison) -> str:
-    """`"ko2012 - ko2012-rgb: 0.053 [0.021, 0.084] (holds, 20 seeds)"`."""
-    interval = f"{number_text(one.difference, 3)} [{number_text(one.low, 3)}, {number_text(one.high, 3)}]"
-    return f"{one.name}: {interval} ({one.verdict}, {one.seeds} seeds)"
-
-
-def _cell(printed: float, ours: Interval) -> dict[str, str]:
-    mean, low, high = (number_text(value, 1) for value in ours)
-    return {"printed": number_text(printed, 1), "ours": mean, "interval": f"{low} to {high}"}
+    claims = [
+        (one.statement, one.verdict, [f"{claim_text(part)}: {part.verdict}" for part in one.comparisons])
+        for one in evaluate_claims(suite, results)
+    ]
+    tables = list(paper_table(suite, results))
+    return {"title": suite.title, "source": suite.source, "tables": tables, "claims": claims}

@@ -17,6 +17,7 @@ from pftrack_sim.report.profile_tables import profile_table
 from pftrack_sim.report.tables import (
     Table,
     axes,
+    claim_text,
     following,
     interval,
     number_text,
@@ -166,11 +167,7 @@ def _markdown(table: Table) -> str:
 
 def _claims(suite: Suite, results: Sequence[Result]) -> list[str]:
     rows = [
-        [
-            claim.statement,
-            claim.verdict,
-            "; ".join(f"{one.name} {range_text((one.difference, one.low, one.high))}" for one in claim.comparisons),
-        ]
+        [claim.statement, claim.verdict, "; ".join(map(claim_text, claim.comparisons))]
         for claim in evaluate_claims(suite, results)
     ]
     heads = ["Claim of the paper", "Verdict", "Difference (95 % interval over seeds)"]

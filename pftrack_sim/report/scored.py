@@ -12,10 +12,11 @@ import numpy as np
 import pftrack_sim
 from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
 from pftrack_sim.benchmark.losses import LOSS
-from pftrack_sim.benchmark.results import Scored, ScoredResult
+from pftrack_sim.benchmark.results import Scored, ScoredResult, score_text
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.build import render_page
 from pftrack_sim.report.contents import Shown, TrackerFrames, board, episode_entry, matrix
+from pftrack_sim.report.tables import Table
 
 _TABLE = "results.csv"
 
@@ -43,12 +44,22 @@ def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
     page = render_page(
         out.resolve().name,
         _contents(found),
-        benchmark=found.benchmark,
+        benchmark=benchmark_table(found),
         how=[*sources.items(), ("version", pftrack_sim.__version__)],
     )
     write_bytes(out / "report.html", page.encode())
     write_bytes(out / _TABLE, csv_text(list(rows[0]), [list(row.values()) for row in rows]).encode())
     return out / "report.html"
+
+
+def benchmark_table(found: Scored) -> Table | None:
+    """For each tracker what the scorer of the data set's own benchmark computes; None where it has none."""
+    if not found.benchmark:
+        return None
+    heads = list(next(iter(found.benchmark.values())))
+    rows = [[tracker, *(score_text(values[name]) for name in heads)] for tracker, values in found.benchmark.items()]
+    spaced = [name.replace("_", "\n", 1) for name in heads]
+    return Table("As the benchmark's own scorer computes them", ("tracker",), spaced, rows)
 
 
 def _contents(found: Scored) -> dict[str, Any]:

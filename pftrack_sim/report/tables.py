@@ -12,7 +12,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
-from pftrack_sim.benchmark.claims import Interval, compare_with_paper
+from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper
 from pftrack_sim.benchmark.degradation import TITLES, degradation, table_rows
 from pftrack_sim.core import random_streams
 
@@ -52,6 +52,11 @@ class Table:
     rows: Sequence[Sequence[str]]
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
     grouped: bool = False
+
+    @property
+    def heads(self) -> list[str]:
+        """Heads of all columns."""
+        return [*self.names, *self.numbers]
 
 
 def number_text(value: float, digits: int = 3) -> str:
@@ -160,6 +165,11 @@ def paper_table(suite: Suite, results: Sequence[Result]) -> Iterator[Table]:
         )
     heads = [name.rpartition("/")[2] for name in suite.table.columns]
     yield Table(f"{suite.table.title}: printed / simulated", ["tracker"], [*heads, "mean"], rows)
+
+
+def claim_text(one: ClaimComparison) -> str:
+    """`"ko2012 - ko2012-rgb 0.053 (0.021 to 0.084)"`."""
+    return f"{one.name} {range_text((one.difference, one.low, one.high))}"
 
 
 def axes(store: RunStore) -> Iterator[Table]:

@@ -9,6 +9,7 @@ import pytest
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore, plan_all, run
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.report import write_report
 from pftrack_sim.report.markdown import tables, update_document
 
 SUITE = """
@@ -74,7 +75,7 @@ def test_blocks_with_a_run_folder_are_replaced_and_others_kept(finished: Path, t
     assert document.read_text() == text
 
 
-def test_a_suite_gives_the_paper_s_table_and_its_claims(tmp_path: Path):
+def test_documents_and_the_page_have_a_suite_s_table_and_its_claims(tmp_path: Path):
     (tmp_path / "tiny.toml").write_text(SUITE)
     plan = plan_all([str(tmp_path / "tiny.toml")])
     run(plan, tmp_path / "run", videos="none", workers=0)
@@ -82,6 +83,9 @@ def test_a_suite_gives_the_paper_s_table_and_its_claims(tmp_path: Path):
     assert "| Table 1: printed / simulated | corridor | mean |" in text
     assert "| `oracle` | 99.0 / 100.0 | 99.0 / 100.0 (100.0 to 100.0) |" in text
     assert "Truth \\| beats a constant box. |" in text
+    page = write_report(tmp_path / "run").read_text()
+    assert '<tr><th scope="row">oracle</th><td>99.0 / 100.0</td>' in page
+    assert '<td>Truth | beats a constant box.</td><td class="verdict-holds">holds</td><td>oracle - stay 0.' in page
 
 
 def test_a_document_without_blocks_is_refused(tmp_path: Path):
