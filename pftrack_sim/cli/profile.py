@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from pftrack_sim.cli import tables
@@ -21,9 +19,6 @@ from pftrack_sim.core.errors import ParameterError
 if TYPE_CHECKING:
     from pftrack_sim.scenario import Scenario
     from pftrack_sim.score.profile import Profile
-
-_ABREAST = 5
-"""Columns of profiles in one table."""
 
 
 def profile(
@@ -51,7 +46,7 @@ def profile(
     from pftrack_sim.benchmark.profiling import profile_scenario, profile_sequence
     from pftrack_sim.formats import read_sequence
     from pftrack_sim.report.figure import require_matplotlib
-    from pftrack_sim.report.profile import write_profile_figure
+    from pftrack_sim.report.profiles import profile_tables, write_profile_figure
 
     if out is not None:
         require_matplotlib()
@@ -73,7 +68,8 @@ def profile(
     with progress_bar("measuring", frames) as tick:
         profiles = {one.name: profile_scenario(one, chosen, backend=backend, on_frame=tick) for one in loaded}
         profiles |= {one.name: profile_sequence(one, on_frame=tick) for one in sequences}
-    _print(profiles)
+    for table in profile_tables(profiles):
+        tables.print_table(table)
     if out is not None:
         text = json.dumps({name: _json_numbers(one) for name, one in profiles.items()}, indent=2)
         write_bytes(out / "profile.json", text.encode())
@@ -83,51 +79,3 @@ def profile(
 def _json_numbers(one: Profile) -> dict[str, float | None]:
     """The numbers, with null for those that are unknown."""
     return {name: None if math.isnan(value) else value for name, value in asdict(one).items()}
-
-
-def _print(profiles: Mapping[str, Profile]) -> None:
-    """Print profiles beside the quantiles of recorded video; numbers outside of its middle half are marked."""
-    from pftrack_sim.report.tables import Table
-    from pftrack_sim.score.profile import QUANTILES, ends_reached, recorded_quantiles
-
-    recorded = recorded_quantiles()
-    columns = {name: {key: getattr(one, key) for key in recorded} for name, one in profiles.items()}
-    if len(columns) > 1:
-        columns["median"] = {key: _median([column[key] for column in columns.values()]) for key in recorded}
-    names = list(columns)
-    for first in range(0, len(names), _ABREAST):
-        shown = names[first : first + _ABREAST]
-        heads = (
-            *(f"{share:.0%}" for share in QUANTILES),
-            *(name.replace("/", "/\n").replace(" ", "\n") for name in shown),
-        )
-        rows = [
-            [key, *map(_short, quantiles), *(_marked(columns[name][key], quantiles) for name in shown)]
-            for key, quantiles in recorded.items()
-        ]
-        title = "Profile, after the quantiles of 48 recorded sequences"
-        tables.print_table(Table(title, ("number",), heads, rows))
-    if len(profiles) > 1:
-        rows: list[list[str]] = []
-        for key, (low, *_, high) in recorded.items():
-            values = [value for one in profiles.values() if not math.isnan(value := getattr(one, key))] or [math.nan]
-            rows.append([key, *map(_short, (low, high, min(values), max(values))), ends_reached(key, values)])
-        title = "Least and greatest, and which ends of the recorded 10 to 90 % they reach"
-        tables.print_table(Table(title, ("number",), ("10%", "90%", "least", "greatest", "ends"), rows))
-    tables.print_lines(["< below 25 %, << below 10 %, > above 75 %, >> above 90 % of the recorded sequences"])
-
-
-def _marked(value: float, quantiles: Sequence[float]) -> str:
-    low, quarter, _, three_quarters, high = quantiles
-    below, above = (value < low) + (value < quarter), (value > high) + (value > three_quarters)
-    mark = "<" * below + ">" * above
-    return f"{_short(value)} {mark:2}"
-
-
-def _short(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.0f}" if value >= 100.0 else f"{value:.3f}"
-
-
-def _median(values: Sequence[float]) -> float:
-    known = [value for value in values if not math.isnan(value)]
-    return float(np.median(known)) if known else math.nan

@@ -17,13 +17,14 @@ from pftrack_sim.cli.options import (
     Isolation,
     Params,
     Preset,
+    RunOptions,
     Seeds,
     SequenceLayout,
     Trackers,
+    with_run_options,
 )
 from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.reading import write_page
-from pftrack_sim.cli.run_options import RunOptions, with_run_options
 from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse_trackers
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.claims import REFERENCES, evaluate_claims
 from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.report.profile_tables import profile_table
+from pftrack_sim.report.profiles import changes_or_tiers
 from pftrack_sim.report.tables import (
     Table,
     axes,
@@ -71,7 +71,7 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
     def replaced(block: re.Match[str]) -> str:
         folder = runs / block["name"]
         if (folder / "profile.json").is_file():
-            heads, *rows = profile_table(folder / "profile.json")
+            heads, *rows = changes_or_tiers(folder / "profile.json")
             body = _table(heads, rows)
         elif (folder / "run.json").is_file():
             body = tables(RunStore(folder))

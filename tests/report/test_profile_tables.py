@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.markdown import update_document
-from pftrack_sim.report.profile_tables import profile_table
+from pftrack_sim.report.profiles import changes_or_tiers
 from pftrack_sim.score.profile import recorded_quantiles
 
 
@@ -18,7 +18,7 @@ def test_changes_of_a_profile_are_those_of_a_quarter_or_more(tmp_path: Path):
     hard = {"step_p95": 0.2, "size_ratio": 2.2, "sharpness": 20.0, "luma_swing": 0.3}
     path.write_text(json.dumps({"a jitter=0": base, "a jitter=1": hard, "b base": base, "b light=1": base}))
     changed = "`step_p95` 0.1 -> 0.2, `sharpness` 100 -> 20"
-    assert list(profile_table(path))[1:] == [["a jitter=1", changed], ["b light=1", "none by a quarter"]]
+    assert list(changes_or_tiers(path))[1:] == [["a jitter=1", changed], ["b light=1", "none by a quarter"]]
     document = tmp_path / "axes.md"
     document.write_text("<!-- tables of hard -->\n<!-- end -->\n")
     assert update_document(document, tmp_path / "runs") == (["hard"], [])
