@@ -279,17 +279,16 @@ def _compared_from_s(store: RunStore, scenario: str, condition: Condition, seed:
 def _arms(store: RunStore, results: Sequence[Result]) -> dict[str, score.Arm]:
     """The frames of every tracker in the episodes of one condition, and of the first box where all share the frames."""
     found: dict[str, score.Arm] = {}
-    for result in {result.file: result for result in results}.values():
-        box = store.plan.truth
-        table = store.frame_columns(result, ("label", "time_s", "overlap", "scored", box))
-        for label in dict.fromkeys(table["label"]):
-            rows = table["label"] == label
-            time_s, overlap = (np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)[rows]
-                               for name in ("time_s", "overlap"))  # fmt: skip
-            counted = score.counted_frames(table["scored"][rows])
-            found[str(label)] = score.Arm(time_s, overlap, counted)
-            if store.plan.kind == "open" and STAY not in store.plan.labels and STAY not in found:
-                known = zip(table[box][rows], np.ma.getmaskarray(table[box])[rows], strict=True)
-                truth = np.array([[math.nan] * 4 if missing else list(one) for one, missing in known])
-                found[STAY] = score.Arm(time_s, score.stay_overlaps(truth, table["scored"][rows]), counted)
+    box = store.plan.truth
+    for result in results:
+        table = store.frame_columns(result, ("time_s", "overlap", "scored", box))
+        time_s, overlap = (
+            np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64) for name in ("time_s", "overlap")
+        )
+        counted = score.counted_frames(table["scored"])
+        found[result.label] = score.Arm(time_s, overlap, counted)
+        if store.plan.kind == "open" and STAY not in store.plan.labels and STAY not in found:
+            known = zip(table[box], np.ma.getmaskarray(table[box]), strict=True)
+            truth = np.array([[math.nan] * 4 if missing else list(one) for one, missing in known])
+            found[STAY] = score.Arm(time_s, score.stay_overlaps(truth, table["scored"]), counted)
     return found

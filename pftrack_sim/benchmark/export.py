@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pftrack_sim
+from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import Episode, Plan
 from pftrack_sim.benchmark.kept.files import atomic_write, distinct_slugs, write_bytes
 from pftrack_sim.benchmark.running.executor import prepare_worker
@@ -85,9 +86,7 @@ def export(
         raise ParameterError(f"tools that read {layout} need single images, png or jpg; mp4 is written for {able}")
     if detections and layout != "mot":
         raise ParameterError(f"the layout mot holds detections, {layout} does not")
-    Simulation(
-        next(plan.episodes()).scenario, backend=backend
-    )  # A wrong renderer is reported before anything is written.
+    Simulation(plan.episode(0).scenario, backend=backend)  # A wrong renderer is reported before anything is written.
     _check_effects(plan, [*kinds, *LAYOUTS[layout].needs])
     if form == "mp4":
         _check_sizes(plan)
@@ -143,7 +142,7 @@ def sequence_names(plan: Plan) -> list[str]:
 
     def name(episode: Episode) -> str:
         condition = "" if episode.condition.name == "base" else f"-{episode.condition.name}"
-        return f"{episode.scenario.name}{condition}-{episode.seed:04d}"
+        return f"{episode.spec.name}{condition}-{episode.seed:04d}"
 
     return list(distinct_slugs(name(episode) for episode in plan.episodes()).values())
 
@@ -157,7 +156,7 @@ def _begin(out: Path, plan: Plan, layout: str, image: str, maps: Sequence[str]) 
         "version": pftrack_sim.__version__,
         "versions": {name: importlib.metadata.version(name) for name in ("mujoco", "opencv-python-headless", "numpy")},
         "licence": "MIT, as pftrack-sim: everything in it was made by the simulator",
-        "plan_sha256": plan.without_code().digest,
+        "frames_sha256": keys.digest([episode.frames_key for episode in plan.episodes()]),
         "sweeps": [sweep.model_dump(mode="json") for sweep in plan.sweeps],
     }
     path = out / _RECORD

@@ -88,8 +88,8 @@ def film(
 
 def _film(store: RunStore, number: int, episode: Episode, video: Path, backend: str | None) -> None:
     shown = [one for one in store.results if one.values["number"] == number]
-    columns = store.frame_columns(shown[0], ("label", *_COLUMNS, *(_COMMAND if episode.kind == "follow" else ())))
-    stored = {one.label: list(_estimates(columns, one.label)) for one in shown}
+    tables = [store.frame_columns(one, (*_COLUMNS, *(_COMMAND if episode.kind == "follow" else ()))) for one in shown]
+    stored = {one.label: list(_estimates(columns)) for one, columns in zip(shown, tables, strict=True)}
     runners = [TrackerRunner(one.tracker, _StoredTracker()) for one in shown]
     log, labels = TruthLog(), store.plan.labels
 
@@ -106,7 +106,7 @@ def _film(store: RunStore, number: int, episode: Episode, video: Path, backend: 
         sinks: list[Sink] = [log, record, lambda step: add(picture(step.sample, runners, labels), step.sample.time_s)]
         if episode.kind == "follow":
             env = opened.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=backend)))
-            drive(env, episode.seed, _StoredCommands(episode, columns), sinks)
+            drive(env, episode.seed, _StoredCommands(episode, tables[0]), sinks)
         else:
             simulation = opened.enter_context(Simulation(episode.scenario, backend=backend))
             rollout(simulated(simulation, episode.seed), (), sinks)
@@ -121,12 +121,11 @@ def _other_frames(episode: Episode) -> RunError:
     )
 
 
-def _estimates(columns: Mapping[str, Any], label: str) -> Iterator[Estimate | None]:
-    """Estimates of one tracker, one for each frame; None where it did not answer."""
-    rows = zip(columns["label"], *(np.ma.getdata(columns[name]) for name in _COLUMNS), strict=True)
-    for other, box, confidence, occluded, answered in rows:
-        if other == label:
-            yield Estimate(box, confidence=float(confidence), occluded=bool(occluded)) if answered else None
+def _estimates(columns: Mapping[str, Any]) -> Iterator[Estimate | None]:
+    """Estimates of a tracker, one for each frame; None where it did not answer."""
+    rows = zip(*(np.ma.getdata(columns[name]) for name in _COLUMNS), strict=True)
+    for box, confidence, occluded, answered in rows:
+        yield Estimate(box, confidence=float(confidence), occluded=bool(occluded)) if answered else None
 
 
 class _StoredTracker:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 
-from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.kept.files import slug, write_bytes
 from pftrack_sim.benchmark.running.episode_log import episode_log
 from pftrack_sim.benchmark.running.error_log import ErrorLog
 from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step, rollout, simulated
@@ -54,9 +54,10 @@ def save_video(
             sinks.append(opened.enter_context(episode_log(log, f"{scenario.name} seed {seed}", settings, runners)))
         errors = ErrorLog(runners)
         rollout(simulated(simulation, seed, sensors=log is not None), runners, [*sinks, errors])
-    for name, content in errors.files().items():
-        beside = path or log or Path()
-        write_bytes(beside.with_name(f"{beside.stem}-error-{name}"), content)
+    beside = path or log or Path()
+    stems = [f"{beside.stem}-error-{slug(runner.spec.label)}" for runner in runners]
+    for name, content in errors.files(stems).items():
+        write_bytes(beside.with_name(name), content)
 
 
 def save_image(

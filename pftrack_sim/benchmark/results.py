@@ -37,10 +37,10 @@ from pftrack_sim.score.multi_object import Tracks, multi_object
 from pftrack_sim.score.protocols import PROTOCOLS, TrackedSequence
 from pftrack_sim.score.statistics import Comparison
 
-_COLUMNS = ("label", "frame", "status", "estimate", "ms", "confidence")
+_COLUMNS = ("status", "estimate", "ms", "confidence", "tracks")
 
 
-def export_results(run: RunStore, out: Path, form: str, *, on_episode: Callable[[], None] = lambda: None) -> list[Path]:
+def export_results(run: RunStore, out: Path, form: str, *, on_result: Callable[[], None] = lambda: None) -> list[Path]:
     """Write the estimates of a run as result files of a public toolkit.
 
     The sequences have the names that `export` gives them.
@@ -49,7 +49,7 @@ def export_results(run: RunStore, out: Path, form: str, *, on_episode: Callable[
         run: A finished run in open loop.
         out: Folder of the results; files of the same trackers and sequences in it are replaced.
         form: `"otb"`, `"got10k"`, `"vot"` or `"mot"`.
-        on_episode: Called after every episode.
+        on_result: Called after every result.
 
     Returns:
         The files.
@@ -68,20 +68,14 @@ def export_results(run: RunStore, out: Path, form: str, *, on_episode: Callable[
         raise RunError(f"{out} is not a folder")
     names = sequence_names(run.plan)
     trackers = distinct_slugs(run.plan.labels)
-    episodes = dict(zip((one.path for one in run.plan.episodes()), names, strict=True))
     written: list[Path] = []
-    # Of the trackers in a file one that has scores of several people, if any has.
-    for result in {one.file: one for one in sorted(run.results, key=lambda one: one.number("hota") >= 0.0)}.values():
-        sequence = episodes[Path(result.file).relative_to("episodes").with_suffix("").as_posix()]
-        # The summary knows whether the episode has a tracker of several people.
-        several = "hota" in result.values and result.values["hota"] is not None
-        table = run.frame_columns(result, (*_COLUMNS, "tracks") if several else _COLUMNS)
-        for label, tracker in trackers.items():
-            content = _tracker_result(table, label)
-            for name, text in result_files(chosen, tracker, sequence, content):
-                write_bytes(out / name, text.encode())
-                written.append(out / name)
-        on_episode()
+    for result in run.results:
+        table = run.frame_columns(result, _COLUMNS)
+        sequence, tracker = names[int(result.values["number"])], trackers[result.label]
+        for name, text in result_files(chosen, tracker, sequence, _tracker_result(table)):
+            write_bytes(out / name, text.encode())
+            written.append(out / name)
+        on_result()
     if chosen == "vot":
         written.append(
             _describe_trackers(out / "trackers.ini", {trackers[one.label]: one for one in run.plan.trackers})
@@ -100,14 +94,13 @@ def _describe_trackers(path: Path, trackers: Mapping[str, TrackerSpec]) -> Path:
     return path
 
 
-def _tracker_result(table: Mapping[str, Any], label: str) -> TrackerResult:
-    mine = np.asarray(table["label"]) == label
-    statuses = np.asarray(table["status"])[mine].tolist()
-    rows = [np.full(4, np.nan) if row is None else row for row in _objects(table["estimate"][mine])]
-    confidence = np.ma.filled(np.ma.asarray(table["confidence"][mine], dtype=np.float64), np.nan)
+def _tracker_result(table: Mapping[str, Any]) -> TrackerResult:
+    statuses = np.asarray(table["status"]).tolist()
+    rows = [np.full(4, np.nan) if row is None else row for row in _objects(table["estimate"])]
+    confidence = np.ma.filled(np.ma.asarray(table["confidence"], dtype=np.float64), np.nan)
     first = statuses.index("init") if "init" in statuses else len(statuses) - 1
-    ms = np.asarray(table["ms"][mine], dtype=np.float64)
-    tracks = _objects(table["tracks"][mine]) if "tracks" in table else []
+    ms = np.asarray(table["ms"], dtype=np.float64)
+    tracks = _objects(table["tracks"])
     people = table_of(tracks) if any(row is not None for row in tracks) else None
     return TrackerResult(np.array(rows, dtype=np.float64).reshape(-1, 4), ms, confidence, first, people)
 

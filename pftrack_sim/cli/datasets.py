@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pftrack_sim.cli import tables
-from pftrack_sim.cli.options import MAX_SEEDS, AxisLevels, Backend, BenchSeeds, SequenceLayout, Settings, Workers
+from pftrack_sim.cli.options import AxisLevels, Backend, BenchSeeds, SequenceLayout, Settings, Workers
 from pftrack_sim.cli.progress import cores, progress_bar
 from pftrack_sim.cli.values import parse_axes, parse_names, parse_settings
 
@@ -53,7 +53,7 @@ def export(
     plan = plan_all(
         scenarios,
         trackers=["stay"],
-        seeds=parse_seeds(seeds, most=MAX_SEEDS) if seeds is not None else None,
+        seeds=parse_seeds(seeds) if seeds is not None else None,
         axes=parse_axes(axis or []),
         overrides=parse_settings(settings or []),
     )
@@ -88,8 +88,8 @@ def export_results(
     from pftrack_sim.benchmark.results import export_results as export_all
 
     store = RunStore(run)
-    with progress_bar("writing results", store.plan.episode_count) as tick:
-        export_all(store, out, form, on_episode=tick)
+    with progress_bar("writing results", len(store.results)) as tick:
+        export_all(store, out, form, on_result=tick)
     tables.print_folder(out)
 
 

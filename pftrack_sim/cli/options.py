@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan
     from pftrack_sim.trackers.isolation import Limits
 
-MAX_SEEDS = 1_000_000  # Of commands that hold something for every seed; bench and follow take any number
-
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scenario; may be repeated."),
@@ -71,7 +69,8 @@ Out = Annotated[
 Refresh = Annotated[
     bool,
     typer.Option(
-        "--refresh", help="Run again the trackers and controllers whose code changed since the run folder was begun."
+        "--refresh",
+        help="Run again what is in the folder under the same name but was made with other code.",
     ),
 ]
 StopOnError = Annotated[

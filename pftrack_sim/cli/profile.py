@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pftrack_sim.cli import tables
-from pftrack_sim.cli.options import MAX_SEEDS, Backend, Seeds, SequenceLayout, Settings
+from pftrack_sim.cli.options import Backend, Seeds, SequenceLayout, Settings
 from pftrack_sim.cli.progress import progress_bar
 from pftrack_sim.cli.values import parse_axes, parse_settings
 from pftrack_sim.core.errors import ParameterError
@@ -63,7 +63,7 @@ def profile(
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise ParameterError(f"given twice, or several of one name: {', '.join(repeated)}")
-    chosen = list(parse_seeds(seeds, most=MAX_SEEDS))
+    chosen = parse_seeds(seeds)
     frames = sum(len(one) for one in sequences) + sum(one.frame_count(seed) for one in loaded for seed in chosen)
     with progress_bar("measuring", frames) as tick:
         profiles = {one.name: profile_scenario(one, chosen, backend=backend, on_frame=tick) for one in loaded}

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 def merge(
     out: Annotated[Path, typer.Argument(help="Run folder to make, or to add to.")],
-    folders: Annotated[list[Path], typer.Argument(help="Run folders of the same plan.")],
+    folders: Annotated[list[Path], typer.Argument(help="Run folders.")],
 ) -> None:
-    """Merge run folders of one plan, written with bench --part."""
+    """Merge run folders, for example parts of a plan."""
     from pftrack_sim.benchmark.kept.merge import merge as merge_runs
 
     tables.print_lines(merge_runs(out, folders).lines())

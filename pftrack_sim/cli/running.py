@@ -9,7 +9,6 @@ import typer
 
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import (
-    MAX_SEEDS,
     Backend,
     Cache,
     CacheFolder,
@@ -56,7 +55,7 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
     """Run a plan, print its results, and write the report."""
     from pftrack_sim.benchmark import RunStore, new_run_path, run
     from pftrack_sim.benchmark.asked.from_names import late_events
-    from pftrack_sim.benchmark.asked.growth import held_besides
+    from pftrack_sim.benchmark.asked.union import held_besides
     from pftrack_sim.benchmark.kept.store import is_run
 
     tables.print_warnings(late_events(plan, None if options.verbose else options.changed))
@@ -200,7 +199,7 @@ def evaluate(
     from pftrack_sim.formats.video import given_boxes
 
     contestants = parse_trackers(tracker, preset, params or [])
-    chosen = list(parse_seeds(seeds, most=MAX_SEEDS))
+    chosen = parse_seeds(seeds)
     boxes = given_boxes(box) if box is not None else None
     named = parse_names(topics) if topics else ()
     read = [one for path in sequences for one in read_sequences(path, layout, named, boxes)]

@@ -240,14 +240,12 @@ def print_folder(path: Path | None) -> None:
 
 def print_tracebacks(run: RunStore) -> None:
     """Print each tracker's first error with its traceback and what it printed, and where its picture is."""
-    from pftrack_sim.benchmark.kept.error_files import error_picture
-
     first: dict[str, Result] = {}
     for one in run.results:
         if one.error:
             first.setdefault(one.label, one)
     for one in first.values():
-        picture = error_picture(run.path, one, run.plan.labels)
+        picture = run.error_picture(one)
         if picture is not None:
             text = picture.with_suffix(".txt").read_text(encoding="utf-8")
             print_lines(["", text, f"picture of this frame, on {_where(one)}: {picture}"])

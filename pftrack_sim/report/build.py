@@ -21,7 +21,6 @@ from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.strips import strips
 from pftrack_sim.report.tables import Table, claim_text, paper_table
-from pftrack_sim.scenario import Scenario
 
 _PAGE = Path(__file__).parent / "page"
 _SESSION_KEYS = ("began", "command", "commit", "versions", "python", "platform")
@@ -123,8 +122,7 @@ def _provenance(store: RunStore) -> list[tuple[str, str]]:
 
 def _hashes(store: RunStore) -> list[tuple[str, str]]:
     """Each scenario with the SHA-256 of its content."""
-    trees = {scenario.name: scenario.tree for sweep in store.plan.sweeps for scenario in sweep.scenarios}
-    return [(name, Scenario(name, tree).digest) for name, tree in trees.items()]
+    return [(name, scenario.digest) for name, scenario in store.plan.scenarios.items()]
 
 
 def _script_json(data: Mapping[str, Any]) -> str:

@@ -75,7 +75,7 @@ COVERED_BELOW = 0.5
 """Visible fraction below which the target counts as occluded."""
 
 _EPISODE = "scenario, condition, seed, label"
-_FRAME_COLUMNS = ("label", "time_s", "overlap", "centre_error_px", "visible_fraction", "scored")
+_FRAME_COLUMNS = ("time_s", "overlap", "centre_error_px", "visible_fraction", "scored")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +103,10 @@ def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, Tracker
         RunError: A file is missing, broken, or outside the run folder.
     """
     frames: dict[str, TrackerFrames] = {}
-    for result in {result.file: result for result in results}.values():
+    for result in results:
         table = store.frame_columns(result, _FRAME_COLUMNS)
-        for label in dict.fromkeys(table["label"]):
-            rows = table["label"] == label
-            numbers = [np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)[rows]
-                       for name in _FRAME_COLUMNS[1:-1]]  # fmt: skip
-            frames[str(label)] = TrackerFrames(*numbers, scored=np.asarray(table["scored"], dtype=np.bool_)[rows])
+        numbers = [np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64) for name in _FRAME_COLUMNS[:-1]]
+        frames[result.label] = TrackerFrames(*numbers, scored=np.asarray(table["scored"], dtype=np.bool_))
     return frames
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.scenario import Scenario
-from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.score.following import losses
 
 MAX_EPISODES = 120
@@ -78,8 +77,8 @@ def _episode(
 
 def _half_field_of_view(store: RunStore, result: Result) -> float:
     """Half the camera's horizontal field of view [rad]."""
-    trees = {scenario.name: scenario.tree for sweep in store.plan.sweeps for scenario in sweep.scenarios}
-    camera = load_scenario(Scenario(result.scenario, trees[result.scenario])).resolve(result.seed).camera
+    scenario = store.plan.scenarios[result.scenario]
+    camera = Scenario(scenario.name, scenario.tree).resolve(result.seed).camera
     return math.atan(math.tan(math.radians(camera.fovy_deg) / 2) * camera.width_px / camera.height_px)
 
 

@@ -57,6 +57,13 @@ class Scenario:
         except ValidationError as error:
             raise ScenarioError(f"{self.name} at seed {seed}", list(problems(error, tree))) from None
 
+    def with_defaults(self) -> Scenario:
+        """The same scenario with the default of everything that its file leaves out; its ranges stay."""
+        spans = dict(ranges.walk(self.tree))
+        drawn = {path: next(iter(value.values()))[0] for path, value in spans.items()}
+        whole = ResolvedScenario.model_validate(ranges.replaced(self.tree, drawn)).model_dump(mode="json")
+        return Scenario(self.name, ranges.replaced(whole, spans))
+
     def frame_count(self, seed: int) -> int:
         """Number of frames delivered in the episode of a seed."""
         return frame_count(self.resolve(seed), seed)

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark import RunStore, run
-from pftrack_sim.benchmark.asked.stored_plan import read_plan
+from pftrack_sim.benchmark.asked.plan import Plan
 from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.cli.values import parse_axes, parse_settings, parse_trackers
 from pftrack_sim.core.data_files import envs_dir
@@ -159,7 +159,7 @@ def test_records_of_runs(finished: Path, tmp_path_factory: pytest.TempPathFactor
     (path / "SHA256SUMS").unlink()
     with deadline():
         with contextlib.suppress(PftrackError, KeyError, TypeError, ValueError, RecursionError):
-            changed["plan_sha256"] = read_plan(changed["plan"], "run.json").digest
+            changed["plan_sha256"] = Plan.model_validate(changed["plan"]).digest
         try:
             (path / "run.json").write_text(json.dumps(changed))
         except (TypeError, ValueError, RecursionError):

@@ -23,6 +23,7 @@ def small_plan(seeds: range, trackers: list[Any] | None = None, **overrides: Any
 
 
 def contents(path: Path) -> list[tuple[Any, ...]]:
-    """For every episode the digest of all rows (times are not in it) and of all pixels."""
+    """For every result the digest of all rows (times are not in it) and of all pixels."""
     with RunStore(path).database() as database:
-        return database.sql("SELECT file, content_sha256, frames_digest FROM episodes ORDER BY number").fetchall()
+        rows = database.sql("SELECT file, content_sha256, frames_digest FROM summary ORDER BY number, place")
+        return rows.fetchall()

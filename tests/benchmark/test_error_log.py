@@ -8,13 +8,11 @@ import pytest
 
 from pftrack_sim.benchmark import RunStore, run
 from pftrack_sim.benchmark.kept.check import check
-from pftrack_sim.benchmark.kept.error_files import error_picture
 from pftrack_sim.benchmark.kept.merge import merge
 from tests.benchmark.small import SMALL, small_plan
 from tests.cli.test_cli import pftrack_sim
 
 RAISES = "tests.trackers.kept_trackers:raises"
-PICTURE = "errors/corridor/base/seed-{:04}/tests.trackers.kept_trackers-raises.png"
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +23,9 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
 
 def test_the_frame_of_an_error_and_its_text_are_kept(stopped: RunStore):
     failed, fine = sorted(stopped.results, key=lambda one: one.error is None)
-    picture = error_picture(stopped.path, failed, stopped.plan.labels)
-    assert picture == stopped.path / PICTURE.format(0)
+    picture = stopped.error_picture(failed)
+    assert picture is not None
+    assert picture.name.startswith("seed-0000-tests.trackers.kept_trackers-raises-")
     image = cv2.imread(str(picture))
     assert image is not None
     assert image.shape == (SMALL["camera.height_px"], SMALL["camera.width_px"], 3)
@@ -34,20 +33,24 @@ def test_the_frame_of_an_error_and_its_text_are_kept(stopped: RunStore):
     assert "frame 1: ValueError: lost my way (kept_trackers.py, line" in text
     assert 'raise ValueError("lost my way")' in text
     assert text.endswith("It printed:\nwhere am I?\n")
-    assert error_picture(stopped.path, fine, stopped.plan.labels) is None
+    assert stopped.error_picture(fine) is None
 
 
 @pytest.mark.slow
 def test_a_run_that_stopped_at_an_error_goes_on_and_errors_are_part_of_it(stopped: RunStore, tmp_path: Path):
-    assert len({one.file for one in stopped.results}) == 1
+    assert {one.seed for one in stopped.results} == {0}
     assert not stopped.finished
     whole = run(stopped.plan, stopped.path, videos="none")
     assert check(whole.path).good
     merged = tmp_path / "merged"
     merge(merged, [whole.path])
-    assert (merged / PICTURE.format(1)).read_bytes() == (whole.path / PICTURE.format(1)).read_bytes()
-    (whole.path / PICTURE.format(1)).unlink()
-    assert check(whole.path).problems == (f"{PICTURE.format(1)}: missing",)
+    (failed,) = (one for one in whole.results if one.error and one.seed == 1)
+    picture = whole.error_picture(failed)
+    assert picture is not None
+    name = picture.relative_to(whole.path)
+    assert (merged / name).read_bytes() == picture.read_bytes()
+    picture.unlink()
+    assert check(whole.path).problems == (f"{name.as_posix()}: missing",)
 
 
 @pytest.mark.slow

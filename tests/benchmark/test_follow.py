@@ -69,11 +69,9 @@ def frames(path: Path, columns: str, tracker: str) -> np.ndarray:
 
 def test_a_run_folder_is_complete(one: RunStore):
     assert check(one.path).good
-    assert [Path(file).name for file, *_ in contents(one.path)] == [
-        "seed-0000__oracle-servo-avoid.parquet",
-        "seed-0000__stay-130ms-servo-avoid.parquet",
-        "seed-0001__oracle-servo-avoid.parquet",
-        "seed-0001__stay-130ms-servo-avoid.parquet",
+    labels = ["oracle-servo-avoid", "stay-130ms-servo-avoid"]
+    assert [Path(file).stem.rpartition("-")[0] for file, *_ in contents(one.path)] == [
+        f"seed-000{seed}-{label}" for seed in (0, 1) for label in labels
     ]
     identity = "tracker, label, controller, latency_ms"
     sql = f"SELECT {identity}, outcome, mean_overlap FROM summary WHERE seed = 0 ORDER BY place"
@@ -95,7 +93,7 @@ def test_the_pose_after_a_command_is_that_of_the_next_frame(one: RunStore):
 
 
 def test_sensors_and_people_of_every_drive_are_stored(one: RunStore):
-    with closing(TrackAndFollowEnv(next(one.plan.episodes()).scenario)) as env:
+    with closing(TrackAndFollowEnv(one.plan.episode(0).scenario)) as env:
         observation, _ = env.reset(seed=0)
     heading, ranges = one.query(
         "SELECT odometry_heading_rad, ranges_m FROM frames WHERE tracker = 'oracle' AND seed = 0 AND frame = 0"
@@ -138,7 +136,7 @@ def test_two_workers_and_another_order_give_the_same_bits(one: RunStore, tmp_pat
 def test_a_resumed_run_runs_only_missing_episodes(one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)
-    lost, *kept = RunStore(begun).episode_files()
+    lost, *kept = RunStore(begun).result_files()
     half = lost.with_name(f".{lost.name}.0badcafe.part")
     half.write_bytes(lost.read_bytes()[:1000])
     lost.unlink()

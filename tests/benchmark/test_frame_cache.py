@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from pftrack_sim import scenario
 from pftrack_sim.benchmark import RunStore, run
 from pftrack_sim.benchmark.running import frame_cache
 from pftrack_sim.benchmark.running.frame_cache import EntryWriter, FrameCache
@@ -42,7 +41,7 @@ def test_a_second_run_takes_the_frames_from_the_cache_until_they_are_damaged(
     assert contents(cached) == contents(drawn)
     frames = "SELECT * EXCLUDE (ms) FROM frames ORDER BY label, frame"
     assert str(RunStore(cached).query(frames)) == str(RunStore(drawn).query(frames))
-    video = "videos/corridor/base/seed-0000.mp4"
+    video = f"videos/{PLAN.episode(0).path}.mp4"
     assert (cached / video).read_bytes() == (drawn / video).read_bytes()
     for name, place in (("frames.raw", 3000), ("truth.npz", 60), ("entry.json", 3)):
         content = bytearray((entry / name).read_bytes())
@@ -58,10 +57,13 @@ def test_a_second_run_takes_the_frames_from_the_cache_until_they_are_damaged(
 
 
 def test_two_writers_of_the_same_episode_leave_one_entry(tmp_path: Path):
-    scenario_, cache = next(PLAN.episodes()).scenario, FrameCache(tmp_path / "cache", 10**9)
-    entry = cache.entry(scenario_, 0, None)
+    cache, entry = FrameCache(tmp_path / "cache", 10**9), tmp_path / "cache/entry"
     log = TruthLog()
-    with Simulation(scenario_) as simulation, EntryWriter(cache, entry) as one, EntryWriter(cache, entry) as other:
+    with (
+        Simulation(PLAN.episode(0).scenario) as simulation,
+        EntryWriter(cache, entry) as one,
+        EntryWriter(cache, entry) as other,
+    ):
         rollout(simulated(simulation, 0), (), [log, one, other])
         one.finish(log.frames_digest, "test")
         other.finish(log.frames_digest, "test")
@@ -107,22 +109,10 @@ def test_the_entries_not_used_for_longest_go_first(tmp_path: Path):
 
 def test_whatever_changes_frames_changes_the_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     cache = FrameCache(tmp_path, 1)
-    base = scenario.load("corridor")
-    other = scenario.load("corridor", {"camera.height_m": 1.3})
-    entries = {cache.entry(*given, None) for given in ((base, 0), (base, 1), (other, 0))}
+    one, other = small_plan(range(2), ["stay"]), small_plan(range(1), ["oracle"], **{"camera.height_m": 1.3})
+    entries = {cache.entry(episode.frames_key, None) for plan in (one, other) for episode in plan.episodes()}
     assert len(entries) == 3
-    assert cache.entry(scenario.load("corridor"), 0, None) in entries
-    for name in ("_renderer", "_environment_digest"):
-        monkeypatch.setattr(frame_cache, name, lambda *_: "another")
-        entries.add(cache.entry(base, 0, None))
-    assert len(entries) == 5
-
-
-def test_kernels_that_are_compiled_meanwhile_change_no_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(frame_cache, "assets_dir", lambda: tmp_path)
-    before = frame_cache._environment_digest.__wrapped__()
-    (tmp_path / "__pycache__").mkdir()
-    (tmp_path / "__pycache__/kernels.gait-3.py311.1.nbc").write_bytes(b"machine code")
-    assert frame_cache._environment_digest.__wrapped__() == before
-    (tmp_path / "kernels.py").write_bytes(b"x = 1")
-    assert frame_cache._environment_digest.__wrapped__() != before
+    assert cache.entry(small_plan(range(1), ["oracle"]).episode(0).frames_key, None) in entries
+    monkeypatch.setattr(frame_cache, "_renderer", lambda *_: "another")
+    entries.add(cache.entry(one.episode(0).frames_key, None))
+    assert len(entries) == 4

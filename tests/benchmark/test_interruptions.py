@@ -177,7 +177,7 @@ def test_the_work_before_the_first_frame_does_not_grow_with_the_plan(tmp_path: P
     """No work is done for every episode before the first frame: counted in calls, not in seconds."""
     plan = small_plan(range(1000), ["oracle"])
     resolved: list[int] = []
-    scenario = next(plan.episodes()).scenario
+    scenario = plan.episode(0).scenario
     original = type(scenario).resolve
 
     def counted(self: object, seed: int) -> object:

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from pftrack_sim.benchmark import RunStore, TrackerSpec, make_plan, run
-from pftrack_sim.benchmark.asked.growth import grown
 from pftrack_sim.benchmark.export import export
 from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.benchmark.people_scores import SCORES
@@ -32,7 +31,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     run(plan, path, videos="none")
     # A tracker of several people joins one of one person.
     wider = make_plan(["corridor"], SPECS, [SEED], overrides=CROWD)
-    return run(grown(plan, wider), path, videos="none")
+    return run(wider, path, videos="none")
 
 
 @pytest.fixture(scope="module")

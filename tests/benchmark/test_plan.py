@@ -1,18 +1,14 @@
 """A plan has every combination once, and safe file names."""
 
-import itertools
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
 from pftrack_sim.benchmark.asked.from_names import code_of
-from pftrack_sim.benchmark.asked.seeds import Seeds
-from pftrack_sim.benchmark.asked.stored_plan import differences, read_plan
 from pftrack_sim.benchmark.kept.files import distinct_slugs, slug
-from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 
 
 def test_every_combination_once():
@@ -31,7 +27,7 @@ def test_severity_zero_is_the_base_scenario():
         make_plan(["plaza-walk"], ["stay"], [3], axes={"jitter": [0]}),
         make_plan(["plaza-walk"], ["stay"], [3]),
     )
-    assert next(zero.episodes()).scenario.resolve(3) == next(base.episodes()).scenario.resolve(3)
+    assert zero.episode(0).scenario.resolve(3) == base.episode(0).scenario.resolve(3)
 
 
 def test_a_parameter_of_an_axis_is_swept_at_severity_1():
@@ -47,16 +43,14 @@ def test_a_plan_goes_through_json_unchanged_and_any_change_shows():
     again = Plan.model_validate_json(plan.model_dump_json())
     assert again == plan
     assert again.digest == plan.digest
+    assert again.asked == plan.asked
     assert list(again.episodes())[3].scenario.tree == list(plan.episodes())[3].scenario.tree
     longer = make_plan(
         ["plaza-walk", "corridor"], trackers, [0, 5], axes={"jitter": [0, 1.5]}, overrides={"duration_s": 3}
     )
     assert longer.digest != plan.digest
-    assert differences(longer, plan)[0] == "scenarios.plaza-walk.duration_s: 16.0 there, 3 asked for"
-    fewer = make_plan(["plaza-walk", "corridor"], ["stay"], [0, 5], axes={"jitter": [0, 1.5]})
-    assert differences(fewer, plan) == ["trackers: ko2012[preset=paper,particle_count=20], stay there, stay asked for"]
-    with pytest.raises(RunError, match="not a plan this version can read: format"):
-        read_plan({**plan.model_dump(mode="json"), "format": 7}, "run.json")
+    with pytest.raises(ValidationError, match="format"):
+        Plan.model_validate({**plan.model_dump(mode="json"), "format": 7})
 
 
 def test_plans_are_joined_and_shuffled_without_losing_an_episode():
@@ -85,29 +79,6 @@ def test_the_code_of_controllers_and_the_files_of_models_are_part_of_a_plan(
         file.write_bytes(file.read_bytes() + b"#")
     after = code_of(spec)
     assert [name for name in before if after[name] != before[name]] == ["driver_of_mine:make", str(model)]
-
-
-def test_many_seeds_take_no_memory():
-    plan = make_plan(["corridor"], ["stay"], parse_seeds("5:1000000000,2"), axes={"jitter": [0, 1]})
-    assert plan.episode_count == 2 * 999_999_996
-    assert len(plan.model_dump_json()) < 10_000
-    assert Plan.model_validate_json(plan.model_dump_json()) == plan
-    assert [one.seed for one in itertools.islice(plan.episodes(part=(2, 3)), 2)] == [6, 9]
-    last = plan.episode(plan.episode_count - 1)
-    assert (last.seed, last.condition.name, last.is_first_seed) == (2, "jitter=1", False)
-    there = {"corridor/jitter-1": {"seed-0002", "seed-0777", "seed-0000"}}
-    found = list(plan.present(lambda folder: there.get(folder, set())))
-    assert [(one.seed, one.condition.name) for _, one in found] == [(777, "jitter=1"), (2, "jitter=1")]
-    assert [plan.episode(number).path for number, _ in found] == [one.path for _, one in found]
-
-
-@given(st.lists(st.integers(0, 60), unique=True), st.lists(st.integers(0, 60), unique=True))
-def test_seeds_are_a_sequence_without_repetition(first: list[int], second: list[int]):
-    seeds = Seeds(first)
-    assert list(seeds) == first == [seeds[place] for place in range(len(seeds))]
-    assert [seeds.place_of(seed) for seed in first] == list(range(len(first)))
-    assert not first or parse_seeds(str(seeds)) == seeds
-    assert list(seeds.joined(Seeds(second))) == first + [seed for seed in second if seed not in first]
 
 
 def test_wrong_names_and_levels():

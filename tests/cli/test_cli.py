@@ -95,7 +95,7 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     )
     assert again.returncode == 2
     assert "holds another plan" in again.stderr
-    assert "scenarios.plaza-walk: its content or its --set differ" in again.stderr
+    assert "scenarios.plaza-walk.duration_s: 0.5 there, 1.0 asked for" in again.stderr
 
 
 @pytest.mark.slow

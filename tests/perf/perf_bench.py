@@ -15,7 +15,7 @@ import importlib
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
@@ -64,7 +64,7 @@ def eight() -> tuple[float, float]:
     All three are clocked within the same episode, so that a noisy machine disturbs them alike.
     """
     plan = make_plan(["corridor"], EIGHT, [1], overrides={**SIZE, "duration_s": 3})
-    episode = next(plan.episodes())
+    episode = plan.episode(0)
     ratios: dict[str, list[float]] = {"never": [], "always": []}
     for _ in range(3):
         for isolation, found in ratios.items():
@@ -72,7 +72,7 @@ def eight() -> tuple[float, float]:
                 began = time.perf_counter()
                 outcome = run_episode(EpisodeJob(episode, isolation=isolation))
                 whole = time.perf_counter() - began
-            found.append(whole / (sum(drawn_s) + _own_times(outcome.table)))
+            found.append(whole / (sum(drawn_s) + _own_times(outcome.contents)))
     return median(ratios["never"]), median(ratios["always"])
 
 
@@ -99,14 +99,14 @@ def _clocked_drawing() -> Iterator[list[float]]:
         Simulation.reset, Simulation.advance = real
 
 
-def _own_times(table: bytes) -> float:
+def _own_times(contents: Mapping[str, bytes]) -> float:
     """Seconds that all trackers of an episode took themselves."""
     import duckdb
 
-    with tempfile.NamedTemporaryFile(suffix=".parquet") as file, duckdb.connect() as database:
-        file.write(table)
-        file.flush()
-        (row,) = database.execute(f"SELECT sum(ms) FROM '{file.name}'").fetchall()
+    with tempfile.TemporaryDirectory() as folder, duckdb.connect() as database:
+        for place, table in enumerate(contents.values()):
+            Path(folder, f"{place}.parquet").write_bytes(table)
+        (row,) = database.execute(f"SELECT sum(ms) FROM '{folder}/*.parquet'").fetchall()
         return float(row[0]) / 1e3
 
 
@@ -176,7 +176,7 @@ def throughput(folder: Path) -> None:
     for width, height in ((320, 240), (640, 480)):
         settings = {"camera.width_px": width, "camera.height_px": height, "duration_s": 8}
         plan = make_plan(["plaza-walk"], ["ko2012", "stay"], [0], overrides=settings)
-        episode = next(plan.episodes())
+        episode = plan.episode(0)
         with Simulation(episode.scenario) as simulation:
             began = time.perf_counter()
             simulation.reset(0)
@@ -187,7 +187,7 @@ def throughput(folder: Path) -> None:
             rate = 60 / (time.perf_counter() - began)
         done = run(plan, folder / f"{width}", videos="all")
         rows = 2 * plan.frame_count
-        table = sum(file.stat().st_size for file in done.episode_files()) / rows
+        table = sum(file.stat().st_size for file in done.result_files()) / rows
         video = sum(file.stat().st_size for file in (done.path / "videos").rglob("*.mp4")) / plan.frame_count
         print(f"{width:>5}x{height:<3} {rate:>9.1f} {reset_s:>8.2f} {table:>24.0f} {video:>18.0f}")
 

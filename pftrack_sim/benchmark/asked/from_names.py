@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast, get_args
@@ -19,12 +21,12 @@ from pftrack_sim.benchmark.asked.plan import (
     TrackerSpec,
     make_checked_plan,
 )
-from pftrack_sim.benchmark.asked.seeds import Seeds, parse_seeds
 from pftrack_sim.benchmark.asked.suite import Suite, is_suite, load_suite, suite_names
 from pftrack_sim.controllers import code_digest as controller_code
 from pftrack_sim.controllers import make as make_controller
 from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
+from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.trackers import code_digest as tracker_code
@@ -36,6 +38,8 @@ SEEDS = (0, 1, 2)
 """Defaults of scenarios without a suite."""
 
 MAX_CONDITIONS = 10_000
+MAX_SEEDS = 1_000_000
+_MAX_DIGITS = 18
 
 
 def make_plan(
@@ -77,21 +81,14 @@ def make_plan(
     loaded = [scenarios.load(name, overrides or {}) for name in names]
     conditions = tuple(_conditions(axes or {}, variant))
     specs = tuple(one if isinstance(one, TrackerSpec) else TrackerSpec(name=one, preset=preset) for one in trackers)
-    scenario_specs = tuple(ScenarioSpec(name=one.name, tree=one.tree) for one in loaded)
-    sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=_as_seeds(seeds))
+    scenario_specs = tuple(ScenarioSpec(name=one.name, tree=one.with_defaults().tree) for one in loaded)
+    sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=tuple(seeds))
     plan = make_checked_plan((sweep,), _with_controllers(specs, controllers, latency_ms or {}))
     for scenario in loaded:
         for condition in conditions:
             changed = scenarios.load(scenario, condition.overrides)  # wrong levels are reported now
             _check_effect(changed, condition, plan.sweeps[0].seeds[0])
     return plan
-
-
-def _as_seeds(seeds: Iterable[int]) -> Seeds:
-    try:
-        return seeds if isinstance(seeds, Seeds) else Seeds(seeds)
-    except ValueError as error:
-        raise ParameterError(str(error)) from None
 
 
 def _check_effect(scenario: scenarios.Scenario, condition: Condition, seed: int) -> None:
@@ -272,6 +269,46 @@ def plan_all(
             )
         )
     return join_plans(plans, truth=cast("ScoredBox", truth))
+
+
+def parse_seeds(text: str) -> list[int]:
+    """Parse seeds of the command line: `3`, `0:20` (20 excluded), `1,5,9`, and mixtures.
+
+    Raises:
+        ParameterError: Another form, too many, or one given twice.
+
+    >>> parse_seeds("0:3,7")
+    [0, 1, 2, 7]
+    """
+    seeds: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d+)\s*(?::\s*(\d+)\s*)?", part)
+        if match and max(len(number) for number in match.groups() if number) > _MAX_DIGITS:
+            raise ParameterError(f"a seed has at most {_MAX_DIGITS} digits")
+        if not match or (match[2] is not None and int(match[2]) <= int(match[1])):
+            raise ParameterError(f"seeds are written 3, 0:20 (20 excluded) or 1,5,9; got {one_line(text, 60)!r}")
+        span = range(int(match[1]), int(match[2] or int(match[1]) + 1))
+        if len(seeds) + len(span) > MAX_SEEDS:
+            raise ParameterError(f"at most {MAX_SEEDS} seeds are run, got {len(seeds) + len(span)}")
+        seeds += span
+    if len(set(seeds)) < len(seeds):
+        raise ParameterError(f"seed given twice: {Counter(seeds).most_common(1)[0][0]}")
+    return seeds
+
+
+def seeds_text(seeds: Iterable[int]) -> str:
+    """Seeds as the command line takes them.
+
+    >>> seeds_text([7, 0, 1, 2])
+    '0:3,7'
+    """
+    spans: list[list[int]] = []
+    for seed in sorted(seeds):
+        if spans and spans[-1][1] == seed:
+            spans[-1][1] += 1
+        else:
+            spans.append([seed, seed + 1])
+    return ",".join(f"{start}:{stop}" if stop > start + 1 else str(start) for start, stop in spans)
 
 
 def _check_axis(axis: str) -> None:

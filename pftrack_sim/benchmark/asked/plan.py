@@ -1,34 +1,32 @@
 """The plan of a run, as data: scenarios x conditions x seeds, and the trackers.
 
-A plan is frozen, survives a round trip through JSON, and has a digest; it is stored with the run. `planning` makes one.
+A plan is frozen, survives a round trip through JSON, and has a digest; it is stored with the run. `from_names` makes
+one.
 """
 
 from __future__ import annotations
 
-import bisect
-import hashlib
 import itertools
 import json
 import random
-import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Any, Literal, TypeAlias
+from functools import cached_property
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, ValidationError, model_validator
 
-from pftrack_sim.benchmark.asked.seeds import Seeds
+from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.suite import Suite
-from pftrack_sim.benchmark.kept.files import distinct_slugs
+from pftrack_sim.benchmark.kept.files import slug
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.ranges import is_range
 from pftrack_sim.scenario.section import NotNegative, Section
 
-MAX_EPISODES = 10**12
+MAX_EPISODES = 1_000_000
 
 EpisodeKind: TypeAlias = Literal["open", "follow"]
 """`"open"`: the robot follows its script, and all trackers share the frames. `"follow"`: a tracker drives the robot in
@@ -50,8 +48,7 @@ class TrackerSpec(Section):
         params: Its parameters.
         controller: Controller that drives the robot with its estimates; None in open loop.
         latency_ms: Simulated time charged for every frame that it takes, unless the condition sets another.
-        code: Digests of the code of tracker and controller, and of files named in the parameters. A run folder is not
-            continued with other code.
+        code: Digests of the code of tracker and controller, and of files named in the parameters.
     """
 
     name: str
@@ -64,7 +61,7 @@ class TrackerSpec(Section):
     @property
     def digest(self) -> str:
         """SHA-256 of all of it, with the code that runs."""
-        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+        return keys.digest(self.model_dump(mode="json"))
 
     @property
     def base_label(self) -> str:
@@ -106,7 +103,12 @@ class Condition(Section):
         """Latency charged to every tracker, or None where each has its own."""
         return dict(self.levels).get(LATENCY)
 
-    @property
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of levels and variant."""
+        return keys.digest(self.levels, self.variant)
+
+    @cached_property
     def overrides(self) -> dict[str, float]:
         """The dotted keys that the levels set in a scenario."""
         with_severity = {axis for axis, _ in self.levels if "." not in axis}
@@ -122,10 +124,15 @@ class Condition(Section):
 
 
 class ScenarioSpec(Section):
-    """A scenario in a plan: its name, and its whole content with the plan's overrides."""
+    """A scenario in a plan: its name, and its whole content with the plan's overrides and every default."""
 
     name: str
     tree: dict[str, Any]
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the content."""
+        return keys.digest(self.tree)
 
 
 class Sweep(Section):
@@ -133,7 +140,7 @@ class Sweep(Section):
 
     scenarios: tuple[ScenarioSpec, ...]
     conditions: tuple[Condition, ...] = (Condition(),)
-    seeds: Seeds
+    seeds: tuple[Annotated[int, Field(ge=0)], ...]
 
     @property
     def episode_count(self) -> int:
@@ -146,22 +153,29 @@ class Episode:
     """One episode of a plan.
 
     Attributes:
-        scenario: With the overrides of the plan and the condition.
+        spec: Scenario with the overrides of the plan.
         condition: Axis levels.
         seed: Root seed.
-        path: Path of its files within `episodes/` and `videos/`, without their suffix.
         trackers: Trackers that share its frames; in closed loop the only one.
+        environment: Code and versions, see `keys.environment`.
+        number: Its place in the plan.
         is_first_seed: Whether it has the first seed of its scenario and condition.
         truth: True box that estimates are compared with.
     """
 
-    scenario: Scenario
+    spec: ScenarioSpec
     condition: Condition
     seed: int
-    path: str
     trackers: tuple[TrackerSpec, ...]
+    environment: keys.Environment
+    number: int = 0
     is_first_seed: bool = False
     truth: ScoredBox = "box"
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The scenario with the overrides of plan and condition."""
+        return load_scenario(Scenario(self.spec.name, self.spec.tree), self.condition.overrides)
 
     @property
     def kind(self) -> EpisodeKind:
@@ -179,18 +193,59 @@ class Episode:
         by_condition = self.condition.latency_ms
         return self.trackers[0].latency_ms if by_condition is None else by_condition
 
+    @cached_property
+    def frames_key(self) -> str:
+        """Key of the frames of open loop; in closed loop they depend on the driver too."""
+        drawn_by = keys.environment_digest(self.environment, scoring=False)
+        return keys.digest(self.spec.digest, self.condition.overrides, self.seed, drawn_by)
+
+    @cached_property
+    def result_keys(self) -> tuple[str, ...]:
+        """Key of each tracker's result."""
+        made_by = keys.environment_digest(self.environment, scoring=True)
+        common = keys.digest(self.frames_key, self.spec.name, self.condition.digest, self.truth, made_by)
+        return tuple(keys.digest(common, tracker.digest) for tracker in self.trackers)
+
     @property
-    def digest(self) -> str:
-        """SHA-256 of everything but the trackers that decides the content of its files."""
-        identity = [self.scenario.name, self.scenario.digest, self.condition.model_dump(mode="json")]
-        return hashlib.sha256(json.dumps([*identity, self.seed, self.truth]).encode()).hexdigest()
+    def files(self) -> dict[str, str]:
+        """Path of each tracker's files within their folders, without a suffix, by the short key that it ends in."""
+        return {
+            keys.short(key): f"{self._stem}-{slug(label)}-{keys.short(key)}"
+            for key, label in zip(self.result_keys, self.labels, strict=True)
+        }
+
+    @property
+    def path(self) -> str:
+        """Path of the files that show all its trackers, without a suffix: videos and logs."""
+        return f"{self._stem}-{keys.short(keys.digest(*self.result_keys))}"
+
+    @property
+    def _stem(self) -> str:
+        return f"{slug(self.spec.name)}/{slug(self.condition.name)}/seed-{self.seed:04d}"
 
     @property
     def name(self) -> str:
         """For people: `"plaza-walk jitter=2 seed 3"`."""
         condition = [self.condition.name] if self.condition != Condition() else []
         driver = self.labels if self.kind == "follow" else ()
-        return " ".join([self.scenario.name, *condition, f"seed {self.seed}", *driver])
+        return " ".join([self.spec.name, *condition, f"seed {self.seed}", *driver])
+
+
+@dataclass(frozen=True)
+class AskedResult:
+    """A tracker's result in an episode that is asked for.
+
+    Attributes:
+        episode: The episode.
+        key: Key of the result.
+        file: Path of its files within their folders, without a suffix.
+        tracker: The tracker.
+    """
+
+    episode: Episode
+    key: str
+    file: str
+    tracker: TrackerSpec
 
 
 def _kind(trackers: tuple[TrackerSpec, ...]) -> EpisodeKind:
@@ -205,37 +260,44 @@ class Plan(Section):
         trackers: The trackers, in the order of the tables.
         suites: The suites it was made from, with their tables and claims.
         truth: True box that estimates are compared with.
+        environment: Code and versions that it is run with.
     """
 
-    format: Literal[3] = 3
+    format: Literal[4] = 4
     sweeps: tuple[Sweep, ...]
     trackers: tuple[TrackerSpec, ...]
     suites: tuple[Suite, ...] = ()
     truth: ScoredBox = "box"
+    environment: dict[str, str] = Field(default_factory=keys.environment)
 
     @model_validator(mode="after")
     def _check_unique(self) -> Plan:
-        named: dict[str, list[tuple[str, tuple[object, ...]]]] = {
-            "seed": [(str(sweep.seeds), (index,)) for index, sweep in enumerate(self.sweeps) if len(sweep.seeds)],
-            "scenario": [
-                (scenario.name, (scenario.name, condition.name, sweep.seeds[0]))
-                for sweep in self.sweeps
-                for scenario in sweep.scenarios
-                for condition in sweep.conditions
-                if len(sweep.seeds)
-            ],
-            "tracker": [(tracker.label, (tracker.label,)) for tracker in self.trackers],
-        }
         count = sum(sweep.episode_count for sweep in self.sweeps) * max(len(self.trackers), 1)
         if count > MAX_EPISODES:
             raise ValueError(f"a plan has at most {MAX_EPISODES} episodes, got {count}")
-        for kind, given in named.items():
-            if not given:
+        cells = [
+            (scenario.name, condition.name, seed)
+            for sweep in self.sweeps
+            for scenario in sweep.scenarios
+            for condition in sweep.conditions
+            for seed in sweep.seeds
+        ]
+        seeds = [str(seed) for sweep in self.sweeps for seed, count in Counter(sweep.seeds).items() if count > 1]
+        repeated = {
+            "seed": seeds,
+            "scenario": [] if seeds else [name for (name, _, _), count in Counter(cells).items() if count > 1],
+            "tracker": [label for label, count in Counter(self.labels).items() if count > 1],
+        }
+        empty = {
+            "seed": not any(sweep.seeds for sweep in self.sweeps),
+            "scenario": not cells,
+            "tracker": not self.trackers,
+        }
+        for kind, names in repeated.items():
+            if empty[kind]:
                 raise ValueError(f"a plan needs at least one {kind}")
-            counts = Counter(key for _, key in given)
-            repeated = dict.fromkeys(name for name, key in given if counts[key] > 1)
-            if repeated:
-                raise ValueError(f"{kind} given twice: {', '.join(repeated)}")
+            if names:
+                raise ValueError(f"{kind} given twice: {', '.join(dict.fromkeys(names))}")
         if len({tracker.controller is None for tracker in self.trackers}) > 1:
             raise ValueError("either every tracker needs a controller, or none may have one")
         latencies = [condition.latency_ms for sweep in self.sweeps for condition in sweep.conditions]
@@ -252,12 +314,7 @@ class Plan(Section):
     @property
     def digest(self) -> str:
         """SHA-256 of the plan's canonical JSON."""
-        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
-
-    def without_code(self) -> Plan:
-        """The same plan whatever code runs."""
-        trackers = tuple(tracker.model_copy(update={"code": {}}) for tracker in self.trackers)
-        return Plan(sweeps=self.sweeps, trackers=trackers, suites=self.suites, truth=self.truth)
+        return keys.digest(self.model_dump(mode="json"))
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -265,112 +322,75 @@ class Plan(Section):
         return tuple(tracker.label for tracker in self.trackers)
 
     @property
+    def scenarios(self) -> dict[str, ScenarioSpec]:
+        """Every scenario by name."""
+        return {scenario.name: scenario for sweep in self.sweeps for scenario in sweep.scenarios}
+
+    @property
+    def conditions(self) -> dict[str, Condition]:
+        """Every condition by name."""
+        return {condition.name: condition for sweep in self.sweeps for condition in sweep.conditions}
+
+    @property
     def episode_count(self) -> int:
         """Number of episodes."""
-        return len(self._tracker_groups()) * sum(sweep.episode_count for sweep in self.sweeps)
-
-    def _tracker_groups(self) -> list[tuple[TrackerSpec, ...]]:
-        """Trackers that share an episode."""
-        return [self.trackers] if self.kind == "open" else [(tracker,) for tracker in self.trackers]
+        groups = 1 if self.kind == "open" else len(self.trackers)
+        return groups * sum(sweep.episode_count for sweep in self.sweeps)
 
     @cached_property
     def frame_count(self) -> int:
         """Number of frames; an estimate from the first seed where many seeds have different lengths."""
         total = 0
-        for setting, (sweep, _, _) in enumerate(self._settings):
-            scenario = self._scenario(setting)
-            camera = scenario.tree.get("camera", {})
-            varies = is_range(scenario.tree.get("duration_s")) or is_range(camera.get("rate_hz"))
-            varies = varies or scenario.resolve(sweep.seeds[0]).axes.stream.on
-            counted = list(sweep.seeds) if varies and len(sweep.seeds) <= 100 else [sweep.seeds[0]]
-            frames = sum(scenario.frame_count(seed) for seed in counted)
-            total += frames * len(sweep.seeds) // len(counted)
-        return total * len(self._tracker_groups())
+        by_setting: dict[tuple[int, Condition], list[Episode]] = {}
+        for episode in self._episodes:
+            by_setting.setdefault((id(episode.spec), episode.condition), []).append(episode)
+        for episodes in by_setting.values():
+            first = episodes[0].scenario
+            varies = is_range(first.tree["duration_s"]) or is_range(first.tree["camera"]["rate_hz"])
+            varies = varies or first.resolve(episodes[0].seed).axes.stream.on
+            seeds = list(dict.fromkeys(episode.seed for episode in episodes))
+            counted = seeds if varies and len(seeds) <= 100 else seeds[:1]
+            total += sum(first.frame_count(seed) for seed in counted) * len(episodes) // len(counted)
+        return total
 
-    def episodes(self, *, part: tuple[int, int] = (1, 1), shuffle: int | None = None) -> Iterator[Episode]:
-        """Every episode in the plan's order, made one at a time.
+    def episodes(self, *, part: tuple[int, int] = (1, 1), shuffle: int | None = None) -> Sequence[Episode]:
+        """Every episode in the plan's order.
 
         Args:
             part: Part k of n: only every n-th episode, from the k-th (1 is the first).
-            shuffle: A seed to shuffle the order with; takes memory for all their numbers.
+            shuffle: A seed to shuffle the order with.
         """
-        numbers: Sequence[int] = range(self.episode_count)
+        chosen = self._episodes
         if shuffle is not None:
-            numbers = random.Random(shuffle).sample(numbers, len(numbers))
-        return (self.episode(number) for number in numbers[part[0] - 1 :: part[1]])
+            chosen = random.Random(shuffle).sample(chosen, len(chosen))
+        return chosen[part[0] - 1 :: part[1]]
 
     def episode(self, number: int) -> Episode:
         """The episode at a place in the plan's order."""
-        groups = self._tracker_groups()
-        setting = bisect.bisect_right(self._starts, number) - 1
-        place, group = divmod(number - self._starts[setting], len(groups))
-        sweep, _, condition = self._settings[setting]
-        seed = sweep.seeds[place]
-        path = f"{self._folder(setting)}/{self._file_stem(seed, group)}"
-        return Episode(self._scenario(setting), condition, seed, path, groups[group], place == 0, self.truth)
-
-    def present(self, files_in: Callable[[str], Collection[str]]) -> Iterator[tuple[int, Episode]]:
-        """Numbers and episodes that have a file, in the plan's order, at no cost for those that have none.
-
-        Args:
-            files_in: Names of the files in the folder of a scenario and condition, without their suffixes.
-        """
-        groups = range(len(self._tracker_groups()))
-        for setting, (sweep, _, _) in enumerate(self._settings):
-            names = files_in(self._folder(setting))
-            seeds = {int(match[1]) for name in names if (match := re.match(r"seed-(\d{4,18})(?:__|$)", name))}
-            places = sorted(place for seed in seeds if (place := sweep.seeds.place_of(seed)) is not None)
-            for place in places:
-                for group in groups:
-                    if self._file_stem(sweep.seeds[place], group) in names:
-                        number = self._starts[setting] + place * len(groups) + group
-                        yield number, self.episode(number)
+        return self._episodes[number]
 
     @cached_property
-    def _settings(self) -> tuple[tuple[Sweep, ScenarioSpec, Condition], ...]:
-        """Sweep, scenario and condition of every folder of episodes."""
-        return tuple(
-            (sweep, scenario, condition)
-            for sweep in self.sweeps
-            for scenario in sweep.scenarios
-            for condition in sweep.conditions
-        )
+    def _episodes(self) -> tuple[Episode, ...]:
+        groups = [self.trackers] if self.kind == "open" else [(tracker,) for tracker in self.trackers]
+        made: list[Episode] = []
+        for sweep in self.sweeps:
+            for scenario, condition in itertools.product(sweep.scenarios, sweep.conditions):
+                for seed, trackers in itertools.product(sweep.seeds, groups):
+                    first = seed == sweep.seeds[0]
+                    given = (scenario, condition, seed, trackers, self.environment)
+                    made.append(Episode(*given, number=len(made), is_first_seed=first, truth=self.truth))
+        return tuple(made)
 
     @cached_property
-    def _scenario(self) -> Callable[[int], Scenario]:
-        """Scenario of a setting; the last ones are kept, because all seeds share them."""
-
-        @lru_cache(maxsize=64)
-        def load(setting: int) -> Scenario:
-            _, spec, condition = self._settings[setting]
-            return load_scenario(Scenario(spec.name, spec.tree), condition.overrides)
-
-        return load
-
-    @cached_property
-    def _starts(self) -> tuple[int, ...]:
-        """Number of the first episode of each setting."""
-        counts = (len(sweep.seeds) * len(self._tracker_groups()) for sweep, _, _ in self._settings)
-        return tuple(itertools.accumulate(counts, initial=0))[:-1]
-
-    def _folder(self, setting: int) -> str:
-        """Folder of the episodes of a scenario and condition within `episodes/`."""
-        scenarios, conditions, _ = self.slugs
-        _, scenario, condition = self._settings[setting]
-        return f"{scenarios[scenario.name]}/{conditions[condition.name]}"
-
-    def _file_stem(self, seed: int, group: int) -> str:
-        driver = f"__{self.slugs[2][self.labels[group]]}" if self.kind == "follow" else ""
-        return f"seed-{seed:04d}{driver}"
-
-    @cached_property
-    def slugs(self) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
-        """Parts of file names for scenarios, conditions and trackers."""
-        return (
-            distinct_slugs(scenario.name for sweep in self.sweeps for scenario in sweep.scenarios),
-            distinct_slugs(condition.name for sweep in self.sweeps for condition in sweep.conditions),
-            distinct_slugs(self.labels),
-        )
+    def asked(self) -> dict[str, AskedResult]:
+        """Every result by its short key, in the plan's order."""
+        return {
+            short: AskedResult(episode, key, file, tracker)
+            for episode in self._episodes
+            for key, (short, file), tracker in zip(
+                episode.result_keys, episode.files.items(), episode.trackers, strict=True
+            )
+        }
 
 
 def make_checked_plan(
@@ -378,13 +398,18 @@ def make_checked_plan(
     trackers: tuple[TrackerSpec, ...],
     suites: tuple[Suite, ...] = (),
     truth: ScoredBox = "box",
+    environment: keys.Environment | None = None,
 ) -> Plan:
-    """Make a plan.
+    """Make a plan; without an environment it is run with the code and the versions of now.
 
     Raises:
         ParameterError: Nothing to run, or something given twice.
     """
     try:
-        return Plan(sweeps=sweeps, trackers=trackers, suites=suites, truth=truth)
+        known = dict(environment or keys.environment())
+        return Plan(sweeps=sweeps, trackers=trackers, suites=suites, truth=truth, environment=known)
     except ValidationError as error:
-        raise ParameterError(str(error.errors()[0]["msg"]).removeprefix("Value error, ")) from None
+        first = error.errors()[0]
+        if first["type"] == "greater_than_equal":
+            raise ParameterError(f"seeds must be >= 0, got {first['input']}") from None
+        raise ParameterError(str(first["msg"]).removeprefix("Value error, ")) from None

@@ -1,19 +1,19 @@
-"""Verify a run folder: every episode of the plan is there once, unchanged, and the summary is what they lead to."""
+"""Verify a run folder: every result that is asked for is there, unchanged, and the summary is what they lead to."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark import keys
+from pftrack_sim.benchmark.asked.plan import AskedResult
 from pftrack_sim.benchmark.kept.checksums import SUMS, changed, read_sums
-from pftrack_sim.benchmark.kept.episode_file import content_digests, missing_trackers, read_metadata
+from pftrack_sim.benchmark.kept.episode_file import content_digests, read_metadata
 from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
 from pftrack_sim.benchmark.kept.store import RunStore
 from pftrack_sim.benchmark.reading.summary import summary_problem
@@ -45,7 +45,7 @@ class CheckReport:
 
 
 def check(path: Path) -> CheckReport:
-    """Verify a run folder: every file's checksum, every episode's content, and what was derived from the episodes.
+    """Verify a run folder: every file's checksum, every result's content, and what was derived from the results.
 
     Args:
         path: The folder.
@@ -54,38 +54,41 @@ def check(path: Path) -> CheckReport:
         RunError: It is no run folder, or its plan is damaged.
     """
     store = RunStore(path)
-    plan = store.plan
+    plan, present = store.plan, store.present
     changes = _changes(path)
     problems = dict.fromkeys(changes.values())
-    intact = 0
-    expected: set[Path] = set()
+    missing = keys.missing(plan.asked, store.kept)
+    harmed: set[int] = set()
     schema: list[Any] = []
     with duckdb.connect() as database:
-        for _, episode in store.episodes():
-            file = store.episode_file(episode)
+        for file, one in present.items():
             name = file.relative_to(path).as_posix()
-            expected.add(file)
-            if name not in changes and (problem := _problem(database, episode, file, schema)):
-                problems[f"{name}: {problem}"] = None
-            else:
-                intact += name not in changes
-        missing = (one for one in plan.episodes() if store.episode_file(one) not in expected)
-        for episode in islice(missing, min(plan.episode_count - len(expected), _MOST_MISSING)):
-            problems[f"missing: {episode.name}"] = None
-            changes.pop(store.episode_file(episode).relative_to(path).as_posix(), None)
-        more = plan.episode_count - len(expected) - _MOST_MISSING
-        problems |= {f"missing: {more} episodes more": None} if more > 0 else {}
-        if intact and intact == len(expected):
+            problem = None if name in changes else _problem(database, one, file, schema)
+            problems |= {f"{name}: {problem}": None} if problem else {}
+            harmed |= {one.episode.number} if problem or name in changes else set[int]()
+        if present and not harmed:
             summary = path / "summary.parquet"
             if os.path.lexists(summary) or store.finished:
-                problem = summary_problem(database, path, plan, store.episodes())
+                problem = summary_problem(database, path, plan, present)
                 problems |= {problem: None} if problem and problem.partition(":")[0] not in changes else {}
-    for file in store.episode_files():
+    for one in missing.values():
+        problems.pop(changes.get(store.result_file(one).relative_to(path).as_posix(), ""), None)
+        harmed.add(one.episode.number)
+    lacking: dict[int, list[AskedResult]] = {}
+    for one in missing.values():
+        lacking.setdefault(one.episode.number, []).append(one)
+    for count, results in enumerate(lacking.values()):
+        if count == _MOST_MISSING:
+            problems[f"missing: {len(lacking) - count} episodes more"] = None
+            break
+        episode = results[0].episode
+        labels = f", {', '.join(one.tracker.label for one in results)}" if len(results) < len(episode.trackers) else ""
+        problems[f"missing: {episode.name}{labels}"] = None
+    for file in (file for file in store.result_files() if file not in present):
         name = file.relative_to(path).as_posix()
-        if file not in expected:
-            problems.pop(changes.get(name, ""), None)
-            problems[f"not in the plan: {name}"] = None
-    return CheckReport(path, intact, plan.episode_count, tuple(problems))
+        problems.pop(changes.get(name, ""), None)
+        problems[f"not in the plan: {name}"] = None
+    return CheckReport(path, plan.episode_count - len(harmed), plan.episode_count, tuple(problems))
 
 
 def _changes(path: Path) -> dict[str, str]:
@@ -96,17 +99,17 @@ def _changes(path: Path) -> dict[str, str]:
         return {SUMS: str(error)}
 
 
-def _problem(database: duckdb.DuckDBPyConnection, episode: Episode, file: Path, schema: list[Any]) -> str | None:
-    """The problem of an episode's file, or None; the columns of the first file are those that all must have."""
+def _problem(database: duckdb.DuckDBPyConnection, asked: AskedResult, file: Path, schema: list[Any]) -> str | None:
+    """The problem of a result's file, or None; the columns of the first file are those that all must have."""
     table = f"read_parquet({sql_text(file)}, hive_partitioning = false)"
     try:
-        ((_, metadata),) = read_metadata(database, {file: episode})
+        ((_, metadata),) = read_metadata(database, {file: asked})
         with query_deadline(database):
             columns = database.execute(f"DESCRIBE FROM {table}").fetchall()
-            keys = "kind, scenario, condition, seed"
+            identity = "kind, scenario, condition, seed, label"
             counts = database.execute(
-                f"SELECT label, count(*), count(DISTINCT frame), min(frame), max(frame), {keys} "
-                f"FROM {table} GROUP BY label, {keys}"
+                f"SELECT count(*), count(DISTINCT frame), min(frame), max(frame), {identity} "
+                f"FROM {table} GROUP BY {identity}"
             ).fetchall()
             digests = content_digests(database, table)
     except RunError as error:
@@ -118,10 +121,6 @@ def _problem(database: duckdb.DuckDBPyConnection, episode: Episode, file: Path, 
     schema[:] = schema or columns
     if columns != schema:
         return "has other columns than the rest"
-    lacking = missing_trackers(metadata, episode)
-    if lacking:
-        return f"lacks {', '.join(tracker.label for tracker in lacking)}"
-    frames = metadata["frames"]
-    identity = (episode.kind, episode.scenario.name, episode.condition.name, episode.seed)
-    wanted = {(label, frames, frames, 0, frames - 1, *identity) for label in episode.labels}
-    return None if set(counts) == wanted else "does not have every frame of every tracker once"
+    frames, episode = metadata["frames"], asked.episode
+    wanted = (frames, frames, 0, frames - 1, episode.kind, episode.spec.name, episode.condition.name, episode.seed)
+    return None if counts == [(*wanted, asked.tracker.label)] else "does not have every frame once"

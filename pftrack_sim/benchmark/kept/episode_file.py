@@ -1,6 +1,6 @@
-"""An episode as a Parquet file: one row per tracker and frame, and its scores in the metadata.
+"""A tracker's result in an episode as a Parquet file: a row per frame with truth and estimate, scores in the metadata.
 
-Truth is repeated for each tracker; compression removes the repetition.
+The file is named by its key, and holds the truth of the episode, so that it says everything about itself.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -17,8 +17,9 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.benchmark.asked.plan import Episode, TrackerSpec
+from pftrack_sim.benchmark.asked.plan import AskedResult, TrackerSpec
 from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
+from pftrack_sim.benchmark.keys import digest
 from pftrack_sim.benchmark.people_scores import track_rows
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import RunError
@@ -115,14 +116,11 @@ class PeopleLog:
         return {**place, **dict(zip(_PERSON, [*text, *boxes, *numbers[:, 8:].T], strict=True))}
 
 
-def estimate_columns(
-    runner: TrackerRunner, overlap: FloatArray, centre_error_px: FloatArray, *, with_tracks: bool = False
-) -> dict[str, Column]:
-    """Estimates of one tracker with their scores, one row per frame, on request with everybody whom it follows."""
+def estimate_columns(runner: TrackerRunner, overlap: FloatArray, centre_error_px: FloatArray) -> dict[str, Column]:
+    """Estimates of one tracker with their scores and everybody whom it follows, one row per frame."""
     estimates = runner.estimates
-    tracks = {"tracks": _lists(track_rows(runner))} if with_tracks else {}
     return {
-        **tracks,
+        "tracks": _lists(track_rows(runner)),
         "frame": np.arange(len(estimates)),
         "status": np.array(runner.statuses, dtype=object),
         "estimate": _lists(runner.boxes.tolist()),
@@ -135,120 +133,67 @@ def estimate_columns(
     }
 
 
-def write_episode(
+def write_result(
     path: Path,
-    key: Mapping[str, str | int],
+    identity: Mapping[str, str | int | float | None],
     truth: Columns,
     people: Columns,
-    trackers: Sequence[tuple[Mapping[str, str | float | None], Columns]],
+    estimates: Columns,
     metadata: Mapping[str, Any],
 ) -> None:
-    """Write an episode's file; the caller moves it to its name.
+    """Write the file of a result; the caller moves it to its name.
 
     Args:
         path: File to write.
-        key: Scenario, condition, seed and so on: the same in every row.
+        identity: Scenario, condition, seed, tracker and so on: the same in every row.
         truth: From `truth_columns`, and further columns with a row per frame.
-        people: From `PeopleLog.columns`; every row of a frame gets a list of them.
-        trackers: For each tracker its `identity_columns` and `estimate_columns`.
+        people: From `PeopleLog.columns`; every frame gets a list of them.
+        estimates: From `estimate_columns`.
         metadata: Stored with the digest of the rows.
 
     Raises:
         RunError: It cannot be written.
     """
-    identity = {name: column([one[name] for one, _ in trackers]) for name in trackers[0][0]}
-    identity["place"] = np.arange(len(trackers))
-    estimates = {name: np.concatenate([one[name] for _, one in trackers]) for name in trackers[0][1]}
-    estimates["place"] = np.repeat(np.arange(len(trackers)), [len(one["frame"]) for _, one in trackers])
-    keys = ", ".join(f"{value if isinstance(value, int) else sql_text(value)} AS {name}" for name, value in key.items())
     fields = ", ".join(f"{name} := {name}::{kind}" for name, kind in _PERSON.items())
     rows = (
-        f"SELECT {keys}, identity.* EXCLUDE place REPLACE (controller::VARCHAR AS controller), "
-        f"truth.* REPLACE ({_casts(truth)}), estimates.* EXCLUDE (frame, place) REPLACE ({_casts(estimates)}), listed "
-        "AS people FROM estimates JOIN identity USING (place) JOIN truth USING (frame) JOIN "
+        f"SELECT identity.* REPLACE (controller::VARCHAR AS controller), truth.* REPLACE ({_casts(truth)}), "
+        f"estimates.* EXCLUDE frame REPLACE ({_casts(estimates)}), listed AS people "
+        "FROM identity, estimates JOIN truth USING (frame) JOIN "
         f"(SELECT frame, list(struct_pack({fields}) ORDER BY place) AS listed FROM people GROUP BY frame) "
-        "USING (frame) ORDER BY place, frame"
+        "USING (frame) ORDER BY frame"
     )
+    tables = {
+        "identity": {name: column([value]) for name, value in identity.items()},
+        "truth": dict(truth),
+        "people": dict(people),
+        "estimates": dict(estimates),
+    }
     with duckdb.connect(config={"threads": 1}) as database:
-        for name, table in {
-            "identity": identity,
-            "truth": dict(truth),
-            "people": dict(people),
-            "estimates": estimates,
-        }.items():
+        for name, table in tables.items():
             database.register(name, table)
-        _write_rows(database, path, rows, metadata)
+        try:
+            database.execute(f"CREATE TEMP TABLE rows AS {rows}")
+            whole = {**metadata, **content_digests(database, "rows")}
+            text = json.dumps({**whole, _DIGEST_KEY: digest(whole)})
+            database.execute(
+                f"COPY rows TO {sql_text(path)} (FORMAT parquet, COMPRESSION zstd, "
+                f"KV_METADATA {{{METADATA_KEY}: {sql_text(text)}}})"
+            )
+        except duckdb.Error as error:
+            raise RunError(f"cannot write {path}: {error}") from None
 
 
-def _write_rows(database: duckdb.DuckDBPyConnection, path: Path, rows: str, metadata: Mapping[str, Any]) -> None:
-    try:
-        database.execute(f"CREATE TEMP TABLE rows AS {rows}")
-        whole = {**metadata, **content_digests(database, "rows")}
-        text = json.dumps({**whole, _DIGEST_KEY: _metadata_digest(whole)})
-        database.execute(
-            f"COPY rows TO {sql_text(path)} (FORMAT parquet, COMPRESSION zstd, "
-            f"KV_METADATA {{{METADATA_KEY}: {sql_text(text)}}})"
-        )
-    except duckdb.Error as error:
-        raise RunError(f"cannot write {path}: {error}") from None
-
-
-def join_episodes(path: Path, files: Sequence[tuple[Path, Sequence[str]]], episode: Episode) -> None:
-    """Write one file of an episode from several, each with other trackers; rows are copied as they are.
-
-    Args:
-        path: File to write; not one of those read.
-        files: Each with the labels of the trackers that are taken from it.
-        episode: With the trackers of the new file, in their order.
-
-    Raises:
-        RunError: The files show other frames, or cannot be read or written.
-    """
-    with duckdb.connect(config={"threads": 1}) as database:
-        found = [metadata for _, metadata in read_metadata(database, {file: episode for file, _ in files})]
-        first = found[0]
-        for other in found[1:]:
-            if other["frames_digest"] != first["frames_digest"]:
-                raise RunError(
-                    f"{episode.name}: the frames drawn now ({other['graphics']}, version {other['version']}) are not "
-                    f"those that are there ({first['graphics']}, version {first['version']}): a tracker cannot be added"
-                )
-        rows = {
-            row["label"]: row
-            for metadata, (_, labels) in zip(found, files, strict=True)
-            for row in metadata["trackers"]
-            if row["label"] in labels
-        }
-        digests = {name: digest for metadata in found for name, digest in metadata["tracker_sha256"].items()}
-        kept = [label for label in episode.labels if label in rows]
-        metadata = {
-            **{key: value for key, value in first.items() if key not in ("content_sha256", "extras_sha256")},
-            "trackers": [rows[label] for label in kept],
-            "tracker_sha256": {label: digests[label] for label in kept},
-        }
-        database.register("places", {"label": column(kept), "place": np.arange(len(kept))})
-        # A tracker of several people has a column of its own.
-        parts = " UNION ALL BY NAME ".join(
-            f"SELECT * FROM read_parquet({sql_text(file)}, hive_partitioning = false) "
-            f"WHERE label IN ({', '.join(map(sql_text, labels))})"
-            for file, labels in files
-        )
-        query = f"SELECT part.* FROM ({parts}) part JOIN places USING (label) ORDER BY place, frame"
-        _write_rows(database, path, query, metadata)
-
-
-def create_frame_views(database: duckdb.DuckDBPyConnection, files: Sequence[Path]) -> None:
-    """Create `frames`, and `people` where the files hold them: repeated for each tracker, so read of one only."""
-    table = f"read_parquet([{', '.join(map(sql_text, files))}], hive_partitioning = false, filename = 'file')"
-    known = {row[0] for row in database.execute(f"DESCRIBE FROM {table}").fetchall()}
-    if "people" not in known:
-        database.execute(f"CREATE VIEW frames AS SELECT * EXCLUDE (file) FROM {table}")
-        return
-    database.execute(f"CREATE VIEW frames AS SELECT * EXCLUDE (file, people) FROM {table}")
+def create_frame_views(database: duckdb.DuckDBPyConnection, files: Mapping[Path, AskedResult]) -> None:
+    """Create `frames`, and `people` of everybody in view, which all trackers of an open loop share."""
+    database.execute(f"CREATE VIEW frames AS SELECT * EXCLUDE people FROM {_parquet(files)}")
+    firsts = {one.episode.number: path for path, one in reversed(list(files.items()))}
     label = "CASE WHEN kind = 'follow' THEN label END AS label"
-    once = f"{table} WHERE (file, label) IN (SELECT (file, min(label)) FROM {table} GROUP BY file)"
-    people = _PEOPLE.format(f"kind, scenario, condition, seed, {label}, frame, time_s", once)
+    people = _PEOPLE.format(f"kind, scenario, condition, seed, {label}, frame, time_s", _parquet(firsts.values()))
     database.execute(f"CREATE VIEW people AS {people}")
+
+
+def _parquet(files: Iterable[Path]) -> str:
+    return f"read_parquet([{', '.join(map(sql_text, files))}], hive_partitioning = false)"
 
 
 def _casts(columns: Columns) -> str:
@@ -256,15 +201,13 @@ def _casts(columns: Columns) -> str:
 
 
 def read_metadata(
-    database: duckdb.DuckDBPyConnection, files: Mapping[Path, Episode]
+    database: duckdb.DuckDBPyConnection, files: Mapping[Path, AskedResult]
 ) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Metadata of some episodes' files, verified: digest, identity, number of rows.
+    """Metadata of some results' files, verified: digest, key, number of rows.
 
     Raises:
-        RunError: One of them is no episode's file, is damaged, or is that of another episode.
+        RunError: One of them is no result's file, is damaged, or is that of another result.
     """
-    found: dict[Path, bytes] = {}
-    rows: dict[Path, int] = {}
     for path in files:
         if not is_file(path) or path.stat().st_size > MAX_BYTES:
             raise RunError(f"{path}: not an episode's file: not a regular file of at most {MAX_BYTES} bytes")
@@ -277,11 +220,11 @@ def read_metadata(
             found = {Path(name): value for name, value in database.execute(query).fetchall()}
     except duckdb.Error as error:
         raise RunError(f"not an episode's file: {one_line(str(error))}") from None
-    for path, episode in files.items():
-        yield path, _checked_metadata(path, found.get(path, b""), rows.get(path, 0), episode)
+    for path, asked in files.items():
+        yield path, _checked_metadata(path, found.get(path, b""), rows.get(path, 0), asked)
 
 
-def _checked_metadata(path: Path, content: bytes, rows: int, episode: Episode) -> dict[str, Any]:
+def _checked_metadata(path: Path, content: bytes, rows: int, asked: AskedResult) -> dict[str, Any]:
     try:
         read: object = parse_json(content)
     except ValueError:
@@ -289,38 +232,19 @@ def _checked_metadata(path: Path, content: bytes, rows: int, episode: Episode) -
     if not isinstance(read, dict):
         raise RunError(f"{path}: not an episode's file: it has no metadata of a run")
     metadata = cast("dict[str, Any]", read)
-    digest = metadata.pop(_DIGEST_KEY, None)
-    if digest != _metadata_digest(metadata):
+    if metadata.pop(_DIGEST_KEY, None) != digest(metadata):
         raise RunError(f"{path}: its metadata do not have the digest they were written with")
-    if metadata.get("episode_sha256") != episode.digest:
-        found = one_line(f"{metadata.get('scenario')} {metadata.get('condition')} seed {metadata.get('seed')}")
+    if metadata.get("key") != asked.key:
+        scores = metadata.get("scores")
+        tracker = cast("dict[str, Any]", scores).get("label") if isinstance(scores, dict) else None
+        found = f"{metadata.get('scenario')} {metadata.get('condition')} seed {metadata.get('seed')}, {tracker}"
         raise RunError(
-            f"{path}: is of another episode ({found}, of this plan or another), not {episode.name}; "
+            f"{path}: is of another episode ({one_line(found)}), not of {asked.episode.name}, {asked.tracker.label}; "
             "remove it and the same command runs the episode again"
         )
-    known = {tracker.label: tracker.digest for tracker in episode.trackers}
-    try:
-        labels = [one["label"] for one in metadata["trackers"]]
-        digests = metadata["tracker_sha256"]
-        whole = labels == [label for label in known if label in labels] and rows == metadata["frames"] * len(labels)
-        whole = whole and bool(labels) and digests == {label: known[label] for label in labels}
-    except (KeyError, TypeError):
-        whole = False
-    if not whole:
-        raise RunError(
-            f"{path}: does not have every frame of trackers of {episode.name}, or of others than the plan's; remove it "
-            "and the same command runs the episode again"
-        )
+    if rows != metadata.get("frames"):
+        raise RunError(f"{path}: does not have every frame; remove it and the same command runs the episode again")
     return metadata
-
-
-def missing_trackers(metadata: Mapping[str, Any], episode: Episode) -> tuple[TrackerSpec, ...]:
-    """Trackers of an episode whose file, by its metadata, does not have them yet."""
-    return tuple(tracker for tracker in episode.trackers if tracker.label not in metadata["tracker_sha256"])
-
-
-def _metadata_digest(metadata: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(metadata, sort_keys=True).encode()).hexdigest()
 
 
 def content_digests(database: duckdb.DuckDBPyConnection, source: str) -> dict[str, str]:
@@ -328,37 +252,27 @@ def content_digests(database: duckdb.DuckDBPyConnection, source: str) -> dict[st
 
     Returns:
         `content_sha256`, without the columns of wall-clock time, of people and of sensors; and `extras_sha256`
-        of the latter two, where the rows have them.
+        of the latter two.
     """
-    apart = _extras(database, source)
-    digests = {"content_sha256": content_digest(database, source)}
+    known = {str(row[0]) for row in database.execute(f"DESCRIBE FROM {source}").fetchall()}
+    sensors = [name for name in SENSORS if name in known]
+    apart = ["people"] if "people" in known else []
+    excluded = f" EXCLUDE ({', '.join([*apart, *sensors])})" if apart or sensors else ""
+    digests = {"content_sha256": _query_digest(database, f"SELECT *{excluded} FROM {source}")}
     if apart:
-        repeated = ", ".join(["label", "frame", *apart[1:]])
-        digests["extras_sha256"] = _query_digest(database, _PEOPLE.format(repeated, source))
+        people = _PEOPLE.format(", ".join(["label", "frame", *sensors]), source)
+        digests["extras_sha256"] = _query_digest(database, people)
     return digests
 
 
-def content_digest(database: duckdb.DuckDBPyConnection, source: str) -> str:
-    """The `content_sha256` of `content_digests`."""
-    apart = _extras(database, source)
-    excluded = f" EXCLUDE ({', '.join(apart)})" if apart else ""
-    return _query_digest(database, f"SELECT *{excluded} FROM {source}")
-
-
-def _extras(database: duckdb.DuckDBPyConnection, source: str) -> list[str]:
-    """Columns of people and of sensors in a table or table function."""
-    known = {str(row[0]) for row in database.execute(f"DESCRIBE FROM {source}").fetchall()}
-    return [name for name in ("people", *SENSORS) if name in known]
-
-
 def _query_digest(database: duckdb.DuckDBPyConnection, query: str) -> str:
-    digest = hashlib.sha256()
+    rows = hashlib.sha256()
     table = cast("Any", database.execute(query)).fetchnumpy()
     for name in sorted(table):
         if name not in NOT_IN_DIGEST:
-            digest.update(name.encode() + b"\0")
-            digest.update(_bytes(table[name]))
-    return digest.hexdigest()
+            rows.update(name.encode() + b"\0")
+            rows.update(_bytes(table[name]))
+    return rows.hexdigest()
 
 
 def _bytes(values: Any) -> bytes:

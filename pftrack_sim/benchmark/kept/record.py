@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import os
 import platform
@@ -16,14 +15,14 @@ from pydantic import ValidationError
 
 from pftrack_sim.benchmark.asked.plan import Plan
 from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.keys import package_version
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import check_tree, parse_json, read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario.section import Section
 
-FORMAT = 6
-"""Format of run folders that are written."""
-_READABLE = (5, FORMAT)  # 5 lacks other people and sensors
+FORMAT = 7
+"""Format of run folders."""
 _MAX_RECORD_BYTES = 64 << 20
 _MAX_RECORD_VALUES = 5_000_000
 _VERSIONS_OF = ("pftrack-sim", "gymnasium", "mujoco", "numpy", "opencv-python-headless", "numba", "duckdb", "av")
@@ -44,7 +43,7 @@ class _Session(Section):
 class _Record(Section):
     """Content of `run.json`; the plan is validated where it is used."""
 
-    format: Literal[5, 6]
+    format: Literal[7]
     plan_sha256: str
     finished: str | None
     sessions: tuple[_Session, ...]
@@ -65,9 +64,8 @@ def read_record(path: Path) -> dict[str, Any]:
         raise RunError(f"{path} is not a run folder: it has no run.json") from None
     except (OSError, ValueError) as error:
         raise RunError(f"{source} cannot be read: {one_line(str(error))}") from None
-    if not isinstance(record, dict) or cast("dict[str, Any]", record).get("format") not in _READABLE:
-        formats = " or ".join(map(str, _READABLE))
-        raise RunError(f"{source} is not of format {formats}, which this version reads")
+    if not isinstance(record, dict) or cast("dict[str, Any]", record).get("format") != FORMAT:
+        raise RunError(f"{source} is not of format {FORMAT}, which this version reads")
     try:
         _Record.model_validate(record)
     except ValidationError as error:
@@ -77,11 +75,21 @@ def read_record(path: Path) -> dict[str, Any]:
     return cast("dict[str, Any]", record)
 
 
-def check_writable(path: Path) -> None:
-    """Raise RunError where a run folder is of an earlier format: its episodes lack columns of those written now."""
-    found = read_record(path)["format"]
-    if found != FORMAT:
-        raise RunError(f"{path} is of format {found}, which is read but not written to: choose another with --out")
+def stored_plan(record: dict[str, Any], source: Path) -> Plan:
+    """The plan of a record.
+
+    Raises:
+        RunError: It is no plan, or was edited.
+    """
+    try:
+        plan = Plan.model_validate(record["plan"])
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise RunError(f"{source}: not a plan this version can read: {where or 'plan'}: {first['msg']}") from None
+    if plan.digest != record["plan_sha256"]:
+        raise RunError(f"{source} was edited: its plan does not have the digest it names")
+    return plan
 
 
 def write_record(path: Path, record: dict[str, Any]) -> None:
@@ -120,14 +128,6 @@ def session() -> dict[str, Any]:
 def now() -> str:
     """The time, UTC, in ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def package_version(name: str) -> str | None:
-    """Version of an installed distribution, or None."""
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return None
 
 
 def _commit() -> str | None:

@@ -1,11 +1,11 @@
-"""The run folder: written episode by episode, read at any time, also unfinished.
+"""The run folder: written result by result, read at any time, also unfinished.
 
-run.json                                    the plan, its digest, versions, and every session that worked on it
-episodes/<scenario>/<condition>/seed-N.parquet
-videos/<scenario>/<condition>/seed-N.mp4
-logs/<scenario>/<condition>/seed-N.rrd and .mcap
-errors/<scenario>/<condition>/seed-N/<tracker>.png and .txt    of trackers that ended with an error
-summary.parquet  tables/*.csv  tables/*.tex     made from the episodes at the end of a session
+run.json                                    what is asked for, its digest, and every session that worked on it
+episodes/<scenario>/<condition>/seed-N-<tracker>-<key>.parquet      a tracker's result in an episode
+errors/<scenario>/<condition>/seed-N-<tracker>-<key>.png and .txt   of trackers that ended with an error
+videos/<scenario>/<condition>/seed-N-<key>.mp4                      of all trackers that share the frames
+logs/<scenario>/<condition>/seed-N-<key>.rrd and .mcap
+summary.parquet  tables/*.csv  tables/*.tex     made from the results at the end of a session
 SHA256SUMS                                      of all of these, written last
 .scratch                                        what workers are writing; swept when a session begins
 """
@@ -15,35 +15,26 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
 import duckdb
 
-from pftrack_sim.benchmark.asked.growth import grown
-from pftrack_sim.benchmark.asked.plan import Episode, Plan
-from pftrack_sim.benchmark.asked.stored_plan import differences, read_plan
+from pftrack_sim.benchmark import keys
+from pftrack_sim.benchmark.asked.plan import AskedResult, Episode, Plan
+from pftrack_sim.benchmark.asked.union import contradictions, united
 from pftrack_sim.benchmark.kept.checksums import SUMS, changed, read_sums, write_sums
-from pftrack_sim.benchmark.kept.episode_file import content_digest, create_frame_views, join_episodes
-from pftrack_sim.benchmark.kept.error_files import errors_folder, remove_errors
-from pftrack_sim.benchmark.kept.files import (
-    LOCK,
-    atomic_write,
-    lock_folder,
-    query_deadline,
-    remove_parts,
-    sql_text,
-    write_bytes,
-)
+from pftrack_sim.benchmark.kept.episode_file import content_digests, create_frame_views
+from pftrack_sim.benchmark.kept.files import LOCK, lock_folder, query_deadline, remove_parts, sql_text, write_bytes
 from pftrack_sim.benchmark.kept.record import (
-    check_writable,
     new_record,
     now,
     plan_record,
     read_record,
     session,
+    stored_plan,
     write_record,
 )
 from pftrack_sim.benchmark.losses import create_loss_views
@@ -84,19 +75,18 @@ class RunStore:
         self._derived_removed = False
 
     @classmethod
-    def begin(cls, path: Path, plan: Plan, *, refresh: bool = False, grow: bool = False) -> RunStore:
+    def begin(cls, path: Path, plan: Plan, *, refresh: bool = False, running: bool = False) -> RunStore:
         """Open a run folder to write. It is locked until `close`, or until this process ends in any way.
 
         Args:
-            path: Absent, empty, or begun with the same plan.
-            plan: What is run; `store.plan` then has what is there already, too.
-            refresh: Where the folder was begun with other code of the same trackers, remove their rows, instead of an
-                error.
-            grow: Where the folder was begun with another plan that does not contradict this one, add this one to it,
-                instead of an error.
+            path: Absent, empty, or a run folder.
+            plan: What is asked for; `store.plan` then has what is there already, too.
+            refresh: Remove results that have the same name and another key, instead of an error.
+            running: Whether results will be run: all trackers of the folder count with the code of today.
 
         Raises:
-            RunError: It holds something else, another plan, or has another writer, or cannot be written.
+            RunError: It holds something else, results of the same name with another key, or has another writer, or
+                cannot be written.
         """
         lock: int | None = None
         try:
@@ -105,10 +95,8 @@ class RunStore:
             lock = lock_folder(path)
             # Only under the lock is it certain what the folder holds: another process may have begun it just now.
             _check_usable(path)
-            begun = is_run(path)
-            if begun:
-                check_writable(path)
-                _continue(path, plan, refresh, grow)
+            if is_run(path):
+                _continue(cls(path), plan, refresh, running)
             else:
                 write_record(path, new_record(plan))
             remove_parts(path)
@@ -129,15 +117,12 @@ class RunStore:
 
     @cached_property
     def plan(self) -> Plan:
-        """What is run.
+        """What is asked for.
 
         Raises:
             RunError: It was edited.
         """
-        source = self.path / "run.json"
-        plan = read_plan(self.record.get("plan"), str(source))
-        if plan.digest != self.record.get("plan_sha256"):
-            raise RunError(f"{source} was edited: its plan does not have the digest it names")
+        plan = stored_plan(self.record, self.path / "run.json")
         self._verify(["run.json"])
         return plan
 
@@ -156,49 +141,34 @@ class RunStore:
         """Whether every episode is there."""
         return self.record["finished"] is not None
 
-    def episode_file(self, episode: Episode) -> Path:
-        """Path of an episode's table."""
-        return self.path / "episodes" / f"{episode.path}.parquet"
+    def result_file(self, asked: AskedResult) -> Path:
+        """Path of a result's table."""
+        return self.path / "episodes" / f"{asked.file}.parquet"
 
     def video_file(self, episode: Episode) -> Path:
         """Path of an episode's video."""
         return self.path / "videos" / f"{episode.path}.mp4"
 
-    def log_file(self, episode: Episode, name: str) -> Path:
-        """Path of an episode's log in the format of this name."""
-        return self.path / "logs" / f"{episode.path}{FORMATS[name].suffix}"
-
-    def episode_files(self) -> Iterator[Path]:
-        """Paths of all tables, sorted within each folder."""
+    def result_files(self) -> Iterator[Path]:
+        """Paths of all results' tables, sorted within each folder."""
         for folder, below, names in os.walk(self.path / "episodes"):
             below.sort()
             for name in sorted(names):
                 if name.endswith(".parquet") and not name.startswith("."):
                     yield Path(folder) / name
 
-    def episodes(self) -> Iterator[tuple[int, Episode]]:
-        """Numbers and episodes of the plan that have a file, in the plan's order."""
+    @property
+    def kept(self) -> set[str]:
+        """Short keys of the results that are there, asked for or not."""
+        return {keys.key_of(file) for file in self.result_files()}
 
-        def files_in(folder: str) -> set[str]:
-            path = self.path / "episodes" / folder
-            names = os.listdir(path) if path.is_dir() else []
-            return {name.removesuffix(".parquet") for name in names if name.endswith(".parquet")}
+    @property
+    def present(self) -> dict[Path, AskedResult]:
+        """The results that are asked for and there, by their files, in the plan's order."""
+        return {self.result_file(one): one for one in keys.present(self.plan.asked, self.kept).values()}
 
-        return self.plan.present(files_in)
-
-    def has(self, episode: Episode) -> bool:
-        """Whether an episode is finished."""
-        return is_file(self.episode_file(episode))
-
-    def add(
-        self,
-        episode: Episode,
-        table: bytes,
-        video: bytes | None,
-        logs: Mapping[str, bytes] | None = None,
-        errors: Mapping[str, bytes] | None = None,
-    ) -> None:
-        """Write the files of an episode; the table comes last, so that an episode with a table is complete.
+    def add(self, files: Mapping[str, bytes]) -> None:
+        """Write files, by their paths within the folder; tables come last, so that a result with a table is complete.
 
         Raises:
             RunError: They cannot be written.
@@ -207,25 +177,8 @@ class RunStore:
             for name in _DERIVED:  # they would speak of fewer episodes
                 (self.path / name).unlink(missing_ok=True)
             self._derived_removed = True
-        file = self.episode_file(episode)
-        if is_file(file):
-            table = self._joined(episode, file, table)
-            self.video_file(episode).unlink(missing_ok=True)  # it lacks the trackers that were added
-        elif video is not None:
-            write_bytes(self.video_file(episode), video)
-        for name, content in (logs or {}).items():
-            write_bytes(self.log_file(episode, name), content)
-        for name, content in (errors or {}).items():
-            write_bytes(errors_folder(self.path, episode) / name, content)
-        write_bytes(file, table)
-
-    def _joined(self, episode: Episode, file: Path, table: bytes) -> bytes:
-        """A finished episode's table with the rows of the trackers that were added to it."""
-        added, joined = self.path / SCRATCH / "added.parquet", self.path / SCRATCH / "joined.parquet"
-        write_bytes(added, table)
-        earlier = [label for label in self.plan.labels if label not in episode.labels]
-        join_episodes(joined, [(file, earlier), (added, episode.labels)], replace(episode, trackers=self.plan.trackers))
-        return joined.read_bytes()
+        for name in sorted(files, key=lambda name: name.startswith("episodes/")):
+            write_bytes(self.path / name, files[name])
 
     def add_sessions(self, sessions: Sequence[dict[str, Any]]) -> None:
         """Record the sessions of another folder whose episodes were added."""
@@ -235,7 +188,7 @@ class RunStore:
 
     def write_summary(self) -> None:
         """Write the summary and the tables of the episodes that are there; mark the run finished if all are."""
-        if write_summary(self.path, self.plan, self.episodes()) == self.plan.episode_count:
+        if write_summary(self.path, self.plan, self.present) == len(self.plan.asked):
             self.record["finished"] = self.record["finished"] or now()
             write_record(self.path, self.record)
         write_sums(self.path)
@@ -263,7 +216,7 @@ class RunStore:
         Raises:
             RunError: There is no finished episode, or a file cannot be read.
         """
-        files = [file for _, episode in self.episodes() if is_file(file := self.episode_file(episode))]
+        files = self.present
         if not files:
             raise RunError(f"{self.path} has no finished episode yet")
         self._verify([file.relative_to(self.path).as_posix() for file in files])
@@ -273,12 +226,12 @@ class RunStore:
             if self.finished and self.sums is not None and not any(changed(self.path, [summary.name], self.sums)):
                 database.execute(f"CREATE VIEW summary AS FROM read_parquet({sql_text(summary)})")
             else:
-                load_summary(database, self.path, self.plan, self.episodes())
+                load_summary(database, self.path, self.plan, files)
             create_frame_views(database, files)
             create_loss_views(database)
             database.execute(
                 "CREATE VIEW episodes AS SELECT DISTINCT ON (number) number, kind, scenario, condition, levels, seed, "
-                "episode_frames, rate_hz, frames_digest, content_sha256, graphics, version, file "
+                "episode_frames, rate_hz, frames_key, frames_digest, graphics, version "
                 "FROM summary ORDER BY number"
             )
         except duckdb.Error as error:
@@ -320,7 +273,7 @@ class RunStore:
             return tuple(results_of(database, self.plan))
 
     def frame_columns(self, result: Result, names: Sequence[str]) -> dict[str, Any]:
-        """Columns of a result's episode, `(N,)` each, ordered by frame; a row per tracker and frame.
+        """Columns of a result, `(N,)` each, a row per frame.
 
         Raises:
             RunError: The file is missing, broken, or outside the run folder.
@@ -333,7 +286,8 @@ class RunStore:
         self._verify([result.file])
         try:
             with duckdb.connect() as database, query_deadline(database):
-                if self.sums is None and content_digest(database, table) != result.values["content_sha256"]:
+                digests = content_digests(database, table) if self.sums is None else {}
+                if any(result.values[name] != value for name, value in digests.items()):
                     raise RunError(f"{file}: its rows do not have the digest they were written with")
                 query = f"SELECT {', '.join(names)} FROM {table} ORDER BY frame"
                 return cast("Any", database.execute(query)).fetchnumpy()
@@ -342,9 +296,14 @@ class RunStore:
 
     def video_of(self, result: Result) -> Path | None:
         """The video of a result's episode, if there is one."""
-        below = Path(result.file).relative_to("episodes").with_suffix(".mp4")
-        path = self.path / "videos" / below
-        return path if ".." not in below.parts and is_file(path) else None
+        path = self.video_file(self.plan.episode(int(result.values["number"])))
+        return path if is_file(path) else None
+
+    def error_picture(self, result: Result) -> Path | None:
+        """The picture of a result's error, if it was kept; its text, of the same name, is beside it."""
+        below = Path(result.file).relative_to("episodes")
+        picture = self.path / "errors" / below.with_suffix(".png")
+        return picture if is_file(picture) and is_file(picture.with_suffix(".txt")) else None
 
 
 def is_run(path: Path) -> bool:
@@ -360,37 +319,41 @@ def _check_usable(path: Path) -> None:
         raise RunError(f"{path} exists and is not an empty folder: choose another with --out")
 
 
-def _continue(path: Path, plan: Plan, refresh: bool, grow: bool) -> None:
+def _continue(store: RunStore, plan: Plan, refresh: bool, running: bool) -> None:
     """Make what a folder's plan lacks of this one part of it; see `RunStore.begin`."""
-    store = RunStore(path)
+    path, stored = store.path, store.plan
     try:
-        wanted = grown(store.plan, plan) if grow else plan
+        wanted = united(stored, plan, running=running)
     except ParameterError as error:
-        raise RunError(f"{path} holds another plan: choose another folder with --out\n{error}") from None
-    if wanted.digest == store.plan.digest:
+        raise RunError(f"{path} holds another plan: choose another folder with --out\n  {error}") from None
+    if wanted is stored:
         return
-    lines = "\n".join(f"  {line}" for line in differences(wanted, store.plan))
-    if not grow and store.plan.without_code().digest != plan.without_code().digest:
-        raise RunError(f"{path} holds another plan: choose another folder with --out, or ask for the same\n{lines}")
-    digests = {tracker.label: tracker.digest for tracker in wanted.trackers}
-    changed_code = [tracker for tracker in store.plan.trackers if digests[tracker.label] != tracker.digest]
-    if changed_code and not refresh:
+    if keys.missing(keys.present(stored.asked, store.kept), wanted.asked.keys()) and not refresh:
+        lines = contradictions(wanted, stored)
+        coded = any(line.startswith(("trackers.", "run with.")) for line in lines)
+        found = "was begun with other code" if coded else "holds another plan"
         raise RunError(
-            f"{path} was begun with other code: its results are not those of the code of today; run what has changed "
-            f"again with --refresh, or choose another folder with --out\n{lines}"
+            f"{path} {found}: its results have the same names and other keys; run them again with --refresh, or choose "
+            "another folder with --out\n" + "\n".join(f"  {line}" for line in lines)
         )
     (path / SUMS).unlink(missing_ok=True)
     # The record comes last: interrupted before it, the folder still asks to be refreshed.
-    for _, old in store.episodes() if changed_code else ():
-        kept = [tracker.label for tracker in old.trackers if tracker not in changed_code]
-        file = store.episode_file(old)
-        if len(kept) < len(old.trackers):
-            for name in (store.video_file(old), *(store.log_file(old, name) for name in FORMATS)):
-                name.unlink(missing_ok=True)
-            remove_errors(errors_folder(store.path, old), {*old.labels} - {*kept}, store.plan.labels)
-            if kept:
-                with atomic_write(file) as part:
-                    join_episodes(part, [(file, kept)], old)
-            else:
-                file.unlink(missing_ok=True)
+    for name in _names(stored) - _names(wanted):
+        (path / name).unlink(missing_ok=True)
     write_record(path, {**store.record, "finished": None, **plan_record(wanted)})
+
+
+def _names(plan: Plan) -> set[str]:
+    """Paths within a run folder of all files that results and episodes of a plan may have."""
+    found = {name for one in plan.asked.values() for name in names_of_result(one.file)}
+    return found | {name for episode in plan.episodes() for name in names_of_episode(episode.path)}
+
+
+def names_of_result(file: str) -> list[str]:
+    """Paths within a run folder of all files that a result may have."""
+    return [f"episodes/{file}.parquet", f"errors/{file}.png", f"errors/{file}.txt"]
+
+
+def names_of_episode(file: str) -> list[str]:
+    """Paths within a run folder of all files that an episode may have."""
+    return [f"videos/{file}.mp4", *(f"logs/{file}{form.suffix}" for form in FORMATS.values())]

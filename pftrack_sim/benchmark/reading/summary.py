@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import islice
 from pathlib import Path
@@ -11,9 +11,9 @@ from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.asked.plan import Condition, Episode, Plan, TrackerSpec
+from pftrack_sim.benchmark.asked.plan import AskedResult, Condition, Plan, TrackerSpec
 from pftrack_sim.benchmark.kept.checksums import sha256_of
-from pftrack_sim.benchmark.kept.episode_file import MAX_BYTES, column, missing_trackers, read_metadata
+from pftrack_sim.benchmark.kept.episode_file import MAX_BYTES, column, read_metadata
 from pftrack_sim.benchmark.kept.files import atomic_write, csv_text, query_deadline, sql_text, write_bytes
 from pftrack_sim.benchmark.people_scores import SCORES
 from pftrack_sim.core.errors import RunError
@@ -121,7 +121,7 @@ class Result:
 
 def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Result]:
     """Every row of the view `summary`, in the plan's order."""
-    conditions = {one.name: one for sweep in plan.sweeps for one in sweep.conditions}
+    conditions = plan.conditions
     table = database.execute("SELECT * EXCLUDE levels FROM summary ORDER BY number, place")
     names = [str(one[0]) for one in table.description or ()]
     for row in table.fetchall():
@@ -134,23 +134,17 @@ def load_summary(
     database: duckdb.DuckDBPyConnection,
     path: Path,
     plan: Plan,
-    episodes: Iterable[tuple[int, Episode]],
+    files: Mapping[Path, AskedResult],
     *,
     hashes: bool = False,
-) -> int:
-    """Fill a table `summary` of finished episodes, with the files' hashes if asked.
-
-    Returns the number of those that have every tracker. The episodes are read a few hundred at a time.
-    """
-    present = ((number, one, path / "episodes" / f"{one.path}.parquet") for number, one in episodes)
-    count, made = 0, False
-    while chunk := list(islice(present, _CHUNK)):
-        numbers = {file: number for number, _, file in chunk}
-        rows: list[dict[str, Any]] = []
-        episodes_by_file = {file: one for _, one, file in chunk}
-        for file, metadata in read_metadata(database, episodes_by_file):
-            count += not missing_trackers(metadata, episodes_by_file[file])
-            rows += _rows(plan, numbers[file], file, path, metadata, sha256_of(file) if hashes else "")
+) -> None:
+    """Fill a table `summary` of results, with the files' hashes if asked; they are read a few hundred at a time."""
+    labels, waiting, made = list(plan.labels), iter(files.items()), False
+    while chunk := dict(islice(waiting, _CHUNK)):
+        rows = [
+            _row(chunk[file], labels, file, path, metadata, sha256_of(file) if hashes else "")
+            for file, metadata in read_metadata(database, chunk)
+        ]
         names = dict.fromkeys(name for row in rows for name in row)
         columns = {name: column([row.get(name) for row in rows]) for name in names}
         database.register("chunk", columns)
@@ -162,44 +156,45 @@ def load_summary(
         database.execute(f"INSERT INTO summary BY NAME {select}" if made else f"CREATE TABLE summary AS {select}")
         database.unregister("chunk")
         made = True
-    return count
 
 
-def _rows(
-    plan: Plan, number: int, file: Path, path: Path, metadata: dict[str, Any], sha256: str
-) -> Iterator[dict[str, Any]]:
-    for scores in metadata["trackers"]:
-        yield {
-            "number": number,
-            "place": plan.labels.index(scores["label"]),
-            **scores,
-            "level_names": list(metadata["levels"]),
-            "level_values": list(metadata["levels"].values()),
-            "episode_frames": metadata["frames"],
-            **{key: metadata[key] for key in ("rate_hz", "frames_digest", "content_sha256", "graphics", "version")},
-            "file": file.relative_to(path).as_posix(),
-            "file_sha256": sha256,
-        }
+def _row(
+    asked: AskedResult, labels: Sequence[str], file: Path, path: Path, metadata: dict[str, Any], sha256: str
+) -> dict[str, Any]:
+    copied = ("rate_hz", "frames_key", "frames_digest", "content_sha256", "extras_sha256", "graphics", "version")
+    return {
+        "number": asked.episode.number,
+        "place": labels.index(asked.tracker.label),
+        **dict.fromkeys(SCORES),
+        **metadata["scores"],
+        "level_names": list(metadata["levels"]),
+        "level_values": list(metadata["levels"].values()),
+        "episode_frames": metadata["frames"],
+        **{key: metadata[key] for key in copied},
+        "key": asked.key,
+        "file": file.relative_to(path).as_posix(),
+        "file_sha256": sha256,
+    }
 
 
-def write_summary(path: Path, plan: Plan, episodes: Iterable[tuple[int, Episode]]) -> int:
-    """Write the summary and the tables of these episodes of a run folder; returns their number; 0: nothing.
+def write_summary(path: Path, plan: Plan, files: Mapping[Path, AskedResult]) -> int:
+    """Write the summary and the tables of these results of a run folder, if there are any; returns their number.
 
     Raises:
         RunError: They cannot be written.
     """
+    if not files:
+        return 0
     with duckdb.connect() as database:
         try:
-            count = load_summary(database, path, plan, episodes, hashes=True)
-            if not count:
-                return 0
+            load_summary(database, path, plan, files, hashes=True)
             with atomic_write(path / "summary.parquet") as part:
                 database.execute(f"COPY (FROM summary ORDER BY number, place) TO {sql_text(part)} (FORMAT parquet)")
             for name, content in tables_of(database):
                 write_bytes(path / "tables" / name, content)
         except duckdb.Error as error:
             raise RunError(f"cannot write the summary of {path}: {error}") from None
-    return count
+    return len(files)
 
 
 def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]]:
@@ -213,13 +208,13 @@ def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]
 
 
 def summary_problem(
-    database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, episodes: Iterable[tuple[int, Episode]]
+    database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, files: Mapping[Path, AskedResult]
 ) -> str | None:
-    """The first file among the summary and the tables that the episodes do not lead to, or None."""
+    """The first file among the summary and the tables that the results do not lead to, or None."""
     if not is_file(path / "summary.parquet"):
         return "summary.parquet: is not a regular file"
     stored = f"read_parquet({sql_text(path / 'summary.parquet')}, hive_partitioning = false)"
-    load_summary(database, path, plan, episodes, hashes=True)
+    load_summary(database, path, plan, files, hashes=True)
     try:
         with query_deadline(database):
             same = all(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -25,8 +25,9 @@ from pftrack_sim.benchmark.kept.episode_file import (
     estimate_columns,
     identity_columns,
     truth_columns,
-    write_episode,
+    write_result,
 )
+from pftrack_sim.benchmark.keys import differences, environment
 from pftrack_sim.benchmark.people_scores import has_tracks, people_scores
 from pftrack_sim.benchmark.running.episode_log import episode_log
 from pftrack_sim.benchmark.running.error_log import ErrorLog
@@ -50,7 +51,7 @@ _render_lock = threading.Lock()
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """An episode, how to run it, and the version of this package where the job was made; workers need the same.
+    """An episode and how to run it.
 
     Attributes:
         labels: All trackers of the run: they give each its colour in the video.
@@ -66,7 +67,6 @@ class EpisodeJob:
     backend: str | None = None
     isolation: Isolation = "auto"
     limits: Limits = field(default_factory=Limits)
-    version: str = pftrack_sim.__version__
     logs: tuple[str, ...] = ()
     scratch: Path | None = None
     dropped: tuple[str, ...] = ()
@@ -76,15 +76,15 @@ class EpisodeJob:
 
 @dataclass(frozen=True)
 class EpisodeFiles:
-    """The files of an episode, its number of frames, and each tracker's row of `summary.parquet`.
+    """What an episode leaves.
 
-    `table` is Parquet, `video` MP4; `logs` are by the name of their format.
+    Attributes:
+        contents: Contents of files by their paths within the run folder.
+        frames: Number of frames.
+        rows: Each tracker's scores.
     """
 
-    table: bytes
-    video: bytes | None
-    logs: dict[str, bytes]
-    errors: dict[str, bytes]
+    contents: dict[str, bytes]
     frames: int
     rows: tuple[dict[str, Any], ...]
 
@@ -106,10 +106,11 @@ def run_episode(
     Raises:
         RenderError: No renderer works.
         ScenarioError: The scenario contradicts itself at this seed.
-        RunError: No space for its files, or another version of this package.
+        RunError: No space for its files, or other code or versions than the run has.
     """
-    if job.version != pftrack_sim.__version__:
-        raise RunError(f"this worker has pftrack-sim {pftrack_sim.__version__}, the run has {job.version}")
+    lines = "\n".join(f"  {line}" for line in differences(job.episode.environment, environment()))
+    if lines:
+        raise RunError(f"this worker has other code or versions than the run, so its results would differ\n{lines}")
     try:
         return _run(job, on_frame, on_tracker, processes)
     except DamagedEntry:  # it is gone: the frames are drawn
@@ -164,10 +165,14 @@ def _run(
                 graphics = env.simulation.graphics
             else:
                 graphics = _show(job, runners, sinks, log)
-        rows = _write(table, episode, settings, log, runners, course.columns(), following, graphics)
-        written = {name: path.read_bytes() for name, path in logs.items()}
-        film = video.read_bytes() if job.video else None
-        return EpisodeFiles(table.read_bytes(), film, written, errors.files(), len(log.truths), tuple(rows))
+        contents = {f"errors/{name}": content for name, content in errors.files(episode.files.values()).items()}
+        contents |= {f"logs/{episode.path}{path.suffix}": path.read_bytes() for path in logs.values()}
+        contents |= {f"videos/{episode.path}.mp4": video.read_bytes()} if job.video else {}
+        rows = list(_write(table, episode, settings, log, runners, course.columns(), following, graphics))
+        contents |= {
+            f"episodes/{file}.parquet": content for file, (content, _) in zip(episode.files.values(), rows, strict=True)
+        }
+        return EpisodeFiles(contents, len(log.truths), tuple(row for _, row in rows))
 
 
 def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log: TruthLog) -> str:
@@ -183,7 +188,7 @@ def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log:
         wanted = any(runner.needs_detections for runner in runners)
         return detected(samples, episode.scenario.resolve(episode.seed), episode.seed) if wanted else samples
 
-    entry = frames.entry(episode.scenario, episode.seed, job.backend) if frames is not None else None
+    entry = frames.entry(episode.frames_key, job.backend) if frames is not None else None
     if frames is not None and entry is not None and (cached := frames.open(entry)) is not None:
         rollout(with_detections(cached.samples()), runners, sinks)
         if log.frames_digest != cached.frames_digest:
@@ -223,12 +228,12 @@ def _write(
     course: Columns,
     following: Mapping[str, Any],
     graphics: str,
-) -> list[dict[str, Any]]:
-    """Score every tracker and write the episode's file; returns a row of the summary for each tracker."""
+) -> Iterator[tuple[bytes, dict[str, Any]]]:
+    """Score every tracker; gives the file of each result and its row of the summary."""
     truths = log.truths
-    key: dict[str, str | int] = {
+    names: dict[str, str | int] = {
         "kind": episode.kind,
-        "scenario": episode.scenario.name,
+        "scenario": episode.spec.name,
         "condition": episode.condition.name,
         "seed": episode.seed,
     }
@@ -236,20 +241,11 @@ def _write(
     scored = np.array([truth.scored for truth in truths])
     visible = np.array([truth.visible_fraction for truth in truths])
     times = np.array([truth.time_s for truth in truths])
-    rows: list[dict[str, Any]] = []
-    tables: list[tuple[Mapping[str, str | float | None], Columns]] = []
-    several = any(map(has_tracks, runners))
-    for runner in runners:
-        frames = score.frame_scores(runner.boxes, true_boxes)
-        measures = score.measure(frames, scored, visible, np.array(runner.ms), times)
-        identity = identity_columns(runner.spec, episode.latency_ms)
-        tables.append((identity, estimate_columns(runner, frames.overlap, frames.centre_error_px, with_tracks=several)))
-        errors = {"error": runner.error, "printed": runner.printed}
-        people = people_scores(log.true_tracks.frames, runner) if several else {}
-        rows.append({**key, **identity, **measures.as_dict(), **following, **people, **errors})
+    truth = {**truth_columns(truths), "nearest_look_alike": np.array(log.nearest_look_alike), **course}
+    people = log.people.columns()
     metadata = {
-        **key,
-        "episode_sha256": episode.digest,
+        **names,
+        "frames_key": episode.frames_key,
         "truth": episode.truth,
         "levels": dict(episode.condition.levels),
         "frames": len(truths),
@@ -257,9 +253,14 @@ def _write(
         "frames_digest": log.frames_digest,
         "graphics": graphics,
         "version": pftrack_sim.__version__,
-        "trackers": rows,
-        "tracker_sha256": {tracker.label: tracker.digest for tracker in episode.trackers},
     }
-    truth = {**truth_columns(truths), "nearest_look_alike": np.array(log.nearest_look_alike), **course}
-    write_episode(path, key, truth, log.people.columns(), tables, metadata)
-    return rows
+    for key, runner in zip(episode.result_keys, runners, strict=True):
+        frames = score.frame_scores(runner.boxes, true_boxes)
+        measures = score.measure(frames, scored, visible, np.array(runner.ms), times)
+        identity = {**names, **identity_columns(runner.spec, episode.latency_ms)}
+        estimates = estimate_columns(runner, frames.overlap, frames.centre_error_px)
+        of_people = people_scores(log.true_tracks.frames, runner) if has_tracks(runner) else {}
+        errors = {"error": runner.error, "printed": runner.printed}
+        row = {**identity, **measures.as_dict(), **following, **of_people, **errors}
+        write_result(path, identity, truth, people, estimates, {**metadata, "key": key, "scores": row})
+        yield path.read_bytes(), row

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import cv2
 
-from pftrack_sim.benchmark.kept.error_files import error_names
 from pftrack_sim.benchmark.running.rollout import Step
 from pftrack_sim.benchmark.running.sinks import picture
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
@@ -33,14 +32,13 @@ class ErrorLog:
                 drawn = picture(step.sample, [runner], self._labels, last=True)
                 self._pictures[label] = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))[1].tobytes()
 
-    def files(self) -> dict[str, bytes]:
-        """The files of all errors, by name."""
+    def files(self, stems: Iterable[str]) -> dict[str, bytes]:
+        """Picture and text of each error, by name: the given stem of each tracker, with `.png` and `.txt`."""
         found: dict[str, bytes] = {}
-        for runner in self._runners:
+        for stem, runner in zip(stems, self._runners, strict=True):
             if runner.error is not None:
-                picture_name, text_name = error_names(self._labels)[runner.spec.label]
-                found[picture_name] = self._pictures[runner.spec.label]
-                found[text_name] = error_text(runner).encode()
+                found[f"{stem}.png"] = self._pictures[runner.spec.label]
+                found[f"{stem}.txt"] = error_text(runner).encode()
         return found
 
 

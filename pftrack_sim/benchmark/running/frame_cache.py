@@ -4,8 +4,9 @@
 <folder>/<digest>/truth.npz     truth of everybody in every frame
 <folder>/<digest>/entry.json    shape of the frames, digests of all frames and of the truth; written last
 
-The digest is of everything that determines frames: scenario with its content, seed, code and data of this package,
-versions of what renders and computes, renderer. Entries appear whole, and any number of workers may read and write.
+The digest is of the key of the frames, see `keys`, and of what draws here.
+
+Entries appear whole, and any number of workers may read and write.
 """
 
 from __future__ import annotations
@@ -26,16 +27,12 @@ from typing import Any, Self, cast
 import mujoco
 import numpy as np
 
-from pftrack_sim.benchmark.kept.record import package_version
+from pftrack_sim.benchmark.keys import digest
 from pftrack_sim.benchmark.running.rollout import Sample, Step
-from pftrack_sim.core.code_digest import file_digest
-from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.render.selection import open_renderer
-from pftrack_sim.scenario import Scenario
 
-_PACKAGES = ("mujoco", "mujoco-warp", "numpy", "opencv-python-headless", "opencv-contrib-python-headless", "numba")
 _MODEL = "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"
 
 
@@ -69,10 +66,9 @@ class FrameCache:
         """Size of all entries."""
         return sum(size for _, size, _ in self._entries())
 
-    def entry(self, scenario: Scenario, seed: int, backend: str | None) -> Path:
-        """Folder of an episode, whether it exists or not."""
-        identity = [scenario.digest, seed, _environment_digest(), _renderer(backend)]
-        return self.folder / hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:40]
+    def entry(self, frames_key: str, backend: str | None) -> Path:
+        """Folder of an episode by the key of its frames, whether it exists or not."""
+        return self.folder / digest(frames_key, _renderer(backend))[:40]
 
     def open(self, entry: Path) -> CachedEpisode | None:
         """The episode of an entry; None if there is none, or one that is damaged: that is removed."""
@@ -217,18 +213,6 @@ def _truths(arrays: dict[str, Any], counts: list[int]) -> Iterator[tuple[Truth, 
     made = (Truth(*values) for values in zip(*(numbers[name] for name in names), strict=True))
     for count in counts:
         yield tuple(next(made) for _ in range(count))
-
-
-@cache
-def _environment_digest() -> str:
-    """Digest of this package's code and data, and the versions of what renders and computes."""
-    digest = hashlib.sha256()
-    for root in (Path(__file__).parents[2], assets_dir()):
-        # __pycache__ holds compiled kernels too, and more of them with every tracker that is used for the first time.
-        for path in sorted(path for path in root.rglob("*") if path.is_file() and path.parent.name != "__pycache__"):
-            digest.update(f"{path.relative_to(root)}\0{file_digest(path)}".encode())
-    digest.update(" ".join(f"{name} {package_version(name)}" for name in _PACKAGES).encode())
-    return digest.hexdigest()
 
 
 @cache

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark.asked.plan import Episode, TrackerSpec
-from pftrack_sim.benchmark.kept.episode_file import missing_trackers, read_metadata
+from pftrack_sim.benchmark import keys
+from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.kept.episode_file import read_metadata
 from pftrack_sim.benchmark.kept.store import RunStore
 from pftrack_sim.benchmark.running.episode import EpisodeFiles
 
@@ -57,8 +58,11 @@ class ProgressCounter:
 
     def __init__(self, store: RunStore, part: tuple[int, int]) -> None:
         plan = store.plan
-        self.total = len(range(part[0] - 1, plan.episode_count, part[1]))
-        self.done = 0
+        episodes = plan.episodes(part=part)
+        mine = {episode.number for episode in episodes}
+        missing = keys.missing(plan.asked, store.kept)
+        self.total = len(episodes)
+        self.done = len(mine - {one.episode.number for one in missing.values()})
         self._frames_per_episode = plan.frame_count / plan.episode_count
         self._sums = dict.fromkeys(plan.labels, 0.0)
         self._counts: Counter[str] = Counter()
@@ -66,32 +70,26 @@ class ProgressCounter:
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
-        self.incomplete: dict[str, tuple[TrackerSpec, ...]] = {}
-        """Trackers that finished episodes lack, by the episodes' paths."""
-        present = (episode for number, episode in store.episodes() if number % part[1] == part[0] - 1)
+        present = ((file, one) for file, one in store.present.items() if one.episode.number in mine)
         with duckdb.connect() as database:
-            while chunk := {store.episode_file(episode): episode for episode in islice(present, _CHUNK)}:
-                for file, metadata in read_metadata(database, chunk):
-                    lacking = missing_trackers(metadata, chunk[file])
-                    if lacking:
-                        self.incomplete[chunk[file].path] = lacking
-                    else:
-                        self._count(metadata["trackers"])
+            while chunk := dict(islice(present, _CHUNK)):
+                for _, metadata in read_metadata(database, chunk):
+                    self._count(metadata["scores"])
         self._before = self.done
 
     def add(self, episode: Episode, files: EpisodeFiles) -> None:
         """Count a finished episode."""
         self._frames += files.frames
         self._last = episode.name
-        self._count(files.rows)
-
-    def _count(self, rows: Iterable[Mapping[str, Any]]) -> None:
         self.done += 1
-        for row in rows:
-            if not math.isnan(row["mean_overlap"]):
-                self._sums[row["label"]] += row["mean_overlap"]
-                self._counts[row["label"]] += 1
-            self._errors[row["label"]] += row["error"] is not None
+        for row in files.rows:
+            self._count(row)
+
+    def _count(self, row: Mapping[str, Any]) -> None:
+        if not math.isnan(row["mean_overlap"]):
+            self._sums[row["label"]] += row["mean_overlap"]
+            self._counts[row["label"]] += 1
+        self._errors[row["label"]] += row["error"] is not None
 
     def progress(self, frames_done: int | None) -> RunProgress:
         """The progress at this moment; `frames_done` as the executor counts them, or None."""

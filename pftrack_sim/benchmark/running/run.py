@@ -6,12 +6,13 @@ import contextlib
 import re
 import signal
 import threading
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from pftrack_sim import trackers
+from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import Episode, Plan, TrackerSpec
 from pftrack_sim.benchmark.filming import film, worst
 from pftrack_sim.benchmark.kept.files import slug
@@ -65,8 +66,8 @@ def run(
 
     Args:
         plan: What to run.
-        path: Run folder: absent, empty, or begun with a plan that this one does not contradict. What this plan adds to
-            it is run: seeds, conditions, scenarios, and trackers, which run alone in the episodes that are there.
+        path: Absent, empty, or a run folder. What this plan adds to it is run: seeds, conditions, scenarios, and
+            trackers, which run alone in the episodes that are there.
         workers: Local processes; 0 runs everything in this one.
         scheduler: Address of a Dask scheduler to use instead.
         videos: `"first"`: of the first seed of each scenario and condition; `"all"`; `"none"`; or `"worst:5"`: of the
@@ -78,7 +79,8 @@ def run(
         limits: Limits of those.
         part: Part k of n: only every n-th episode, from the k-th (1 is the first); other machines run the others.
         shuffle: A seed to shuffle the order of the episodes with.
-        refresh: Run episodes again whose trackers or controllers have other code than in the folder.
+        refresh: Run results again that are in the folder under the same name with another key: with other code, other
+            versions of packages, or another scenario.
         stop_on_error: End the run, unfinished, after the first episode in which a tracker ends with an error.
         cache: Where rendered frames of open loops are kept and taken from; None: nowhere.
         on_progress: Called after every episode and a few times a second.
@@ -118,36 +120,45 @@ def run(
 
     def job(episode: Episode, lacking: tuple[TrackerSpec, ...]) -> EpisodeJob:
         # Trackers that are added to an episode are filmed with the others, afterwards.
-        given, video = (replace(episode, trackers=lacking), False) if lacking else (episode, filmed(episode))
-        scratch = path.resolve() / SCRATCH
-        logged = tuple(logs) if not lacking and (episode.is_first_seed or videos == "all") else ()
-        labels = store.plan.labels
+        whole = lacking == episode.trackers
+        logged = whole and (episode.is_first_seed or videos == "all")
         return EpisodeJob(
-            given, video, backend, isolated, limits, logs=logged, scratch=scratch, labels=labels, cache=cache
+            replace(episode, trackers=lacking),
+            whole and filmed(episode),
+            backend,
+            isolated,
+            limits,
+            logs=tuple(logs) if logged else (),
+            scratch=path.resolve() / SCRATCH,
+            labels=plan.labels,
+            cache=cache,
         )
+
+    def jobs() -> Iterator[EpisodeJob]:
+        lacking: dict[int, list[TrackerSpec]] = {}
+        for one in keys.missing(plan.asked, store.kept).values():
+            lacking.setdefault(one.episode.number, []).append(one.tracker)
+        for episode in plan.episodes(part=part, shuffle=shuffle):
+            if episode.number in lacking:
+                yield job(episode, tuple(lacking[episode.number]))
 
     with (
         contextlib.closing(make_executor(plan, workers, scheduler, processes)) as executor,
-        RunStore.begin(path, plan, refresh=refresh, grow=True) as store,
+        RunStore.begin(path, plan, refresh=refresh, running=True) as store,
     ):
         plan = store.plan
         counter = ProgressCounter(store, part)
         on_progress(counter.progress(0))
-        episodes = plan.episodes(part=part, shuffle=shuffle)
         problems: list[str] = []
         errors = 0
         try:
             with _deferred_interrupt(not isinstance(executor, SerialExecutor)) as interrupted:
-                missing = (
-                    job(episode, counter.incomplete.get(episode.path, ()))
-                    for episode in episodes
-                    if episode.path in counter.incomplete or not store.has(episode)
-                )
-                for done in executor.run_all(missing):
+                for done in executor.run_all(jobs()):
                     if done is not None and done.files is not None:
-                        errors += len(done.files.errors)
-                        kept = done.files.errors if errors <= MAX_ERROR_FILES else {}
-                        store.add(done.job.episode, done.files.table, done.files.video, done.files.logs, kept)
+                        errors += sum(row["error"] is not None for row in done.files.rows)
+                        shown = errors <= MAX_ERROR_FILES
+                        contents = done.files.contents.items()
+                        store.add({name: one for name, one in contents if shown or not name.startswith("errors/")})
                         counter.add(done.job.episode, done.files)
                         if stop_on_error and errors:
                             break
@@ -166,8 +177,8 @@ def run(
         if videos != "none":
             results = store.results
             wanted = worst(results, worst_count) if worst_count else results
-            episodes = {int(one.values["number"]): one for one in wanted}
-            chosen = [one for number, one in episodes.items() if worst_count or filmed(plan.episode(number))]
+            by_episode = {int(one.values["number"]): one for one in wanted}
+            chosen = [one for number, one in by_episode.items() if worst_count or filmed(plan.episode(number))]
             if any(store.video_of(one) is None for one in chosen):
                 film(store, chosen, backend=backend)
                 store.write_summary()
