@@ -1,4 +1,4 @@
-"""Sequences in ROS 2 bags: MCAP files and SQLite files (`.db3`) of messages, or folders of one of them.
+"""Sequences in ROS 2 bags: MCAP files, SQLite files (`.db3`), or folders of them; library: `rosbags`.
 
 Images are messages `sensor_msgs/CompressedImage` or `Image` (rgb8, bgr8, mono8), boxes `vision_msgs/Detection2DArray`.
 A box belongs to the image with its time stamp; it is the one with the id `target`, or the only one. In ROS the
@@ -8,8 +8,9 @@ centre of the first pixel is 0, where it is 0.5 in the rest of this package.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
-from collections.abc import Generator, Sequence
+import importlib
+import itertools
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,12 +21,12 @@ import numpy as np
 from pftrack_sim.core.boxes import NO_BOX, Box
 from pftrack_sim.core.errors import RunError, SequenceError
 from pftrack_sim.core.records import Image
+from pftrack_sim.core.ros2_messages import type_store
 from pftrack_sim.core.text import one_line
-from pftrack_sim.formats import mcap_file, sqlite_file
 from pftrack_sim.formats.files import present_boxes
 from pftrack_sim.formats.sequence import RecordedSequence
 
-_STORAGES = {".mcap": mcap_file.Messages, ".db3": sqlite_file.Messages}
+_SUFFIXES = (".mcap", ".db3")
 _IMAGES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 _BOXES = ("vision_msgs/msg/Detection2DArray",)
 _TRUTH, _TARGET = "/truth", "target"
@@ -46,36 +47,25 @@ class _BagSequence(RecordedSequence):
             raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
         path, time_ns = self.paths[index], self.times_ns[index]
         repeated = self.times_ns[:index].count(time_ns)  # images logged at the same time keep their order
-        with _opened(path) as bag:
-            found = bag.read(self.topic, time_ns)
-            for place, (_, message) in enumerate(found):
-                if place == repeated:
-                    return _decoded(path, message)
+        # Images have the same definition in every bag: none has to be read from this one, which takes 30 ms.
+        with _opened(path, definitions=False) as bag:
+            messages = _messages(bag, type_store().deserialize_cdr, self.topic, time_ns)
+            for _, message in itertools.islice(messages, repeated, None):
+                return _decoded(path, message)
         raise SequenceError(f"{path}: image {index + 1} on {self.topic} is missing")
 
 
 def find(path: Path) -> Path | None:
-    """The file of messages that a path names: itself, or the only one in a bag's folder; None if it is neither.
-
-    Raises:
-        SequenceError: A bag of several files, or of another storage.
-    """
-    if path.suffix.lower() in _STORAGES and path.is_file():
-        return path
-    if not (path / "metadata.yaml").is_file():
-        return None
-    found = sorted(one for one in path.iterdir() if one.suffix.lower() in _STORAGES)
-    if len(found) != 1:
-        kinds = " or ".join(_STORAGES)
-        raise SequenceError(f"{path}: a ROS 2 bag must hold one {kinds} file, has {len(found)}; see ros2 bag convert")
-    return found[0]
+    """The bag that a path names: a file of messages or a folder of them with its metadata; None if it is neither."""
+    is_bag = path.is_file() if path.suffix.lower() in _SUFFIXES else (path / "metadata.yaml").is_file()
+    return path if is_bag else None
 
 
 def read(path: Path, topics: Sequence[str] = ()) -> RecordedSequence:
     """Read a sequence from its first image with a box on.
 
     Args:
-        path: The file.
+        path: The file or folder.
         topics: Of images and of boxes; without them the only ones of such messages, for boxes `/truth` first.
 
     Raises:
@@ -83,43 +73,51 @@ def read(path: Path, topics: Sequence[str] = ()) -> RecordedSequence:
         SequenceError: The file is damaged; a topic is missing or not the only one; there is no image or box.
     """
     with _opened(path) as bag:
-        kinds = bag.topics()
-    images = _chosen(path, kinds, _IMAGES, topics, "image")
-    given = _chosen(path, kinds, _BOXES, topics, "box", preferred=_TRUTH)
-    stamps: list[int] = []
-    times_ns: list[int] = []
-    with _opened(path) as bag:
-        for time_ns, message in bag.read(images):
-            stamps.append(_stamp(message))
-            times_ns.append(time_ns)
-        detections = {_stamp(message): list(message.detections) for _, message in bag.read(given)}
+        kinds = {one.topic: one.msgtype for one in bag.connections}
+        images = _chosen(path, kinds, _IMAGES, topics, "image")
+        given = _chosen(path, kinds, _BOXES, topics, "box", preferred=_TRUTH)
+        received = [(_stamp(message), time_ns) for time_ns, message in _messages(bag, bag.deserialize, images)]
+        detections = {
+            _stamp(message): list(message.detections) for _, message in _messages(bag, bag.deserialize, given)
+        }
         named = any(one.id == _TARGET for found in detections.values() for one in found)
         by_stamp = {stamp: _target(found, named) for stamp, found in detections.items()}
-    if not stamps:
+    if not received:
         raise SequenceError(f"{path}: no image on {images}")
+    stamps = [stamp for stamp, _ in received]
     truth = np.array([by_stamp.get(stamp, NO_BOX) for stamp in stamps])
     span_s = (stamps[-1] - stamps[0]) * 1e-9
     rate_hz = (len(stamps) - 1) / span_s if span_s > 0.0 else None
     whole = RecordedSequence.checked(path, given, [path] * len(stamps), present_boxes(truth), rate_hz)
-    times = tuple(times_ns[whole.start :])
+    times = tuple(time_ns for _, time_ns in received[whole.start :])
     return _BagSequence(path.stem, whole.paths, whole.truth, rate_hz, whole.start, topic=images, times_ns=times)
 
 
 @contextlib.contextmanager
-def _opened(path: Path) -> Generator[mcap_file.Messages | sqlite_file.Messages]:
-    """The messages of a file; whatever goes wrong with them becomes a SequenceError."""
-    if importlib.util.find_spec("mcap_ros2") is None:
-        raise RunError("ROS 2 messages need the extra: pip install 'pftrack-sim[mcap]'")
+def _opened(path: Path, *, definitions: bool = True) -> Generator[Any]:
+    """A reader of `rosbags`, with the definitions of messages; whatever goes wrong becomes a SequenceError."""
     try:
-        with _STORAGES[path.suffix.lower()](path) as bag:
+        highlevel: Any = importlib.import_module("rosbags.highlevel")
+        rosbag2: Any = importlib.import_module("rosbags.rosbag2")
+    except ImportError:
+        raise RunError("ROS 2 bags need the extra: pip install 'pftrack-sim[ros2]'") from None
+    try:
+        reader = highlevel.AnyReader([path], default_typestore=type_store()) if definitions else rosbag2.Reader(path)
+        with reader as bag:
             yield bag
     except (SequenceError, GeneratorExit):
         raise
-    except OSError as error:
-        raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
-    except Exception as error:  # noqa: BLE001 - each decompressor has error types of its own
+    except Exception as error:  # noqa: BLE001 - each storage and decompressor has error types of its own
         text = one_line(f"{type(error).__name__} {error}", 80)
         raise SequenceError(f"{path}: is no ROS 2 bag, or it is damaged: {text}") from None
+
+
+def _messages(bag: Any, decode: Callable[..., Any], topic: str, at_ns: int | None = None) -> Iterator[tuple[int, Any]]:
+    """Time of reception [ns] and content of all messages on a topic, or of those of one time."""
+    wanted = [one for one in bag.connections if one.topic == topic]
+    span = {} if at_ns is None else {"start": at_ns, "stop": at_ns + 1}
+    for connection, time_ns, content in bag.messages(wanted, **span):
+        yield time_ns, decode(content, connection.msgtype)
 
 
 def _chosen(

@@ -22,7 +22,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.records import Truth
-from pftrack_sim.core.ros2_messages import definition
+from pftrack_sim.core.ros2_messages import type_store
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg
 from pftrack_sim.logs.topics import topics_of
@@ -57,7 +57,9 @@ class _Log:
         def write(topic: str, kind: str, message: _Message) -> None:
             if kind not in self._schemas:
                 name = kind.replace("/", "/msg/")
-                self._schemas[kind] = self._writer.register_msgdef(name, definition(kind))
+                self._schemas[kind] = self._writer.register_msgdef(
+                    name, type_store().generate_msgdef(name, ros_version=2)[0]
+                )
             self._writer.write_message(topic, self._schemas[kind], message, nanoseconds, sequence=frame.index)
 
         def header(frame_id: str) -> _Message:

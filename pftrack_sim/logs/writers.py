@@ -15,13 +15,14 @@ from pftrack_sim.logs.frame import LogFrame, LogInfo
 
 @dataclass(frozen=True)
 class LogFormat:
-    """Suffix of the files, and the library that writes them, which is in the extra of the format's name."""
+    """Suffix of the files, and the library that writes them with the extra that it is in."""
 
     suffix: str
     library: str
+    extra: str
 
 
-FORMATS = {"mcap": LogFormat(".mcap", "mcap_ros2"), "rerun": LogFormat(".rrd", "rerun")}
+FORMATS = {"mcap": LogFormat(".mcap", "mcap_ros2", "ros2"), "rerun": LogFormat(".rrd", "rerun", "rerun")}
 
 
 def check_formats(names: Sequence[str]) -> None:
@@ -35,7 +36,7 @@ def check_formats(names: Sequence[str]) -> None:
         if name not in FORMATS:
             raise UnknownNameError("log", name, FORMATS)
         if importlib.util.find_spec(FORMATS[name].library) is None:
-            raise RunError(f"the log {name} needs the extra: pip install 'pftrack-sim[{name}]'")
+            raise RunError(f"the log {name} needs the extra: pip install 'pftrack-sim[{FORMATS[name].extra}]'")
 
 
 def log_format(path: Path) -> str:
