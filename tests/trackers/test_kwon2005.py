@@ -303,11 +303,6 @@ def test_a_uniform_frame_is_an_occlusion(scene: Scene, colour: int):
     assert np.isfinite(tracker.update(images[1]).box).all()
 
 
-def test_returning_the_particles_has_no_effect(scene: Scene):
-    images, truth = scene
-    assert np.array_equal(run(images, truth[0], particles=True), run(images, truth[0], particles=False))
-
-
 @pytest.mark.parametrize("box", [(30.0, 30.0, 20.0, 20.0), (30.0, 30.0, 2.0, 2.0)])
 def test_a_uniform_target_gives_finite_estimates(box: tuple[float, ...]):
     """A uniform target cannot be located."""

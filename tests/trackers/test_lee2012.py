@@ -16,7 +16,7 @@ from pftrack_sim.trackers.features.histogram import distance_layout, histogram, 
 from pftrack_sim.trackers.features.online_feature import Normalisation, OnlineFeatureModel, OnlineFeatureParameters
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ConstantVelocity
-from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
+from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012Parameters
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 NAMES = sorted(METHODS)
@@ -47,11 +47,6 @@ def test_paper_preset_holds_the_printed_values():
         "anchored": False,
     }
     assert {name: getattr(Lee2012Parameters(), name) for name in printed} == printed
-
-
-def test_every_method_is_registered():
-    assert set(METHODS) <= set(trackers.names())
-    assert all(isinstance(trackers.make(name), Lee2012) for name in METHODS)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -156,30 +151,6 @@ def test_alpha_one_is_colour_alone(scene: Scene):
     assert np.allclose(
         run(images, truth[0], "lee2012-color-hog", alpha=1.0), run(images, truth[0], "lee2012-color"), rtol=0, atol=1e-9
     )
-
-
-def test_particles_are_optional_and_have_no_effect(scene: Scene):
-    images, truth = scene
-    for wanted in (True, False):
-        tracker = trackers.make("lee2012", particles=wanted, particle_count=37)
-        tracker.init(images[0], truth[0])
-        shown = tracker.update(images[1]).particles
-        assert (shown.shape == (37, 4)) if shown is not None else not wanted
-    assert np.array_equal(run(images, truth[0], particles=True), run(images, truth[0], particles=False))
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("colour", [0, 130, 255])
-def test_uniform_frames_give_finite_estimates(scene: Scene, name: str, colour: int):
-    images, truth = scene
-    tracker = trackers.make(name, window=4)
-    blank = np.full_like(images[0], colour)
-    tracker.init(blank, truth[0])
-    for _ in range(8):
-        assert np.isfinite(tracker.update(blank).box).all()
-    tracker.init(images[0], truth[0])
-    tracker.update(blank)
-    assert np.isfinite(tracker.update(images[1]).box).all()
 
 
 def test_constant_velocity_is_equation_9():

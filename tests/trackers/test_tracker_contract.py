@@ -129,6 +129,24 @@ def test_extreme_boxes_are_accepted(name: str, box: tuple[float, ...], scene: Sc
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("colour", [0, 130, 255])
+def test_uniform_frames_give_finite_estimates(name: str, colour: int, scene: Scene):
+    images, truth = scene
+    blank = np.full_like(images[0], colour)
+    for shown in ([images[0], blank, images[1], images[2]], [blank] * 6 + images[:3]):
+        assert all(np.isfinite(one.box).all() for one in follow(trackers.make(name), shown, truth[0]))
+
+
+@pytest.mark.parametrize("name", [*KO2012, *LEE2012, *KWON2005, *RELATIVES])
+def test_particles_are_optional_and_returning_them_has_no_effect(name: str, scene: Scene):
+    images, truth = scene
+    plain, shown = (follow(trackers.make(name, particles=wanted), images, truth[0]) for wanted in (False, True))
+    assert numbers(plain) == numbers(shown)
+    assert not any(one.particles is not None for one in plain)
+    assert all(one.particles is not None and one.particles.shape[1] == 4 for one in shown)
+
+
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     ("image", "words"),
     [
