@@ -24,11 +24,10 @@ from pftrack_sim.benchmark.running.rollout import detected, simulated
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Estimate, TrackedBoxes
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.trackers.features.centre_surround import CHANNEL_COUNT
 from pftrack_sim.trackers.relatives import khan2011 as khan2011_module
 from pftrack_sim.trackers.relatives.islam2009 import SHAPE, Islam2009
 from pftrack_sim.trackers.relatives.khan2011 import Khan2011
-from pftrack_sim.trackers.relatives.klein2010 import Klein2010
+from pftrack_sim.trackers.relatives.klein2010 import CHANNEL_COUNT, Klein2010
 from pftrack_sim.trackers.relatives.sidibe2010 import Sidibe2010
 from pftrack_sim.trackers.relatives.yang2005 import STAGES, Yang2005
 

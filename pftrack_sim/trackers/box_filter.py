@@ -29,8 +29,8 @@ USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a seco
 CARRIED_SHARE = 0.75  # Of the particles, by the camera's motion; the others find a target that the camera follows
 
 
-class BoxFilterParameters(Parameters):
-    """Parameters of the filter.
+class WalkParameters(Parameters):
+    """Parameters of particles on a box that make a random walk.
 
     Attributes:
         particle_count: Number of particles.
@@ -39,6 +39,27 @@ class BoxFilterParameters(Parameters):
         size_correlation: Correlation of the noises of width and height; 1 keeps the box's shape.
         sigma_unit: `"px"`, or `"box"`, see `noise_scales`: the noise then fits near and far targets and every image
             size.
+        particles: Whether estimates contain the particles, as upright boxes.
+    """
+
+    particle_count: Count = 100
+    sigma_centre: NotNegative = 4.0
+    sigma_size: NotNegative = 1.0
+    size_correlation: Share = 0.0
+    sigma_unit: NoiseUnit = "px"
+    particles: bool = False
+
+    def sigma_px(self, state: FloatArray, factor: float = 1.0) -> tuple[float, float, float, float]:
+        """Noise of x, y, width and height [px] about a `(4+,)` state; `factor` widens that of the centre."""
+        position, width, height = noise_scales(state, self.sigma_unit)
+        centre = self.sigma_centre * position * factor
+        return centre, centre, self.sigma_size * width, self.sigma_size * height
+
+
+class BoxFilterParameters(WalkParameters):
+    """Parameters of the filter, besides those of the random walk.
+
+    Attributes:
         top_count: Number of the heaviest particles whose weighted mean is the estimate.
         hold_distance: Length of a jump of the centre, as a multiple of the square root of the box's area, at which the
             previous state is kept.
@@ -48,21 +69,16 @@ class BoxFilterParameters(Parameters):
         held_noise: Factor on `sigma_centre` after such a frame or a jump.
         camera_motion: Whether most of the particles are first carried along by the shift of the whole image since the
             state was last estimated. Not in the papers.
-        particles: Whether estimates contain the particles.
     """
 
-    particle_count: Count = 100
     sigma_centre: NotNegative = 1.0
     sigma_size: NotNegative = 0.64
-    size_correlation: Share = 0.0
-    sigma_unit: NoiseUnit = "px"
     top_count: Count = 10
     hold_distance: NotNegative = 0.5
     redraw: Literal["weights", "estimate"] = "weights"
     hold_below: Share = 0.0
     held_noise: Positive = 1.0
     camera_motion: bool = False
-    particles: bool = False
 
 
 class Observation(Protocol):
@@ -101,9 +117,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
     def _follow(self, image: Image) -> Estimate:
         self._carry(image)
         p, particle_filter = self.params, self._filter
-        position, width, height = noise_scales(self._state, p.sigma_unit)
-        centre = p.sigma_centre * position * (p.held_noise if self._held else 1.0)
-        sigma = (centre, centre, p.sigma_size * width, p.sigma_size * height)
+        sigma = p.sigma_px(self._state, p.held_noise if self._held else 1.0)
         particle_filter.predict(self._dynamics(sigma))
         clip_states(particle_filter.states, image, MIN_SIZE_PX)
         # The next estimate lies among the particles, or is the previous one.

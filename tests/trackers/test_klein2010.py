@@ -7,8 +7,7 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
-from pftrack_sim.trackers.features.centre_surround import grid_of_regions, opponent_integral
-from pftrack_sim.trackers.relatives.klein2010 import Klein2010
+from pftrack_sim.trackers.relatives.klein2010 import Klein2010, grid_of_regions, opponent_integral
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 

@@ -41,30 +41,18 @@ LikelihoodForm: TypeAlias = Literal["linear", "exponential"]
 class Ko2012Parameters(BoxFilterParameters):
     """Parameters of all five methods. Defaults are the preset `paper`; printed values have their equation.
 
+    Those of the filter: `BoxFilterParameters`. Printed: the noise (11), 1 px of the centre, 0.64 px of width and height
+    (for 320x240 images). Not printed: the number of particles, N of the top-N mean (12) (with 1 it is the heaviest
+    particle, as in the abstract), T of the jump (13), and how particles are redrawn: `"estimate"` is another reading of
+    section 3.3.2. Not in the paper: `size_correlation`, `hold_below`, `held_noise`, `camera_motion`.
+
     Attributes:
-        particle_count: Number of particles. Not printed: 100.
-        sigma_centre: Noise of the centre per frame (11), in `sigma_unit`. Printed: 1 px.
-        sigma_size: Noise of width and height per frame (11), in `sigma_unit`. Printed: 0.64 px.
-        size_correlation: Correlation of the noises of width and height: 0 as printed; 1 keeps the box's shape. Not in
-            the paper.
-        sigma_unit: `"px"`, as printed (for 320x240 images), or `"box"`, see `noise_scales`: the noise then fits near
-            and far targets and every image size.
         alpha: Weight of texture in the mixture (9). Printed: 0.4. Not used by the methods of one histogram.
         likelihood: `"linear"`: the Bhattacharyya similarity 1 - d^2, the decreasing function of d nearest to the
             printed one; `"exponential"`: exp(-lambda d^2). The printed weight (8, 9) is d^2, which would favour the
             least similar particle.
         lambda_colour: lambda of colour's exponential likelihood. Not printed.
         lambda_texture: lambda of texture's exponential likelihood. Not printed.
-        top_count: N of the top-N mean (12). Not printed: 10. With 1 it is the heaviest particle, as in the abstract.
-        hold_distance: T of the jump (13), as a multiple of the square root of the box's area. Not printed: 0.5.
-        redraw: Next particles: `"weights"`: systematic resampling; `"estimate"`: all at the new state, another reading
-            of section 3.3.2.
-        hold_below: Similarity of the new state, as a share of its running mean, below which the previous state is kept
-            as after a jump (13). Not in the paper: 0, never.
-        held_noise: Factor on `sigma_centre` after such a frame or a jump. Not in the paper: 1.
-        camera_motion: Whether most of the particles are first carried along by the shift of the whole image since the
-            state was last estimated. Not in the paper.
-        particles: Whether estimates contain the particles.
     """
 
     # Found by a coarse search on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David): noise relative to

@@ -30,8 +30,9 @@ class ColourModel:
     def learn(self, patch: Image, width_px: float, height_px: float, rate: float) -> None:
         """Add an RGB patch with the target, `width_px` by `height_px`, in its middle, with weight `rate` in [0, 1]."""
         rows, columns = patch.shape[:2]
-        down = np.abs(np.linspace(1.0 - rows, rows - 1.0, rows)[:, None]) / height_px
-        away = np.maximum(down, np.abs(np.linspace(1.0 - columns, columns - 1.0, columns)) / width_px)
+        down = np.abs(np.arange(1 - rows, rows, 2, dtype=np.float64)) / height_px
+        across = np.abs(np.arange(1 - columns, columns, 2, dtype=np.float64)) / width_px
+        away = np.maximum(down[:, None], across)
         bins = _bins(patch)
         now = np.stack([_shares(bins[away < INNER]), _shares(bins[away > OUTER])])
         if self._histograms is None:

@@ -22,27 +22,22 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_filter import (
-    MIN_SIZE_PX,
-    USUAL_RATE,
-    NoiseUnit,
-    clip_states,
-    noise_scales,
-    state_of,
-)
+from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, USUAL_RATE, WalkParameters, clip_states, state_of
 from pftrack_sim.trackers.features.histogram import COLUMNS, ROWS, epanechnikov_layout, histogram, similarities
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
-from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
+from pftrack_sim.trackers.parameters import Count, Positive, Share
 
 COLOUR_BINS = (8, 8, 4)
 _LAYOUT, _WHOLE = epanechnikov_layout(1, 256), Partition()
 
 
-class Deguchi2004Parameters(Parameters):
+class Deguchi2004Parameters(WalkParameters):
     """Parameters. Defaults are the preset `paper`; none of the publication's values is known here.
+
+    Those of the particles' random walk: `WalkParameters`, here with one draw for width and height.
 
     Attributes:
         iteration_count: Greatest number of mean shift steps per start.
@@ -51,15 +46,10 @@ class Deguchi2004Parameters(Parameters):
         take_over_below: Similarity at the mode, as a share of its running mean, below which the particle filter takes
             over.
         hand_back_above: The same share from which on mean shift continues from the particles' estimate.
-        particle_count: Number of particles.
-        sigma_centre: Noise of the particles' centres per frame, in `sigma_unit`.
-        sigma_size: Noise of their widths and heights, which share one draw, in `sigma_unit`.
-        sigma_unit: `"px"`, or `"box"`, see `noise_scales`.
         lost_noise: Factor on `sigma_centre` while the particle filter has taken over.
         sharpness: lambda of the particles' likelihood exp(-lambda (1 - similarity)).
         top_count: Number of the heaviest particles whose weighted mean is the filter's estimate.
         seeded_share: Share of the particles that are put on the box of mean shift while it follows.
-        particles: Whether estimates contain the particles.
     """
 
     # docs/papers/relatives.md states what was tried on which recorded sequences.
@@ -72,15 +62,11 @@ class Deguchi2004Parameters(Parameters):
     size_gain: Share = 0.1
     take_over_below: Share = 0.8
     hand_back_above: Share = 0.8
-    particle_count: Count = 100
-    sigma_centre: NotNegative = 4.0
-    sigma_size: NotNegative = 1.0
-    sigma_unit: NoiseUnit = "px"
+    size_correlation: Share = 1.0
     lost_noise: Positive = 2.0
     sharpness: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
     top_count: Count = 100
     seeded_share: Share = 0.5
-    particles: bool = False
 
 
 class Deguchi2004(BaseTracker):
@@ -130,9 +116,9 @@ class Deguchi2004(BaseTracker):
     def _predict(self, image: Image) -> FloatArray:
         """`(N, 4)` boxes [px] of the particles after their random walk."""
         p = self.params
-        position, width, height = noise_scales(self._state, p.sigma_unit)
-        centre = p.sigma_centre * position * (p.lost_noise if self._lost else 1.0)
-        self._filter.predict(RandomWalk((centre, centre, p.sigma_size * width, p.sigma_size * height), 1.0))
+        self._filter.predict(
+            RandomWalk(p.sigma_px(self._state, p.lost_noise if self._lost else 1.0), p.size_correlation)
+        )
         clip_states(self._filter.states, image, MIN_SIZE_PX)
         return boxes.from_states(self._filter.states)
 

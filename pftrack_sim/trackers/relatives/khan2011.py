@@ -24,35 +24,26 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_filter import (
-    MIN_SIZE_PX,
-    USUAL_RATE,
-    NoiseUnit,
-    clip_states,
-    noise_scales,
-    state_of,
-)
+from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, USUAL_RATE, WalkParameters, clip_states, state_of
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import SIDE, Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
-from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Share
+from pftrack_sim.trackers.parameters import Count, Share
 
 COLOUR_BINS = (8, 8, 4)
 _BIN_COUNT = math.prod(COLOUR_BINS)
 _REACH = 1.0  # Mean shift may leave the particles behind by as much as this share of a box
 
 
-class Khan2011Parameters(Parameters):
+class Khan2011Parameters(WalkParameters):
     """Parameters. Defaults are the preset `paper`; of the publication's values only the number of particles is known.
+
+    Those of the particles' random walk: `WalkParameters`.
 
     Attributes:
         particle_count: Number of particles; the publication: fewer than 20.
-        sigma_centre: Noise of the centre per frame, in `sigma_unit`.
-        sigma_size: Noise of width and height per frame, in `sigma_unit`.
-        size_correlation: Correlation of the noises of width and height.
         sigma_angle: Noise of the angle per frame [rad].
-        sigma_unit: `"px"`, or `"box"`, see `noise_scales`.
         rows: Rows of areas that the box is divided into.
         columns: Columns of areas.
         iteration_count: Greatest number of mean shift steps per particle and frame.
@@ -60,7 +51,6 @@ class Khan2011Parameters(Parameters):
         sharpness: lambda of the likelihood exp(-lambda (1 - s)), s the mean similarity of the areas.
         learning_rate: Share of the estimate's histograms in those of the reference object, per frame.
         learn_above: Similarity of an estimate, as a share of its running mean, from which on it is learnt from.
-        particles: Whether estimates contain the particles, as upright boxes.
     """
 
     # Chosen on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David): docs/papers/relatives.md.
@@ -77,11 +67,7 @@ class Khan2011Parameters(Parameters):
     )
 
     particle_count: Count = 15
-    sigma_centre: NotNegative = 4.0
-    sigma_size: NotNegative = 1.0
-    size_correlation: Share = 0.0
     sigma_angle: Annotated[float, Field(ge=0.0, le=math.pi)] = 0.02
-    sigma_unit: NoiseUnit = "px"
     rows: Annotated[int, Field(ge=1, le=6)] = 2
     columns: Annotated[int, Field(ge=1, le=6)] = 2
     iteration_count: Annotated[int, Field(ge=0, le=1000)] = 10
@@ -89,7 +75,6 @@ class Khan2011Parameters(Parameters):
     sharpness: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
     learning_rate: Share = 0.02
     learn_above: Share = 0.9
-    particles: bool = False
 
 
 @dataclass(frozen=True)
@@ -132,9 +117,7 @@ class Khan2011(BaseTracker):
 
     def _follow(self, image: Image) -> Estimate:
         p, particle_filter = self.params, self._filter
-        position, width, height = noise_scales(self._state, p.sigma_unit)
-        centre = p.sigma_centre * position
-        walk = RandomWalk((centre, centre, p.sigma_size * width, p.sigma_size * height), p.size_correlation)
+        walk = RandomWalk(p.sigma_px(self._state), p.size_correlation)
         particle_filter.predict(BoxWalk(walk, p.sigma_angle))
         clip_states(particle_filter.states, image, MIN_SIZE_PX)
         region, codes = self._encode(image, particle_filter.states)
