@@ -2,7 +2,6 @@
 
 from pftrack_sim.scenario.load import Scenario, ScenarioLike, load, names
 from pftrack_sim.scenario.model import ResolvedScenario, axis_without_effect, late_events
-from pftrack_sim.scenario.toml_text import toml_text
 from pftrack_sim.scenario.validation import editor_schema
 
 __all__ = [
@@ -14,5 +13,4 @@ __all__ = [
     "late_events",
     "load",
     "names",
-    "toml_text",
 ]

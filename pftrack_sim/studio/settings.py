@@ -7,15 +7,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
+import tomli_w
+
 from pftrack_sim import controllers
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.text import one_line
-from pftrack_sim.scenario import Scenario, toml_text
+from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario.axes import Axis, axes_by_name
 from pftrack_sim.scenario.ranges import is_range
-from pftrack_sim.scenario.toml_text import toml_value
 
 SCRIPT, HAND = "script", "hand"
 """Drivers of the robot besides the controllers: the scenario's script, and the commands of a person."""
@@ -98,14 +99,20 @@ class Settings:
             labels = self.trackers[0].base_label if self.trackers else "oracle"
         words += ["--trackers", labels] if labels else []
         for key, value in self.overrides.items():
-            words += ["--set", f"{key}={toml_value(value)}"]
+            words += ["--set", f"{key}={_toml_value(value)}"]
         return shlex.join(words)
 
     def toml(self) -> str:
         """The scenario as TOML, with the seed and the command in comments."""
         by_hand = "# The robot was driven by hand, which no file repeats.\n" if self.driver == HAND else ""
         note = f"# From {self.name!r} at seed {self.seed}. The same frames:\n# {one_line(self.command_line(), 4000)}\n"
-        return note + by_hand + toml_text(self.scenario().tree)
+        return note + by_hand + tomli_w.dumps(self.scenario().tree)
+
+
+def _toml_value(value: object) -> str:
+    """One value in one line."""
+    written = tomli_w.dumps({"_": [value, 0]}).removeprefix("_ = [").rstrip()
+    return "".join(line.strip() for line in written.splitlines()).removesuffix(",0,]")
 
 
 def settings_of(scenario: Scenario, seed: int, trackers: tuple[TrackerSpec, ...] = ()) -> Settings:
@@ -117,7 +124,7 @@ def settings_of(scenario: Scenario, seed: int, trackers: tuple[TrackerSpec, ...]
     if scenario.name == "custom":
         raise ParameterError(
             "the studio shows a scenario by its name or file, got one from a dict: write it with "
-            "pftrack_sim.scenario.toml_text to a file"
+            "tomli_w.dumps(scenario.tree) to a file"
         )
     overrides = dict(_differences(scenarios.load(scenario.name).tree, scenario.tree))
     return Settings(scenario.name, seed, overrides, trackers)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 
 import pftrack_sim
 from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec, make_plan, parse_seeds, run
@@ -17,7 +18,6 @@ from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.benchmark.kept.merge import merge
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.scenario import load
-from pftrack_sim.scenario.toml_text import toml_text
 from tests.benchmark.small import SMALL, contents
 
 STILL = "tests.benchmark.test_keys:still"
@@ -178,7 +178,7 @@ def test_an_edited_tracker_or_helper_makes_its_results_stale_and_no_others(tmp_p
 
 def test_an_edited_scenario_is_refused_or_refreshed(tmp_path: Path):
     scenario, out = tmp_path / "mine.toml", tmp_path / "run"
-    scenario.write_text(toml_text(load("corridor", {**SMALL, "target.actions": []}).tree))
+    scenario.write_text(tomli_w.dumps(load("corridor", {**SMALL, "target.actions": []}).tree))
     plan = lambda seeds: make_plan([str(scenario)], ["stay"], seeds)  # noqa: E731
     run(plan([0, 1]), out, videos="first")
     scenario.write_text(scenario.read_text().replace("duration_s = 0.4", "duration_s = 0.5"))
