@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import weakref
 from collections import deque
@@ -14,7 +13,6 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core import boxes
 from pftrack_sim.core.deferred import DeferredPeople
@@ -25,7 +23,6 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
-from pftrack_sim.truth.geom_points import surface_points
 from pftrack_sim.truth.projection import project_people
 from pftrack_sim.truth.search import FrameSearch, FrameView
 from pftrack_sim.truth.silhouettes import Measured, Silhouette, SilhouetteFinder
@@ -36,40 +33,26 @@ _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
 
 
-class _PersonGeometry(NamedTuple):
-    """Boxes [px], image motion, distance and root pose of one person in one frame."""
+class _Frame(NamedTuple):
+    """What is known of everybody in one frame before silhouettes are looked at.
 
-    amodal: FloatArray
-    swept: FloatArray
-    motion_px: float
-    distance_m: float
-    root: FloatArray
-
-
-class _FrameGeometry:
-    """What is known of everybody in one frame before silhouettes are looked at; its camera and time.
-
-    The geometry of the target is at hand; `find` gives that of everybody, when another is first asked for.
+    Attributes:
+        boxes: Amodal and swept box [px] of a person.
+        before: Amodal box of a person in the frame before; None for the first frame.
+        pelvis_m: `(P, 3)` places of the pelvises.
+        roots: `(P, 4, 4)` root poses.
+        pose: `(4, 4)` T_world_camera, read-only.
+        distortion: `(5,)` coefficients of the lens.
+        time_s: Time since the start of the episode.
     """
 
-    def __init__(
-        self,
-        target: _PersonGeometry,
-        find: Callable[[], list[_PersonGeometry]],
-        pose: FloatArray,
-        distortion: FloatArray,
-        time_s: float,
-    ) -> None:
-        self.target, self._find, self.pose, self.distortion, self.time_s = target, find, pose, distortion, time_s
-        self._people: list[_PersonGeometry] | None = None
-
-    def of(self, person: int) -> _PersonGeometry:
-        """That of a person."""
-        if not person:
-            return self.target
-        if self._people is None:
-            self._people = self._find()
-        return self._people[person]
+    boxes: Callable[[int], tuple[FloatArray, FloatArray]]
+    before: Callable[[int], FloatArray] | None
+    pelvis_m: FloatArray
+    roots: FloatArray
+    pose: FloatArray
+    distortion: FloatArray
+    time_s: float
 
 
 class TruthObserver:
@@ -119,12 +102,10 @@ class TruthObserver:
         # The size of the target's pelvis tells whether any pixel shows the target.
         pelvis = np.flatnonzero(in_group & (model.geom_bodyid == self._pelvis[0]))
         boxed = [*boxed, pelvis] if pelvis.size else boxed
-        bodies = [[surface_points(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]]
-        self._finder = SilhouetteFinder(model, renderer, geoms, Bodies(bodies), boxed)
+        self._finder = SilhouetteFinder(model, renderer, geoms, boxed)
         self._has_pelvis, self._has_parts = bool(pelvis.size), bool(parts)
-        self._target_centre: tuple[float, float] | None = None
-        self._centres: Callable[[], FloatArray] | None = None
-        """`(P, 2)` centres of the amodal boxes in the last frame; None before the first."""
+        self._before: Callable[[int], FloatArray] | None = None
+        """Amodal box of a person in the last frame; None before the first."""
         self._view: FrameView | None = None
         self._silhouettes: Callable[[], Mapping[int, Silhouette]] = dict[int, Silhouette]
         self._searches: deque[weakref.ref[FrameSearch]] = deque()
@@ -137,7 +118,7 @@ class TruthObserver:
     def finish(self) -> None:
         """Complete the deferred truth of earlier frames that are still referenced, before the renderer is unbound."""
         self._silhouettes = dict[int, Silhouette]
-        self._centres = None
+        self._before = None
         self._finish_but(0)
         self._finder.release()
 
@@ -176,8 +157,21 @@ class TruthObserver:
         pose = np.asarray(T_world_camera, dtype=np.float64)
         self._check(image, T_world_people)
         view, before = FrameView(self._finder, data, pose, self._K), self._view
-        frame = self._frame_of_view(view, time_s, T_world_people, data.xpos[self._pelvis])
         search = FrameSearch(data, view, before)
+
+        def box(person: int) -> FloatArray:
+            return view.all.boxes[person] if person else view.first.boxes[1 if self._has_parts else 0]
+
+        frame = _Frame(
+            lambda person: (box(person),) * 2,
+            self._before,
+            data.xpos[self._pelvis],
+            np.array(T_world_people, dtype=np.float64),
+            frozen_array(pose, (4, 4)),
+            _NO_DISTORTION,
+            float(time_s),
+        )
+        self._before = box
         self._view, self._silhouettes = view, search.everybody
         # Poses are kept for the last two frames only: the truth of older ones that are still referenced is completed.
         self._finish_but(1)
@@ -195,7 +189,7 @@ class TruthObserver:
 
         first = view.first
         if self._surely_shows_target(first) and self._finder.nothing_before_first(data, pose, self._K, first):
-            known = self._known(frame, 0, *_clipped(frame.target.amodal, *self._size))
+            known = self._known(frame, 0, *_clipped(box(0), *self._size))
             shown = Truth.deferred(target, state="visible", visible_fraction=1.0, occluders=(), **known)
             return DeferredPeople(shown, others)
         return DeferredPeople(target(), others)
@@ -210,12 +204,16 @@ class TruthObserver:
         projection = project_people(captured, self._finder)
         pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
         amodal, swept = self._of_people(projection.amodal_boxes), self._of_people(projection.swept_boxes)
-        before = self._centres
-        self._centres = functools.partial(_centres, amodal)
-        people = _geometry(
-            amodal, swept, before, captured.body_positions[self._pelvis], pose, np.asarray(roots, dtype=np.float64)
+        frame = _Frame(
+            lambda person: (amodal[person], swept[person]),
+            self._before,
+            captured.body_positions[self._pelvis],
+            np.asarray(roots, dtype=np.float64),
+            frozen_array(pose, (4, 4)),
+            distortion,
+            float(time_s),
         )
-        frame = _FrameGeometry(people[0], lambda: people, frozen_array(pose, (4, 4)), distortion, float(time_s))
+        self._before = amodal.__getitem__
         found = projection.silhouettes
         self._silhouettes = lambda: found
         truths = (self._truth(frame, person, found.get(person), image) for person in range(len(self._people)))
@@ -247,30 +245,6 @@ class TruthObserver:
         if image is not None and image.shape != (height, width, 3):
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
 
-    def _frame_of_view(
-        self, view: FrameView, time_s: float, T_world_people: ArrayLike, pelvis_m: FloatArray
-    ) -> _FrameGeometry:
-        """The geometry of a frame that is an instant, with `(P, 3)` places of the pelvises; keeps the centres."""
-        pose, before = frozen_array(view.T_world_camera, (4, 4)), self._centres
-        roots = np.asarray(T_world_people, dtype=np.float64)
-
-        def amodal() -> FloatArray:
-            return self._of_people(view.all.boxes)
-
-        def everybody() -> list[_PersonGeometry]:
-            boxes_px = amodal()
-            return _geometry(boxes_px, boxes_px, before, pelvis_m, pose, roots)
-
-        # The same steps for the target alone, on numbers: arrays of one person cost more than their arithmetic.
-        box = view.first.boxes[1 if self._has_parts else 0]
-        x, y, w, h = box.tolist()
-        centre, last = (x + 0.5 * w, y + 0.5 * h), self._target_centre
-        motion_px = 0.0 if last is None else _length(centre[0] - last[0], centre[1] - last[1])
-        away = [ours - its for ours, its in zip(pelvis_m[0].tolist(), pose[:3, 3].tolist(), strict=True)]
-        self._target_centre, self._centres = centre, lambda: _centres(amodal())
-        target = _PersonGeometry(box, box, motion_px, _length(*away), roots[0])
-        return _FrameGeometry(target, everybody, pose, _NO_DISTORTION, float(time_s))
-
     def _surely_shows_target(self, measured: Measured) -> bool:
         """Whether a pixel shows the target unless something is before it: the pelvis is in the image, and no speck."""
         (x, y, w, h), (nearest_m, farthest_m) = measured.boxes[-1].tolist(), measured.depths_m[-1].tolist()
@@ -279,11 +253,9 @@ class TruthObserver:
         in_depth = nearest_m >= renderer.near_m and farthest_m <= renderer.far_m
         return self._has_pelvis and inside and in_depth and min(w, h) >= _LEAST_PELVIS_PX
 
-    def _truth(
-        self, frame: _FrameGeometry, person: int, silhouette: Silhouette | None, image: Image | None
-    ) -> Truth | None:
+    def _truth(self, frame: _Frame, person: int, silhouette: Silhouette | None, image: Image | None) -> Truth | None:
         """Truth of a person; None for others than the target without an amodal pixel in the image."""
-        box, truncation = _clipped(frame.of(person).amodal, *self._size)
+        box, truncation = _clipped(frame.boxes(person)[0], *self._size)
         inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
         if person and not inside:
             return None
@@ -309,24 +281,25 @@ class TruthObserver:
             **self._known(frame, person, box, truncation),
         )
 
-    def _known(self, frame: _FrameGeometry, person: int, box: FloatArray, truncation: float) -> dict[str, Any]:
+    def _known(self, frame: _Frame, person: int, box: FloatArray, truncation: float) -> dict[str, Any]:
         """Fields of a person's truth that do not depend on silhouettes."""
-        geometry = frame.of(person)
         box.setflags(write=False)
-        amodal = frozen_array(geometry.amodal)
+        amodal, swept = frame.boxes(person)
+        motion_px = 0.0 if frame.before is None else math.dist(_centre(amodal), _centre(frame.before(person)))
+        frozen = frozen_array(amodal)
         return {
             "name": self._people[person],
             "box": box,
-            "amodal_box": amodal,
-            "swept_box": amodal if geometry.swept is geometry.amodal else frozen_array(geometry.swept),
+            "amodal_box": frozen,
+            "swept_box": frozen if swept is amodal else frozen_array(swept),
             "truncation": truncation,
-            "distance_m": geometry.distance_m,
+            "distance_m": math.dist(frame.pelvis_m[person].tolist(), frame.pose[:3, 3].tolist()),
             "T_world_camera": frame.pose,
-            "T_world_target": frozen_array(geometry.root),
+            "T_world_target": frozen_array(frame.roots[person]),
             "K": self._K,
             "distortion": frame.distortion,
             "time_s": frame.time_s,
-            "image_motion_px": geometry.motion_px,
+            "image_motion_px": motion_px,
         }
 
     def _of_people(self, found: FloatArray) -> FloatArray:
@@ -352,37 +325,9 @@ def _pelvis(model: mujoco.MjModel, name: str) -> int:
     return body
 
 
-def _geometry(
-    amodal: FloatArray,
-    swept: FloatArray,
-    before: Callable[[], FloatArray] | None,
-    pelvis_m: FloatArray,
-    pose: FloatArray,
-    roots: FloatArray,
-) -> list[_PersonGeometry]:
-    """The geometry of everybody from `(P, 4)` boxes, `(P, 3)` places of the pelvises and `(P, 4, 4)` root poses.
-
-    `before` gives the centres of the boxes in the last frame.
-    """
-    motion_px = np.zeros(len(amodal)) if before is None else _lengths(_centres(amodal) - before())
-    distance_m = _lengths(pelvis_m - pose[:3, 3])
-    columns = amodal, amodal if swept is amodal else swept, motion_px.tolist(), distance_m.tolist(), roots
-    return [_PersonGeometry(*row) for row in zip(*columns, strict=True)]
-
-
-def _centres(boxes_px: FloatArray) -> FloatArray:
-    """`(N, 2)` centres of `(N, 4)` boxes [px]."""
-    return boxes_px[:, :2] + 0.5 * boxes_px[:, 2:]
-
-
-def _length(*components: float) -> float:
-    """Of one vector, as `_lengths`."""
-    return math.sqrt(sum(one * one for one in components))
-
-
-def _lengths(vectors: FloatArray) -> FloatArray:
-    """`(N,)` lengths of `(N, D)` vectors."""
-    return np.sqrt((vectors * vectors).sum(axis=1))
+def _centre(box: FloatArray) -> tuple[float, float]:
+    x, y, w, h = box.tolist()
+    return x + 0.5 * w, y + 0.5 * h
 
 
 def _clipped(amodal: FloatArray, width_px: int, height_px: int) -> tuple[FloatArray, float]:

@@ -16,11 +16,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.camera.extents import Bodies
+from pftrack_sim.camera.extents import CORNERS, Bodies
 from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, bounding_rect
 from pftrack_sim.render.culling import Bounds
+
+_SPHERE_POINTS, _RIM_POINTS = 2000, 96
+"""Vertices of a sphere and of each rim of a cylinder: 0.1 % of the radius short of the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +76,10 @@ class SilhouetteFinder:
         model: The model.
         renderer: Renderer bound to the model.
         geoms: Visible geoms of each person.
-        bodies: Their shapes, in the same order, then those of bodies of which only boxes are wanted.
-        boxed: Geoms of the latter.
+        boxed: Geoms of each further body, of which only the box is wanted.
+
+    Raises:
+        ParameterError: A geom without a finite convex shape (plane, height field).
     """
 
     def __init__(
@@ -81,17 +87,18 @@ class SilhouetteFinder:
         model: mujoco.MjModel,
         renderer: Renderer,
         geoms: Sequence[IntArray],
-        bodies: Bodies,
         boxed: Sequence[IntArray] = (),
     ) -> None:
-        self.renderer, self.bodies, self.people_count = renderer, bodies, len(geoms)
+        self.renderer, self.people_count = renderer, len(geoms)
+        self.bodies = Bodies([[surface_points(model, int(geom)) for geom in ids] for ids in [*geoms, *boxed]])
+        """Shapes of the people, then those of the geoms of which only boxes are wanted."""
         self.geoms = np.concatenate([*geoms, *boxed])
         """Geom ids of all parts of `bodies`."""
         # A renderer of colors draws the whole image whatever is asked for: everybody together.
         self.batches = [range(len(geoms))] if renderer.draws_color else [range(1), range(1, len(geoms))]
         """People who are best found together."""
         self._geoms_of = geoms
-        self._first = bodies.some([0, *range(len(geoms), len(geoms) + len(boxed))])
+        self._first = self.bodies.some([0, *range(len(geoms), len(geoms) + len(boxed))])
         self._first_geoms = np.concatenate([geoms[0], *boxed])
         # One more entry than geoms: id -1, no geom, reads the last one.
         self._masks = np.zeros((len(geoms), model.ngeom + 1), dtype=np.bool_)
@@ -252,3 +259,40 @@ def _disjoint_groups(rects: dict[int, PixelRect], occluded: list[int]) -> list[l
         else:
             groups.append([person])
     return groups
+
+
+def surface_points(model: mujoco.MjModel, geom: int) -> FloatArray:
+    """`(V, 3)` vertices of a geom in its own frame [m]; of a curved one, points on its surface.
+
+    Raises:
+        ParameterError: A geom type without a finite convex shape (plane, height field).
+    """
+    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), np.asarray(model.geom_size[geom])
+    match kind:
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            return size[0] * _unit_sphere()
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            return size * _unit_sphere()
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return np.concatenate([size[0] * _unit_sphere() + (0.0, 0.0, z) for z in (-size[1], size[1])])
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            angles = 2.0 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+            circle = size[0] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            return np.concatenate([np.column_stack([circle, np.full(_RIM_POINTS, z)]) for z in (-size[1], size[1])])
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            return CORNERS * size
+        case mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = int(model.geom_dataid[geom])
+            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+            return np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
+        case _:
+            raise ParameterError(f"geom {model.geom(geom).name!r} of a person has type {kind.name}, which has no box")
+
+
+def _unit_sphere() -> FloatArray:
+    """`(V, 3)` points spread evenly over the unit sphere (Fibonacci spiral)."""
+    index = np.arange(_SPHERE_POINTS)
+    height = 1.0 - (2.0 * index + 1.0) / _SPHERE_POINTS
+    angle = index * np.pi * (3.0 - np.sqrt(5.0))
+    radius = np.sqrt(1.0 - height * height)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
