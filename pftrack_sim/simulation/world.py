@@ -71,13 +71,15 @@ class World:
             return simulated(model, self.clock, self._robot(model), alone)
 
         def run() -> Iterator[Sample]:
-            reach_m, count = ROBOT_RADIUS_M + settings.robot.max_speed_m_s * self.clock.tick_s, 0
-            obstacles = ObstacleMap(layout)
+            obstacles, step_m = ObstacleMap(layout), settings.robot.max_speed_m_s * self.clock.tick_s
+            count = free_ticks = 0
             for sample in run_in(robot_alone):
-                if obstacles.clearance_m(sample.robot_m)[0] <= reach_m:
-                    break
+                if free_ticks == 0:
+                    free_ticks = int((obstacles.clearance_m(sample.robot_m)[0] - ROBOT_RADIUS_M) / step_m)
+                    if free_ticks < 1:
+                        break
                 yield sample
-                count += 1
+                count, free_ticks = count + 1, free_ticks - 1
             # It may touch something: with everything that it collides with.
             yield from itertools.islice(run_in(solid_stage(settings, spec).compile()), count, None)
 
