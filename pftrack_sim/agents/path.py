@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.core.types import FloatArray
 
 _CORNER_M = 1.5
 _FAR_M = 1e6
@@ -28,12 +29,13 @@ class _Piece(NamedTuple):
     length: float
     curvature: float
 
-    def end(self) -> tuple[float, float, float]:
-        """x, y and heading of its end."""
-        half = 0.5 * self.length * self.curvature
-        chord = self.length * float(np.sinc(half / np.pi))
-        heading = self.heading + half
-        return self.x + chord * math.cos(heading), self.y + chord * math.sin(heading), heading + half
+    def pose(self, run_m: float) -> tuple[float, float, float]:
+        """x, y and heading at a way from its origin."""
+        # The chord has the mean heading; its length is that of the arc times sinc(half the turn).
+        half = 0.5 * run_m * self.curvature
+        chord = run_m * math.sin(half) / half if half else run_m
+        middle = self.heading + half
+        return self.x + chord * math.cos(middle), self.y + chord * math.sin(middle), middle + half
 
 
 class Path:
@@ -55,21 +57,15 @@ class Path:
         self._corners = _distinct(points_m)
         self._corner_m = corner_m
         inner = tuple(_pieces(self._corners, corner_m))
-        self.length_m = float(sum(piece.length for piece in inner))
+        lengths = [piece.length for piece in inner]
+        self.length_m = float(sum(lengths))
         first = inner[0]
         # The extension before the start has its origin at s = 0, so that no digits are lost to a far origin.
         before = _Piece(first.x, first.y, first.heading, _FAR_M, 0.0)
-        pieces = (before, *inner, _Piece(*inner[-1].end(), _FAR_M, 0.0))
-        self._origin: FloatArray = np.cumsum([0.0, 0.0, *(piece.length for piece in inner)])
-        self._starts = np.concatenate([[-_FAR_M], self._origin[1:]])
-        table: FloatArray = np.array(pieces).T
-        self._x, self._y, self._heading, self._length, self._curvature = table
-        ends = self._starts + self._length
-        # The same by piece, for the place of one arc length.
-        self._first_m: list[float] = self._starts.tolist()
-        self._ends_m: list[float] = ends.tolist()
-        self._bends: list[float] = self._curvature.tolist()
-        self._rows: list[list[float]] = np.stack([self._origin, *table[[0, 1, 2, 4]]], axis=1).tolist()
+        self._pieces = (before, *inner, _Piece(*inner[-1].pose(inner[-1].length), _FAR_M, 0.0))
+        self._origins_m = [0.0, *itertools.accumulate(lengths, initial=0.0)]
+        self._first_m = [-_FAR_M, *self._origins_m[1:]]
+        self._ends_m = [*self._origins_m[1:], self.length_m + _FAR_M]
 
     def __eq__(self, other: object) -> bool:
         """Whether it is a path through the same points with the same corners."""
@@ -83,43 +79,39 @@ class Path:
         return self._corners.tobytes(), self._corner_m
 
     def pose(self, s_m: float) -> tuple[float, float, float]:
-        """x, y [m] and heading [rad] at one arc length, as `at`, in a fraction of its time."""
-        origin, x, y, heading, bend = self._rows[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)]
-        run = s_m - origin
-        half = 0.5 * run * bend
-        chord, middle = run * (math.sin(half) / half if half else 1.0), heading + half
-        return x + chord * math.cos(middle), y + chord * math.sin(middle), heading + 2.0 * half
+        """x, y [m] and heading [rad, without jumps of 2 pi] at one arc length."""
+        index = max(bisect.bisect_right(self._first_m, s_m) - 1, 0)
+        return self._pieces[index].pose(s_m - self._origins_m[index])
 
     def at(self, s_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y [m] and heading [rad, without jumps of 2 pi] at arc lengths, each of the shape of `s_m`."""
-        s, piece = self._locate(s_m)
-        run, heading, bend = s - self._origin[piece], self._heading[piece], self._curvature[piece]
-        # Chord of an arc: length run * sinc(half the turn), along the mean heading; also exact for lines.
-        half = 0.5 * run * bend
-        chord = run * np.sinc(half / np.pi)
-        return (
-            self._x[piece] + chord * np.cos(heading + half),
-            self._y[piece] + chord * np.sin(heading + half),
-            heading + 2.0 * half,
-        )
+        """x, y [m] and heading [rad] as by `pose` at arc lengths, each of the shape of `s_m`."""
+        s = np.asarray(s_m, dtype=np.float64)
+        poses = np.array([self.pose(one) for one in s.ravel().tolist()]).reshape(*s.shape, 3)
+        return poses[..., 0], poses[..., 1], poses[..., 2]
+
+    def beside(self, s_m: float, left_m: float) -> tuple[float, float]:
+        """x, y [m] of the point at an arc length, shifted to the left."""
+        x, y, heading = self.pose(s_m)
+        return x - left_m * math.sin(heading), y + left_m * math.cos(heading)
 
     def curvature(self, s_m: float) -> float:
         """Curvature [1/m] at an arc length; positive turns left."""
-        return self._rows[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)][4]
+        return self._pieces[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)].curvature
 
     def bends(self, s_m: float, ahead_m: float) -> Iterable[tuple[float, float]]:
         """First arc lengths [m] and curvatures [1/m] of the lines and arcs from one arc length to this far ahead."""
-        reached = slice(bisect.bisect_right(self._ends_m, s_m), bisect.bisect_right(self._first_m, s_m + ahead_m))
-        return zip(self._first_m[reached], self._bends[reached], strict=True)
+        for index in range(bisect.bisect_right(self._ends_m, s_m), bisect.bisect_right(self._first_m, s_m + ahead_m)):
+            yield self._first_m[index], self._pieces[index].curvature
 
     def project(self, xy_m: Sequence[float] | FloatArray, near_s_m: float, within_m: float = 2.0) -> float:
         """Arc length of the point nearest to `(2,)` x, y [m] among those within `within_m` of `near_s_m`."""
         x, y = float(xy_m[0]), float(xy_m[1])
         low, high = near_s_m - within_m, near_s_m + within_m
         best_m, least_m = low, math.inf
-        for piece in range(bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high)):
-            origin, from_x, from_y, heading, bend = self._rows[piece]
-            start, end = max(self._first_m[piece], low), min(self._ends_m[piece], high)
+        for index in range(bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high)):
+            piece, origin = self._pieces[index], self._origins_m[index]
+            from_x, from_y, heading, _, bend = piece
+            start, end = max(self._first_m[index], low), min(self._ends_m[index], high)
             cos, sin, dx, dy = math.cos(heading), math.sin(heading), x - from_x, y - from_y
             s_m = origin + cos * dx + sin * dy
             if bend:
@@ -128,7 +120,7 @@ class Path:
                 middle = 0.5 * (start + end)
                 s_m = middle + math.remainder(origin + angle / bend - middle, 2.0 * math.pi / bend)
             s_m = min(max(s_m, start), end)
-            there_x, there_y, _ = self.pose(s_m)
+            there_x, there_y, _ = piece.pose(s_m - origin)
             distance_m = math.hypot(there_x - x, there_y - y)
             if distance_m < least_m:
                 best_m, least_m = s_m, distance_m
@@ -149,10 +141,6 @@ class Path:
         for index in np.flatnonzero((np.diff(shifted, axis=0) * sides).sum(axis=1) <= 0.0):
             shifted[index : index + 2] = shifted[index : index + 2].mean(axis=0)
         return Path(shifted, self._corner_m)
-
-    def _locate(self, s_m: ArrayLike) -> tuple[FloatArray, IntArray]:
-        s = np.asarray(s_m, dtype=np.float64)
-        return s, np.maximum(np.searchsorted(self._starts, s, side="right") - 1, 0)
 
 
 def _distinct(points_m: ArrayLike) -> FloatArray:

@@ -113,12 +113,6 @@ def test_invalid_points_raise(bad):
         Path(bad)
 
 
-def test_the_pose_at_one_arc_length_is_that_of_the_arrays():
-    path = Path([(0.0, 0.0), (4.0, 0.5), (5.0, 3.0), (1.0, 4.0)])
-    s_m = np.concatenate([np.linspace(-2.0, path.length_m + 2.0, 200), [0.0, path.length_m]])
-    np.testing.assert_allclose([path.pose(float(s)) for s in s_m], np.stack(path.at(s_m), axis=1), atol=1e-12)
-
-
 def test_paths_are_equal_by_their_points_and_corners():
     points = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]]
     assert Path(points) == Path(np.array(points))

@@ -31,8 +31,7 @@ class GoalSampler:
         self._low, self._high = np.array(layout.bounds_m[:2]), np.array(layout.bounds_m[2:])
         goals = np.asarray(layout.goals_m, dtype=np.float64).reshape(-1, 2)
         self._goals_m = goals[self._obstacles.clearance_m(goals) >= ROUTE_CLEARANCE_M]
-        x, y, _ = target_path.at(0.0)
-        self._path_start_m = np.array([float(x), float(y)])
+        self._path_start_m = np.array(target_path.pose(0.0)[:2])
 
     def start_position(self, rng: np.random.Generator, occupied_m: Sequence[FloatArray]) -> FloatArray:
         """`(2,)` start of a distractor, near the target's path or anywhere, apart from `(2,)` occupied positions."""
@@ -135,8 +134,7 @@ class GoalSampler:
 
     def _beside_path(self, s_m: float, left_m: float) -> FloatArray:
         """`(2,)` point at an arc length of the target's path, shifted to the left."""
-        x, y, heading = self._path.at(min(max(s_m, 0.0), self._path.length_m))
-        return np.array([float(x) - left_m * np.sin(heading), float(y) + left_m * np.cos(heading)])
+        return np.array(self._path.beside(min(max(s_m, 0.0), self._path.length_m), left_m))
 
     def _free(self, point_m: ArrayLike) -> bool:
         return bool(self._obstacles.clearance_m(point_m)[0] >= ROUTE_CLEARANCE_M)

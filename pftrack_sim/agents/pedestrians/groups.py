@@ -10,7 +10,6 @@ import numpy as np
 
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.oncoming import lane_position
 from pftrack_sim.agents.pedestrians.target_actions import hands_on_thighs
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.groups import Companions, Group, Seated, Standing, Walking
@@ -100,10 +99,10 @@ def _place(group: Group, index: int, target_path: Path) -> Place:
             path, speed = Path(group.path_m), group.speed_m_s
             left, lag_m = _ABREAST_M * (index - 0.5 * (count - 1)), _LAG_M * index
             length_m = path.length_m - lag_m
-            return lambda time_s, _: Stance(*lane_position(path, _walked_m(time_s, speed, length_m) - lag_m, left))
+            return lambda time_s, _: Stance(*path.beside(_walked_m(time_s, speed, length_m) - lag_m, left))
         case Companions(left_m=first_m):
             left = first_m + math.copysign(_ABREAST_M * index, first_m)
-            return lambda _, target_s_m: Stance(*lane_position(target_path, target_s_m - _LAG_M, left))
+            return lambda _, target_s_m: Stance(*target_path.beside(target_s_m - _LAG_M, left))
 
 
 def _walked_m(time_s: float, speed_m_s: float, length_m: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +72,7 @@ def plan_oncoming_pass(
     left_m, waiting_m = best * distance_m, None
     positions = np.array(waiting_positions_m, dtype=np.float64).reshape(-1, 2)
     if min(path.length_m - meeting_s_m, speed_m_s * at_s) > _MAX_APPROACH_M and len(positions):
-        joining = np.array(lane_position(path, meeting_s_m + JOINING_M, left_m))
+        joining = np.array(path.beside(meeting_s_m + JOINING_M, left_m))
         waiting_x, waiting_y = positions[np.argmin(np.hypot(*(positions - joining).T))].tolist()
         waiting_m = (waiting_x, waiting_y)
     return OncomingPass(at_s, meeting_s_m, left_m, speed_m_s, waiting_m)
@@ -87,9 +86,3 @@ def positions_away_from(path: Path, obstacles: ObstacleMap, bounds_m: tuple[floa
     x, y, _ = path.at(np.arange(0.0, path.length_m, 0.5))
     distance = np.hypot(positions[:, :1] - x, positions[:, 1:] - y).min(axis=1)
     return positions[(distance >= _ASIDE_M) & (obstacles.clearance_m(positions) >= 2.0 * WALL_DISTANCE_M)]
-
-
-def lane_position(path: Path, s_m: float, left_m: float) -> Xy:
-    """The point at an arc length of a path, shifted to the left."""
-    x, y, heading = path.pose(s_m)
-    return x - left_m * math.sin(heading), y + left_m * math.cos(heading)

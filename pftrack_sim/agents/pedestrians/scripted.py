@@ -176,7 +176,7 @@ class OncomingPedestrian:
     def __init__(self, plan: oncoming.OncomingPass, path: Path, obstacles: ObstacleMap) -> None:
         self._plan, self._path, self._obstacles = plan, path, obstacles
         self.speed_m_s = plan.speed_m_s
-        self.joining_m = oncoming.lane_position(path, plan.meeting_s_m + oncoming.JOINING_M, plan.left_m)
+        self.joining_m = path.beside(plan.meeting_s_m + oncoming.JOINING_M, plan.left_m)
         self._leaving_s = self._joining_s = -math.inf
         if plan.waiting_m is not None:
             (x, y), (waiting_x, waiting_y) = self.joining_m, plan.waiting_m
@@ -235,7 +235,7 @@ class OncomingPedestrian:
         left_m = self._plan.left_m
         after = min(max((self._plan.meeting_s_m - s_m - 0.5) / (oncoming.EXACT_LANE_M - 0.5), 0.0), 1.0)
         extra_m = max(_ROBOT_LANE_M - abs(left_m), 0.0) * after * after * (3.0 - 2.0 * after)
-        return oncoming.lane_position(self._path, s_m, math.copysign(abs(left_m) + extra_m, left_m))
+        return self._path.beside(s_m, math.copysign(abs(left_m) + extra_m, left_m))
 
 
 def _move(state: FloatArray, dt_s: float, desired: Xy, speed_limit_m_s: float) -> None:
