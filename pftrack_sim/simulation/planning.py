@@ -20,9 +20,9 @@ from pftrack_sim.scene.occluders.carts import CartSize, axis_occluders, cart_nam
 from pftrack_sim.scene.occluders.static import Placement, occluder_names
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.simulation.dry_run import DryRun
+from pftrack_sim.simulation.feasibility import meeting_problems
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, plan_axis_crossing, plan_crossing
 from pftrack_sim.simulation.occlusion.static import plan_static
-from pftrack_sim.simulation.seating import meeting_problems
 
 AFTER_S = 3.0  # The dry run continues for this time after the last planned event
 _DEPTH_GAP = 0.25

@@ -35,9 +35,8 @@ from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.robot import RobotForm
 from pftrack_sim.simulation.dry_run import DryRun, Sample, simulated
-from pftrack_sim.simulation.feasibility import path_problems, placement_problems
+from pftrack_sim.simulation.feasibility import path_problems, placement_problems, planned_seats, seat_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
-from pftrack_sim.simulation.seating import planned_seats, seat_problems
 
 
 class World:

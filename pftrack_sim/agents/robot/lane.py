@@ -1,4 +1,4 @@
-"""The path that the scripted robot drives, and the place on it that belongs to each place of the target."""
+"""The path that the scripted robot drives, the place on it that belongs to each of the target's, and its control."""
 
 from __future__ import annotations
 
@@ -22,6 +22,13 @@ _SAMPLE_M = 0.1
 _CHORD_M = 0.2
 _SMOOTHING_M = 1.2  # Ahead of a narrow place, over this distance, a swing narrows
 _FAR_M = 1e4
+
+BRAKE_M_S2 = 0.8  # Deceleration before a bend and at the end of a route
+_CONVERGENCE_M = 0.5  # Distance driven in which a lateral error falls to 1/e (critically damped)
+_LATERAL_ACCELERATION_M_S2 = 0.9  # Limit of the lateral acceleration in bends
+_BEND_PREVIEW_M = 0.3  # Bends are looked for this much farther than the robot needs to stop
+_PREVIEW_S = 0.2  # Curvature is taken this far ahead, to compensate the delay of motors and acceleration limit
+_MAX_HEADING_ERROR_RAD = 1.2  # With a larger error of heading the robot turns on the spot
 
 
 class Lane:
@@ -142,3 +149,55 @@ def _room(
     narrowest: FloatArray = np.lib.stride_tricks.sliding_window_view(padded, 2 * smoothing + 1).min(axis=1)
     kernel: FloatArray = np.hanning(2 * smoothing + 3)[1:-1]
     return np.asarray(np.convolve(narrowest, kernel / kernel.sum(), mode="valid"), dtype=np.float64)
+
+
+def follow_path(
+    path: Path,
+    s_m: float,
+    pose: tuple[float, float, float],
+    speed_m_s: float,
+    max_speed_m_s: float,
+    max_turn_rad_s: float,
+) -> tuple[float, float]:
+    """Speed and turn rate that keep a differential drive on a path.
+
+    The turn rate is the tracking law of Kanayama et al. 1990 ("A stable tracking control method for an autonomous
+    mobile robot", ICRA, eq. 8), with the reference abreast of the robot, so that there is no error along the path:
+
+        w = v (kappa + K_y y + K_theta sin e)
+
+    with the path's curvature kappa, lateral error y and heading error e. For small errors y obeys, per metre driven,
+    y'' + K_theta y' + K_y y = 0: critically damped with the length L when K_y = 1 / L^2 and K_theta = 2 / L.
+
+    `s_m` is the arc length of the point nearest to the robot, `pose` its x, y [m] and heading [rad]. A negative wanted
+    speed counts as 0.
+
+    Returns:
+        Forward speed [m/s] and turn rate [rad/s].
+    """
+    x, y, heading = path.pose(s_m)
+    error = math.remainder(heading - pose[2], 2.0 * math.pi)
+    # Positive when the path is to the left of the robot.
+    lateral = -math.sin(heading) * (x - pose[0]) + math.cos(heading) * (y - pose[1])
+    speed = min(max(speed_m_s, 0.0), _bend_speed(path, s_m, max_speed_m_s, max_turn_rad_s))
+    if abs(error) > _MAX_HEADING_ERROR_RAD:
+        return 0.0, math.copysign(0.6 * max_turn_rad_s, error)
+    speed *= math.cos(error)
+    curvature = path.curvature(s_m + _PREVIEW_S * speed)
+    pull = max(-1.0, min(1.0, lateral / _CONVERGENCE_M)) / _CONVERGENCE_M
+    turn = speed * (curvature + pull + 2.0 * math.sin(error) / _CONVERGENCE_M)
+    return speed, max(-max_turn_rad_s, min(max_turn_rad_s, turn))
+
+
+def _bend_speed(path: Path, s_m: float, max_speed_m_s: float, max_turn_rad_s: float) -> float:
+    """Highest speed [m/s] from which every bend ahead can be reached at its own speed."""
+    slowest = max_speed_m_s
+    # A fifth of the turn rate is kept for corrections.
+    turn_rad_s = 0.8 * max_turn_rad_s
+    gentle = min(_LATERAL_ACCELERATION_M_S2 / slowest**2, turn_rad_s / slowest)
+    for first_m, curvature in path.bends(s_m, 0.5 * slowest**2 / BRAKE_M_S2 + _BEND_PREVIEW_M):
+        bend = abs(curvature)
+        if bend > gentle:
+            speed = min(math.sqrt(_LATERAL_ACCELERATION_M_S2 / bend), turn_rad_s / bend)
+            slowest = min(slowest, math.sqrt(speed * speed + 2.0 * BRAKE_M_S2 * max(first_m - s_m, 0.0)))
+    return slowest

@@ -9,14 +9,8 @@ import numpy as np
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
-from pftrack_sim.agents.robot.control_laws import (
-    BRAKE_M_S2,
-    GAZE_DEAD_ZONE_RAD,
-    DriveLimits,
-    follow_path,
-)
-from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M, Lane
-from pftrack_sim.agents.robot.teleoperation import NEAREST_M, STOP_GAP_M, Head, Nearness, Stops
+from pftrack_sim.agents.robot.lane import BRAKE_M_S2, ROBOT_RADIUS_M, Lane, follow_path
+from pftrack_sim.agents.robot.teleoperation import GAZE_DEAD_ZONE_RAD, NEAREST_M, STOP_GAP_M, Head, Nearness, Stops
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model as scenario
 from pftrack_sim.scenario.axes import TargetAxis
@@ -70,7 +64,7 @@ class Script:
         self._robot = robot
         self._target = target
         self._target_speed_m_s = target_speed_m_s
-        self._limits = DriveLimits(robot.max_speed_m_s, math.radians(robot.max_turn_deg_s))
+        self._limits = robot.max_speed_m_s, math.radians(robot.max_turn_deg_s)
         operator, head_limits = robot.operator, (math.radians(robot.max_pan_deg_s), math.radians(robot.max_tilt_deg_s))
         self._head = Head(operator, (half, half_v), head_limits, seed)
         self._stops, self._nearness = Stops(operator, seed), Nearness(operator, seed)
@@ -148,7 +142,7 @@ class Script:
             forward = ratio * speed + gap_m / GAP_TIME_CONSTANT_S
         if turn is not None and gap_m < STOP_GAP_M:
             return 0.0, turn
-        return follow_path(lane.path, self._s_m, pose, forward, self._limits)
+        return follow_path(lane.path, self._s_m, pose, forward, *self._limits)
 
     def gaze(self, T_world_camera: FloatArray, target_m: Xy, tick_s: float, time_s: float = 0.0) -> tuple[float, float]:
         """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and x, y of the target."""

@@ -9,11 +9,10 @@ import pytest
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.robot.control_laws import bearing, gaze_rate
 from pftrack_sim.agents.robot.drive import ACCELERATION
 from pftrack_sim.agents.robot.lane import ROBOT_CLEARANCE_M, Lane
 from pftrack_sim.agents.robot.script import Script
-from pftrack_sim.agents.robot.teleoperation import Events, Head, Nearness, Stops, Wander
+from pftrack_sim.agents.robot.teleoperation import Events, Head, Nearness, Stops, Wander, bearing, gaze_rate
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario.load import load
 from pftrack_sim.scenario.model import BesideRoute, Robot, Route, StillRoute, TrailRoute
