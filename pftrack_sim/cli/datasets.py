@@ -13,7 +13,7 @@ from pftrack_sim.cli.progress import cores, progress_bar
 from pftrack_sim.cli.values import parse_axes, parse_names, parse_settings
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark.results import Scored
+    from pftrack_sim.benchmark.datasets.results import Scored
     from pftrack_sim.score import Summary
 
 _MOST_SEQUENCES = 40
@@ -47,8 +47,8 @@ def export(
     The truth of everybody in view lies beside each sequence in truth.parquet.
     """
     from pftrack_sim.benchmark import parse_seeds, plan_all
-    from pftrack_sim.benchmark.export import export as export_plan
-    from pftrack_sim.benchmark.export import sequence_count
+    from pftrack_sim.benchmark.datasets.export import export as export_plan
+    from pftrack_sim.benchmark.datasets.export import sequence_count
 
     plan = plan_all(
         scenarios,
@@ -85,7 +85,7 @@ def export_results(
     They belong to the data set that export writes of the same scenarios and seeds.
     """
     from pftrack_sim.benchmark import RunStore
-    from pftrack_sim.benchmark.results import export_results as export_all
+    from pftrack_sim.benchmark.datasets.results import export_results as export_all
 
     store = RunStore(run)
     with progress_bar("writing results", len(store.results)) as tick:
@@ -107,7 +107,7 @@ def score(
     With --out, report.html has leader board, curves, overlap frame by frame and paired differences, and results.csv
     all measures of every file.
     """
-    from pftrack_sim.benchmark.results import score_results
+    from pftrack_sim.benchmark.datasets.results import score_results
     from pftrack_sim.report import write_scored
 
     found = score_results(results, dataset, layout=layout, form=form)

@@ -43,7 +43,7 @@ def profile(
     from pftrack_sim import scenario as scenarios
     from pftrack_sim.benchmark import parse_seeds, plan_all
     from pftrack_sim.benchmark.kept.files import write_bytes
-    from pftrack_sim.benchmark.profiling import profile_scenario, profile_sequence
+    from pftrack_sim.benchmark.said.profiling import profile_scenario, profile_sequence
     from pftrack_sim.formats import read_sequence
     from pftrack_sim.report.figure import require_matplotlib
     from pftrack_sim.report.profiles import profile_tables, write_profile_figure

@@ -99,7 +99,7 @@ def compare(
     Differences are paired by episode; a row says whether its seeds can show a difference at all.
     """
     from pftrack_sim.benchmark import RunStore
-    from pftrack_sim.benchmark.comparison import compare_runs
+    from pftrack_sim.benchmark.said.comparison import compare_runs
     from pftrack_sim.report import write_comparison
     from pftrack_sim.report.comparison import losses_of_both
 
@@ -134,7 +134,7 @@ def report(
 ) -> None:
     """Write report.html, a page with all results of a run."""
     from pftrack_sim.benchmark import RunStore
-    from pftrack_sim.benchmark.losses import loss_shares
+    from pftrack_sim.benchmark.reading.losses import loss_shares
     from pftrack_sim.report import write_figure
 
     if figure is not None:

@@ -122,7 +122,7 @@ def follow(
     A controller turns the boxes into commands; overlap and following are scored.
     """
     from pftrack_sim import scenario as all_scenarios
-    from pftrack_sim.benchmark.latency import resolve_latencies
+    from pftrack_sim.benchmark.running.latency import resolve_latencies
     from pftrack_sim.benchmark.running.tracker_runner import checked_isolation
 
     chosen = parse_names(controllers) if controllers is not None else None
@@ -149,8 +149,8 @@ def film(
     The frames are drawn again; the boxes are the stored ones, and no tracker runs.
     """
     from pftrack_sim.benchmark import RunStore
-    from pftrack_sim.benchmark.filming import film as film_results
-    from pftrack_sim.benchmark.filming import worst as worst_of
+    from pftrack_sim.benchmark.running.filming import film as film_results
+    from pftrack_sim.benchmark.running.filming import worst as worst_of
 
     chosen = worst_of(RunStore(run).results, worst, tracker=tracker, lost=loss)
     with RunStore.begin(run, RunStore(run).plan) as store, progress_bar("filming", len(chosen)) as tick:
@@ -193,7 +193,7 @@ def evaluate(
 ) -> None:
     """Run trackers on recorded sequences with true boxes."""
     from pftrack_sim.benchmark import parse_seeds
-    from pftrack_sim.benchmark.recorded import evaluate as evaluate_recorded
+    from pftrack_sim.benchmark.datasets.recorded import evaluate as evaluate_recorded
     from pftrack_sim.benchmark.running.tracker_runner import checked_isolation
     from pftrack_sim.formats import read_sequences
     from pftrack_sim.formats.video import given_boxes

@@ -16,9 +16,9 @@ from rich.table import Table as RichTable
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan, Result, RunStore
-    from pftrack_sim.benchmark.comparison import RunComparison
-    from pftrack_sim.benchmark.losses import LossShares
-    from pftrack_sim.benchmark.recorded import RecordedResult
+    from pftrack_sim.benchmark.datasets.recorded import RecordedResult
+    from pftrack_sim.benchmark.reading.losses import LossShares
+    from pftrack_sim.benchmark.said.comparison import RunComparison
     from pftrack_sim.report.tables import Table
     from pftrack_sim.score import Summary
 
@@ -96,7 +96,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
 
 def print_run(plan: Plan, store: RunStore) -> None:
     """Print all results of a run: overlaps, axes, following, and each suite's table and claims beside its paper's."""
-    from pftrack_sim.benchmark.claims import evaluate_claims
+    from pftrack_sim.benchmark.said.claims import evaluate_claims
     from pftrack_sim.report.tables import axes, claim_text, following, paper_table
 
     results = store.results
@@ -161,7 +161,7 @@ def print_comparison(found: RunComparison) -> None:
 
 def print_losses(shares: Mapping[str, LossShares]) -> None:
     """Print how often each tracker lost the target and what happened then; nothing without a loss."""
-    from pftrack_sim.benchmark.losses import LOSS, TAGS, tag_title
+    from pftrack_sim.benchmark.reading.losses import LOSS, TAGS, tag_title
     from pftrack_sim.report.tables import Table
 
     rows: list[list[str]] = []

@@ -15,9 +15,9 @@ from markupsafe import Markup
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
-from pftrack_sim.benchmark.claims import evaluate_claims
 from pftrack_sim.benchmark.kept.checksums import update_sum
 from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.said.claims import evaluate_claims
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.strips import strips
 from pftrack_sim.report.tables import Table, claim_text, paper_table

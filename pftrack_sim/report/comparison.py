@@ -15,10 +15,10 @@ from markupsafe import Markup
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
-from pftrack_sim.benchmark.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.benchmark.kept.checksums import update_sum
 from pftrack_sim.benchmark.kept.files import write_bytes
-from pftrack_sim.benchmark.losses import TAGS, loss_shares, tag_title
+from pftrack_sim.benchmark.reading.losses import TAGS, loss_shares, tag_title
+from pftrack_sim.benchmark.said.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray

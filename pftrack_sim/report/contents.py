@@ -13,8 +13,8 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
-from pftrack_sim.benchmark.degradation import degradation, levels_of
-from pftrack_sim.benchmark.losses import LOSS, TAGS, tag_title
+from pftrack_sim.benchmark.reading.losses import LOSS, TAGS, tag_title
+from pftrack_sim.benchmark.said.degradation import degradation, levels_of
 from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link

@@ -16,8 +16,8 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
-from pftrack_sim.benchmark.degradation import STAY, Crossing, Degradation, degradation, seed_means
 from pftrack_sim.benchmark.kept.files import atomic_write
+from pftrack_sim.benchmark.said.degradation import STAY, Crossing, Degradation, degradation, seed_means
 from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.types import FloatArray

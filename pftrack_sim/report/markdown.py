@@ -10,8 +10,8 @@ from pathlib import Path
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
-from pftrack_sim.benchmark.claims import REFERENCES, evaluate_claims
 from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.said.claims import REFERENCES, evaluate_claims
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.profiles import changes_or_tiers
 from pftrack_sim.report.tables import (

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 import pftrack_sim
+from pftrack_sim.benchmark.datasets.results import Scored, ScoredResult, score_text
 from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
-from pftrack_sim.benchmark.losses import LOSS
-from pftrack_sim.benchmark.results import Scored, ScoredResult, score_text
+from pftrack_sim.benchmark.reading.losses import LOSS
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.build import render_page
 from pftrack_sim.report.contents import Shown, TrackerFrames, board, episode_entry, matrix

@@ -12,8 +12,8 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
-from pftrack_sim.benchmark.claims import ClaimComparison, Interval, compare_with_paper
-from pftrack_sim.benchmark.degradation import TITLES, degradation, table_rows
+from pftrack_sim.benchmark.said.claims import ClaimComparison, Interval, compare_with_paper
+from pftrack_sim.benchmark.said.degradation import TITLES, degradation, table_rows
 from pftrack_sim.core import random_streams
 
 FOLLOWING: Mapping[str, str] = MappingProxyType(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import RunStore, make_plan, run
-from pftrack_sim.benchmark.comparison import Difference, compare_runs
+from pftrack_sim.benchmark.said.comparison import Difference, compare_runs
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
 
 TINY: dict[str, Any] = {

@@ -8,7 +8,7 @@ import pytest
 
 from pftrack_sim.benchmark import Condition, RunStore, make_plan, run
 from pftrack_sim.benchmark.asked.from_names import join_plans
-from pftrack_sim.benchmark.degradation import STAY, degradation, levels_of, table_rows
+from pftrack_sim.benchmark.said.degradation import STAY, degradation, levels_of, table_rows
 
 SMALL: dict[str, Any] = {
     "camera.width_px": 64,

@@ -14,10 +14,10 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.benchmark import Plan, make_plan
-from pftrack_sim.benchmark.export import export
-from pftrack_sim.benchmark.recorded import evaluate
-from pftrack_sim.benchmark.sequence_tags import frame_tags
-from pftrack_sim.benchmark.sequence_writer import TRUTH
+from pftrack_sim.benchmark.datasets.export import export
+from pftrack_sim.benchmark.datasets.recorded import evaluate
+from pftrack_sim.benchmark.datasets.sequence_tags import frame_tags
+from pftrack_sim.benchmark.datasets.sequence_writer import TRUTH
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, ScenarioError, UnknownNameError
 from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.formats import LAYOUTS, read_sequence, read_sequences
@@ -186,7 +186,7 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: py
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     for name in ("_put_file", "_put_member"):
-        monkeypatch.setattr(f"pftrack_sim.benchmark.sequence_writer.{name}", put)
+        monkeypatch.setattr(f"pftrack_sim.benchmark.datasets.sequence_writer.{name}", put)
     with pytest.raises(RunError, match=r"cannot write .*: No space left on device"):
         export(plan([0]), tmp_path / "out", layout)
     assert set(files(tmp_path / "out")) == {"dataset.json"}

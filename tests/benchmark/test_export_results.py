@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import RunStore, TrackerSpec, make_plan, run
-from pftrack_sim.benchmark.export import export
-from pftrack_sim.benchmark.results import export_results, score_results
+from pftrack_sim.benchmark.datasets.export import export
+from pftrack_sim.benchmark.datasets.results import export_results, score_results
 from pftrack_sim.core.errors import RunError, SequenceError
 from pftrack_sim.formats.results import RESULT_FORMATS
 from tests.benchmark.small import SMALL

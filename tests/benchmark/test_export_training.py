@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import make_plan
-from pftrack_sim.benchmark.export import export
+from pftrack_sim.benchmark.datasets.export import export
 from pftrack_sim.core.errors import ScenarioError, SequenceError, UnknownNameError
 from pftrack_sim.formats.maps import decode_depth, decode_flow, decode_masks, encode_depth, encode_flow
 from pftrack_sim.scenario import load

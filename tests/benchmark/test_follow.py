@@ -10,7 +10,7 @@ import pytest
 
 from pftrack_sim.benchmark import Interrupted, Plan, RunStore, TrackerSpec, make_plan, plan_all, run
 from pftrack_sim.benchmark.kept.check import check
-from pftrack_sim.benchmark.latency import measure_ms, resolve_latencies
+from pftrack_sim.benchmark.running.latency import measure_ms, resolve_latencies
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES

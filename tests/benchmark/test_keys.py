@@ -13,9 +13,9 @@ import tomli_w
 import pftrack_sim
 from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec, make_plan, parse_seeds, run
 from pftrack_sim.benchmark.asked.union import held_besides, united
-from pftrack_sim.benchmark.filming import film, worst
 from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.benchmark.kept.merge import merge
+from pftrack_sim.benchmark.running.filming import film, worst
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.scenario import load
 from tests.benchmark.small import SMALL, contents
@@ -266,7 +266,7 @@ def test_a_film_of_other_frames_is_refused(tmp_path: Path, monkeypatch: pytest.M
     with RunStore.begin(tmp_path, plan) as writing:
         columns = RunStore.frame_columns
         with monkeypatch.context() as changed:
-            changed.setattr("pftrack_sim.benchmark.filming.TruthLog.frames_digest", property(lambda _: "other"))
+            changed.setattr("pftrack_sim.benchmark.running.filming.TruthLog.frames_digest", property(lambda _: "other"))
             with pytest.raises(RunError, match="are not those that the trackers saw"):
                 film(writing, writing.results)
         # One frame fewer is stored than is drawn.

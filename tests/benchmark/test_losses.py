@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import make_plan, run
-from pftrack_sim.benchmark.losses import TAGS, LossShares, create_loss_views, loss_shares, overlaps_by_tag
+from pftrack_sim.benchmark.reading.losses import TAGS, LossShares, create_loss_views, loss_shares, overlaps_by_tag
 from pftrack_sim.benchmark.running.sinks import nearest_look_alike
 from pftrack_sim.core.errors import RunError
 

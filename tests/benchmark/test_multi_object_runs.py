@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from pftrack_sim.benchmark import RunStore, TrackerSpec, make_plan, run
-from pftrack_sim.benchmark.export import export
+from pftrack_sim.benchmark.datasets.export import export
+from pftrack_sim.benchmark.datasets.recorded import evaluate
+from pftrack_sim.benchmark.datasets.results import export_results, score_results
 from pftrack_sim.benchmark.kept.check import check
-from pftrack_sim.benchmark.people_scores import SCORES
-from pftrack_sim.benchmark.recorded import evaluate
-from pftrack_sim.benchmark.results import export_results, score_results
+from pftrack_sim.benchmark.running.people_scores import SCORES
 from pftrack_sim.core.errors import ParameterError, SequenceError, TrackerError
 from pftrack_sim.formats import read_sequence
 from tests.benchmark.small import SMALL

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from pftrack_sim.benchmark.profiling import profile_sequence
+from pftrack_sim.benchmark.said.profiling import profile_sequence
 from pftrack_sim.cli.app import app
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.formats import read_sequence

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import TrackerSpec
-from pftrack_sim.benchmark.recorded import evaluate, video_paths
+from pftrack_sim.benchmark.datasets.recorded import evaluate, video_paths
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError, UnknownNameError
 from pftrack_sim.formats import RecordedSequence
 

@@ -11,7 +11,7 @@ from pftrack_sim import trackers
 from pftrack_sim.benchmark import Condition, Result, TrackerSpec
 from pftrack_sim.benchmark.asked.from_names import parse_seeds, plan_all
 from pftrack_sim.benchmark.asked.suite import is_suite, load_suite, make_suite, suite_names
-from pftrack_sim.benchmark.claims import compare_with_paper, evaluate_claims
+from pftrack_sim.benchmark.said.claims import compare_with_paper, evaluate_claims
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.simulation.world import World
 

@@ -16,9 +16,9 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from pftrack_sim.benchmark import TrackerSpec, make_plan, run
-from pftrack_sim.benchmark.export import export
+from pftrack_sim.benchmark.datasets.export import export
+from pftrack_sim.benchmark.datasets.results import export_results, score_results
 from pftrack_sim.benchmark.kept.files import write_bytes
-from pftrack_sim.benchmark.results import export_results, score_results
 from pftrack_sim.core.boxes import pairwise_iou
 from pftrack_sim.formats import LAYOUTS, Annotations, PersonBox
 from pftrack_sim.formats.results import ResultFormat, TrackerResult, result_files

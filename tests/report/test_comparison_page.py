@@ -13,8 +13,8 @@ from rich.console import Console
 
 from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore
-from pftrack_sim.benchmark.comparison import MEASURES, compare_runs
-from pftrack_sim.benchmark.losses import TAGS
+from pftrack_sim.benchmark.reading.losses import TAGS
+from pftrack_sim.benchmark.said.comparison import MEASURES, compare_runs
 from pftrack_sim.cli import reading, tables
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.report.comparison import _parting_s

@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim import report
 from pftrack_sim.benchmark import RunStore
-from pftrack_sim.benchmark.losses import TAGS
+from pftrack_sim.benchmark.reading.losses import TAGS
 from pftrack_sim.report.contents import contents
 
 

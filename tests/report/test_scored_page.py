@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pftrack_sim.benchmark.results import Scored, score_results, score_text
+from pftrack_sim.benchmark.datasets.results import Scored, score_results, score_text
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report import write_scored
 

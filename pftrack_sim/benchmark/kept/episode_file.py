@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pftrack_sim.benchmark.asked.plan import AskedResult, TrackerSpec
 from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
 from pftrack_sim.benchmark.keys import digest
-from pftrack_sim.benchmark.people_scores import track_rows
+from pftrack_sim.benchmark.running.people_scores import track_rows
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, parse_json

@@ -37,7 +37,7 @@ from pftrack_sim.benchmark.kept.record import (
     stored_plan,
     write_record,
 )
-from pftrack_sim.benchmark.losses import create_loss_views
+from pftrack_sim.benchmark.reading.losses import create_loss_views
 from pftrack_sim.benchmark.reading.summary import TABLE_FILES, Result, load_summary, results_of, write_summary
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.inputs import is_file

@@ -15,7 +15,7 @@ from pftrack_sim.benchmark.asked.plan import AskedResult, Condition, Plan, Track
 from pftrack_sim.benchmark.kept.checksums import sha256_of
 from pftrack_sim.benchmark.kept.episode_file import MAX_BYTES, column, read_metadata
 from pftrack_sim.benchmark.kept.files import atomic_write, csv_text, query_deadline, sql_text, write_bytes
-from pftrack_sim.benchmark.people_scores import SCORES
+from pftrack_sim.benchmark.running.people_scores import SCORES
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, read_bytes
 from pftrack_sim.score import Measures

@@ -14,11 +14,11 @@ from pathlib import Path
 from pftrack_sim import trackers
 from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import Episode, Plan, TrackerSpec
-from pftrack_sim.benchmark.filming import film, worst
 from pftrack_sim.benchmark.kept.files import slug
 from pftrack_sim.benchmark.kept.store import SCRATCH, RunStore
 from pftrack_sim.benchmark.running.episode import WITHOUT_IMAGES, EpisodeJob
 from pftrack_sim.benchmark.running.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor
+from pftrack_sim.benchmark.running.filming import film, worst
 from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.running.progress import ProgressCounter, RunProgress
 from pftrack_sim.benchmark.running.tracker_runner import check_trackers, checked_isolation

@@ -16,7 +16,7 @@ from av.error import FFmpegError
 
 from pftrack_sim.benchmark.kept.episode_file import SENSORS, Column, PeopleLog, column
 from pftrack_sim.benchmark.kept.files import atomic_write
-from pftrack_sim.benchmark.people_scores import TrueTracks
+from pftrack_sim.benchmark.running.people_scores import TrueTracks
 from pftrack_sim.benchmark.running.rollout import Sample, Step
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError

@@ -15,9 +15,9 @@ from typing import Any, get_args
 import pftrack_sim
 from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import Episode, Plan
+from pftrack_sim.benchmark.datasets.sequence_writer import QUALITIES, ExportJob, ImageFormat, export_sequence
 from pftrack_sim.benchmark.kept.files import atomic_write, distinct_slugs, write_bytes
 from pftrack_sim.benchmark.running.executor import prepare_worker
-from pftrack_sim.benchmark.sequence_writer import QUALITIES, ExportJob, ImageFormat, export_sequence
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
 from pftrack_sim.formats import LAYOUTS
 from pftrack_sim.formats.maps import check_maps

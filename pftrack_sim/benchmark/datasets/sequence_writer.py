@@ -17,11 +17,11 @@ import duckdb
 import numpy as np
 
 from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.datasets.sequence_tags import frame_tags
 from pftrack_sim.benchmark.kept.episode_file import truth_columns
 from pftrack_sim.benchmark.kept.files import sql_text
 from pftrack_sim.benchmark.running.rollout import Step, detected, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import video_writer
-from pftrack_sim.benchmark.sequence_tags import frame_tags
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.records import Detections, Frame, Image, Truth
 from pftrack_sim.core.types import BoolArray, FloatArray

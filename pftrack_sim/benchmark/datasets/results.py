@@ -12,11 +12,11 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
-from pftrack_sim.benchmark.export import sequence_names
+from pftrack_sim.benchmark.datasets.export import sequence_names
+from pftrack_sim.benchmark.datasets.recorded import RecordedResult, rate_of
 from pftrack_sim.benchmark.kept.files import distinct_slugs, write_bytes
 from pftrack_sim.benchmark.kept.store import RunStore
-from pftrack_sim.benchmark.people_scores import table_of
-from pftrack_sim.benchmark.recorded import RecordedResult, rate_of
+from pftrack_sim.benchmark.running.people_scores import table_of
 from pftrack_sim.core.boxes import pairwise_iou
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError
 from pftrack_sim.core.types import FloatArray

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from pftrack_sim.benchmark.recorded import rate_of
+from pftrack_sim.benchmark.datasets.recorded import rate_of
 from pftrack_sim.benchmark.running.rollout import Sample, Step, recorded, rollout, simulated
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.scenario import Scenario

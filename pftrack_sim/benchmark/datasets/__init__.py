@@ -1,0 +1,1 @@
+"""Data sets of other tools: written from simulations, evaluated, and scored."""
