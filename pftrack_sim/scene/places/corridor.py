@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,7 @@ from pftrack_sim.core.random_streams import pick
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.fixed import FixedProps
+from pftrack_sim.scene.places.fixed import FixedProp
 from pftrack_sim.scene.places.materials import texture, tiling
 from pftrack_sim.scene.places.meshes import Prop, box, quad, translated
 from pftrack_sim.scene.places.props import framed_poster, lockers, numbered_door, potted_plant
@@ -31,9 +32,9 @@ _LONG_WALLS = (("north", 1.0, 0.0, 0.0), ("south", -1.0, np.pi, 1.1))
 
 def build_corridor(builder: PlaceBuilder) -> WalkableArea:
     """Build the corridor; the sun does not reach it."""
-    builder.add_fixed(_add_floor_and_ceiling)
-    builder.add_fixed(_add_walls)
-    builder.add_fixed(_add_doors)
+    builder.add_fixed(_floor_and_ceiling)
+    builder.add_fixed(_walls)
+    builder.add_fixed(_doors)
     _add_wall_props(builder)
     _add_fixed_props(builder)
     builder.add_loose(_loose_props(builder.rng), (0.12, 0.03))
@@ -46,32 +47,32 @@ def build_corridor(builder: PlaceBuilder) -> WalkableArea:
     return builder.finish(BOUNDS, GOALS)
 
 
-def _add_floor_and_ceiling(props: FixedProps) -> None:
-    """Add floor and ceiling, subdivided for the light of the lamps."""
+def _floor_and_ceiling() -> Iterator[FixedProp]:
+    """Floor and ceiling, subdivided for the light of the lamps."""
     length, width = _EAST - _WEST, 2 * _LOBBY_HALF_WIDTH
     floor = quad(tiling("linoleum"), (_WEST, -_LOBBY_HALF_WIDTH, 0), (length, 0, 0), (0, width, 0), (58, 12))
-    props.add("floor", (floor,), casts_shadow=False)
+    yield FixedProp("floor", (floor,), casts_shadow=False)
     ceiling_corner = (_WEST, _LOBBY_HALF_WIDTH, _CEILING)
     meshes = [quad(tiling("ceiling"), ceiling_corner, (length, 0, 0), (0, -width, 0), (29, 6))]
     panels = [(float(x), 0.0) for x in np.arange(_WEST + 1.5, _EAST, 2.333)]
     panels += [(x, y) for x in (_LOBBY_WEST + 1.2, _LOBBY_EAST - 1.2) for y in (-2.9, 2.9)]
     for x, y in panels:
         meshes += translated(load_prop("ceiling-panel"), x, y, _CEILING)
-    props.add("ceiling", meshes, casts_shadow=False)
+    yield FixedProp("ceiling", meshes, casts_shadow=False)
 
 
-def _add_walls(props: FixedProps) -> None:
+def _walls() -> Iterator[FixedProp]:
     half_depth = 0.5 * (_LOBBY_HALF_WIDTH - _HALF_WIDTH)
     for row, side, _, _ in _LONG_WALLS:
         for column, start, end, lobby in (("west", _WEST, _LOBBY_WEST, 1.0), ("east", _LOBBY_EAST, _EAST, -1.0)):
             half = 0.5 * (end - start)
             position, collider = (start + half, side * (_HALF_WIDTH + half_depth)), (half, half_depth, _CEILING)
-            props.add(f"wall-{row}-{column}", _wall_block(half, half_depth, side, lobby), position, 0.0, collider)
+            yield FixedProp(f"wall-{row}-{column}", _wall_block(half, half_depth, side, lobby), position, 0.0, collider)
         lobby_wall = _lobby_wall(_LOBBY_EAST - _LOBBY_WEST, side)
-        props.add(f"wall-lobby-{row}", lobby_wall, (_LOBBY_X, side * _LOBBY_HALF_WIDTH))
+        yield FixedProp(f"wall-lobby-{row}", lobby_wall, (_LOBBY_X, side * _LOBBY_HALF_WIDTH))
     for name, x, side in (("wall-east", _EAST, -1.0), ("wall-west", _WEST, 1.0)):
         corner, edge = (0, -side * _HALF_WIDTH, 0), (0, side * 2 * _HALF_WIDTH, 0)
-        props.add(name, (quad(tiling("corridor-wall"), corner, edge, (0, 0, _CEILING), (6, 4)),), (x, 0.0))
+        yield FixedProp(name, (quad(tiling("corridor-wall"), corner, edge, (0, 0, _CEILING), (6, 4)),), (x, 0.0))
 
 
 def _wall_block(half: float, depth: float, side: float, lobby: float) -> Prop:
@@ -90,18 +91,19 @@ def _lobby_wall(length: float, side: float) -> Prop:
     return (wall, box(texture("wood-dark"), (0, -side * 0.01, 0.05), (length, 0.03, 0.1)))
 
 
-def _add_doors(props: FixedProps) -> None:
+def _doors() -> Iterator[FixedProp]:
     leaves = ("door-wood", "door-window", "door-wood", "door-red")
     for index, x in enumerate(_DOORS_X):
         for row, side, yaw, shift in _LONG_WALLS:
             prop = numbered_door(leaves[(index + int(side < 0)) % 4], index)
             position = (x + shift, side * _HALF_WIDTH)
-            props.add(f"door-{row}-{index + 1}", prop, position, yaw, casts_shadow=False)
+            yield FixedProp(f"door-{row}-{index + 1}", prop, position, yaw, casts_shadow=False)
+    glazed = load_prop("door", leaf="door-window")
     for name, x, yaw in (("east", _EAST, -0.5 * np.pi), ("west", _WEST, 0.5 * np.pi)):
         for half, y in (("left", 0.5), ("right", -0.5)):
-            props.add(f"door-{name}-{half}", load_prop("door", leaf="door-window"), (x, y), yaw, casts_shadow=False)
+            yield FixedProp(f"door-{name}-{half}", glazed, (x, y), yaw, casts_shadow=False)
     for index, x in enumerate((_LOBBY_WEST - 1.0, _LOBBY_EAST + 1.0, 35.0)):
-        props.add(f"exit-sign-{index + 1}", load_prop("exit-sign"), (x, 0.0, _CEILING - 0.55), casts_shadow=False)
+        yield FixedProp(f"exit-sign-{index + 1}", load_prop("exit-sign"), (x, 0.0, _CEILING - 0.55), casts_shadow=False)
 
 
 def _add_wall_props(builder: PlaceBuilder) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple, ParamSpec, TypeAlias, cast
 
@@ -15,46 +15,24 @@ Collider: TypeAlias = tuple[float, float, float]
 
 
 class FixedProp(NamedTuple):
-    """The arguments of `PlaceBuilder.add` for a prop with one mesh per material."""
+    """The arguments of `PlaceBuilder.add` for a prop that is the same for every seed."""
 
     name: str
-    prop: Prop
-    position: tuple[float, ...]
-    yaw_rad: float
-    collider: Collider | None
-    casts_shadow: bool
+    prop: Sequence[TexturedMesh]
+    position: tuple[float, ...] = (0.0, 0.0)
+    yaw_rad: float = 0.0
+    collider: Collider | None = None
+    casts_shadow: bool = True
 
 
-class FixedProps:
-    """Collects props in the order in which they are added."""
-
-    def __init__(self) -> None:
-        self.added: list[FixedProp] = []
-
-    def add(
-        self,
-        name: str,
-        prop: Iterable[TexturedMesh],
-        position: Sequence[float] = (0.0, 0.0),
-        yaw_rad: float = 0.0,
-        collider: Collider | None = None,
-        casts_shadow: bool = True,
-    ) -> None:
-        """See `PlaceBuilder.add`."""
-        merged = _frozen(merged_by_material(prop))
-        self.added.append(FixedProp(name, merged, tuple(position), yaw_rad, collider, casts_shadow))
-
-
-Section: TypeAlias = Callable[..., None]
-"""Adds props to the `FixedProps` given first; it draws nothing at random but from generators of its own."""
+Section: TypeAlias = Callable[..., Iterator[FixedProp]]
+"""A part of a place; it draws nothing at random but from generators of its own."""
 
 
 @lru_cache(maxsize=64)
 def fixed_props(section: Section, *variant: bool) -> tuple[FixedProp, ...]:
-    """What a section adds; built at the first call with the same variant."""
-    props = FixedProps()
-    section(props, *variant)
-    return tuple(props.added)
+    """The props of a section, with one mesh per material, built at the first call with the same variant; read-only."""
+    return tuple(fixed._replace(prop=_frozen(merged_by_material(fixed.prop))) for fixed in section(*variant))
 
 
 def built_once(build: Callable[_Arguments, Prop]) -> Callable[_Arguments, Prop]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pftrack_sim.core.random_streams import pick
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.fixed import FixedProps
+from pftrack_sim.scene.places.fixed import FixedProp
 from pftrack_sim.scene.places.materials import texture, tiling
 from pftrack_sim.scene.places.meshes import ALL_FACES, SIDES, Prop, box, quad
 from pftrack_sim.scene.places.props import advertising_column, framed_poster, planter, potted_plant, signboard
@@ -25,13 +27,13 @@ _COUCHES = ((7.0, 4.2, 0.0), (13.0, 4.2, 0.0), (19.0, 4.4, 0.0), (10.0, -5.0, np
 
 def build_hall(builder: PlaceBuilder) -> WalkableArea:
     """Build the hall; the sun reaches it through its roof only."""
-    builder.add_fixed(_add_floor_and_roof)
-    builder.add_fixed(_add_walls)
+    builder.add_fixed(_floor_and_roof)
+    builder.add_fixed(_walls)
     _add_posters(builder)
-    builder.add_fixed(_add_columns)
+    builder.add_fixed(_columns)
     column = advertising_column(int(builder.rng.integers(16)))
     builder.add("advertising-column", column, (17.0, -4.4), collider=(0.7, 0.7, 3.2))
-    builder.add_fixed(_add_machines)
+    builder.add_fixed(_machines)
     builder.add_loose(_loose_props(builder.rng), (0.15, 0.12, 0.05))
     area, sun, lamps = (15.0, 0.0, 23.0), (0.66, 0.62, 0.54), (0.24, 0.24, 0.23)
     builder.add_ceiling_light(BOUNDS, _ROOF + 0.1, area, sun, (0.18, 0.30, -1.0), lamps)
@@ -42,13 +44,13 @@ def build_hall(builder: PlaceBuilder) -> WalkableArea:
     return builder.finish(BOUNDS, GOALS)
 
 
-def _add_floor_and_roof(props: FixedProps) -> None:
+def _floor_and_roof() -> Iterator[FixedProp]:
     dark, yellow = texture("steel-dark"), texture("paint-yellow")
     floor = [quad(tiling("terrazzo"), (_LEFT, _LOW, 0), (_LENGTH, 0, 0), (0, _WIDTH, 0), (44, 26))]
     floor += [quad(dark, (_LEFT, y - 0.2, 0.003), (_LENGTH, 0, 0), (0, 0.4, 0), (44, 1)) for y in _COLUMNS_Y]
     floor += [quad(dark, (x - 0.15, _COLUMNS_Y[0], 0.003), (0.3, 0, 0), (0, 12.4, 0), (1, 13)) for x in _COLUMNS_X]
     floor += [quad(yellow, (_LEFT, -0.2, 0.004), (_LENGTH, 0, 0), (0, 0.3, 0), (44, 1))]
-    props.add("floor", floor, casts_shadow=False)
+    yield FixedProp("floor", floor, casts_shadow=False)
     steel = texture("steel")
     roof = [
         quad(tiling("roof"), (_LEFT, _HIGH, _ROOF), (_LENGTH, 0, 0), (0, -_WIDTH, 0), (22, 12)),
@@ -60,11 +62,11 @@ def _add_floor_and_roof(props: FixedProps) -> None:
             for y in (-8.0, -3.0, 3.0, 8.0)
         ),
     ]
-    props.add("roof", roof, casts_shadow=False)
+    yield FixedProp("roof", roof, casts_shadow=False)
 
 
-def _add_walls(props: FixedProps) -> None:
-    """Add shops below and windows above on the long walls, and doors at both ends."""
+def _walls() -> Iterator[FixedProp]:
+    """Shops below and windows above on the long walls, and doors at both ends."""
     x, y, east, west = 0.5 * (_LEFT + _RIGHT), 0.5 * (_LOW + _HIGH), -0.5 * np.pi, 0.5 * np.pi
     gate = load_prop("gate")
     for name, prop, position, yaw in (
@@ -75,7 +77,7 @@ def _add_walls(props: FixedProps) -> None:
         ("gate-1", gate, (_RIGHT, 2.6), east),
         ("gate-2", gate, (_LEFT, -2.6), west),
     ):
-        props.add(name, prop, position, yaw, casts_shadow=False)
+        yield FixedProp(name, prop, position, yaw, casts_shadow=False)
 
 
 def _add_posters(builder: PlaceBuilder) -> None:
@@ -120,22 +122,22 @@ def _departures() -> Prop:
     return (box(black, (0, 0, 0.75), (0.22, 4.0, 1.5), ALL_FACES), *rows, *hangers)
 
 
-def _add_columns(props: FixedProps) -> None:
-    """Add the columns and the departure boards."""
+def _columns() -> Iterator[FixedProp]:
+    """The columns and the departure boards."""
     column = load_prop("round-column")
     for row, y in enumerate(_COLUMNS_Y):
         for index, x in enumerate(_COLUMNS_X):
-            props.add(f"pillar-{row * len(_COLUMNS_X) + index + 1}", column, (x, y), collider=(0.36, 0.36, _ROOF))
+            yield FixedProp(f"pillar-{row * len(_COLUMNS_X) + index + 1}", column, (x, y), collider=(0.36, 0.36, _ROOF))
     for index, x in enumerate((9.0, 25.0)):
-        props.add(f"departures-{index + 1}", _departures(), (x, 0.0, 3.6), casts_shadow=False)
+        yield FixedProp(f"departures-{index + 1}", _departures(), (x, 0.0, 3.6), casts_shadow=False)
 
 
-def _add_machines(props: FixedProps) -> None:
-    """Add the kiosk and the ticket machines."""
-    props.add("kiosk-1", load_prop("kiosk"), (22.6, 8.6), collider=(1.75, 1.6, 2.8))
+def _machines() -> Iterator[FixedProp]:
+    """The kiosk and the ticket machines."""
+    yield FixedProp("kiosk-1", load_prop("kiosk"), (22.6, 8.6), collider=(1.75, 1.6, 2.8))
     for index, x in enumerate((1.0, 1.9, 2.8)):
         machine = load_prop("ticket-machine", display=f"display-{index}")
-        props.add(f"ticket-machine-{index + 1}", machine, (x, 6.6), collider=(0.35, 0.25, 1.8))
+        yield FixedProp(f"ticket-machine-{index + 1}", machine, (x, 6.6), collider=(0.35, 0.25, 1.8))
 
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:

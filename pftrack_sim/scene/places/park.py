@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pftrack_sim.core.random_streams import pick
@@ -9,7 +11,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
 from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.fixed import FixedProps
+from pftrack_sim.scene.places.fixed import FixedProp
 from pftrack_sim.scene.places.materials import add_skybox, texture, tiling
 from pftrack_sim.scene.places.meshes import ALL_FACES, Prop, TexturedMesh, box, quad
 from pftrack_sim.scene.places.props import bicycle_stand, fountain, hedge, lamp_post, planter, signboard, tree
@@ -36,19 +38,19 @@ _BENCHES = ((6.0, 4.7, 0.0), (22.6, -6.0, np.pi), (-5.6, 1.8, 0.0), (17.4, 10.6,
 def build_park(builder: PlaceBuilder) -> WalkableArea:
     """Build the park."""
     add_skybox(builder.spec, "sky-day")
-    builder.add_fixed(_add_ground)
-    builder.add_fixed(_add_surroundings)
-    builder.add_fixed(_add_fixed_props)
+    builder.add_fixed(_ground)
+    builder.add_fixed(_surroundings)
+    builder.add_fixed(_fixed_props)
     builder.add_loose(_loose_props(builder.rng), (0.2, 0.2, 0.1))
     builder.add_daylight(BOUNDS, (0.62, 0.58, 0.50), (15.0, 0.0, 26.0), (0.10, 0.11, 0.12), (0.36, 0.39, 0.41))
     return builder.finish(BOUNDS, GOALS)
 
 
-def _add_ground(props: FixedProps) -> None:
+def _ground() -> Iterator[FixedProp]:
     lawn = quad(tiling("grass"), (-50, -50, -2 * _STEP_M), (140, 0, 0), (0, 100, 0))
-    props.add("lawn", (lawn,), casts_shadow=False)
+    yield FixedProp("lawn", (lawn,), casts_shadow=False)
     for number, points in enumerate((WALK, _BRANCH)):
-        props.add(f"walk-{number + 1}", _strip(points), (0.0, 0.0, -number * _STEP_M), casts_shadow=False)
+        yield FixedProp(f"walk-{number + 1}", _strip(points), (0.0, 0.0, -number * _STEP_M), casts_shadow=False)
 
 
 def _strip(points: tuple[tuple[float, float], ...]) -> Prop:
@@ -81,8 +83,8 @@ def _smooth(points: np.ndarray) -> np.ndarray:
     return np.vstack([*pieces, points[-1:]])
 
 
-def _add_surroundings(props: FixedProps) -> None:
-    """Add what closes the view: a wall around the park, trees along it, and houses behind it."""
+def _surroundings() -> Iterator[FixedProp]:
+    """What closes the view: a wall around the park, trees along it, and houses behind it."""
     rng = np.random.default_rng(21)
     for name, x, y, length, yaw in (
         ("north", 16.0, 25.0, 92.0, 0.0),
@@ -92,37 +94,38 @@ def _add_surroundings(props: FixedProps) -> None:
     ):
         brick = quad(tiling("brick"), (-0.5 * length, 0, -0.1), (length, 0, 0), (0, 0, 2.2))
         coping = box(texture("stone"), (0, 0.1, 2.15), (length, 0.5, 0.12), ALL_FACES)
-        props.add(f"wall-{name}", (brick, coping), (x, y), yaw, casts_shadow=False)
+        yield FixedProp(f"wall-{name}", (brick, coping), (x, y), yaw, casts_shadow=False)
     for index, (kind, x, y, yaw) in enumerate(
         (("cream", -12.0, 30.0, 0.0), ("brick", 6.0, 30.0, 0.0), ("rose", 24.0, 30.0, 0.0), ("rose", 8.0, -30.0, np.pi),
          ("cream", 34.0, -30.0, np.pi), ("brick", 62.0, 14.0, -0.5 * np.pi), ("office", 62.0, -2.0, -0.5 * np.pi),
          ("office", -30.0, -6.0, 0.5 * np.pi))
     ):  # fmt: skip
-        props.add(f"house-{index + 1}", house(kind, index % 4), (x, y), yaw, casts_shadow=False)
+        yield FixedProp(f"house-{index + 1}", house(kind, index % 4), (x, y), yaw, casts_shadow=False)
     around = [(x, side * 19.0) for x in range(-10, 46, 7) for side in (-1, 1)]
     around += [(48.0, y) for y in (-12.0, -4.0, 9.0)] + [(-18.0, y) for y in (-9.0, 6.0)]
     for index, (x, y) in enumerate(around):
         leaves = "leaves-light" if index % 3 == 0 else "leaves-dark"
         crown = tree(rng, float(rng.uniform(6.5, 9.0)), leaves, lobes=1, pit=False)
-        props.add(f"far-tree-{index + 1}", crown, (x + rng.uniform(-2, 2), y + rng.uniform(-2, 2)), casts_shadow=False)
+        position = (x + rng.uniform(-2, 2), y + rng.uniform(-2, 2))
+        yield FixedProp(f"far-tree-{index + 1}", crown, position, casts_shadow=False)
 
 
-def _add_fixed_props(props: FixedProps) -> None:
+def _fixed_props() -> Iterator[FixedProp]:
     rng = np.random.default_rng(23)
     for index, position in enumerate(_TREES):
         leaves = "leaves-light" if index % 3 == 1 else "leaves-dark"
         grown = tree(rng, 5.8 + 0.7 * (index % 4), leaves, lobes=2, pit=False)
-        props.add(f"tree-{index + 1}", grown, position, float(index), (0.26, 0.26, 2.4))
-    props.add("fountain", fountain(), (18.0, -8.0), collider=(1.65, 1.65, 1.2))
-    props.add("kiosk", load_prop("kiosk"), (24.0, 5.6), collider=(1.75, 1.6, 2.8))
+        yield FixedProp(f"tree-{index + 1}", grown, position, float(index), (0.26, 0.26, 2.4))
+    yield FixedProp("fountain", fountain(), (18.0, -8.0), collider=(1.65, 1.65, 1.2))
+    yield FixedProp("kiosk", load_prop("kiosk"), (24.0, 5.6), collider=(1.75, 1.6, 2.8))
     for index, (x, y, yaw) in enumerate(_LAMP_POSTS):
-        props.add(f"lamp-post-{index + 1}", lamp_post(0.5), (x, y), yaw, collider=(0.14, 0.14, 4.6))
+        yield FixedProp(f"lamp-post-{index + 1}", lamp_post(0.5), (x, y), yaw, collider=(0.14, 0.14, 4.6))
     for index, (x, y, length) in enumerate(_HEDGES):
-        props.add(f"hedge-{index + 1}", hedge(length), (x, y), collider=(0.5 * length, 0.35, 1.1))
+        yield FixedProp(f"hedge-{index + 1}", hedge(length), (x, y), collider=(0.5 * length, 0.35, 1.1))
     # Beds along the walk hide legs.
     for index, (x, y, yaw) in enumerate(((2.6, -2.6, 0.1), (12.4, 6.2, -0.1), (25.4, -1.2, -0.2))):
         bed = (box(texture("hedge"), (0, 0, 0.3), (2.6, 0.7, 0.6)),)
-        props.add(f"bed-{index + 1}", bed, (x, y), yaw, (1.3, 0.35, 0.6))
+        yield FixedProp(f"bed-{index + 1}", bed, (x, y), yaw, (1.3, 0.35, 0.6))
 
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:

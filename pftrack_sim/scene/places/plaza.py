@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pftrack_sim.core.random_streams import pick
@@ -9,7 +11,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box, sun_direction
 from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.fixed import FixedProps
+from pftrack_sim.scene.places.fixed import FixedProp
 from pftrack_sim.scene.places.materials import add_skybox, tiling
 from pftrack_sim.scene.places.meshes import quad
 from pftrack_sim.scene.places.props import (
@@ -55,19 +57,19 @@ def build_plaza(builder: PlaceBuilder) -> WalkableArea:
     add_skybox(builder.spec, "sky-day")
     builder.add("paving", (quad(tiling("paving"), (-40, -45, 0), (125, 0, 0), (0, 90, 0)),), casts_shadow=False)
     sun = sun_direction(builder.lights)
-    builder.add_fixed(_add_houses, bool(sun[0] < 0.0), bool(sun[0] > 0.0), bool(sun[1] < 0.0), bool(sun[1] > 0.0))
-    builder.add_fixed(_add_side_street)
-    builder.add_fixed(_add_trees)
+    builder.add_fixed(_houses, bool(sun[0] < 0.0), bool(sun[0] > 0.0), bool(sun[1] < 0.0), bool(sun[1] > 0.0))
+    builder.add_fixed(_side_street)
+    builder.add_fixed(_trees)
     column = advertising_column(int(builder.rng.integers(16)))
     builder.add("advertising-column", column, (11.0, -3.6), collider=(0.7, 0.7, 3.2))
-    builder.add_fixed(_add_fixed_props)
+    builder.add_fixed(_fixed_props)
     builder.add_loose(_loose_props(builder.rng), (0.25, 0.25, 0.12))
     builder.add_daylight(BOUNDS, (0.60, 0.57, 0.50), (13.0, 0.0, 26.0), (0.10, 0.11, 0.13), (0.37, 0.39, 0.43))
     return builder.finish(BOUNDS, GOALS)
 
 
-def _add_houses(props: FixedProps, east: bool, west: bool, north: bool, south: bool) -> None:
-    """Add the rows of houses; those cast a shadow in which direction the sun is."""
+def _houses(east: bool, west: bool, north: bool, south: bool) -> Iterator[FixedProp]:
+    """The rows of houses; those cast a shadow in which direction the sun is."""
     # A row casts a shadow on the square only if the sun is behind it; every triangle costs time in the shadow pass.
     for row, houses, (x, y), (dx, dy), yaw, casts_shadow in (
         ("north", _NORTH, (-12.0, 17.5), (12.0, 0.0), 0.0, north),
@@ -77,47 +79,47 @@ def _add_houses(props: FixedProps, east: bool, west: bool, north: bool, south: b
     ):
         for index, style in enumerate(houses):
             position = (x + dx * index, y + dy * index)
-            props.add(f"house-{row}-{index + 1}", house(*style), position, yaw, casts_shadow=casts_shadow)
+            yield FixedProp(f"house-{row}-{index + 1}", house(*style), position, yaw, casts_shadow=casts_shadow)
 
 
-def _add_side_street(props: FixedProps) -> None:
-    """Add the street that leads away to the east, and the houses at its end."""
+def _side_street() -> Iterator[FixedProp]:
+    """The street that leads away to the east, and the houses at its end."""
     rng = np.random.default_rng(11)
     road = quad(tiling("asphalt"), (37.0, -2.6, 0.004), (40, 0, 0), (0, 4.6, 0))
-    props.add("far-road", (road,), casts_shadow=False)
+    yield FixedProp("far-road", (road,), casts_shadow=False)
     for index, style in enumerate(_FAR):
         position = (80.0, 14.0 - 12.0 * index)
-        props.add(f"far-house-{index + 1}", house(*style), position, -0.5 * np.pi, casts_shadow=False)
+        yield FixedProp(f"far-house-{index + 1}", house(*style), position, -0.5 * np.pi, casts_shadow=False)
     for index, x in enumerate((48.0, 60.0)):
         left, right = house("office", 3, storeys=2), house("rose", 1, balconies=True, storeys=2)
-        props.add(f"far-house-{index + 4}", left, (x - 2.0, 6.5), casts_shadow=False)
-        props.add(f"far-house-{index + 6}", right, (x + 10.0, -6.5), np.pi, casts_shadow=False)
-    props.add("car-1", load_prop("car", paint="paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
-    props.add("car-2", load_prop("car", paint="paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
-    props.add("car-3", load_prop("car", paint="paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
-    props.add("van-1", load_prop("van"), (34.1, -9.5), -0.5 * np.pi)
+        yield FixedProp(f"far-house-{index + 4}", left, (x - 2.0, 6.5), casts_shadow=False)
+        yield FixedProp(f"far-house-{index + 6}", right, (x + 10.0, -6.5), np.pi, casts_shadow=False)
+    yield FixedProp("car-1", load_prop("car", paint="paint-red"), (34.0, 3.6), 0.5 * np.pi + 0.06)
+    yield FixedProp("car-2", load_prop("car", paint="paint-silver"), (43.0, 0.9), np.pi, casts_shadow=False)
+    yield FixedProp("car-3", load_prop("car", paint="paint-blue"), (51.0, -1.4), 0.0, casts_shadow=False)
+    yield FixedProp("van-1", load_prop("van"), (34.1, -9.5), -0.5 * np.pi)
     for index, position in enumerate(_FAR_TREES):
         prop = tree(rng, 6.5, "leaves-light" if index % 2 else "leaves-dark", lobes=1)
-        props.add(f"far-tree-{index + 1}", prop, position, casts_shadow=False)
+        yield FixedProp(f"far-tree-{index + 1}", prop, position, casts_shadow=False)
 
 
-def _add_trees(props: FixedProps) -> None:
-    """Add trees, fountain and kiosk."""
+def _trees() -> Iterator[FixedProp]:
+    """Trees, fountain and kiosk."""
     rng = np.random.default_rng(5)
     for index, position in enumerate(_TREES):
         prop = tree(rng, 5.6 + 0.5 * (index % 3), "leaves-light" if index % 3 == 1 else "leaves-dark")
-        props.add(f"tree-{index + 1}", prop, position, collider=(0.68, 0.68, 2.2))
-    props.add("fountain", fountain(), (20.0, -4.6), collider=(1.65, 1.65, 1.2))
-    props.add("kiosk", load_prop("kiosk"), (20.6, 9.3), collider=(1.75, 1.6, 2.8))
+        yield FixedProp(f"tree-{index + 1}", prop, position, collider=(0.68, 0.68, 2.2))
+    yield FixedProp("fountain", fountain(), (20.0, -4.6), collider=(1.65, 1.65, 1.2))
+    yield FixedProp("kiosk", load_prop("kiosk"), (20.6, 9.3), collider=(1.75, 1.6, 2.8))
 
 
-def _add_fixed_props(props: FixedProps) -> None:
+def _fixed_props() -> Iterator[FixedProp]:
     for index, (x, y, yaw) in enumerate(_LAMP_POSTS):
-        props.add(f"lamp-post-{index + 1}", lamp_post(0.9), (x, y), yaw, collider=(0.14, 0.14, 4.6))
+        yield FixedProp(f"lamp-post-{index + 1}", lamp_post(0.9), (x, y), yaw, collider=(0.14, 0.14, 4.6))
     for index in (0, 1, 2, 3, 5, 6, 7):
-        props.add(f"bollard-{index + 1}", load_prop("bollard"), (30.8, -7.0 + 2.0 * index), casts_shadow=False)
+        yield FixedProp(f"bollard-{index + 1}", load_prop("bollard"), (30.8, -7.0 + 2.0 * index), casts_shadow=False)
     for index, (x, y, length) in enumerate(((18.0, 14.6, 5.0), (25.0, -14.6, 4.0), (1.5, -14.6, 5.0))):
-        props.add(f"hedge-{index + 1}", hedge(length), (x, y), collider=(0.5 * length, 0.35, 1.1))
+        yield FixedProp(f"hedge-{index + 1}", hedge(length), (x, y), collider=(0.5 * length, 0.35, 1.1))
 
 
 def _loose_props(rng: np.random.Generator) -> list[LooseProp]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pftrack_sim.core.random_streams import pick
@@ -10,7 +12,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder, bounding_box
 from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.fixed import FixedProps
+from pftrack_sim.scene.places.fixed import FixedProp
 from pftrack_sim.scene.places.materials import add_skybox, texture, tiling
 from pftrack_sim.scene.places.meshes import quad
 from pftrack_sim.scene.places.props import advertising_column, bicycle_stand, lamp_post, signboard, tree
@@ -60,9 +62,9 @@ def build_street_by_day(builder: PlaceBuilder) -> WalkableArea:
 
 def _add_street(builder: PlaceBuilder, night: bool) -> None:
     """Add all but the lights."""
-    builder.add_fixed(_add_ground)
-    builder.add_fixed(_add_houses, night)
-    builder.add_fixed(_add_lamp_posts)
+    builder.add_fixed(_ground)
+    builder.add_fixed(_houses, night)
+    builder.add_fixed(_lamp_posts)
     _add_parked_cars(builder)
     builder.add_loose(_loose_props(builder.rng), (0.3, 0.08))
 
@@ -75,8 +77,8 @@ def _lamp_colours(patches: float, rng: np.random.Generator) -> FloatArray:
     return brightness * (sodium + whiteness[:, None] * (white - sodium))
 
 
-def _add_ground(props: FixedProps) -> None:
-    """Add the road with its markings, and the pavements."""
+def _ground() -> Iterator[FixedProp]:
+    """The road with its markings, and the pavements."""
     asphalt, pavement, white = tiling("asphalt"), tiling("pavement"), texture("white")
     length, width, ends = _EAST - _WEST, _FRONT - _KERB, (_WEST - 14.0, _EAST)
     road = [
@@ -85,40 +87,40 @@ def _add_ground(props: FixedProps) -> None:
         *(quad(white, (x, -0.07, 0.003), (2.0, 0, 0), (0, 0.14, 0)) for x in np.arange(-6.0, 42.0, 4.5)),
         *(quad(white, (15.6, y, 0.003), (3.2, 0, 0), (0, 0.5, 0)) for y in np.arange(-2.75, 2.6, 1.0)),
     ]
-    props.add("road", road, casts_shadow=False)
+    yield FixedProp("road", road, casts_shadow=False)
     for name, low, kerb in (("north", _KERB, _KERB), ("south", -_FRONT, -_KERB)):
         meshes = [
             quad(pavement, (_WEST, low, 0.0), (length, 0, 0), (0, width, 0), (66, 6)),
             *(quad(pavement, (x, low, 0.0), (14, 0, 0), (0, width, 0), (4, 2)) for x in ends),
             quad(texture("stone"), (_WEST - 14, kerb - 0.12, 0.003), (length + 28, 0, 0), (0, 0.24, 0), (82, 1)),
         ]
-        props.add(f"pavement-{name}", meshes, casts_shadow=False)
+        yield FixedProp(f"pavement-{name}", meshes, casts_shadow=False)
 
 
-def _add_houses(props: FixedProps, night: bool) -> None:
-    """Add the fronts on both sides and across both ends. At night the same windows are lit for every seed."""
+def _houses(night: bool) -> Iterator[FixedProp]:
+    """The fronts on both sides and across both ends. At night the same windows are lit for every seed."""
     rng = np.random.default_rng(23) if night else None
     for index, style in enumerate(_NORTH):
         prop = house(*style, balconies=index % 2 == 1, lit_windows=rng, fine=True)
-        props.add(f"house-north-{index + 1}", prop, (-12.0 + 12.0 * index, _FRONT))
+        yield FixedProp(f"house-north-{index + 1}", prop, (-12.0 + 12.0 * index, _FRONT))
     for index, style in enumerate(_SOUTH):
         prop = house(*style, balconies=index % 2 == 0, lit_windows=rng, fine=True)
-        props.add(f"house-south-{index + 1}", prop, (48.0 - 12.0 * index, -_FRONT), np.pi)
+        yield FixedProp(f"house-south-{index + 1}", prop, (48.0 - 12.0 * index, -_FRONT), np.pi)
     for index, (x, kind) in enumerate(((-24.0, "rose"), (48.0, "cream"))):
         north, south = house(kind, index, lit_windows=rng), house(kind, index + 2, lit_windows=rng)
-        props.add(f"house-north-{index + 6}", north, (x, _FRONT))
-        props.add(f"house-south-{index + 6}", south, (x + 12.0, -_FRONT), np.pi)
+        yield FixedProp(f"house-north-{index + 6}", north, (x, _FRONT))
+        yield FixedProp(f"house-south-{index + 6}", south, (x + 12.0, -_FRONT), np.pi)
     for index, y in enumerate((12.0, 0.0)):
         east = house("cream", 3 - index, balconies=True, lit_windows=rng)
         west = house("office", index, lit_windows=rng)
-        props.add(f"house-east-{index + 1}", east, (58.0, y), -0.5 * np.pi)
-        props.add(f"house-west-{index + 1}", west, (-24.0, -y), 0.5 * np.pi)
+        yield FixedProp(f"house-east-{index + 1}", east, (58.0, y), -0.5 * np.pi)
+        yield FixedProp(f"house-west-{index + 1}", west, (-24.0, -y), 0.5 * np.pi)
 
 
-def _add_lamp_posts(props: FixedProps) -> None:
+def _lamp_posts() -> Iterator[FixedProp]:
     for index, (x, side) in enumerate((*_LAMPS, *_UNLIT_LAMPS)):
         position, yaw, collider = (x, side * (_KERB + 0.4)), 0.0 if side > 0 else np.pi, (0.13, 0.13, 4.6)
-        props.add(f"lamp-post-{index + 1}", lamp_post(1.05), position, yaw, collider, casts_shadow=False)
+        yield FixedProp(f"lamp-post-{index + 1}", lamp_post(1.05), position, yaw, collider, casts_shadow=False)
 
 
 def _add_parked_cars(builder: PlaceBuilder) -> None:

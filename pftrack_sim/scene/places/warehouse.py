@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import LooseProp, PlaceBuilder
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.fixed import FixedProps
+from pftrack_sim.scene.places.fixed import FixedProp
 from pftrack_sim.scene.places.materials import AtlasRegion, texture, tiling
 from pftrack_sim.scene.places.meshes import ALL_FACES, Prop, TexturedMesh, box, quad
 from pftrack_sim.scene.places.props import carton_stack, drums, framed_poster, pallet_pile, rack, trolley
@@ -27,10 +29,10 @@ _UNLIT_LAMPS = ((12.0, 7.0), (12.0, -7.0), (21.5, 7.0), (21.5, -7.0), (2.0, 7.0)
 
 def build_warehouse(builder: PlaceBuilder) -> WalkableArea:
     """Build the warehouse; the sun does not reach it."""
-    builder.add_fixed(_add_floor_and_roof)
+    builder.add_fixed(_floor_and_roof)
     for index, (x, y) in enumerate((*_LAMPS, *_UNLIT_LAMPS)):
         builder.add(f"high-bay-{index + 1}", load_prop("high-bay-lamp"), (x, y, _ROOF - 1.3), casts_shadow=False)
-    builder.add_fixed(_add_walls)
+    builder.add_fixed(_walls)
     _add_posters(builder)
     for index, x in enumerate(_PILLARS_X):
         builder.add(f"pillar-{index + 1}", load_prop("steel-pillar"), (x, 0.0), collider=(0.23, 0.23, _ROOF))
@@ -46,7 +48,7 @@ def build_warehouse(builder: PlaceBuilder) -> WalkableArea:
     return builder.finish(BOUNDS, GOALS)
 
 
-def _add_floor_and_roof(props: FixedProps) -> None:
+def _floor_and_roof() -> Iterator[FixedProp]:
     yellow, white, hazard, steel = (texture(name) for name in ("paint-yellow", "white", "hazard", "steel-dark"))
     floor = [
         quad(tiling("concrete"), (_LEFT, _LOW, 0), (_LENGTH, 0, 0), (0, _WIDTH, 0), (44, 28)),
@@ -55,14 +57,14 @@ def _add_floor_and_roof(props: FixedProps) -> None:
         *(_stripe(hazard, x + 3.1, y, 1.8, 0.3) for x in _RACKS_X[:3] for y in (-5.0, 5.0)),
         *(_stripe(yellow, x, 0.0, 0.12, 13.0) for x in (-3.1, 31.0)),
     ]
-    props.add("floor", floor, casts_shadow=False)
+    yield FixedProp("floor", floor, casts_shadow=False)
     roof = [
         quad(tiling("roof"), (_LEFT, _HIGH, _ROOF), (_LENGTH, 0, 0), (0, -_WIDTH, 0), (19, 12)),
         *(box(steel, (x, 0, _ROOF - 0.3), (0.16, _WIDTH, 0.4), ALL_FACES) for x in _PILLARS_X),
         *(box(steel, (14.0, 4.5 * k, _ROOF - 0.14), (_LENGTH, 0.1, 0.2), ALL_FACES) for k in range(-2, 3)),
         box(texture("chrome"), (14.0, -2.6, _ROOF - 0.75), (_LENGTH, 0.35, 0.35), ALL_FACES),
     ]
-    props.add("roof", roof, casts_shadow=False)
+    yield FixedProp("roof", roof, casts_shadow=False)
 
 
 def _stripe(paint: AtlasRegion, x: float, y: float, length: float, width: float) -> TexturedMesh:
@@ -70,8 +72,8 @@ def _stripe(paint: AtlasRegion, x: float, y: float, length: float, width: float)
     return quad(paint, (x, y - 0.5 * width, 0.003), (length, 0, 0), (0, width, 0))
 
 
-def _add_walls(props: FixedProps) -> None:
-    """Add the walls, and gates, doors and signs at both ends."""
+def _walls() -> Iterator[FixedProp]:
+    """The walls, and gates, doors and signs at both ends."""
     x, y, east, west = 0.5 * (_LEFT + _RIGHT), 0.5 * (_LOW + _HIGH), -0.5 * np.pi, 0.5 * np.pi
     gate = load_prop("gate")
     for name, prop, position, yaw in (
@@ -85,7 +87,7 @@ def _add_walls(props: FixedProps) -> None:
         ("door-east", load_prop("door", leaf="door-red"), (_RIGHT, -0.4), east),
         ("door-west", load_prop("door", leaf="door-window"), (_LEFT, -1.2), west),
     ):
-        props.add(name, prop, position, yaw, casts_shadow=False)
+        yield FixedProp(name, prop, position, yaw, casts_shadow=False)
 
 
 def _add_posters(builder: PlaceBuilder) -> None:
