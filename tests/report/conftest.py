@@ -43,3 +43,22 @@ def browser(launch_chromium: Callable[..., Any]) -> Iterator[Any]:
     browser = launch_chromium("--disable-gpu", "--disable-background-networking", "--disable-component-update")
     yield browser
     browser.close()
+
+
+@pytest.fixture
+def show(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Opens a page from disk; no page complains of anything."""
+    complaints: list[str] = []
+
+    def opened(file: Path, width: int = 1280) -> Any:
+        page = browser.new_page(viewport={"width": width, "height": 900})
+        page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(file.as_uri(), timeout=120_000)
+        page.wait_for_selector("body[data-ready=yes]")
+        return page
+
+    yield opened
+    assert complaints == []
+    for context in browser.contexts:
+        context.close()

@@ -1,5 +1,6 @@
 """Losses on the page lead to the video at their moment."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,8 @@ def test_the_data_are_those_of_the_view(lost: Path):
 
 
 @pytest.mark.slow
-def test_one_click_shows_the_video_at_the_loss(browser: Any, lost: Path):
-    page = browser.new_page(viewport={"width": 1400, "height": 900})
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto(report.write_report(lost).as_uri(), timeout=120_000)
-    page.wait_for_selector("body[data-ready=yes]")
+def test_one_click_shows_the_video_at_the_loss(show: Callable[..., Any], lost: Path):
+    page = show(report.write_report(lost), 1400)
     loss = contents(RunStore(lost))["losses"][0]
     line = page.locator("#losses tbody tr").first
     assert line.locator("th").inner_text() == "stay"
@@ -47,16 +44,12 @@ def test_one_click_shows_the_video_at_the_loss(browser: Any, lost: Path):
     page.evaluate("document.getElementById('video').currentTime = 2.9")
     page.locator("#board tbody tr", has_text="stay").locator("a").click()
     page.wait_for_function(shown)
-    assert complaints == []
-    page.close()
 
 
 @pytest.mark.slow
-def test_no_table_is_cut_at_400_pixels(browser: Any, lost: Path):
+def test_no_table_is_cut_at_400_pixels(show: Callable[..., Any], lost: Path):
     for width in (1400, 400):
-        page = browser.new_page(viewport={"width": width, "height": 900})
-        page.goto(report.write_report(lost).as_uri(), timeout=120_000)
-        page.wait_for_selector("body[data-ready=yes]")
+        page = show(report.write_report(lost), width)
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         fits = "(table) => table.parentElement.scrollWidth <= table.parentElement.clientWidth"
         for table in ("#board", "#shares", "#losses"):
@@ -65,4 +58,3 @@ def test_no_table_is_cut_at_400_pixels(browser: Any, lost: Path):
             const bar = legend.closest('.plot').querySelector('.modebar').getBoundingClientRect();
             return legend.getBoundingClientRect().top > bar.bottom;
         })"""), "the tool bar lies over no legend"
-        page.close()

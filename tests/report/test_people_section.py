@@ -1,5 +1,6 @@
 """Scores of everybody in view, in the page, in Markdown and in the terminal, where a tracker follows several people."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,23 +24,17 @@ def crowd(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
 
 
 @pytest.mark.slow
-def test_the_page_has_a_table_of_everybody_in_view(browser: Any, crowd: RunStore):
+def test_the_page_has_a_table_of_everybody_in_view(show: Callable[..., Any], crowd: RunStore):
     scores = [one.number("hota") for one in crowd.results if one.label == "chau2011"]
     assert len(scores) == 2
     assert min(scores) > 0.0
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto(report.write_report(crowd.path).as_uri())
-    page.wait_for_selector("body[data-ready=yes]")
+    page = show(report.write_report(crowd.path))
     assert page.locator("#people thead th").all_inner_texts() == ["tracker", "seeds", *PEOPLE_DEFINITIONS]
     (row,) = page.locator("#people tbody tr").all()
     cells = row.locator("td").all_inner_texts()
     assert row.locator("th").inner_text().startswith("chau2011")
     assert (cells[0], cells[1].split("\n")[0]) == ("2", f"{sum(scores) / 2:.3f}")
     assert page.locator("#board tbody tr").count() == 2
-    assert complaints == []
-    page.close()
 
 
 def test_markdown_and_terminal_have_it_too(crowd: RunStore, capsys: pytest.CaptureFixture[str]):

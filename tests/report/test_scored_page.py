@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -58,12 +59,8 @@ def test_the_page_and_the_table_have_the_scores(scored: Scored, tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_it_opens_and_ranks_by_sequences(scored: Scored, tmp_path: Path, browser: Any):
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto(write_scored(scored, tmp_path / "out", {}).as_uri())
-    page.wait_for_selector("body[data-ready=yes]")
+def test_it_opens_and_ranks_by_sequences(scored: Scored, tmp_path: Path, show: Callable[..., Any]):
+    page = show(write_scored(scored, tmp_path / "out", {}))
     assert page.locator("#board thead th").all_inner_texts()[:3] == ["tracker", "sequences", "mean overlap"]
     mean = np.mean([one.summary.mean_overlap for one in scored.results if one.tracker.label == "close"])
     cells = page.locator("#board tbody tr").first.locator("td").all_inner_texts()
@@ -72,8 +69,6 @@ def test_it_opens_and_ranks_by_sequences(scored: Scored, tmp_path: Path, browser
     page.locator("#filter-scenario").select_option("1")
     assert page.locator("#board tbody tr").first.locator("td").first.inner_text() == "1"
     assert not page.locator("#h-losses").is_visible()
-    assert complaints == []
-    page.close()
 
 
 def test_a_file_is_no_folder_for_the_report(scored: Scored, tmp_path: Path):
