@@ -153,15 +153,10 @@ class Renderer(ABC):
         return nullcontext()
 
     @abstractmethod
-    def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
+    def rebind(self, model: mujoco.MjModel) -> None:
         """Draw another model from now on.
 
         Visible geoms, near and far plane are read now; poses, lights and colours when drawing.
-
-        Args:
-            model: What to draw.
-            exclusive: No other thread uses the model while this renderer draws: it may hide geoms in it meanwhile,
-                and needs no copy. OpenGL then draws color images without what is out of view, in less time.
         """
 
     @abstractmethod

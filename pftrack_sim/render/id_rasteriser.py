@@ -32,7 +32,7 @@ class IdRasteriser(Renderer):
         super().__init__(width_px, height_px)
         self.rebind(model)
 
-    def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
+    def rebind(self, model: mujoco.MjModel) -> None:
         """See `Renderer.rebind`."""
         self._read_model(model)
         self._triangles: Triangles | None = model_triangles(model, self.visible_geoms)

@@ -26,9 +26,7 @@ def warp_installed() -> bool:
     return all(find_spec(name) is not None for name in ("mujoco_warp", "warp"))
 
 
-def open_renderer(
-    model: Any, width_px: int, height_px: int, backend: str | None = None, *, exclusive: bool = False
-) -> Renderer:
+def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None = None) -> Renderer:
     """Open a renderer of a model with an image of this width and height.
 
     Args:
@@ -36,7 +34,6 @@ def open_renderer(
         width_px: Image width.
         height_px: Image height.
         backend: One of `NAMES`; None takes OpenGL where a library can draw, else the ray caster where it is installed.
-        exclusive: That of `Renderer.rebind`, for this model.
 
     Raises:
         UnknownNameError: No such renderer.
@@ -55,7 +52,7 @@ def open_renderer(
         raise RenderError(f"{error}\nor, without OpenGL:\n{WARP_INSTALL_HINT}") from error
     from pftrack_sim.render.gl.rasteriser import Rasteriser
 
-    return Rasteriser(model, width_px, height_px, context, exclusive=exclusive)
+    return Rasteriser(model, width_px, height_px, context)
 
 
 def open_id_renderer(model: Any, width_px: int, height_px: int) -> Renderer:

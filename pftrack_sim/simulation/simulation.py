@@ -219,13 +219,13 @@ class Simulation:
     def _bind_renderer(self, world: World, size: tuple[int, int]) -> Renderer:
         """The renderer, bound to the new model; opened again where the size has changed."""
         if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) == size:
-            self._renderer.rebind(world.model, exclusive=True)
+            self._renderer.rebind(world.model)
             return self._renderer
         if self._renderer is not None:
             self._renderer.close()
         if not self._draws:
             return open_id_renderer(world.model, *size)
-        return open_renderer(world.model, *size, self._backend, exclusive=True)
+        return open_renderer(world.model, *size, self._backend)
 
     def _advance_period(self, command: FloatArray | None, delay_s: float) -> None:
         """Advance by one camera period with a command that is given after `delay_s`, or not within this period."""

@@ -162,8 +162,11 @@ class TruthObserver:
         def box(person: int) -> FloatArray:
             return view.all.boxes[person] if person else view.first.boxes[1 if self._has_parts else 0]
 
+        def amodal_and_swept(person: int) -> tuple[FloatArray, FloatArray]:
+            return (amodal := box(person)), amodal
+
         frame = _Frame(
-            lambda person: (box(person),) * 2,
+            amodal_and_swept,
             self._before,
             data.xpos[self._pelvis],
             np.array(T_world_people, dtype=np.float64),

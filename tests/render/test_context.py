@@ -241,13 +241,14 @@ def test_a_rasteriser_draws_in_any_thread():
     assert all(np.array_equal(images[0], image) for image in images)
 
 
-def test_concurrent_rasterisers_of_one_model_are_independent():
+def test_concurrent_rasterisers_are_independent():
     stage = build()
     with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
         image, ids = renderer.color(stage.data, POSE, K), renderer.ids(stage.data, POSE, K).ids.copy()
     wrong: list[int] = []
 
     def work() -> None:
+        stage = build()
         with Rasteriser(stage.model, WIDTH, HEIGHT) as own:
             for index in range(10):
                 some = np.arange(stage.model.ngeom) % (index + 2) > 0

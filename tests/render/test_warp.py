@@ -112,7 +112,7 @@ def test_bright_lights_saturate_as_in_opengl(pair):
 
 
 def test_texture_gradients_interpolate_the_coordinates_of_the_corners(pair):
-    from pftrack_sim.render.warp.assets import texture_gradients
+    from pftrack_sim.render.warp.scene import texture_gradients
 
     model = pair[0].world.model
     slopes = texture_gradients(model)
@@ -127,7 +127,7 @@ def test_texture_gradients_interpolate_the_coordinates_of_the_corners(pair):
 
 
 def test_each_mip_level_halves_the_size_and_keeps_the_mean():
-    from pftrack_sim.render.warp.assets import mip_levels
+    from pftrack_sim.render.warp.scene import mip_levels
 
     picture = np.random.default_rng(4).random((64, 16, 4), dtype=np.float32)
     levels = mip_levels(picture)

@@ -29,7 +29,8 @@ _CODE_BITS = np.uint32(0xFFFFFF)
 class Rasteriser(Renderer):
     """Draws one model off-screen with OpenGL; see `pftrack_sim.render.backend.Renderer`.
 
-    Any thread may use it, one at a time. Several can exist in one process.
+    Any thread may use it, one at a time. Several can exist in one process; those of one model draw one at a time, too,
+    since geoms are hidden in the model while it is drawn.
 
     Args:
         model: What to draw. Its `vis` settings hold for multisampling, shadow size, near and far plane; its
@@ -37,7 +38,6 @@ class Rasteriser(Renderer):
         width_px: Image width.
         height_px: Image height.
         context: The OpenGL context, closed with the renderer; None opens one with `open_context`.
-        exclusive: That of `rebind`, for this model.
 
     Raises:
         ParameterError: An empty image.
@@ -50,8 +50,6 @@ class Rasteriser(Renderer):
         width_px: int,
         height_px: int,
         context: GLContext | None = None,
-        *,
-        exclusive: bool = False,
     ) -> None:
         super().__init__(width_px, height_px)
         self._context = context or open_context(size=(self.width_px, self.height_px))
@@ -63,13 +61,13 @@ class Rasteriser(Renderer):
         self._finalizer = weakref.finalize(self, _free, self._context, self._resources)
         self._area = mujoco.MjrRect(0, 0, self.width_px, self.height_px)
         self._pixels = np.empty((self.height_px, self.width_px, 4), dtype=np.uint8)
-        self.rebind(model, exclusive=exclusive)
+        self.rebind(model)
 
     def drawing(self) -> AbstractContextManager[None]:
         """See `Renderer.drawing`; the OpenGL context is current in the block."""
         return self._context.current()
 
-    def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
+    def rebind(self, model: mujoco.MjModel) -> None:
         """Draw another model from now on. It takes over the textures and meshes of the last one that equal its own."""
         self.unbind()
         with self._context.current():
@@ -78,7 +76,7 @@ class Rasteriser(Renderer):
                     self._resources.pop().free()
                 self._resources.append(Resources(model, (self.width_px, self.height_px)))
         self._read_model(model)
-        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self.far_m), exclusive)
+        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self.far_m))
 
     def unbind(self) -> None:
         """See `Renderer.unbind`. Textures and meshes stay in OpenGL's memory until the next `rebind`."""

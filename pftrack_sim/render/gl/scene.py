@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-
 import cv2
 import mujoco
 import numpy as np
@@ -25,13 +23,11 @@ _NO_PERTURBATION = mujoco.MjvPerturb()
 class ModelScene:
     """MuJoCo scenes of one model, for color images and for segmentations.
 
-    Of `(ngeom,)` geoms those that are `visible` are drawn at all; `clip_m` are the depths of the near and far plane;
-    `exclusive` is that of `Renderer.rebind`.
+    Of `(ngeom,)` geoms those that are `visible` are drawn at all; `clip_m` are the depths of the near and far plane.
+    Geoms are hidden by their group in the model, which is restored at once.
     """
 
-    def __init__(
-        self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float], exclusive: bool = False
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, visible: BoolArray, clip_m: tuple[float, float]) -> None:
         self._model = model
         self._visible = np.flatnonzero(visible)
         self._clip_m = clip_m
@@ -39,10 +35,6 @@ class ModelScene:
         self._bounds = Bounds(model)
         self._color = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._color.flags[mujoco.mjtRndFlag.mjRND_FOG] = False
-        # Geoms are hidden by their group. Where several threads may share the caller's model, segmentations hide them
-        # in a copy, and color images hide none: lights and materials, which change, are those of the caller's.
-        self._exclusive = exclusive
-        self._ids_model = model if exclusive else copy.copy(model)
         self._groups = model.geom_group.copy()
         self._ids = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
         self._ids.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True
@@ -58,11 +50,9 @@ class ModelScene:
         Geoms out of view are left out where that changes no pixel: MuJoCo passes everything to OpenGL, and software
         OpenGL transforms every vertex of it.
         """
-        model, hidden = self._model, self._visible[:0]
-        if self._exclusive:
-            hidden = self._hidden(data, T_world_camera, intrinsics, size)
+        model, hidden = self._model, self._hidden(data, T_world_camera, intrinsics, size)
         model.geom_group[hidden] = _NEVER_DRAWN_GROUP
-        self._compose(self._color, model, data, T_world_camera, intrinsics, size)
+        self._compose(self._color, data, T_world_camera, intrinsics, size)
         model.geom_group[hidden] = self._groups[hidden]
         mujoco.mjv_makeLights(model, data, self._color)
         return self._color
@@ -89,9 +79,9 @@ class ModelScene:
         geoms: BoolArray,
     ) -> tuple[mujoco.MjvScene, NDArray[np.int32]]:
         """What a segmentation shows, and the geom id of each colour code: -1 of code 0."""
-        self._ids_model.geom_group[:] = np.where(geoms, SCENERY_GROUP, _NEVER_DRAWN_GROUP)
-        self._compose(self._ids, self._ids_model, data, T_world_camera, intrinsics, size)
-        self._ids_model.geom_group[:] = self._groups
+        self._model.geom_group[:] = np.where(geoms, SCENERY_GROUP, _NEVER_DRAWN_GROUP)
+        self._compose(self._ids, data, T_world_camera, intrinsics, size)
+        self._model.geom_group[:] = self._groups
         order = np.flatnonzero(geoms)
         if self._ids.ngeom != order.size:
             # MuJoCo left some geoms out or added others.
@@ -101,7 +91,6 @@ class ModelScene:
     def _compose(
         self,
         scene: mujoco.MjvScene,
-        model: mujoco.MjModel,
         data: mujoco.MjData,
         T_world_camera: FloatArray,
         intrinsics: Intrinsics,
@@ -114,7 +103,7 @@ class ModelScene:
         """
         self._views[scene].place(T_world_camera, intrinsics, size, self._clip_m)
         scene.ngeom = 0
-        mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
+        mujoco.mjv_addGeoms(self._model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
 
 
 class _View:

@@ -44,7 +44,7 @@ class Raycaster(Renderer):
         self._closed = False
         self.rebind(model)
 
-    def rebind(self, model: mujoco.MjModel, *, exclusive: bool = False) -> None:
+    def rebind(self, model: mujoco.MjModel) -> None:
         """Draw another model from now on."""
         self.unbind()
         self._read_model(model)
