@@ -108,8 +108,8 @@ class Taught(Lee2012):
 
     def likelihood(self, image: Any, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
         """`(N,)` likelihood (14) of `(N, 4)` boxes [px], over the largest."""
-        pairs = zip(self._models, self._features(image, boxes), strict=True)
-        found = np.sum([model.share * model.likelihood(feature) for model, feature in pairs], axis=0)
+        parts = zip(self._shares, self._models, self._features(image, boxes), strict=True)
+        found = np.sum([share * model.likelihood(feature) for share, model, feature in parts], axis=0)
         return found / found.max()
 
     def _features(self, image: Any, boxes: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -1,4 +1,4 @@
-"""Baselines that use the image: template matching and mean shift."""
+"""Baselines: the first box and the ground truth at both ends of the scale, template matching, and mean shift."""
 
 from __future__ import annotations
 
@@ -21,6 +21,29 @@ HUE_COUNT = 180  # OpenCV's 8-bit hue has steps of two degrees
 Byte: TypeAlias = Annotated[int, Field(ge=0, le=255)]
 
 
+class Stay(BaseTracker):
+    """Returns the first box in every frame: the least score of a useful tracker."""
+
+    def _start(self, image: Image, box: Box) -> None:
+        self._box = box
+
+    def _follow(self, image: Image) -> Estimate:
+        return Estimate(self._box)
+
+
+class Oracle(Stay):
+    """Returns the ground truth (`NeedsTruth`): the highest possible score.
+
+    While the target is not in the image (a box that is NaN or without area), the last valid box is repeated.
+    """
+
+    def receive_truth(self, box: Box) -> None:
+        """See `NeedsTruth.receive_truth`."""
+        truth = np.array(box, dtype=np.float64)
+        if truth.shape == (4,) and np.isfinite(truth).all() and boxes.area(truth) > 0.0:
+            self._box = truth
+
+
 class NccParameters(Parameters):
     """Parameters of `ncc`: search distance in each direction, as a multiple of the square root of the box's area."""
 
@@ -40,11 +63,8 @@ class Ncc(BaseTracker):
         self.params = params
 
     def _start(self, image: Image, box: Box) -> None:
-        height, width = image.shape[:2]
-        inside = boxes.clip(box, width, height)
-        x, y = min(int(inside[0]), width - 1), min(int(inside[1]), height - 1)
-        right, bottom = (max(math.ceil(inside[k] + inside[k + 2]), at + 1) for k, at in ((0, x), (1, y)))
-        self._patch = _grey(image)[y:bottom, x:right]
+        x, y, w, h = _window(box, image.shape[1], image.shape[0])
+        self._patch = _grey(image)[y : y + h, x : x + w]
         self._corner, self._offset, self._size = (x, y), box[:2] - (x, y), box[2:]
 
     def _follow(self, image: Image) -> Estimate:
@@ -165,8 +185,11 @@ def _total(values: NDArray[np.uint8], window: tuple[int, int, int, int]) -> floa
     return float(values[y : y + h, x : x + w].sum(dtype=np.int64))
 
 
-def make(name: str, *, seed: int, preset: str, **params: Any) -> Ncc | MeanShift:
-    """Make `ncc`, `opencv-meanshift` or `opencv-camshift`, which use no random numbers."""
+def make(name: str, *, seed: int, preset: str, **params: Any) -> BaseTracker:
+    """Make `oracle`, `stay`, `ncc`, `opencv-meanshift` or `opencv-camshift`, which use no random numbers."""
+    if name in ("oracle", "stay"):
+        Parameters.from_preset(name, preset, params)
+        return Oracle() if name == "oracle" else Stay()
     if name == "ncc":
         return Ncc(NccParameters.from_preset(name, preset, params))
     settings = MeanShiftParameters.from_preset(name, preset, params)
