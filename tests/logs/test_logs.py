@@ -290,11 +290,11 @@ def test_a_run_logs_its_first_seed(tmp_path: Path, closed: bool):
     plan = make_plan([scenario], ["oracle"], [0, 1], overrides=SMALL, controllers=controllers)
     store = run(plan, tmp_path / "run", videos="none", logs=["mcap", "rerun"])
     first, second = list(plan.episodes())
-    assert store.log_file(first, "rerun").stat().st_size > 10_000
-    assert not store.log_file(second, "mcap").exists()
-    found = messages(store.log_file(first, "mcap"))
+    assert (store.path / f"logs/{first.path}.rrd").stat().st_size > 10_000
+    assert not (store.path / f"logs/{second.path}.mcap").exists()
+    found = messages(store.path / f"logs/{first.path}.mcap")
     true_boxes = np.stack([*store.frame_columns(store.results[0], ["box"])["box"]])
-    read = read_sequence(store.log_file(first, "mcap"))
+    read = read_sequence(store.path / f"logs/{first.path}.mcap")
     assert len(true_boxes) == len(read) == len(found["/tf"])
     assert abs(read.truth - true_boxes).max() < 1e-9
     assert ("/cmd_vel" in found) == closed

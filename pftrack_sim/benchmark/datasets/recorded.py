@@ -12,9 +12,8 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
-from pftrack_sim.benchmark.running.error_log import error_text
 from pftrack_sim.benchmark.running.rollout import Sink, recorded, rollout
-from pftrack_sim.benchmark.running.sinks import picture, video_writer
+from pftrack_sim.benchmark.running.sinks import error_text, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
 from pftrack_sim.core import boxes, random_streams
 from pftrack_sim.core.boxes import Box

@@ -28,12 +28,10 @@ from pftrack_sim.benchmark.kept.episode_file import (
     write_result,
 )
 from pftrack_sim.benchmark.keys import differences, environment
-from pftrack_sim.benchmark.running.episode_log import episode_log
-from pftrack_sim.benchmark.running.error_log import ErrorLog
 from pftrack_sim.benchmark.running.frame_cache import DamagedEntry, EntryWriter, FrameCache
 from pftrack_sim.benchmark.running.people_scores import has_tracks, people_scores
 from pftrack_sim.benchmark.running.rollout import Driver, Sample, Sink, detected, drive, rollout, simulated
-from pftrack_sim.benchmark.running.sinks import FollowLog, TruthLog, picture, video_writer
+from pftrack_sim.benchmark.running.sinks import ErrorLog, FollowLog, TruthLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.env import TrackAndFollowEnv

@@ -10,10 +10,8 @@ from pathlib import Path
 import cv2
 
 from pftrack_sim.benchmark.kept.files import slug, write_bytes
-from pftrack_sim.benchmark.running.episode_log import episode_log
-from pftrack_sim.benchmark.running.error_log import ErrorLog
 from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step, rollout, simulated
-from pftrack_sim.benchmark.running.sinks import picture, video_writer
+from pftrack_sim.benchmark.running.sinks import ErrorLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.records import Image

@@ -1,29 +1,31 @@
-"""Sinks of a rollout: videos, digests of frames, the truth, the course of the robot."""
+"""Sinks of a rollout: videos, logs, errors, digests of frames, the truth, the course of the robot."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 from av.error import FFmpegError
 
 from pftrack_sim.benchmark.kept.episode_file import SENSORS, Column, PeopleLog, column
 from pftrack_sim.benchmark.kept.files import atomic_write
 from pftrack_sim.benchmark.running.people_scores import TrueTracks
-from pftrack_sim.benchmark.running.rollout import Sample, Step
+from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.palette import colours_of
 from pftrack_sim.core.proprioception import RANGES
 from pftrack_sim.core.records import Frame, Image, Truth
 from pftrack_sim.core.text import one_line
+from pftrack_sim.logs import LogFrame, LogInfo, log_format, log_writer
 from pftrack_sim.render.overlay import draw_frame, draw_recorded
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.score import following
@@ -201,3 +203,82 @@ class FollowLog:
         goal = following.FollowTask(task.distance_m, task.distance_limit_m, limit_rad, frame_count)
         scores = {f"follow_{name}": value for name, value in following.summarise(path, goal).as_dict().items()}
         return {**scores, "outcome": info["outcome"], "collided_with": info["collision"], "clipped": info["clipped"]}
+
+
+@contextlib.contextmanager
+def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequence[TrackerRunner]) -> Generator[Sink]:
+    """Write a log of an episode; the file appears under its name when it is complete.
+
+    Args:
+        path: File to write; its suffix gives the format.
+        name: Of the episode, for people.
+        settings: The resolved scenario.
+        runners: The trackers.
+
+    Yields:
+        A sink for samples with proprioception and robot pose.
+
+    Raises:
+        ParameterError: No format has this suffix.
+        RunError: The format's library is missing, or the file cannot be written.
+    """
+    robot = settings.robot
+    turn, pan, tilt = (math.radians(one) for one in (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s))
+    labels = tuple(runner.spec.label for runner in runners)
+    info = LogInfo(name, settings.camera.rate_hz, labels, (robot.max_speed_m_s, turn, pan, tilt))
+    form = log_format(path)
+    with atomic_write(path) as part, log_writer(form, part, info) as add:
+
+        def sink(step: Step) -> None:
+            sample = step.sample
+            assert sample.frame is not None
+            add(
+                LogFrame(
+                    sample.frame,
+                    sample.info["robot_pose"],
+                    np.asarray(sample.observation["proprio"], dtype=np.float64),
+                    {runner.spec.label: runner.estimates[-1] for runner in runners},
+                    {runner.spec.label: runner.ms[-1] for runner in runners},
+                    None if step.info is None else np.asarray(step.info["command"], dtype=np.float64),
+                )
+            )
+
+        yield sink
+
+
+class ErrorLog:
+    """A sink that keeps the frame in which a tracker ended with an error.
+
+    Args:
+        runners: The trackers.
+        labels: All trackers of the run; default: those of the runners.
+    """
+
+    def __init__(self, runners: Sequence[TrackerRunner], labels: Sequence[str] = ()) -> None:
+        self._runners = runners
+        self._labels = labels or [runner.spec.label for runner in runners]
+        self._pictures: dict[str, bytes] = {}
+
+    def __call__(self, step: Step) -> None:
+        """Look for new errors."""
+        for runner in self._runners:
+            label = runner.spec.label
+            if runner.error is not None and label not in self._pictures:
+                drawn = picture(step.sample, [runner], self._labels, last=True)
+                self._pictures[label] = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))[1].tobytes()
+
+    def files(self, stems: Iterable[str]) -> dict[str, bytes]:
+        """Picture and text of each error, by name: the given stem of each tracker, with `.png` and `.txt`."""
+        found: dict[str, bytes] = {}
+        for stem, runner in zip(stems, self._runners, strict=True):
+            if runner.error is not None:
+                found[f"{stem}.png"] = self._pictures[runner.spec.label]
+                found[f"{stem}.txt"] = error_text(runner).encode()
+        return found
+
+
+def error_text(runner: TrackerRunner) -> str:
+    """Error of a tracker in lines: where it happened, the traceback, and what was printed."""
+    parts = [f"{runner.spec.label} ended with an error, {runner.error}", runner.traceback]
+    parts += [f"It printed:\n{runner.printed}"] if runner.printed else []
+    return "\n\n".join(part for part in parts if part) + "\n"
