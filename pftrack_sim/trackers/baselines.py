@@ -1,4 +1,4 @@
-"""Baselines: the first box and the ground truth at both ends of the scale, template matching, and mean shift."""
+"""Baselines that use the image: template matching and mean shift."""
 
 from __future__ import annotations
 
@@ -19,29 +19,6 @@ from pftrack_sim.trackers.parameters import Parameters
 
 HUE_COUNT = 180  # OpenCV's 8-bit hue has steps of two degrees
 Byte: TypeAlias = Annotated[int, Field(ge=0, le=255)]
-
-
-class Stay(BaseTracker):
-    """Returns the first box in every frame: the least score of a useful tracker."""
-
-    def _start(self, image: Image, box: Box) -> None:
-        self._box = box
-
-    def _follow(self, image: Image) -> Estimate:
-        return Estimate(self._box)
-
-
-class Oracle(Stay):
-    """Returns the ground truth (`NeedsTruth`): the highest possible score.
-
-    While the target is not in the image (a box that is NaN or without area), the last valid box is repeated.
-    """
-
-    def receive_truth(self, box: Box) -> None:
-        """See `NeedsTruth.receive_truth`."""
-        truth = np.array(box, dtype=np.float64)
-        if truth.shape == (4,) and np.isfinite(truth).all() and boxes.area(truth) > 0.0:
-            self._box = truth
 
 
 class NccParameters(Parameters):
@@ -185,11 +162,8 @@ def _total(values: NDArray[np.uint8], window: tuple[int, int, int, int]) -> floa
     return float(values[y : y + h, x : x + w].sum(dtype=np.int64))
 
 
-def make(name: str, *, seed: int, preset: str, **params: Any) -> BaseTracker:
-    """Make `oracle`, `stay`, `ncc`, `opencv-meanshift` or `opencv-camshift`, which use no random numbers."""
-    if name in ("oracle", "stay"):
-        Parameters.from_preset(name, preset, params)
-        return Oracle() if name == "oracle" else Stay()
+def make(name: str, *, seed: int, preset: str, **params: Any) -> Ncc | MeanShift:
+    """Make `ncc`, `opencv-meanshift` or `opencv-camshift`, which use no random numbers."""
     if name == "ncc":
         return Ncc(NccParameters.from_preset(name, preset, params))
     settings = MeanShiftParameters.from_preset(name, preset, params)

@@ -62,10 +62,10 @@ _BUILTIN = {  # name: (module, description)
     "opencv-nano": ("opencv", f"OpenCV's TrackerNano; {_FILES}: backbone, neckhead"),
     "opencv-tld": ("opencv", f"OpenCV's TrackerTLD; {_CONTRIB}"),
     "opencv-vit": ("opencv", "OpenCV's TrackerVit; needs a model file: model"),
-    "oracle": ("baselines", "the ground truth"),
+    "oracle": ("reference", "the ground truth"),
     "pftrack": ("pftrack.tracker", "correlation filter with colour, scale, camera motion and an occlusion test"),
     "sidibe2010": ("relatives.sidibe2010", "Sidibe et al. 2010: particle filter on colour and visual saliency"),
-    "stay": ("baselines", "the first box in every frame"),
+    "stay": ("reference", "the first box in every frame"),
     "yang2005": (
         "relatives.yang2005",
         "Yang et al. 2005: quasi-random particles through a cascade of observations",
