@@ -1,20 +1,23 @@
-"""Numbered images, and text files of numbers, as all layouts have them."""
+"""Numbered images, frames of a video, and text files of numbers, as all layouts have them."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Generator
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, TypeAlias, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar
 
+import av
 import numpy as np
+from av.error import FFmpegError
 from pydantic import BaseModel, Field, ValidationError
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats.video_file import probe
 
 MAX_TEXT_BYTES = 64 << 20
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
@@ -139,3 +142,35 @@ def number(value: float) -> str:
     """
     text = f"{value:.5f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
+
+
+def probe(path: Path) -> tuple[int, float | None]:
+    """Number of frames, and frames per second where the file tells.
+
+    Raises:
+        SequenceError: It is no video.
+    """
+    try:
+        with av.open(str(path)) as opened:
+            container: Any = opened
+            stream = container.streams.video[0]
+            rate = stream.average_rate
+            count = sum(1 for packet in container.demux(stream) if packet.size)
+    except (FFmpegError, OSError, IndexError) as error:
+        problem = getattr(error, "strerror", None) or "it has no video stream"
+        raise SequenceError(f"{path}: cannot be read as a video: {one_line(str(problem))}") from None
+    return count, float(rate) if rate else None
+
+
+def decode(path: Path) -> Generator[Image]:
+    """Frames `(H, W, 3)` uint8 RGB in the order in which they are shown.
+
+    Raises:
+        SequenceError: The file is damaged.
+    """
+    try:
+        with av.open(str(path)) as container:
+            for frame in container.decode(video=0):
+                yield np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+    except (FFmpegError, OSError) as error:
+        raise SequenceError(f"{path}: is damaged: {one_line(str(error.strerror or error))}") from None

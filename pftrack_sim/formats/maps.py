@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.core.errors import SequenceError, UnknownNameError
+from pftrack_sim.core.errors import UnknownNameError
 from pftrack_sim.core.types import BoolArray, FloatArray
 
 MapKind: TypeAlias = Literal["depth", "masks", "flow"]
@@ -36,20 +36,9 @@ def encode_depth(depth_m: FloatArray) -> bytes:
     return _png(np.where(values <= _LARGEST, values, 0.0).astype(np.uint16))
 
 
-def decode_depth(content: bytes) -> FloatArray:
-    """`(H, W)` depth [m]; infinite where it is unknown."""
-    values = _decoded(content).astype(np.float64)
-    return np.where(values > 0.0, values / _PER_METRE, np.inf)
-
-
 def encode_masks(identities: NDArray[np.uint16]) -> bytes:
     """PNG of `(H, W)` identities; 0 for none."""
     return _png(identities)
-
-
-def decode_masks(content: bytes) -> NDArray[np.uint16]:
-    """`(H, W)` identities; 0 for none."""
-    return _decoded(content)
 
 
 def encode_flow(flow: FloatArray, known: BoolArray) -> bytes:
@@ -61,21 +50,6 @@ def encode_flow(flow: FloatArray, known: BoolArray) -> bytes:
     return _png(np.stack([kept, down, across], axis=2).astype(np.uint16))
 
 
-def decode_flow(content: bytes) -> tuple[FloatArray, BoolArray]:
-    """`(H, W, 2)` motion [px], and `(H, W)` where it is known; 0 elsewhere."""
-    values = _decoded(content)
-    known = np.asarray(values[..., 0] > 0)
-    flow = (values[..., [2, 1]].astype(np.float64) - _ZERO) / _PER_PIXEL
-    return np.where(known[..., None], flow, 0.0), known
-
-
 def _png(values: NDArray[np.uint16]) -> bytes:
     _, encoded = cv2.imencode(".png", values)
     return encoded.tobytes()
-
-
-def _decoded(content: bytes) -> NDArray[np.uint16]:
-    found = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if content else None
-    if found is None or found.dtype != np.uint16:
-        raise SequenceError("not a PNG of 16 bits")
-    return np.asarray(found, dtype=np.uint16)

@@ -41,10 +41,7 @@ class _BagSequence(RecordedSequence):
     topic: str = ""
     times_ns: tuple[int, ...] = field(default=())
 
-    def image(self, index: int) -> Image:
-        """See `RecordedSequence`."""
-        if not 0 <= index < len(self):
-            raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
+    def _read_image(self, index: int) -> Image:
         path, time_ns = self.paths[index], self.times_ns[index]
         repeated = self.times_ns[:index].count(time_ns)  # images logged at the same time keep their order
         # Images have the same definition in every bag: none has to be read from this one, which takes 30 ms.

@@ -84,6 +84,9 @@ class RecordedSequence:
         """
         if not 0 <= index < len(self):
             raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
+        return self._read_image(index)
+
+    def _read_image(self, index: int) -> Image:
         path = self.paths[index]
         try:
             content = read_bytes(path, MAX_IMAGE_BYTES)

@@ -11,9 +11,8 @@ import numpy as np
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats.files import VIDEO, number_rows, present_boxes
+from pftrack_sim.formats.files import VIDEO, decode, number_rows, present_boxes, probe
 from pftrack_sim.formats.sequence import RecordedSequence
-from pftrack_sim.formats.video_file import decode, probe
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,10 +21,7 @@ class _VideoSequence(RecordedSequence):
 
     decoder: list[tuple[int, Generator[Image]]] = field(default_factory=list[tuple[int, Generator[Image]]])
 
-    def image(self, index: int) -> Image:
-        """See `RecordedSequence`."""
-        if not 0 <= index < len(self):
-            raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
+    def _read_image(self, index: int) -> Image:
         at, frames = self.decoder.pop() if self.decoder else (0, decode(self.paths[0]))
         if at > self.start + index:
             frames.close()

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pftrack_sim.core.boxes import mask_box, polygon_box
 from pftrack_sim.core.errors import SequenceError
-from pftrack_sim.core.regions import mask_box, polygon_box
 from pftrack_sim.formats.files import box_lines, number, numbered_images, present_boxes, read_text
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 

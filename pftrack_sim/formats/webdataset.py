@@ -45,10 +45,7 @@ class _ShardSequence(RecordedSequence):
 
     members: tuple[tuple[str, int, int], ...] = ()
 
-    def image(self, index: int) -> Image:
-        """See `RecordedSequence`."""
-        if not 0 <= index < len(self):
-            raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
+    def _read_image(self, index: int) -> Image:
         name, start, size = self.members[index]
         try:
             with self.paths[index].open("rb") as shard:

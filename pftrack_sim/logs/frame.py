@@ -1,8 +1,9 @@
-"""What a log records of an episode and of each frame."""
+"""What a log records of an episode and of each frame, and under which names of trackers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import cv2
@@ -68,3 +69,18 @@ def encode_jpeg(image: Image) -> bytes:
     if not done:
         raise RunError("an image cannot be encoded as JPEG")
     return np.asarray(encoded, dtype=np.uint8).tobytes()
+
+
+def topics_of(labels: Iterable[str], prefix: str = "/trackers/") -> dict[str, str]:
+    """A topic for each label, all different: letters, digits and underscores only, as ROS 2 demands.
+
+    >>> topics_of(["ko2012[alpha=0.3]", "2d", "2d!"])
+    {'ko2012[alpha=0.3]': '/trackers/ko2012_alpha_0_3', '2d': '/trackers/t2d', '2d!': '/trackers/t2d_2'}
+    """
+    topics: dict[str, str] = {}
+    for label in labels:
+        name = re.sub(r"[^A-Za-z0-9]+", "_", label).strip("_") or "tracker"
+        topic = prefix + (f"t{name}" if name[0].isdigit() else name)
+        count = sum(1 for taken in topics.values() if taken == topic or re.fullmatch(rf"{topic}_\d+", taken))
+        topics[label] = topic if not count else f"{topic}_{count + 1}"
+    return topics

@@ -19,8 +19,7 @@ import numpy as np
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg
-from pftrack_sim.logs.topics import topics_of
+from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg, topics_of
 
 _TRUTH_COLOUR = (0, 200, 0)
 _COLOURS = ((230, 25, 75), (0, 130, 200), (245, 130, 48), (145, 30, 180), (0, 160, 160), (210, 160, 0))

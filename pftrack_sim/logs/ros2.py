@@ -24,8 +24,7 @@ from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, PROPRIO_INDEX, RANGE_
 from pftrack_sim.core.records import Truth
 from pftrack_sim.core.ros2_messages import type_store
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg
-from pftrack_sim.logs.topics import topics_of
+from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg, topics_of
 
 HALF_PIXEL = 0.5
 _Message: TypeAlias = dict[str, Any]

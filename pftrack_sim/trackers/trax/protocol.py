@@ -16,10 +16,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.boxes import Box, mask_box, polygon_box
 from pftrack_sim.core.errors import TrackerError
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.regions import mask_box, polygon_box
 from pftrack_sim.core.text import one_line
 
 MAX_LINE_BYTES = 256 * 1024 * 1024
