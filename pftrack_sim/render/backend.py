@@ -132,7 +132,6 @@ class Renderer(ABC):
     ) -> Image:
         """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop)."""
 
-    @abstractmethod
     def ids(
         self,
         data: mujoco.MjData,
@@ -146,7 +145,23 @@ class Renderer(ABC):
 
         Of the visible geoms those in the `(ngeom,)` mask are drawn; None draws all. The rectangle wanted is the whole
         image if None; its pixels equal those of the whole image to the bit.
+
+        Raises:
+            ParameterError: A rectangle that is not inside the image, or an invalid pose.
+            RenderError: There is no model.
         """
+        image = PixelRect(0, 0, self.width_px, self.height_px)
+        rect = image if rect is None else rect
+        if rect.width < 1 or rect.height < 1 or bounding_rect([rect, image]) != image:
+            raise ParameterError(f"the rectangle must lie in the {self.width_px} x {self.height_px} image, got {rect}")
+        drawn = self.visible_geoms if geoms is None else self.visible_geoms & geoms
+        return self._ids(data, checked_poses(T_world_camera), K, drawn, rect)
+
+    @abstractmethod
+    def _ids(
+        self, data: mujoco.MjData, pose: FloatArray, K: ArrayLike | float, geoms: BoolArray, rect: PixelRect
+    ) -> Segmentation:
+        """As `ids`, of these geoms in this rectangle."""
 
     def drawing(self) -> AbstractContextManager[None]:
         """A block in which several images are drawn: what they need is prepared once."""
@@ -186,14 +201,6 @@ class Renderer(ABC):
         self.near_m, self.far_m = clip_depths_m(model)
         self.visible_geoms = geoms_drawn(model)
         self.visible_geoms.setflags(write=False)
-
-    def _geoms_and_rect(self, geoms: BoolArray | None, rect: PixelRect | None) -> tuple[BoolArray, PixelRect]:
-        """The arguments of `ids` with their defaults."""
-        image = PixelRect(0, 0, self.width_px, self.height_px)
-        rect = image if rect is None else rect
-        if rect.width < 1 or rect.height < 1 or bounding_rect([rect, image]) != image:
-            raise ParameterError(f"the rectangle must lie in the {self.width_px} x {self.height_px} image, got {rect}")
-        return self.visible_geoms if geoms is None else self.visible_geoms & geoms, rect
 
 
 def checked_poses(T_world_camera: ArrayLike) -> FloatArray:

@@ -12,7 +12,7 @@ from pftrack_sim.camera.pinhole import Intrinsics, camera_matrix, focal_and_cent
 from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
-from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
+from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation
 from pftrack_sim.render.triangles import Triangles, model_triangles
 
 _SUBPIXEL = 1e-6  # Rounding of the places where a row crosses the edges of a triangle [px]
@@ -49,26 +49,19 @@ class IdRasteriser(Renderer):
         """Raise `RenderError`: there are no colours."""
         raise RenderError("this renderer draws no colours: it was opened for the truth without images")
 
-    def ids(
-        self,
-        data: mujoco.MjData,
-        T_world_camera: ArrayLike,
-        K: ArrayLike | float,
-        *,
-        geoms: BoolArray | None = None,
-        rect: PixelRect | None = None,
+    def _ids(
+        self, data: mujoco.MjData, pose: FloatArray, K: ArrayLike | float, geoms: BoolArray, rect: PixelRect
     ) -> Segmentation:
-        """Find the geom at each pixel; see `Renderer.ids`."""
+        """See `Renderer`."""
         if self._triangles is None:
             raise RenderError("this renderer has no model: rebind it")
-        geoms, rect = self._geoms_and_rect(geoms, rect)
         ids = np.full((rect.height, rect.width), -1, dtype=np.int32)
         inverse_depth = np.zeros((rect.height, rect.width), dtype=np.float32)
         fx, fy, cx, cy = focal_and_centre(camera_matrix(K, self.width_px, self.height_px))
+        window = fx, fy, cx - rect.left, cy - rect.top
         # A copy: for a read-only pose, the kernel would be compiled once more.
-        pose, window = np.array(checked_poses(T_world_camera), order="C"), (fx, fy, cx - rect.left, cy - rect.top)
-        poses = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3)
-        draw_triangles(np.flatnonzero(geoms), *self._triangles, *poses, pose, window, self.near_m, ids, inverse_depth)
+        poses = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3), np.array(pose, order="C")
+        draw_triangles(np.flatnonzero(geoms), *self._triangles, *poses, window, self.near_m, ids, inverse_depth)
         return Segmentation(rect, ids, inverse_depth)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.camera.pinhole import Intrinsics, camera_matrix, focal_and_centre
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.types import BoolArray
+from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.resources import Resources
@@ -105,23 +105,16 @@ class Rasteriser(Renderer):
         image = cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB)
         return np.asarray(cv2.flip(image, 0, image), dtype=np.uint8)
 
-    def ids(
-        self,
-        data: mujoco.MjData,
-        T_world_camera: ArrayLike,
-        K: ArrayLike | float,
-        *,
-        geoms: BoolArray | None = None,
-        rect: PixelRect | None = None,
+    def _ids(
+        self, data: mujoco.MjData, pose: FloatArray, K: ArrayLike | float, geoms: BoolArray, rect: PixelRect
     ) -> Segmentation:
-        """Find the geom at each pixel; see `Renderer.ids`.
+        """See `Renderer`.
 
         The whole image is drawn whatever the rectangle: clipped to a smaller view, triangles would be rounded to other
         subpixels, and the rectangle would differ from the same pixels of the whole image.
         """
         scene, size = self._bound_scene(), (self.width_px, self.height_px)
-        geoms, rect = self._geoms_and_rect(geoms, rect)
-        drawn, geom_of_code = scene.ids_scene(data, checked_poses(T_world_camera), self._intrinsics(K), size, geoms)
+        drawn, geom_of_code = scene.ids_scene(data, pose, self._intrinsics(K), size, geoms)
         pixels = self._pixels.reshape(-1)[: 4 * rect.width * rect.height].reshape(rect.height, rect.width, 4)
         inverse_depth = np.empty((rect.height, rect.width), dtype=np.float32)
         area = mujoco.MjrRect(rect.left, self.height_px - rect.top - rect.height, rect.width, rect.height)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.types import BoolArray
+from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
 from pftrack_sim.render.warp import kernels, rays
 from pftrack_sim.render.warp.scene import SceneArrays
@@ -71,25 +71,18 @@ class Raycaster(Renderer):
         drawn = np.array(image.numpy(), dtype=np.uint8).reshape(self.height_px, width, 3)
         return drawn if rows is None else drawn[rows]
 
-    def ids(
-        self,
-        data: mujoco.MjData,
-        T_world_camera: ArrayLike,
-        K: ArrayLike | float,
-        *,
-        geoms: BoolArray | None = None,
-        rect: PixelRect | None = None,
+    def _ids(
+        self, data: mujoco.MjData, pose: FloatArray, K: ArrayLike | float, geoms: BoolArray, rect: PixelRect
     ) -> Segmentation:
-        """Find the geom at each pixel; see `Renderer.ids`. Only the rectangle is cast, and only at the given geoms."""
+        """See `Renderer`; only the rectangle is cast, and only at the given geoms."""
         arrays = self._bound_arrays()
-        geoms, rect = self._geoms_and_rect(geoms, rect)
         arrays.update_poses(data)
         shape = rect.height, rect.width
         ids, inverse_depth = np.full(shape, -1, dtype=np.int32), np.zeros(shape, dtype=np.float32)
         bvh, _owner = arrays.bvh(geoms)
         if bvh.count:
             on_device = wp.zeros(ids.size, dtype=int), wp.zeros(ids.size, dtype=float)
-            inputs = [arrays.geoms, arrays.appearance, bvh, self._camera(T_world_camera, K), wp.vec4i(*rect)]
+            inputs = [arrays.geoms, arrays.appearance, bvh, self._camera(pose, K), wp.vec4i(*rect)]
             wp.launch(kernels.cast_ids, dim=ids.size, inputs=inputs, outputs=on_device)
             ids[:], inverse_depth[:] = (values.numpy().reshape(shape) for values in on_device)
         return Segmentation(rect, ids, inverse_depth)
