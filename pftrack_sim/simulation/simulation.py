@@ -26,7 +26,6 @@ from pftrack_sim.render.selection import check_name, open_id_renderer, open_rend
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
 from pftrack_sim.scene.people.person import TRUNK
-from pftrack_sim.simulation.camera_mount import CameraMount
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.geometry import SceneGeometry
 from pftrack_sim.truth.observer import TruthObserver
@@ -209,12 +208,11 @@ class Simulation:
         return self._take_frame()
 
     def _observe(self, renderer: Renderer) -> None:
-        """Observe the truth, and what the camera sees of its mount, with this renderer."""
+        """Observe the truth with this renderer."""
         settings, world = self.settings, self.world
         parts = TRUNK if settings.target.init == "torso" else ()
         size = (settings.camera.width_px, settings.camera.height_px)
         self._truth = TruthObserver(world.model, world.people, renderer, self._K, size, parts)
-        self._mount = CameraMount(world.model)
 
     def _bind_renderer(self, world: World, size: tuple[int, int]) -> Renderer:
         """The renderer, bound to the new model; opened again where the size has changed."""
@@ -241,7 +239,7 @@ class Simulation:
         """Record the poses of a camera frame, delivered or not; the camera's with the vibration of its mount."""
         world, rest = self.world, self.world.camera_pose()
         self._T_world_camera = self._shake.displace(rest, world.time_s)
-        self._mount.follow(world.data, rest, self._T_world_camera)
+        world.displace_mount(self._T_world_camera)
         if self._frame_capture is not None:
             self._frame_capture.record(world.data, world.time_s, rest, world.root_poses())
 

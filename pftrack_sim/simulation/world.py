@@ -26,6 +26,7 @@ from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.render.backend import geoms_drawn
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.carried import Item, grips_s
 from pftrack_sim.scenario.groups import Group
@@ -37,6 +38,8 @@ from pftrack_sim.scene.robot import RobotForm
 from pftrack_sim.simulation.dry_run import DryRun, Sample, simulated
 from pftrack_sim.simulation.feasibility import path_problems, placement_problems, planned_seats, seat_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
+
+_MOUNT = ("robot/mast", "robot/pan", "robot/head")  # Bodies that carry the camera
 
 
 class World:
@@ -95,6 +98,8 @@ class World:
         self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
         rng = random_streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
+        mount = [self.model.body(name).id for name in _MOUNT]
+        self._mount_geoms = np.flatnonzero(geoms_drawn(self.model) & np.isin(self.model.geom_bodyid, mount))
         self._ticks = 0
         self._collision: str | None = None
         self.robot.reset(self.data)
@@ -138,6 +143,16 @@ class World:
     def camera_pose(self) -> FloatArray:
         """`(4, 4)` T_world_camera of the camera on its mast, before any vibration of the mount."""
         return self._state.T_world_camera.copy()
+
+    def displace_mount(self, T_world_camera: FloatArray) -> None:
+        """Displace mast and head with the camera, which would otherwise see them, until it moves again.
+
+        `T_world_camera` is the `(4, 4)` camera pose with the vibration of its mount.
+        """
+        data, geoms, rest = self.data, self._mount_geoms, self._state.T_world_camera
+        rotation = T_world_camera[:3, :3] @ rest[:3, :3].T
+        data.geom_xpos[geoms] = (data.geom_xpos[geoms] - rest[:3, 3]) @ rotation.T + T_world_camera[:3, 3]
+        data.geom_xmat[geoms] = (rotation @ data.geom_xmat[geoms].reshape(-1, 3, 3)).reshape(-1, 9)
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""

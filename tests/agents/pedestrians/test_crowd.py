@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.avoidance import MOVER, VEHICLE_EXTRA_M, accelerate, move
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.goal_manager import PaceChanges
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
@@ -201,23 +200,3 @@ def test_distractors_pause_and_change_their_pace_as_often_as_asked():
     assert speeds.max() < 2.2
     PaceChanges(rngs, 0.0, now).update(1e6)
     assert (now == 1.0).all()
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_people_who_are_packed_are_shifted_apart_and_out_of_walls_within_a_second(seed: int) -> None:
-    """Distances that the barriers could not keep are restored, except where there is no room at all."""
-    rng = np.random.default_rng(seed)
-    obstacles = ObstacleMap(HALL)
-    movers = np.zeros(8, MOVER)
-    movers["x"], movers["y"] = 14.0 + rng.normal(0.0, 0.5, 8), 1.6 + rng.normal(0.0, 0.5, 8)  # On a bench
-    movers["waypoint_x"], movers["speed"], movers["pace"], movers["reaction"] = 14.0, 1.2, 1.0, 1.0
-    movers["extra_m"][0], movers["reaction"][0] = VEHICLE_EXTRA_M, 0.0
-    standing = movers[:1].copy()
-    for _ in range(60):
-        accelerate(movers, obstacles.rectangles)
-        move(movers, obstacles.rectangles, TICK_S)
-    positions = np.stack([movers["x"], movers["y"]], axis=1)
-    assert gaps(positions[None, 1:]).min() > 0.45
-    assert np.hypot(*(positions[1:] - positions[0]).T).min() > 0.72
-    assert obstacles.clearance_m(positions[1:]).min() > 0.26
-    assert (movers[:1] == standing).all()
