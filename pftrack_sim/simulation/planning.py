@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -95,15 +96,12 @@ def _plan_occluders(settings: ResolvedScenario, plan: Plan, run: DryRun, problem
     names = occluder_names(occluders)
     for index in sorted(range(len(occluders)), key=lambda index: names[index] is None):
         occluder, name = occluders[index], names[index]
-        try:
+        with _collected(problems):
             if name is None:
                 crossings.append(plan_crossing(occluder, run, layout, f"occluders.{index}"))
             else:
-                placement = plan_static(occluder, run, layout, f"occluders.{index}")
-                placements[name] = placement
+                placements[name] = placement = plan_static(occluder, run, layout, f"occluders.{index}")
                 layout = replace(layout, footprints=(*layout.footprints, placement.footprint(name)))
-        except ParameterError as error:
-            problems.append(str(error))
     return Plan(layout, placements, tuple(crossings))
 
 
@@ -123,11 +121,9 @@ def _plan_axis_occlusions(settings: ResolvedScenario, plan: Plan, run: DryRun, p
             occupied.append(crossings[-1].depth)
         shifts = sorted(np.round(np.arange(0.3, 0.7001, 0.05) - axis.depth, 3).tolist(), key=abs)
         free = [shift for shift in shifts if all(abs(axis.depth + shift - depth) >= _DEPTH_GAP for depth in occupied)]
-        try:
+        with _collected(problems):
             title = f"axes.occlusion, occlusion {number}"
             crossings.append(plan_axis_crossing(axis, occluder, run, plan.layout, title, tuple(free or shifts)))
-        except ParameterError as error:
-            problems.append(str(error))
     if not names:
         return replace(plan, crossings=(*plan.crossings, *crossings))
     sizes = [CartSize(crossing.half_width_m, cart_height_m(axis, crossing, run)) for crossing in crossings]
@@ -138,10 +134,8 @@ def _plan_lookalike_crossings(settings: ResolvedScenario, plan: Plan, run: DryRu
     """Plan the look-alikes of the stress axis that cross between camera and target."""
     crossings: list[Crossing] = []
     for number, walker in enumerate(distractor_crossings(settings.axes.distractors), start=1):
-        try:
+        with _collected(problems):
             crossings.append(plan_crossing(walker, run, plan.layout, f"axes.distractors, crossing {number}"))
-        except ParameterError as error:
-            problems.append(str(error))
     return replace(plan, crossings=(*plan.crossings, *crossings))
 
 
@@ -170,14 +164,21 @@ def _plan_oncoming(
             # Seen from the side, a pedestrian on the far side of the target is in view and does not cover it.
             side = -1 if lateral > 0.0 else 1
         name = f"axes.distractors, pedestrian {number + 1}"
-        try:
-            oncoming = plan_oncoming_pass(
-                at_s, meeting_s_m, axis.distance_m, speed, path, obstacles, side, name, waiting_places
+        with _collected(problems):
+            passes.append(
+                plan_oncoming_pass(
+                    at_s, meeting_s_m, axis.distance_m, speed, path, obstacles, side, name, waiting_places
+                )
             )
-        except ParameterError as error:
-            problems.append(str(error))
-            continue
-        passes.append(oncoming)
-        if oncoming.waiting_m is not None:
-            waiting_places = waiting_places[(waiting_places != oncoming.waiting_m).any(axis=1)]
+            if passes[-1].waiting_m is not None:
+                waiting_places = waiting_places[(waiting_places != passes[-1].waiting_m).any(axis=1)]
     return tuple(passes)
+
+
+@contextmanager
+def _collected(problems: list[str]) -> Generator[None]:
+    """Add the message of a request that is impossible to the others."""
+    try:
+        yield
+    except ParameterError as error:
+        problems.append(str(error))

@@ -51,11 +51,7 @@ class GroupMember:
         stance = self._place(0.0, target_s_m)
         soon = self._place(0.01, target_s_m)
         state[:] = stance.x_m, stance.y_m, (soon.x_m - stance.x_m) / 0.01, (soon.y_m - stance.y_m) / 0.01
-        self.posture = stance.posture
-        if stance.heading_rad is not None:
-            return stance.heading_rad
-        moves = math.hypot(*state[2:]) > _STANDS_M_S
-        return math.atan2(state[3], state[2]) if moves else _bearing(state, target_m)
+        return self._heading(stance, state, target_m)
 
     def track(self, times_s: FloatArray) -> FloatArray:
         """`(T, 2)` positions [m] at `(T,)` times, of a member whose motion does not depend on the target."""
@@ -68,13 +64,18 @@ class GroupMember:
         x, y = state[:2].tolist()
         stance = self._place(time_s, target_s_m)
         state[:] = stance.x_m, stance.y_m, (stance.x_m - x) / dt_s, (stance.y_m - y) / dt_s
+        turn = math.remainder(self._heading(stance, state, target_m) - heading, 2.0 * math.pi)
+        return heading + min(max(turn, -_TURN_RAD_S * dt_s), _TURN_RAD_S * dt_s)
+
+    def _heading(self, stance: Stance, state: FloatArray, target_m: FloatArray) -> float:
+        """Take the posture of a stance, and return its heading: its own, that of the motion, or to the target."""
         self.posture = stance.posture
         if stance.heading_rad is not None:
             return stance.heading_rad
-        moves = math.hypot(*state[2:]) > _STANDS_M_S
-        wanted = math.atan2(state[3], state[2]) if moves else _bearing(state, target_m)
-        turn = math.remainder(wanted - heading, 2.0 * math.pi)
-        return heading + min(max(turn, -_TURN_RAD_S * dt_s), _TURN_RAD_S * dt_s)
+        x, y, vx, vy = state.tolist()
+        if math.hypot(vx, vy) > _STANDS_M_S:
+            return math.atan2(vy, vx)
+        return math.atan2(target_m[1] - y, target_m[0] - x)
 
 
 def group_members(groups: Sequence[Group], target_path: Path) -> list[GroupMember]:
@@ -112,7 +113,3 @@ def _walked_m(time_s: float, speed_m_s: float, length_m: float) -> float:
     if since_s <= 0.0:
         return speed_m_s * time_s
     return length_m - 0.5 * _STOPPING_M_S2 * max(slowing_s - since_s, 0.0) ** 2
-
-
-def _bearing(state: FloatArray, point_m: FloatArray) -> float:
-    return math.atan2(point_m[1] - state[1], point_m[0] - state[0])

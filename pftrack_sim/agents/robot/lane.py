@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import math
 from functools import lru_cache
 
@@ -44,7 +43,6 @@ class Lane:
         # Both paths continue straight beyond their ends: there one metre is one metre.
         self._target_s_m = np.concatenate([target_s_m[:1] - _FAR_M, target_s_m, target_s_m[-1:] + _FAR_M])
         self._s_m = np.concatenate([s_m[:1] - _FAR_M, s_m, s_m[-1:] + _FAR_M])
-        self._knots: tuple[list[float], list[float]] = self._target_s_m.tolist(), self._s_m.tolist()
         self.start_m = self.abreast(0.0)[0]
 
     @classmethod
@@ -103,15 +101,9 @@ class Lane:
 
     def abreast(self, target_s_m: float) -> tuple[float, float]:
         """Arc length abreast of the target [m], and its change per metre of the target, averaged over half a metre."""
-        low, here, high = (self._at(target_s_m + ahead_m) for ahead_m in (-0.25, 0.0, 0.25))
+        places = np.interp((target_s_m - 0.25, target_s_m, target_s_m + 0.25), self._target_s_m, self._s_m)
+        low, here, high = places.tolist()
         return here, (high - low) / 0.5
-
-    def _at(self, target_s_m: float) -> float:
-        """Arc length abreast of the target, as by `np.interp`, in a fraction of its time."""
-        x, y = self._knots
-        after = min(max(bisect.bisect_right(x, target_s_m), 1), len(x) - 1)
-        before = after - 1
-        return (y[after] - y[before]) / (x[after] - x[before]) * (target_s_m - x[before]) + y[before]
 
 
 @lru_cache(maxsize=8)
