@@ -37,7 +37,8 @@ class _Frame(NamedTuple):
     """What is known of everybody in one frame before silhouettes are looked at.
 
     Attributes:
-        boxes: Amodal and swept box [px] of a person.
+        amodal: Amodal box [px] of a person.
+        swept: `(P, 4)` swept boxes [px]; None where they are the amodal ones.
         before: Amodal box of a person in the frame before; None for the first frame.
         pelvis_m: `(P, 3)` places of the pelvises.
         roots: `(P, 4, 4)` root poses.
@@ -46,7 +47,8 @@ class _Frame(NamedTuple):
         time_s: Time since the start of the episode.
     """
 
-    boxes: Callable[[int], tuple[FloatArray, FloatArray]]
+    amodal: Callable[[int], FloatArray]
+    swept: FloatArray | None
     before: Callable[[int], FloatArray] | None
     pelvis_m: FloatArray
     roots: FloatArray
@@ -162,11 +164,9 @@ class TruthObserver:
         def box(person: int) -> FloatArray:
             return view.all.boxes[person] if person else view.first.boxes[1 if self._has_parts else 0]
 
-        def amodal_and_swept(person: int) -> tuple[FloatArray, FloatArray]:
-            return (amodal := box(person)), amodal
-
         frame = _Frame(
-            amodal_and_swept,
+            box,
+            None,
             self._before,
             data.xpos[self._pelvis],
             np.array(T_world_people, dtype=np.float64),
@@ -208,7 +208,8 @@ class TruthObserver:
         pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
         amodal, swept = self._of_people(projection.amodal_boxes), self._of_people(projection.swept_boxes)
         frame = _Frame(
-            lambda person: (amodal[person], swept[person]),
+            amodal.__getitem__,
+            swept,
             self._before,
             captured.body_positions[self._pelvis],
             np.asarray(roots, dtype=np.float64),
@@ -258,7 +259,7 @@ class TruthObserver:
 
     def _truth(self, frame: _Frame, person: int, silhouette: Silhouette | None, image: Image | None) -> Truth | None:
         """Truth of a person; None for others than the target without an amodal pixel in the image."""
-        box, truncation = _clipped(frame.boxes(person)[0], *self._size)
+        box, truncation = _clipped(frame.amodal(person), *self._size)
         inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
         if person and not inside:
             return None
@@ -287,14 +288,14 @@ class TruthObserver:
     def _known(self, frame: _Frame, person: int, box: FloatArray, truncation: float) -> dict[str, Any]:
         """Fields of a person's truth that do not depend on silhouettes."""
         box.setflags(write=False)
-        amodal, swept = frame.boxes(person)
+        amodal = frame.amodal(person)
         motion_px = 0.0 if frame.before is None else math.dist(_centre(amodal), _centre(frame.before(person)))
         frozen = frozen_array(amodal)
         return {
             "name": self._people[person],
             "box": box,
             "amodal_box": frozen,
-            "swept_box": frozen if swept is amodal else frozen_array(swept),
+            "swept_box": frozen if frame.swept is None else frozen_array(frame.swept[person]),
             "truncation": truncation,
             "distance_m": math.dist(frame.pelvis_m[person].tolist(), frame.pose[:3, 3].tolist()),
             "T_world_camera": frame.pose,
