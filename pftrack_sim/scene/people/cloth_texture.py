@@ -35,7 +35,9 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> Image:
     rng = np.random.default_rng(garment.texture_seed)
     shares = _accent_shares(garment.pattern, down[:, None], around, garment.scale_m / PIXEL_M, rng)
     buttoned = name == "top" and outfit.open_front
-    dyed = (colour + (accent - colour) * shares.astype(np.float32)) * _shading(name, garment.texture_seed % 8, buttoned)
+    dyed = (colour + (accent - colour) * shares.astype(np.float32)) * _shading(name, garment.texture_seed % 8)
+    if buttoned:
+        dyed[..., np.abs(around) < 1.6] *= 0.62
     image = np.asarray(cv2.convertScaleAbs(cv2.merge([*dyed])), np.uint8)
     if name == "shoes":
         image[int(0.80 * height) :] = garment.accent
@@ -52,21 +54,19 @@ def _sew(image: Image, rows: BoolArray, columns: BoolArray, share: float, colour
     image[pixels] = blended.round()
 
 
-@lru_cache(maxsize=32)
-def _shading(name: GarmentName, seed: int, buttoned: bool) -> NDArray[np.float32]:
+@lru_cache(maxsize=24)
+def _shading(name: GarmentName, seed: int) -> NDArray[np.float32]:
     """`(h, w)` brightness of a garment by its folds, hems, seams and belt; read-only."""
     shading = _folds(name, seed)
     height, width = shading.shape
-    from_front = np.abs(np.arange(width, dtype=float) - 0.5 * width)
     match name:
         case "top":
             shading[-5:] *= 0.80
             shading[:3] *= 0.80
-            if buttoned:
-                shading[:, from_front < 1.6] *= 0.62
         case "bottom":
             # Side seams and a belt.
-            shading[:, np.abs(from_front - 0.25 * width) < 1.2] *= 0.82
+            around = np.arange(width, dtype=float) % (0.5 * width) - 0.25 * width
+            shading[:, np.abs(around) < 1.2] *= 0.82
             shading[:5] *= 0.45
         case "shoes":
             shading[int(0.78 * height) : int(0.80 * height)] *= 0.6
