@@ -32,26 +32,28 @@ def _inject(content: bytes) -> None:
         os.write(fd, content)
 
 
+def _inject_and_wait(content: bytes) -> None:
+    _inject(content)
+    time.sleep(3600)
+
+
 def _message(content: bytes) -> bytes:
     return struct.pack("!Q", len(content)) + content
 
 
 @attack
 def half_a_reply(image: np.ndarray) -> Any:
-    _inject(struct.pack("!Q", 1000) + b"0123456789")
-    time.sleep(3600)
+    _inject_and_wait(struct.pack("!Q", 1000) + b"0123456789")
 
 
 @attack
 def half_a_length(image: np.ndarray) -> Any:
-    _inject(b"\0\0\0")
-    time.sleep(3600)
+    _inject_and_wait(b"\0\0\0")
 
 
 @attack
 def half_a_reply_of_multiprocessing(image: np.ndarray) -> Any:
-    _inject(struct.pack("!i", 1000) + b"0123456789")
-    time.sleep(3600)
+    _inject_and_wait(struct.pack("!i", 1000) + b"0123456789")
 
 
 @attack

@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -28,6 +29,16 @@ POSE = looking((0, 0, 1.2), (5, 0, 1))
 def resident_mb() -> float:
     with open("/proc/self/statm") as file:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def assert_memory_stays(once: Callable[[int], None]):
+    for index in range(60):
+        once(index)
+    before = resident_mb()
+    for index in range(300):
+        once(index)
+    gc.collect()
+    assert resident_mb() - before < 15.0
 
 
 def test_a_context_reports_its_library_and_can_be_closed_twice():
@@ -288,13 +299,7 @@ def test_opening_and_closing_does_not_leak_memory():
                 renderer.color(stage.data, POSE, 0.9)
                 renderer.ids(stage.data, POSE, 0.9)
 
-    for index in range(60):
-        once(index)
-    before = resident_mb()
-    for index in range(300):
-        once(index)
-    gc.collect()
-    assert resident_mb() - before < 15.0
+    assert_memory_stays(once)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -310,13 +315,7 @@ def test_changing_the_model_does_not_leak_memory():
             if index % 10 == 0:
                 renderer.color(stage.data, POSE, K)
 
-        for index in range(60):
-            once(index)
-        before = resident_mb()
-        for index in range(300):
-            once(index)
-        gc.collect()
-        assert resident_mb() - before < 15.0
+        assert_memory_stays(once)
 
 
 def test_importing_makes_no_context_and_changes_no_environment():

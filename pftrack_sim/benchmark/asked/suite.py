@@ -53,37 +53,37 @@ class PaperTable(Section):
         return self
 
 
-class Beats(Section):
+class _Claim(Section):
+    statement: str = Field(description="The claim in words.")
+    measure: Measure = "mean_overlap"
+
+
+class _ClaimOfTracker(_Claim):
+    tracker: str = Field(description="The tracker.")
+    scenarios: tuple[str, ...] = Field(default=(), description="Scenarios; empty: all of the suite.")
+
+
+class Beats(_ClaimOfTracker):
     """A tracker scores higher than each of several others."""
 
     kind: Literal["beats"]
-    statement: str = Field(description="The claim in words.")
-    tracker: str = Field(description="The tracker.")
     others: Names = Field(description="The trackers it is compared with, one by one.")
-    measure: Measure = "mean_overlap"
-    scenarios: tuple[str, ...] = Field(default=(), description="Scenarios; empty: all of the suite.")
 
 
-class Harder(Section):
+class Harder(_Claim):
     """Some scenarios are harder than others for each of several trackers."""
 
     kind: Literal["harder"]
-    statement: str = Field(description="The claim in words.")
     harder: Names = Field(description="Scenarios that are harder ...")
     easier: Names = Field(description="... than these.")
     trackers: Names = Field(description="For each of these trackers.")
-    measure: Measure = "mean_overlap"
 
 
-class Reaches(Section):
+class Reaches(_ClaimOfTracker):
     """A tracker reaches a value."""
 
     kind: Literal["reaches"]
-    statement: str = Field(description="The claim in words.")
-    tracker: str = Field(description="The tracker.")
     value: Share = Field(description="Value that its mean over seeds reaches.")
-    measure: Measure = "mean_overlap"
-    scenarios: tuple[str, ...] = Field(default=(), description="Scenarios; empty: all of the suite.")
 
 
 Claim: TypeAlias = Annotated[Beats | Harder | Reaches, Field(discriminator="kind")]
