@@ -6,8 +6,6 @@ robot is in contact with the ground alone, the small model gives the same bits i
 
 from __future__ import annotations
 
-import math
-
 import mujoco
 import numpy as np
 
@@ -18,7 +16,7 @@ from pftrack_sim.scene.robot import BASE, CAMERA
 
 _LIMB_M_S = 8.0  # Faster than any limb or cart moves
 _CONTACT_M = 0.02  # Margin of contacts, and rounding
-_FAR_M2 = 1e4
+_MOST_TICKS = 100
 _STATE = int(
     mujoco.mjtState.mjSTATE_TIME
     | mujoco.mjtState.mjSTATE_PHYSICS
@@ -61,7 +59,8 @@ class RobotAlone:
         room_m = _CONTACT_M + clock.tick_s * (2.0 * speed_m_s + (_LIMB_M_S if clock.ticks > 1 else 0.0))
         self._near_m = room_m + radii_m
         self._near_base_m = room_m + _reach_m(model, np.flatnonzero(own & solid))
-        self._closing_m = clock.tick_s * (2.0 * speed_m_s + _LIMB_M_S)
+        moving = model.body_mocapid[model.geom_bodyid[self._others]] >= 0
+        self._closing_m = clock.tick_s * (2.0 * speed_m_s + _LIMB_M_S * moving)
         self._free_ticks = 0
 
     def may_touch(self, data: mujoco.MjData) -> bool:
@@ -75,15 +74,14 @@ class RobotAlone:
         rotations = data.geom_xmat.reshape(-1, 3, 3)
         origins, turned = data.geom_xpos[self._others], rotations[self._others]
         base = (data.xpos[self._base] - origins)[:, None] @ turned
-        squared_m = self._squared_m(base, slice(None))[:, 0]
-        free_m = math.sqrt(squared_m.min(initial=_FAR_M2)) - self._near_base_m
-        if free_m > 0.0:
-            self._free_ticks = int(free_m / self._closing_m)
-            return False
-        near = np.flatnonzero(squared_m < self._near_base_m**2)
-        spheres = data.geom_xpos[self._own] + (rotations[self._own] @ self._centres[:, :, None])[:, :, 0]
-        local = (spheres - origins[near, None]) @ turned[near]
-        return bool((self._squared_m(local, near) < self._near_m**2).any())
+        free_m = np.sqrt(self._squared_m(base, slice(None))[:, 0]) - self._near_base_m
+        near = np.flatnonzero(free_m <= 0.0)
+        if len(near):
+            spheres = data.geom_xpos[self._own] + (rotations[self._own] @ self._centres[:, :, None])[:, :, 0]
+            local = (spheres - origins[near, None]) @ turned[near]
+            free_m[near] = (np.sqrt(self._squared_m(local, near)) - self._near_m).min(axis=1)
+        self._free_ticks = int((free_m / self._closing_m).min(initial=_MOST_TICKS))
+        return bool((free_m < 0.0).any())
 
     def _squared_m(self, points: FloatArray, others: IntArray | slice) -> FloatArray:
         """`(M, N)` squared distances of `(M, N, 3)` points in the frames of M other geoms from their boxes [m^2]."""
