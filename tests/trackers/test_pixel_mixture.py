@@ -84,7 +84,7 @@ def test_the_stable_component_finds_mean_and_spread():
     first = (picture + rng.normal(0, spread, 300)).astype(np.float32)
     model = PixelMixture(
         first,
-        PARAMETERS._replace(half_life=60.0, sigma_min=0.05),
+        PARAMETERS.model_copy(update={"half_life": 60.0, "sigma_min": 0.05}),
     )
     for _ in range(400):
         patch = (picture + rng.normal(0, spread, 300)).astype(np.float32)
@@ -103,7 +103,9 @@ def test_two_alternating_images_get_a_component_each():
     first, other = np.full(200, -1.0, np.float32), 1.0
     model = PixelMixture(
         first,
-        PARAMETERS._replace(half_life=60.0, sigma_wandering=0.05, sigma_fixed=0.2, sigma_min=0.05),
+        PARAMETERS.model_copy(
+            update={"half_life": 60.0, "sigma_wandering": 0.05, "sigma_fixed": 0.2, "sigma_min": 0.05}
+        ),
     )
     for frame in range(600):
         centre = -1.0 if frame % 3 == 0 else other
@@ -126,8 +128,14 @@ def test_shares_stay_normalised_and_bounded():
 @pytest.mark.parametrize("half_life", [1.0, 5.0, 40.0])
 def test_the_weight_of_an_observation_halves_after_the_half_life(half_life: float):
     """The share of a component without pixels halves."""
-    numbers = PARAMETERS._replace(
-        half_life=half_life, sigma_wandering=0.1, sigma_stable=0.1, sigma_fixed=0.1, share_min=1e-9
+    numbers = PARAMETERS.model_copy(
+        update={
+            "half_life": half_life,
+            "sigma_wandering": 0.1,
+            "sigma_stable": 0.1,
+            "sigma_fixed": 0.1,
+            "share_min": 1e-9,
+        }
     )
     model = PixelMixture(np.zeros(3, np.float32), numbers)
     for _ in range(round(half_life)):
