@@ -16,8 +16,7 @@ from pftrack_sim import trackers
 from pftrack_sim.benchmark import Plan, make_plan
 from pftrack_sim.benchmark.datasets.export import export
 from pftrack_sim.benchmark.datasets.recorded import evaluate
-from pftrack_sim.benchmark.datasets.sequence_tags import frame_tags
-from pftrack_sim.benchmark.datasets.sequence_writer import TRUTH
+from pftrack_sim.benchmark.datasets.sequence_writer import TRUTH, frame_tags
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, ScenarioError, UnknownNameError
 from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.formats import LAYOUTS, read_sequence, read_sequences
