@@ -152,23 +152,26 @@ def _count(
     height, width, channels = codes.shape
     rows, columns = weights.shape
     flat = codes.reshape(-1)
-    places, inside = np.empty(columns, np.uintp), np.empty(columns, np.int32)
+    places = np.empty(columns, np.uintp)
     counts = np.empty(2 * out.shape[1], np.int32)
     size, stride, one = np.uintp(out.shape[1]), np.uintp(bin_count), np.uintp(1)
     for n in range(boxes.shape[0]):
         for k in range(counts.size):
             counts[k] = 0
+        # The points are in order, so that those inside the image follow each other.
+        left, right = columns, 0
         for j in range(columns):
             column = math.floor(boxes[n, 0] + (j + 0.5) * boxes[n, 2] / columns)
-            inside[j] = 1 if 0 <= column < width else 0
-            places[j] = np.uintp(min(max(column, 0), width - 1) * channels)
+            if 0 <= column < width:
+                left, right = min(left, j), j + 1
+                places[j] = np.uintp(column * channels)
         for i in range(rows):
             line = math.floor(boxes[n, 1] + (i + 0.5) * boxes[n, 3] / rows)
             if line < 0 or line >= height:
                 continue
             start = np.uintp(line * width * channels)
-            for j in range(spans[i, 0], spans[i, 1]):
-                at, weight, first = start + places[j], weights[i, j] * inside[j], first_bins[i, j] + size * (j & one)
+            for j in range(np.uintp(max(spans[i, 0], left)), np.uintp(min(spans[i, 1], right))):
+                at, weight, first = start + places[j], weights[i, j], first_bins[i, j] + size * (j & one)
                 counts[first + np.uintp(flat[at])] += weight
                 # Unrolled, as a loop over three channels takes half as long again.
                 if channels == 3:
