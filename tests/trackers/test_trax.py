@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import time
@@ -279,3 +280,15 @@ def test_a_wrong_request_quits_with_its_reason(client: Any, tmp_path: Path, path
 def test_the_oracle_is_not_served():
     with pytest.raises(TrackerError, match="ground truth"):
         serve(trackers.make("oracle"), "oracle")
+
+
+@pytest.mark.parametrize(("port", "words"), [("free", "nothing listens at port"), ("x", "must be a port")])
+def test_a_socket_without_a_client_is_one_clear_error(port: str, words: str, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("trax")
+    if port == "free":
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = str(probe.getsockname()[1])
+    monkeypatch.setenv("TRAX_SOCKET", port)
+    with pytest.raises(TrackerError, match=words):
+        serve(trackers.make("stay"), "stay")

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.core.compiled import kernel, record_type
+from pftrack_sim.core.compiled import kernel, part_of_kernel, record_type
 
 FAR_M = 1e6
 """Position of an absent robot: too far to matter to the avoidance."""
@@ -206,14 +206,14 @@ def move(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
             person.heading += min(max(rate, -_MAX_TURN_RATE_RAD_S), _MAX_TURN_RATE_RAD_S) * tick_s
 
 
-@kernel
+@part_of_kernel
 def _shift(mover: Any, x: float, y: float, tick_s: float) -> None:
     """Displace a mover by a vector [m]; its velocity is that of the whole way."""
     mover.x, mover.y = mover.x + x, mover.y + y
     mover.vx, mover.vy = mover.vx + x / tick_s, mover.vy + y / tick_s
 
 
-@kernel
+@part_of_kernel
 def _from_mover(mover: Any, x: float, y: float) -> tuple[float, float, float]:
     """Distance of a point from a mover [m], and the direction x, y away from it."""
     x, y = x - mover.x, y - mover.y
@@ -221,7 +221,7 @@ def _from_mover(mover: Any, x: float, y: float) -> tuple[float, float, float]:
     return distance, x / distance, y / distance
 
 
-@kernel
+@part_of_kernel
 def _from_rectangle(rectangle: Any, x: float, y: float) -> tuple[float, float, float]:
     """Signed distance of a point from a rectangle [m], negative inside, and the direction x, y away from it.
 

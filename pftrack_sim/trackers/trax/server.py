@@ -7,6 +7,8 @@ no region format, as versions 1 and 4 of the protocol allow, and takes a program
 from __future__ import annotations
 
 import contextlib
+import os
+import socket
 import sys
 from pathlib import Path
 from typing import Any
@@ -31,8 +33,8 @@ def serve(tracker: Tracker, name: str) -> None:
         name: Sent in the greeting.
 
     Raises:
-        PftrackError: `vot-trax` is not installed, a request that is none, an image that cannot be read, or an error of
-            the tracker.
+        PftrackError: `vot-trax` is not installed, nothing listens at the port, a request that is none, an image that
+            cannot be read, or an error of the tracker.
     """
     if isinstance(tracker, NeedsTruth):
         raise TrackerError(f"{name} needs the ground truth, which TraX does not send")
@@ -40,6 +42,7 @@ def serve(tracker: Tracker, name: str) -> None:
         import trax
     except ImportError:
         raise TrackerError("serving a tracker needs the extra: pip install 'pftrack-sim[trax]'") from None
+    _check_port(os.environ.get("TRAX_SOCKET"))
     server: Any = trax.Server(
         ["rectangle"], ["path", "memory", "buffer"], tracker_name=name, tracker_family="pftrack-sim"
     )
@@ -54,6 +57,18 @@ def serve(tracker: Tracker, name: str) -> None:
     except PftrackError as error:
         server.quit(one_line(str(error)))
         raise
+
+
+def _check_port(port: str | None) -> None:
+    """Raise `TrackerError` where nobody listens at a port: the library would go on trying without an end."""
+    if port is None:
+        return
+    if not port.isdecimal() or not 0 < int(port) < 65536:
+        raise TrackerError(f"TRAX_SOCKET must be a port from 1 to 65535, got {port!r}")
+    # Not by a connection, which a client that waits for one would take for the tracker's: a free port can be bound.
+    with socket.socket() as probe, contextlib.suppress(OSError):
+        probe.bind(("127.0.0.1", int(port)))
+        raise TrackerError(f"nothing listens at port {port}, which TRAX_SOCKET names: start the client first")
 
 
 def _answer(tracker: Tracker, request: Any) -> Estimate:
