@@ -15,14 +15,8 @@ import numpy as np
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim.wrappers import BoxObservation
 
-OVERRIDES = {
-    "camera.width_px": 64,
-    "camera.height_px": 48,
-    "camera.rate_hz": 10,
-    "duration_s": 12,
-    "lights.shadows": False,
-    "distractors.count": 0,
-}
+SMALL = {"camera.width_px": 64, "camera.height_px": 48, "camera.rate_hz": 10, "lights.shadows": False}
+OVERRIDES = {**SMALL, "duration_s": 12, "distractors.count": 0}
 GAMMA, LAMBDA = 0.95, 0.9
 STEP, SIGMA = 0.1, 0.3
 
@@ -61,14 +55,10 @@ def main() -> None:
     parser.add_argument("--envs", type=int, default=4)
     parser.add_argument("--steps", type=int, default=120)
     given = parser.parse_args()
+    same_step = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}
+    settings = {"scenario": "follow/plaza", "overrides": OVERRIDES}
     envs = gym.make_vec(
-        "pftrack_sim/Follow-v0",
-        num_envs=given.envs,
-        vectorization_mode="sync",
-        vector_kwargs={"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP},
-        wrappers=[BoxObservation],
-        scenario="follow/plaza",
-        overrides=OVERRIDES,
+        "pftrack_sim/Follow-v0", given.envs, "sync", vector_kwargs=same_step, wrappers=[BoxObservation], **settings
     )
     rng = np.random.default_rng(1)
     observation, _ = envs.reset(seed=list(range(given.envs)))

@@ -35,14 +35,8 @@ from pftrack_sim.policies import FollowPolicy, robot_parameters
 from pftrack_sim.wrappers import BoxObservation
 
 SCENARIO = "follow/plaza"
-OVERRIDES = {
-    "camera.width_px": 64,
-    "camera.height_px": 48,
-    "camera.rate_hz": 10,
-    "duration_s": 12,
-    "lights.shadows": False,
-    "distractors.count": 0,
-}
+SMALL = {"camera.width_px": 64, "camera.height_px": 48, "camera.rate_hz": 10, "lights.shadows": False}
+OVERRIDES = {**SMALL, "duration_s": 12, "distractors.count": 0}
 WIDE_LIMITS = {"follow.distance_limit_m": 8.0, "follow.bearing_limit_deg": 90.0, "follow.lost_after_s": 1.0}
 STEPS = 120
 GAMMA = 0.95

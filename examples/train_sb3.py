@@ -25,14 +25,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim.wrappers import PixelsOnly
 
-OVERRIDES = {
-    "camera.width_px": 64,
-    "camera.height_px": 48,
-    "camera.rate_hz": 10,
-    "duration_s": 6,
-    "lights.shadows": False,
-    "distractors.count": 0,
-}
+SMALL = {"camera.width_px": 64, "camera.height_px": 48, "camera.rate_hz": 10, "lights.shadows": False}
+OVERRIDES = {**SMALL, "duration_s": 6, "distractors.count": 0}
 
 
 def make_env(policy: str, seed: int) -> gym.Env[Any, Any]:

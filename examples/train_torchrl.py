@@ -22,14 +22,8 @@ from torchrl.objectives.value import GAE
 
 import pftrack_sim  # noqa: F401 - registers the environments
 
-OVERRIDES = {
-    "camera.width_px": 64,
-    "camera.height_px": 48,
-    "camera.rate_hz": 10,
-    "duration_s": 6,
-    "lights.shadows": False,
-    "distractors.count": 0,
-}
+SMALL = {"camera.width_px": 64, "camera.height_px": 48, "camera.rate_hz": 10, "lights.shadows": False}
+OVERRIDES = {**SMALL, "duration_s": 6, "distractors.count": 0}
 
 
 def network(outputs: int) -> nn.Sequential:

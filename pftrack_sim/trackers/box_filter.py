@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Generic, Literal, Protocol, TypeAlias, TypeVar
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Generic, Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -54,6 +56,20 @@ class WalkParameters(Parameters):
         position, width, height = noise_scales(state, self.sigma_unit)
         centre = self.sigma_centre * position * factor
         return centre, centre, self.sigma_size * width, self.sigma_size * height
+
+
+TUNED_FILTER: Mapping[str, Any] = MappingProxyType(
+    {
+        "sigma_centre": 0.2,
+        "sigma_size": 0.025,
+        "size_correlation": 1.0,
+        "sigma_unit": "box",
+        "top_count": 20,
+        "hold_distance": 0.6,
+        "redraw": "estimate",
+    }
+)
+"""The filter of `ko2012` in the preset `default`, which others share."""
 
 
 class BoxFilterParameters(WalkParameters):

@@ -12,7 +12,7 @@ from render_stage import HEIGHT, WIDTH, K, Stage, build, looking, new_spec, rand
 
 from pftrack_sim.camera.pinhole import intrinsics, normalized_coordinates
 from pftrack_sim.core.errors import ParameterError, RenderError
-from pftrack_sim.render.backend import PixelRect
+from pftrack_sim.render.backend import PixelRect, Segmentation
 from pftrack_sim.render.culling import Bounds
 from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
@@ -98,12 +98,19 @@ def test_rows_agree_with_the_same_rows_of_the_whole_image(drawing: Drawing):
             assert (np.abs(some.astype(int) - whole[start:stop]).max(axis=2) > 8).mean() < 5e-3
 
 
-def test_any_rectangle_equals_the_crop_of_the_whole_image(drawing: Drawing):
-    rng = np.random.default_rng(3)
-    for seed in range(6):
+def segmented(
+    drawing: Drawing, rng: np.random.Generator, count: int
+) -> Iterator[tuple[Stage, Rasteriser, np.ndarray, Segmentation]]:
+    """Some stages, each with its renderer, a view of it, and its segmentation."""
+    for seed in range(count):
         stage = build(seed)
         renderer, pose = drawing(stage), random_view(rng)
-        whole = renderer.ids(stage.data, pose, K)
+        yield stage, renderer, pose, renderer.ids(stage.data, pose, K)
+
+
+def test_any_rectangle_equals_the_crop_of_the_whole_image(drawing: Drawing):
+    rng = np.random.default_rng(3)
+    for stage, renderer, pose, whole in segmented(drawing, rng, 6):
         for _ in range(12):
             left, top = int(rng.integers(WIDTH)), int(rng.integers(HEIGHT))
             rect = PixelRect(left, top, int(rng.integers(1, WIDTH - left + 1)), int(rng.integers(1, HEIGHT - top + 1)))
@@ -115,10 +122,7 @@ def test_any_rectangle_equals_the_crop_of_the_whole_image(drawing: Drawing):
 
 def test_segmentations_of_parts_merge_into_that_of_the_whole(drawing: Drawing):
     rng = np.random.default_rng(4)
-    for seed in range(12):
-        stage = build(seed)
-        renderer, pose = drawing(stage), random_view(rng)
-        whole = renderer.ids(stage.data, pose, K)
+    for stage, renderer, pose, whole in segmented(drawing, rng, 12):
         share = rng.integers(3, size=stage.model.ngeom)
         ids, nearness = np.full_like(whole.ids, -1), np.zeros_like(whole.inverse_depth)
         for index in range(3):

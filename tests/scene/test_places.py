@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
 from typing import get_args
@@ -203,33 +204,32 @@ def test_every_geom_has_a_named_body_and_collision_bits(kind: str) -> None:
     assert {footprint.name for footprint in area.footprints} <= solid
 
 
+def distances_to_what_is_drawn(model: mujoco.MjModel) -> Callable[[Sequence[float], Sequence[float]], float]:
+    """Distance from a point along a ray [m]; negative where nothing is hit."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    seen, hit = np.array([1, 0, 0, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
+    return lambda point, ray: mujoco.mj_ray(model, data, np.array(point), np.array(ray), seen, 1, -1, hit, None)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_drawn_ground_is_at_height_zero(kind: str) -> None:
     model, area = built_place(kind)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    seen = np.array([1, 0, 0, 0, 0, 0], np.uint8)
-    hit = np.zeros(1, np.int32)
+    distance = distances_to_what_is_drawn(model)
     for x, y in area.goals_m:
         # Slightly beside the goal: a ray along the edge of two triangles may pass between them.
-        below = mujoco.mj_ray(
-            model, data, np.array([x + 0.013, y + 0.017, 1.0]), np.array([0.0, 0.0, -1.0]), seen, 1, -1, hit, None
-        )
+        below = distance((x + 0.013, y + 0.017, 1.0), (0.0, 0.0, -1.0))
         assert abs(below - 1.0) < 0.02
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_horizontal_ray_hits_something_drawn(kind: str) -> None:
     model, area = built_place(kind)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    seen = np.array([1, 0, 0, 0, 0, 0], np.uint8)
-    hit = np.zeros(1, np.int32)
+    distance = distances_to_what_is_drawn(model)
     turn = np.deg2rad(np.arange(0.0, 360.0, 3.0))
     for x, y in area.goals_m[:6]:
         for angle in turn:
-            ray = np.array([np.cos(angle), np.sin(angle), 0.0])
-            far = mujoco.mj_ray(model, data, np.array([x, y, 1.25]), ray, seen, 1, -1, hit, None)
+            far = distance((x, y, 1.25), (np.cos(angle), np.sin(angle), 0.0))
             assert 0.0 < far < 110.0, (x, y, np.rad2deg(angle))
 
 

@@ -1,12 +1,9 @@
 """sidibe2010: colour and saliency."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from pftrack_sim import trackers
-from pftrack_sim.core import boxes
 from pftrack_sim.trackers.relatives.sidibe2010 import Sidibe2010
 
 Scene = tuple[list[np.ndarray], np.ndarray]
@@ -16,15 +13,6 @@ def made(**given: float) -> Sidibe2010:
     tracker = trackers.make("sidibe2010", **given)
     assert isinstance(tracker, Sidibe2010)
     return tracker
-
-
-@pytest.mark.parametrize("preset", trackers.PRESETS)
-def test_a_moving_target_is_followed(make_scene: Callable[..., Scene], preset: str):
-    images, truth = make_scene(count=25, step_px=1.0)
-    tracker = trackers.make("sidibe2010", preset=preset)
-    tracker.init(images[0], truth[0])
-    found = np.array([tracker.update(image).box for image in images[1:]])
-    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.5
 
 
 def test_the_saliency_of_the_first_box_is_matched_there_and_less_beside(scene: Scene):

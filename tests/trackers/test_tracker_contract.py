@@ -1,5 +1,6 @@
 """Contract of every tracker: determinism, independence, reset, and clear errors."""
 
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -227,3 +228,11 @@ def test_an_easy_target_is_followed(name: str, scene: Scene):
             tracker.receive_truth(box)
         overlaps.append(boxes.iou(tracker.update(image).box, box))
     assert np.mean(overlaps) > 0.6
+
+
+@pytest.mark.parametrize("preset", trackers.PRESETS)
+@pytest.mark.parametrize("name", ["klein2010", "sidibe2010"])
+def test_a_moving_target_is_followed(make_scene: Callable[..., Scene], name: str, preset: str):
+    images, truth = make_scene(count=25, step_px=1.0)
+    found = np.array([one.box for one in follow(trackers.make(name, preset=preset), images, truth[0])])
+    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.5

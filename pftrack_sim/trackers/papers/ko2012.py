@@ -21,7 +21,7 @@ from pydantic import Field
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
+from pftrack_sim.trackers.box_filter import TUNED_FILTER, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.histogram import (
     EncodedRegion,
     Feature,
@@ -60,15 +60,9 @@ class Ko2012Parameters(BoxFilterParameters):
     # and a likelihood that separates particles. docs/papers/ko2012.md states the effect of each.
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
+            **TUNED_FILTER,
             "particle_count": 400,
-            "sigma_centre": 0.2,
-            "sigma_size": 0.025,
-            "size_correlation": 1.0,
-            "sigma_unit": "box",
             "likelihood": "exponential",
-            "top_count": 20,
-            "hold_distance": 0.6,
-            "redraw": "estimate",
             "hold_below": 0.88,
             "held_noise": 2.5,
             "camera_motion": True,

@@ -23,7 +23,7 @@ from pydantic import Field
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
+from pftrack_sim.trackers.box_filter import TUNED_FILTER, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.boosting import StrongClassifier, train
 from pftrack_sim.trackers.features.image_region import block_means, whole_block_size
 from pftrack_sim.trackers.features.integral import channel_means, integral_image
@@ -59,13 +59,7 @@ class BoostedParameters(BoxFilterParameters):
     # docs/papers/relatives.md.
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
-            "sigma_centre": 0.2,
-            "sigma_size": 0.025,
-            "size_correlation": 1.0,
-            "sigma_unit": "box",
-            "top_count": 20,
-            "hold_distance": 0.6,
-            "redraw": "estimate",
+            **TUNED_FILTER,
             "soft": True,
             "anchor": 0.3,
             "memory": 40,

@@ -21,7 +21,7 @@ from pydantic import Field
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
+from pftrack_sim.trackers.box_filter import TUNED_FILTER, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.histogram import EncodedRegion, Feature, HistogramModel, epanechnikov_layout
 from pftrack_sim.trackers.features.integral import integral_image, rectangle_means
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
@@ -50,13 +50,7 @@ class Sidibe2010Parameters(BoxFilterParameters):
     # OTB Jogging-1 and David): docs/papers/relatives.md.
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
-            "sigma_centre": 0.2,
-            "sigma_size": 0.025,
-            "size_correlation": 1.0,
-            "sigma_unit": "box",
-            "top_count": 20,
-            "hold_distance": 0.6,
-            "redraw": "estimate",
+            **TUNED_FILTER,
             "lambda_saliency": 40.0,
         }
     )
