@@ -11,7 +11,7 @@ import pytest
 import tomli_w
 
 import pftrack_sim
-from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec, make_plan, parse_seeds, run
+from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec, keys, make_plan, parse_seeds, run
 from pftrack_sim.benchmark.asked.union import held_besides, united
 from pftrack_sim.benchmark.kept.check import check
 from pftrack_sim.benchmark.kept.merge import merge
@@ -49,7 +49,6 @@ def files(path: Path) -> dict[str, tuple[int, bytes]]:
 
 def test_a_key_is_the_same_whatever_else_is_asked_for_and_another_for_whatever_determines_the_result():
     plan = plan_of("0:2", ["stay", "oracle"])
-    assert plan.asked.items() >= dict.fromkeys(()).items()
     wider = plan_of("1,0,7", ["oracle", "ncc", "stay"], {"jitter": [0.0]})
     assert len(plan.asked) == 4
     assert not plan.asked.keys() & wider.asked.keys(), "another condition is another result"
@@ -65,6 +64,15 @@ def test_a_key_is_the_same_whatever_else_is_asked_for_and_another_for_whatever_d
     for other in others:
         fresh = Plan.model_validate(other.model_dump())
         assert not fresh.asked.keys() & plan.asked.keys()
+
+
+@pytest.mark.parametrize(("entry", "drawn_again"), [(keys.SIMULATOR, True), (keys.SCORING, False)])
+def test_other_code_of_the_package_is_another_result_and_of_the_simulator_other_frames(entry: str, drawn_again: bool):
+    plan = plan_of("0:2", ["stay"])
+    other = Plan.model_validate(plan.model_dump() | {"environment": {**plan.environment, entry: "0"}})
+    assert not other.asked.keys() & plan.asked.keys()
+    frames, others = ({one.frames_key for one in each.episodes()} for each in (plan, other))
+    assert bool(frames & others) is not drawn_again
 
 
 def test_a_run_is_resumed_by_the_keys_that_are_missing(tmp_path: Path):
