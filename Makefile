@@ -68,8 +68,8 @@ demo: setup
 	rm -rf demo
 	$(BIN)/pftrack-sim bench quick --out demo
 
-# The demo's path, shorter, where no OpenGL library can be found.
-bare: setup
+# The demo's path, shorter, where no OpenGL library can be found: the extra `warp` draws, which comes with the tests.
+bare: $(VENV)/.test
 	rm -rf build/bare
 	$(WITHOUT_GL) $(BIN)/pftrack-sim doctor --check
 	$(WITHOUT_GL) $(BIN)/pftrack-sim bench corridor --seeds 0:1 --trackers stay --set duration_s=0.5 --out build/bare
