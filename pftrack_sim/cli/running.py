@@ -195,8 +195,7 @@ def evaluate(
     from pftrack_sim.benchmark import parse_seeds
     from pftrack_sim.benchmark.datasets.recorded import evaluate as evaluate_recorded
     from pftrack_sim.benchmark.running.tracker_runner import checked_isolation
-    from pftrack_sim.formats import read_sequences
-    from pftrack_sim.formats.video import given_boxes
+    from pftrack_sim.formats import given_boxes, read_sequences
 
     contestants = parse_trackers(tracker, preset, params or [])
     chosen = parse_seeds(seeds)

@@ -82,8 +82,7 @@ def _source(name: str, box: str | None) -> Callable[[], Source] | None:
         ParameterError: No such file, or `--box` for something without a first frame of its own.
         SequenceError: It is damaged, or in no known layout.
     """
-    from pftrack_sim.formats import read_sequence, ros2
-    from pftrack_sim.formats.video import given_boxes
+    from pftrack_sim.formats import given_boxes, read_sequence, ros2
     from pftrack_sim.studio.recording import CaptureSource, SequenceSource
 
     path = Path(name)

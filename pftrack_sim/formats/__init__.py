@@ -1,6 +1,7 @@
 """Sequences on disk in the layouts of public data sets. Box conventions other than the package's exist only here."""
 
-from pftrack_sim.formats.layouts import LAYOUTS, Layout, find_sequences, read_sequence, read_sequences
+from pftrack_sim.formats.layout import Layout
+from pftrack_sim.formats.layouts import LAYOUTS, find_sequences, given_boxes, read_sequence, read_sequences
 from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
 
 __all__ = [
@@ -10,6 +11,7 @@ __all__ = [
     "PersonBox",
     "RecordedSequence",
     "find_sequences",
+    "given_boxes",
     "read_sequence",
     "read_sequences",
 ]

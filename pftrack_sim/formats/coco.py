@@ -21,16 +21,15 @@ from pydantic import BaseModel
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.inputs import read_bytes
-from pftrack_sim.formats.files import JsonBox, json_content, numbered_images, present_boxes
+from pftrack_sim.formats.files import JsonBox, json_content, present_boxes
+from pftrack_sim.formats.images import ImageFiles, image_suffix, numbered_images
+from pftrack_sim.formats.layout import Layout
 from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
 
-EXPECTS = "a folder images/NAME/ of numbered images and annotations/instances.json"
 TARGET = 1
-IMAGE = "{:08d}"
-IMAGES = "images"
 _INSTANCES = "annotations/instances.json"
 _MAX_INSTANCES_BYTES = 1 << 30
-_IMAGES, _PEOPLE = "images.jsonl", "annotations.jsonl"
+_LISTED, _PEOPLE = "images.jsonl", "annotations.jsonl"
 _FRAMES, _PERSONS = 1_000_000, 1_000
 """Most frames of a sequence, and most persons of a frame: numbers of images and annotations are counted in steps."""
 
@@ -52,29 +51,6 @@ class _Instances(BaseModel):
     annotations: list[_Person]
 
 
-def matches(folder: Path) -> bool:
-    """Whether a folder has this layout."""
-    above = folder.absolute().parent
-    return above.name == IMAGES and (above.parent / "annotations").is_dir()
-
-
-def read(folder: Path) -> RecordedSequence:
-    """Read the sequence of the person with `track_id` 1; see `formats.read_sequence`."""
-    paths = numbered_images(folder)
-    source = folder.absolute().parent.parent / _INSTANCES
-    try:
-        changed = source.stat()
-        targets = _targets(source, (changed.st_mtime_ns, changed.st_size))
-    except OSError as error:
-        raise SequenceError(f"{source}: cannot be read: {error.strerror}") from None
-    listed = targets.get(folder.absolute().name) or {}
-    if missing := sorted({path.name for path in paths} ^ listed.keys()):
-        words = "is not listed" if missing[0] not in listed else "is listed, but there is no such image"
-        raise SequenceError(f"{source}: {folder / missing[0]} {words}")
-    rows = [listed[path.name] or (np.nan,) * 4 for path in paths]
-    return RecordedSequence.checked(folder, str(source), paths, present_boxes(np.array(rows, dtype=np.float64)))
-
-
 @lru_cache(maxsize=1)
 def _targets(source: Path, changed: tuple[int, int]) -> Mapping[str, Mapping[str, JsonBox | None]]:
     """Box of the target by name of the image, by its folder; cached: one file holds all sequences of a data set."""
@@ -85,21 +61,6 @@ def _targets(source: Path, changed: tuple[int, int]) -> Mapping[str, Mapping[str
         path = Path(image.file_name)
         targets.setdefault(path.parent.name, {})[path.name] = boxes.get(image.id)
     return targets
-
-
-def write(folder: Path, annotations: Annotations) -> None:
-    """Write the annotations of a sequence beside its images, an entry in each line."""
-    width, height = annotations.image_size_px
-    suffix = next(path.suffix for path in sorted(folder.iterdir()) if path.suffix in (".jpg", ".png"))
-    with (folder / _IMAGES).open("w") as images, (folder / _PEOPLE).open("w") as written:
-        for frame, people in enumerate(annotations.people):
-            image = annotations.number * _FRAMES + frame + 1
-            name = f"{annotations.name}/{IMAGE.format(frame + 1)}{suffix}"
-            entry = {"id": image, "file_name": name, "width": width, "height": height}
-            images.write(json.dumps({**entry, "video": annotations.name, "frame": frame}) + "\n")
-            for place, one in enumerate(one for one in people if one.mask):
-                number = image * _PERSONS + place
-                written.write(json.dumps(_annotation(number, image, one, (height, width))) + "\n")
 
 
 def _annotation(number: int, image: int, person: PersonBox, size: tuple[int, int]) -> dict[str, object]:
@@ -118,21 +79,6 @@ def _annotation(number: int, image: int, person: PersonBox, size: tuple[int, int
     }
 
 
-def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
-    """The annotations of all sequences in one file, copied line by line."""
-    yield (
-        _INSTANCES,
-        chain(
-            ['{"info": {"description": "pftrack-sim"}, "licenses": [],\n'],
-            ['"categories": [{"id": 1, "name": "person", "supercategory": "person"}],\n"images": [\n'],
-            _joined([root / IMAGES / name / _IMAGES for name in names]),
-            ['],\n"annotations": [\n'],
-            _joined([root / IMAGES / name / _PEOPLE for name in names]),
-            ["]}\n"],
-        ),
-    )
-
-
 def _joined(paths: Sequence[Path]) -> Iterator[str]:
     separator = ""
     for path in paths:
@@ -140,3 +86,52 @@ def _joined(paths: Sequence[Path]) -> Iterator[str]:
             for line in lines:
                 yield separator + line
                 separator = ","
+
+
+class _Coco(Layout):
+    title, expects = "COCO", "a folder images/NAME/ of numbered images and annotations/instances.json"
+    image, sequences, needs = "{:08d}", "images", frozenset({"masks"})
+
+    def matches(self, folder: Path) -> bool:
+        above = folder.absolute().parent
+        return above.name == "images" and (above.parent / "annotations").is_dir()
+
+    def read(self, folder: Path) -> RecordedSequence:
+        paths = numbered_images(folder)
+        source = folder.absolute().parent.parent / _INSTANCES
+        try:
+            changed = source.stat()
+            targets = _targets(source, (changed.st_mtime_ns, changed.st_size))
+        except OSError as error:
+            raise SequenceError(f"{source}: cannot be read: {error.strerror}") from None
+        listed = targets.get(folder.absolute().name) or {}
+        if missing := sorted({path.name for path in paths} ^ listed.keys()):
+            words = "is not listed" if missing[0] not in listed else "is listed, but there is no such image"
+            raise SequenceError(f"{source}: {folder / missing[0]} {words}")
+        rows = [listed[path.name] or (np.nan,) * 4 for path in paths]
+        truth = present_boxes(np.array(rows, dtype=np.float64))
+        return RecordedSequence.checked(folder, str(source), ImageFiles(paths), truth)
+
+    def write(self, folder: Path, annotations: Annotations) -> None:
+        width, height = annotations.image_size_px
+        suffix = image_suffix(folder)
+        with (folder / _LISTED).open("w") as images, (folder / _PEOPLE).open("w") as written:
+            for frame, people in enumerate(annotations.people):
+                image = annotations.number * _FRAMES + frame + 1
+                name = f"{annotations.name}/{self.image.format(frame + 1)}{suffix}"
+                entry = {"id": image, "file_name": name, "width": width, "height": height}
+                images.write(json.dumps({**entry, "video": annotations.name, "frame": frame}) + "\n")
+                for place, one in enumerate(one for one in people if one.mask):
+                    number = image * _PERSONS + place
+                    written.write(json.dumps(_annotation(number, image, one, (height, width))) + "\n")
+
+    def index(self, root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
+        head = (
+            '{"info": {"description": "pftrack-sim"}, "licenses": [],\n'
+            '"categories": [{"id": 1, "name": "person", "supercategory": "person"}],\n"images": [\n'
+        )
+        images, people = (_joined([root / "images" / name / file for name in names]) for file in (_LISTED, _PEOPLE))
+        yield _INSTANCES, chain([head], images, ['],\n"annotations": [\n'], people, ["]}\n"])
+
+
+COCO = _Coco()

@@ -1,58 +1,20 @@
-"""Numbered images, frames of a video, and text files of numbers, as all layouts have them."""
+"""Text files of boxes and other numbers, and JSON, as layouts have them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Generator
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import Annotated, TypeAlias, TypeVar
 
-import av
 import numpy as np
-from av.error import FFmpegError
 from pydantic import BaseModel, Field, ValidationError
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.inputs import read_bytes
-from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
 
 MAX_TEXT_BYTES = 64 << 20
-SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
-VIDEO = "frames.mp4"
-"""Name of the video that an exported sequence may have in the folder of its images."""
-
-
-def numbered_images(folder: Path) -> list[Path]:
-    """Images of a folder in the order of their numbers, without gaps; the file `VIDEO`, once for each of its frames.
-
-    Raises:
-        SequenceError: The folder is missing or has no images; a name is no number; a number is missing or twice there.
-    """
-    if (folder / VIDEO).is_file():
-        return [folder / VIDEO] * probe(folder / VIDEO)[0]
-    try:
-        found = [
-            entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and not entry.name.startswith(".")
-        ]
-    except FileNotFoundError:
-        raise SequenceError(f"{folder}: no such folder of images") from None
-    except OSError as error:
-        raise SequenceError(f"{folder}: cannot be read: {error.strerror}") from None
-    if not found:
-        raise SequenceError(f"{folder}: no images ({', '.join(SUFFIXES)})")
-    for entry in found:
-        if not (entry.stem.isascii() and entry.stem.isdigit()):
-            raise SequenceError(f"{entry}: an image's name must be its number, like 0001.jpg")
-    numbered = sorted((int(entry.stem), entry) for entry in found)
-    for (number, path), (following, other) in pairwise(numbered):
-        if following == number:
-            raise SequenceError(f"{folder}: {path.name} and {other.name} have the same number")
-        if following != number + 1:
-            raise SequenceError(f"{folder}: image {number + 1} is missing between {path.name} and {other.name}")
-    return [path for _, path in numbered]
 
 
 def number_rows(path: Path, what: str, count: int, *, more: bool = False) -> FloatArray:
@@ -142,35 +104,3 @@ def number(value: float) -> str:
     """
     text = f"{value:.5f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
-
-
-def probe(path: Path) -> tuple[int, float | None]:
-    """Number of frames, and frames per second where the file tells.
-
-    Raises:
-        SequenceError: It is no video.
-    """
-    try:
-        with av.open(str(path)) as opened:
-            container: Any = opened
-            stream = container.streams.video[0]
-            rate = stream.average_rate
-            count = sum(1 for packet in container.demux(stream) if packet.size)
-    except (FFmpegError, OSError, IndexError) as error:
-        problem = getattr(error, "strerror", None) or "it has no video stream"
-        raise SequenceError(f"{path}: cannot be read as a video: {one_line(str(problem))}") from None
-    return count, float(rate) if rate else None
-
-
-def decode(path: Path) -> Generator[Image]:
-    """Frames `(H, W, 3)` uint8 RGB in the order in which they are shown.
-
-    Raises:
-        SequenceError: The file is damaged.
-    """
-    try:
-        with av.open(str(path)) as container:
-            for frame in container.decode(video=0):
-                yield np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
-    except (FFmpegError, OSError) as error:
-        raise SequenceError(f"{path}: is damaged: {one_line(str(error.strerror or error))}") from None

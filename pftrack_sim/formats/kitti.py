@@ -18,60 +18,19 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim.core.errors import SequenceError
-from pftrack_sim.formats.files import number, numbered_images, present_boxes, read_text
+from pftrack_sim.formats.files import number, present_boxes, read_text
+from pftrack_sim.formats.images import ImageFiles, numbered_images
+from pftrack_sim.formats.layout import Layout
 from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
 
-EXPECTS = "a folder image_02/NAME/ of numbered images and label_02/NAME.txt"
 TARGET = 1
-IMAGE = "{:06d}"
-IMAGES = "image_02"
+_IMAGES = "image_02"
 _LABELS, _CALIBRATION, _LIST = "label.txt", "calib.txt", "evaluate_tracking.seqmap.training"
 _FULLY, _PARTLY, _LARGELY, _UNKNOWN = 0.95, 0.5, 0.0, 3
 """Visible share above which a person counts as fully visible (0), partly occluded (1), largely occluded (2)."""
 _COLUMNS = (
     "frame, track, type, truncated, occluded, alpha, left, top, right, bottom, height, width, length, x, y, z, rotation"
 )
-
-
-def matches(folder: Path) -> bool:
-    """Whether a folder has this layout."""
-    above = folder.absolute().parent
-    return above.name == IMAGES and (above.parent / "label_02").is_dir()
-
-
-def read(folder: Path) -> RecordedSequence:
-    """Read the sequence of track 1; see `formats.read_sequence`. Frames in which nothing of it shows have no box."""
-    paths = numbered_images(folder)
-    labels = folder.absolute().parent.parent / "label_02" / f"{folder.absolute().name}.txt"
-    first = int(paths[0].stem)
-    truth = np.full((len(paths), 4), np.nan)
-    for index, line in enumerate(read_text(labels).splitlines(), start=1):
-        fields = line.split()
-        try:
-            frame, track, occluded = (int(fields[column]) for column in (0, 1, 4))
-            left, top, right, bottom = (float(field) for field in fields[6:10])
-        except (ValueError, IndexError):
-            raise SequenceError(f"{labels}, line {index}: expected {_COLUMNS}, got {line.strip()[:60]!r}") from None
-        if not first <= frame < first + len(paths):
-            words = f"frame {frame}, but images are {first} to {first + len(paths) - 1}"
-            raise SequenceError(f"{labels}, line {index}: {words}")
-        if track == TARGET and occluded != _UNKNOWN:
-            truth[frame - first] = left, top, right - left, bottom - top
-    return RecordedSequence.checked(folder, str(labels), paths, present_boxes(truth))
-
-
-def write(folder: Path, annotations: Annotations) -> None:
-    """Write labels and calibration beside the images."""
-    with (folder / _LABELS).open("w") as written:
-        for frame, people in enumerate(annotations.people):
-            for one in people:
-                if one.solid is not None:
-                    written.write(f"{frame} {one.identity} {_label(one)}\n")
-    fx, fy, cx, cy = annotations.focal_and_centre_px
-    projection = f"{fx:.6f} 0 {cx:.6f} 0 0 {fy:.6f} {cy:.6f} 0 0 0 1 0"
-    lines = [f"P{camera}: {projection}" for camera in range(4)]
-    lines += ["R_rect 1 0 0 0 1 0 0 0 1", "Tr_velo_cam 1 0 0 0 0 1 0 0 0 0 1 0", "Tr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0"]
-    (folder / _CALIBRATION).write_text("\n".join(lines) + "\n")
 
 
 def _label(person: PersonBox) -> str:
@@ -87,9 +46,54 @@ def _label(person: PersonBox) -> str:
     return f"Pedestrian {number(person.truncation)} {occluded} {' '.join(number(value) for value in numbers)}"
 
 
-def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
-    """Labels and calibrations of all sequences where KITTI has them, and their list, which TrackEval reads."""
-    yield _LIST, (f"{name} empty {0:06d} {len(numbered_images(root / IMAGES / name)):06d}\n" for name in names)
-    for name in names:
-        for folder, file in (("label_02", _LABELS), ("calib", _CALIBRATION)):
-            yield f"{folder}/{name}.txt", iter([(root / IMAGES / name / file).read_text()])
+class _Kitti(Layout):
+    title, expects = "KITTI", "a folder image_02/NAME/ of numbered images and label_02/NAME.txt"
+    image, sequences, first, needs = "{:06d}", _IMAGES, 0, frozenset({"solids"})
+
+    def matches(self, folder: Path) -> bool:
+        above = folder.absolute().parent
+        return above.name == _IMAGES and (above.parent / "label_02").is_dir()
+
+    def read(self, folder: Path) -> RecordedSequence:
+        paths = numbered_images(folder)
+        labels = folder.absolute().parent.parent / "label_02" / f"{folder.absolute().name}.txt"
+        first = int(paths[0].stem)
+        truth = np.full((len(paths), 4), np.nan)
+        for index, line in enumerate(read_text(labels).splitlines(), start=1):
+            fields = line.split()
+            try:
+                frame, track, occluded = (int(fields[column]) for column in (0, 1, 4))
+                left, top, right, bottom = (float(field) for field in fields[6:10])
+            except (ValueError, IndexError):
+                raise SequenceError(f"{labels}, line {index}: expected {_COLUMNS}, got {line.strip()[:60]!r}") from None
+            if not first <= frame < first + len(paths):
+                words = f"frame {frame}, but images are {first} to {first + len(paths) - 1}"
+                raise SequenceError(f"{labels}, line {index}: {words}")
+            if track == TARGET and occluded != _UNKNOWN:
+                truth[frame - first] = left, top, right - left, bottom - top
+        return RecordedSequence.checked(folder, str(labels), ImageFiles(paths), present_boxes(truth))
+
+    def write(self, folder: Path, annotations: Annotations) -> None:
+        with (folder / _LABELS).open("w") as written:
+            for frame, people in enumerate(annotations.people):
+                for one in people:
+                    if one.solid is not None:
+                        written.write(f"{frame} {one.identity} {_label(one)}\n")
+        fx, fy, cx, cy = annotations.focal_and_centre_px
+        projection = f"{fx:.6f} 0 {cx:.6f} 0 0 {fy:.6f} {cy:.6f} 0 0 0 1 0"
+        lines = [f"P{camera}: {projection}" for camera in range(4)]
+        lines += [
+            "R_rect 1 0 0 0 1 0 0 0 1",
+            "Tr_velo_cam 1 0 0 0 0 1 0 0 0 0 1 0",
+            "Tr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0",
+        ]
+        (folder / _CALIBRATION).write_text("\n".join(lines) + "\n")
+
+    def index(self, root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
+        yield _LIST, (f"{name} empty {0:06d} {len(numbered_images(root / _IMAGES / name)):06d}\n" for name in names)
+        for name in names:
+            for folder, file in (("label_02", _LABELS), ("calib", _CALIBRATION)):
+                yield f"{folder}/{name}.txt", iter([(root / _IMAGES / name / file).read_text()])
+
+
+KITTI = _Kitti()

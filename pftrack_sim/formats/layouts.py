@@ -3,72 +3,38 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats import coco, got10k, kitti, lasot, mot, otb, ros2, video, vot, webdataset
-from pftrack_sim.formats.sequence import Annotations, RecordedSequence
+from pftrack_sim.formats import ros2
+from pftrack_sim.formats.coco import COCO
+from pftrack_sim.formats.files import number_rows, present_boxes
+from pftrack_sim.formats.images import video
+from pftrack_sim.formats.kitti import KITTI
+from pftrack_sim.formats.layout import Layout
+from pftrack_sim.formats.mot import MOT
+from pftrack_sim.formats.sequence import RecordedSequence
+from pftrack_sim.formats.single_target import GOT10K, LASOT, OTB, VOT
+from pftrack_sim.formats.webdataset import WEBDATASET
 
 _DEPTH = 3
 """Folders below a data set in which its sequences are looked for."""
 
 
-def _no_index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
-    yield from ()
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How a data set lays out its sequences.
-
-    Attributes:
-        title: The data set.
-        expects: Files of a sequence, for messages.
-        matches: Whether a folder has this layout.
-        read: Reads the sequence in a folder.
-        write: Writes the annotations of a sequence into the folder that holds its images.
-        image: Path of an image within the folder without its suffix, formatted with its number.
-        sequences: Folder of the sequences within the data set.
-        index: Files of the data set besides its sequences, in pieces, by their path; from the folder of the data set,
-            whose sequences are there, and their names.
-        first: Number of the first image.
-        needs: `"masks"` and `"solids"`: what of `PersonBox` it writes besides boxes.
-        packed: Whether a sequence is a shard: an archive with a text for each image.
-        video: Whether a video may stand for the images: no public tool that reads the layout opens or counts them.
-    """
-
-    title: str
-    expects: str
-    matches: Callable[[Path], bool]
-    read: Callable[[Path], RecordedSequence]
-    write: Callable[[Path, Annotations], None]
-    image: str
-    sequences: str = "."
-    index: Callable[[Path, Sequence[str]], Iterator[tuple[str, Iterator[str]]]] = _no_index
-    first: int = 1
-    needs: frozenset[str] = frozenset()
-    packed: bool = False
-    video: bool = False
-
-
-def _layout(title: str, module: Any, sequences: str = ".", **options: Any) -> Layout:
-    parts = (module.EXPECTS, module.matches, module.read, module.write, module.IMAGE)
-    return Layout(title, *parts, sequences, getattr(module, "index", _no_index), **options)
-
-
 LAYOUTS: dict[str, Layout] = {
-    "otb": _layout("OTB", otb),
-    "mot": _layout("MOTChallenge", mot, "pftrack-train", video=True),
-    "got10k": _layout("GOT-10k", got10k, "val"),
-    "vot": _layout("VOT", vot, "sequences"),
-    "lasot": _layout("LaSOT", lasot, video=True),
-    "coco": _layout("COCO", coco, coco.IMAGES, needs=frozenset({"masks"})),
-    "kitti": _layout("KITTI", kitti, kitti.IMAGES, first=0, needs=frozenset({"solids"})),
-    "webdataset": _layout("WebDataset", webdataset, packed=True),
+    "otb": OTB,
+    "mot": MOT,
+    "got10k": GOT10K,
+    "vot": VOT,
+    "lasot": LASOT,
+    "coco": COCO,
+    "kitti": KITTI,
+    "webdataset": WEBDATASET,
 }
 """In the order in which they are looked for: `groundtruth.txt` alone does not tell GOT-10k, VOT and LaSOT apart."""
 
@@ -136,13 +102,11 @@ def read_sequence(
         if boxes is None:
             words = "is not a folder, and a video needs the box of its first frame: --box x,y,w,h or a file of boxes"
             raise SequenceError(f"{path}: {words}")
-        return video.read(Path(path), boxes)
+        return _read_video(Path(path), boxes)
     folder = _checked_folder(path, layout)
-    if layout is not None:
-        return video.decoded(LAYOUTS[layout].read(folder))
-    for known in LAYOUTS.values():
-        if known.matches(folder):
-            return video.decoded(known.read(folder))
+    for known in LAYOUTS.values() if layout is None else [LAYOUTS[layout]]:
+        if layout is not None or known.matches(folder):
+            return known.read(folder)
     raise SequenceError(f"{folder}: not a sequence in a known layout ({_expected(LAYOUTS.values())})")
 
 
@@ -158,3 +122,29 @@ def read_sequences(
     except SequenceError:
         return [read_sequence(path, layout)]  # its message names what is missing
     return [read_sequence(folder, known) for folder, known in found]
+
+
+def _read_video(path: Path, boxes: FloatArray) -> RecordedSequence:
+    """A video with the `(1, 4)` box of its first frame, which gives nothing to score, or `(N, 4)` boxes of all."""
+    images, rate_hz = video(path)
+    if len(boxes) not in (1, len(images)):
+        words = f"{len(images)} frames but {len(boxes)} boxes; give one for the first frame, or all"
+        raise SequenceError(f"{path}: {words}")
+    truth = np.full((len(images), 4), np.nan)
+    truth[: len(boxes)] = boxes
+    return replace(RecordedSequence.checked(path, "", images, truth, rate_hz), name=path.stem)
+
+
+def given_boxes(text: str) -> FloatArray:
+    """`(1, 4)` or `(N, 4)` boxes [px] given as `x,y,w,h` or as a file with such a line for one or every frame.
+
+    Raises:
+        SequenceError: The file is missing or holds something else.
+    """
+    try:
+        box = [float(one) for one in text.split(",")]
+    except ValueError:
+        return present_boxes(number_rows(Path(text), "four numbers x, y, w, h", 4))
+    if len(box) != 4 or not np.isfinite(box).all() or min(box[2:]) <= 0.0:
+        raise SequenceError(f"a box is x,y,w,h in pixels, with a width and height above 0; got {text!r}")
+    return np.array([box])

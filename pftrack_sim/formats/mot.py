@@ -17,40 +17,15 @@ import numpy as np
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.records import Detections
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats.files import box_lines, number, number_rows, numbered_images, read_text
+from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
+from pftrack_sim.formats.images import image_suffix, images_in
+from pftrack_sim.formats.layout import Layout
 from pftrack_sim.formats.sequence import Annotations, RecordedSequence
 
-EXPECTS = "a folder img1/ of numbered images and the files gt/gt.txt and seqinfo.ini"
-IMAGE = "img1/{:06d}"
 TARGET = 1
 _TRUTH, _INFO, _DETECTIONS = "gt/gt.txt", "seqinfo.ini", "det/det.txt"
 _PEDESTRIAN = 1
 _COLUMNS = "frame, identity, left, top, width, height, considered, class, visibility"
-
-
-def matches(folder: Path) -> bool:
-    """Whether a folder has this layout."""
-    return (folder / _TRUTH).exists() or (folder / _INFO).is_file()
-
-
-def read(folder: Path) -> RecordedSequence:
-    """Read the sequence of person 1; see `formats.read_sequence`. Frames in which nothing of it shows have no box."""
-    paths = numbered_images(folder / "img1")
-    rows = number_rows(folder / _TRUTH, _COLUMNS, 9)
-    truth = np.full((len(paths), 4), np.nan)
-    for row in rows[(rows[:, 1] == TARGET) & (rows[:, 8] > 0.0)]:
-        if not 1 <= row[0] <= len(paths):
-            raise SequenceError(f"{folder / _TRUTH}: frame {row[0]:g} of {len(paths)} images")
-        truth[int(row[0]) - 1] = row[2:6] - [1.0, 1.0, 0.0, 0.0]
-    rate_hz = None
-    if (folder / _INFO).is_file():
-        parser = configparser.ConfigParser(interpolation=None)
-        try:
-            parser.read_string(read_text(folder / _INFO))
-            rate_hz = parser.getfloat("Sequence", "frameRate", fallback=None)
-        except (configparser.Error, ValueError) as error:
-            raise SequenceError(f"{folder / _INFO}: {str(error).splitlines()[0]}") from None
-    return RecordedSequence.checked(folder, _TRUTH, paths, truth, rate_hz, _read_detections(folder, len(paths)))
 
 
 def _read_detections(folder: Path, count: int) -> tuple[Detections, ...] | None:
@@ -83,30 +58,55 @@ def read_people(folder: Path) -> FloatArray:
     return rows[:, :6] - np.array([1.0, 0.0, 1.0, 1.0, 0.0, 0.0])
 
 
-def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
-    """The list of sequences that TrackEval reads."""
-    yield "seqmaps/pftrack-train.txt", (f"{name}\n" for name in ("name", *names))
+class _Mot(Layout):
+    title, expects = "MOTChallenge", "a folder img1/ of numbered images and the files gt/gt.txt and seqinfo.ini"
+    image, sequences, video = "img1/{:06d}", "pftrack-train", True
+
+    def matches(self, folder: Path) -> bool:
+        return (folder / _TRUTH).exists() or (folder / _INFO).is_file()
+
+    def read(self, folder: Path) -> RecordedSequence:
+        images = images_in(folder / "img1")
+        rows = number_rows(folder / _TRUTH, _COLUMNS, 9)
+        truth = np.full((len(images), 4), np.nan)
+        for row in rows[(rows[:, 1] == TARGET) & (rows[:, 8] > 0.0)]:
+            if not 1 <= row[0] <= len(images):
+                raise SequenceError(f"{folder / _TRUTH}: frame {row[0]:g} of {len(images)} images")
+            truth[int(row[0]) - 1] = row[2:6] - [1.0, 1.0, 0.0, 0.0]
+        rate_hz = None
+        if (folder / _INFO).is_file():
+            parser = configparser.ConfigParser(interpolation=None)
+            try:
+                parser.read_string(read_text(folder / _INFO))
+                rate_hz = parser.getfloat("Sequence", "frameRate", fallback=None)
+            except (configparser.Error, ValueError) as error:
+                raise SequenceError(f"{folder / _INFO}: {str(error).splitlines()[0]}") from None
+        return RecordedSequence.checked(folder, _TRUTH, images, truth, rate_hz, _read_detections(folder, len(images)))
+
+    def index(self, root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
+        yield "seqmaps/pftrack-train.txt", (f"{name}\n" for name in ("name", *names))
+
+    def write(self, folder: Path, annotations: Annotations) -> None:
+        (folder / "gt").mkdir(exist_ok=True)
+        with (folder / _TRUTH).open("w", encoding="utf-8") as written:
+            for frame, people in enumerate(annotations.people, start=1):
+                for one in people:
+                    x, y, w, h = one.box
+                    numbers = ",".join(number(value) for value in (x + 1.0, y + 1.0, w, h))
+                    written.write(f"{frame},{one.identity},{numbers},1,{_PEDESTRIAN},{number(one.visible_fraction)}\n")
+        if annotations.detections:
+            (folder / "det").mkdir(exist_ok=True)
+            with (folder / _DETECTIONS).open("w", encoding="utf-8") as written:
+                for frame, found in enumerate(annotations.detections, start=1):
+                    lines = box_lines(found.boxes, first_pixel=1.0).splitlines()
+                    for line, score in zip(lines, found.scores, strict=True):
+                        written.write(f"{frame},-1,{line},{number(float(score))},-1,-1,-1\n")
+        width, height = annotations.image_size_px
+        info = (
+            f"[Sequence]\nname={annotations.name}\nimDir=img1\nframeRate={annotations.rate_hz:g}\n"
+            f"seqLength={len(annotations)}\nimWidth={width}\nimHeight={height}\nimExt={image_suffix(folder / 'img1')}\n"
+        )
+        (folder / _INFO).write_text(info, encoding="utf-8")
 
 
-def write(folder: Path, annotations: Annotations) -> None:
-    """Write the annotations beside the images."""
-    (folder / "gt").mkdir(exist_ok=True)
-    with (folder / _TRUTH).open("w", encoding="utf-8") as written:
-        for frame, people in enumerate(annotations.people, start=1):
-            for one in people:
-                x, y, w, h = one.box
-                numbers = ",".join(number(value) for value in (x + 1.0, y + 1.0, w, h))
-                written.write(f"{frame},{one.identity},{numbers},1,{_PEDESTRIAN},{number(one.visible_fraction)}\n")
-    if annotations.detections:
-        (folder / "det").mkdir(exist_ok=True)
-        with (folder / _DETECTIONS).open("w", encoding="utf-8") as written:
-            for frame, found in enumerate(annotations.detections, start=1):
-                for line, score in zip(box_lines(found.boxes, first_pixel=1.0).splitlines(), found.scores, strict=True):
-                    written.write(f"{frame},-1,{line},{number(float(score))},-1,-1,-1\n")
-    suffix = next(path.suffix for path in sorted((folder / "img1").iterdir()))
-    width, height = annotations.image_size_px
-    info = (
-        f"[Sequence]\nname={annotations.name}\nimDir=img1\nframeRate={annotations.rate_hz:g}\n"
-        f"seqLength={len(annotations)}\nimWidth={width}\nimHeight={height}\nimExt={suffix}\n"
-    )
-    (folder / _INFO).write_text(info, encoding="utf-8")
+MOT = _Mot()

@@ -24,8 +24,8 @@ import numpy as np
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats import vot
 from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
+from pftrack_sim.formats.single_target import VOT_EXPERIMENT, region_box
 
 ResultFormat: TypeAlias = Literal["otb", "got10k", "vot", "mot"]
 
@@ -101,7 +101,7 @@ def result_files(form: ResultFormat, tracker: str, sequence: str, result: Tracke
         yield f"{below}_001.txt", box_lines(result.boxes)
         yield f"{below}_time.txt", _lines(seconds)
     elif form == "vot":
-        below = f"results/{tracker}/{vot.EXPERIMENT}/{sequence}/{sequence}_001"
+        below = f"results/{tracker}/{VOT_EXPERIMENT}/{sequence}/{sequence}_001"
         lines = box_lines(result.boxes).splitlines(keepends=True)
         # Not initialised yet is unknown, which the toolkit leaves out.
         lines[: result.first + 1] = ["0\n"] * result.first + ["1\n"]
@@ -160,7 +160,7 @@ def _result_file(root: Path, path: Path, sequences: Collection[str], form: Resul
         if chosen == "got10k" and len(folders) >= 2:
             return ResultFile(path, chosen, folders[-2], numbered[1], int(numbered[2]))
         if chosen == "vot" and len(folders) >= 3:
-            experiment = "" if folders[-2] == vot.EXPERIMENT else f" {folders[-2]}"
+            experiment = "" if folders[-2] == VOT_EXPERIMENT else f" {folders[-2]}"
             return ResultFile(path, chosen, folders[-3] + experiment, numbered[1], int(numbered[2]))
     elif path.stem in sequences and path.suffix != _BINARY:
         chosen = form or ("mot" if _first_line(path).count(",") >= 5 else "otb")
@@ -212,7 +212,7 @@ def _read_vot(path: Path) -> tuple[FloatArray, int]:
             first = index if line.strip() == "1" else first
             rows.append([np.nan] * 4)
             continue
-        box = vot.region_box(line.strip())
+        box = region_box(line.strip())
         if box is None:
             raise SequenceError(f"{path}, line {index + 1}: expected a region, got {line.strip()[:60]!r}")
         rows.append(box)

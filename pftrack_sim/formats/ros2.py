@@ -10,12 +10,11 @@ from __future__ import annotations
 import contextlib
 import importlib
 import itertools
-from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from pftrack_sim.core.boxes import NO_BOX, Box
@@ -24,6 +23,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.ros2_messages import type_store
 from pftrack_sim.core.text import one_line
 from pftrack_sim.formats.files import present_boxes
+from pftrack_sim.formats.images import ImageStream, decoded_image
 from pftrack_sim.formats.sequence import RecordedSequence
 
 _SUFFIXES = (".mcap", ".db3")
@@ -32,24 +32,6 @@ _BOXES = ("vision_msgs/msg/Detection2DArray",)
 _TRUTH, _TARGET = "/truth", "target"
 _HALF_PIXEL = 0.5
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1}
-
-
-@dataclass(frozen=True, eq=False)
-class _BagSequence(RecordedSequence):
-    """Images are read from the file when they are asked for."""
-
-    topic: str = ""
-    times_ns: tuple[int, ...] = field(default=())
-
-    def _read_image(self, index: int) -> Image:
-        path, time_ns = self.paths[index], self.times_ns[index]
-        repeated = self.times_ns[:index].count(time_ns)  # images logged at the same time keep their order
-        # Images have the same definition in every bag: none has to be read from this one, which takes 30 ms.
-        with _opened(path, definitions=False) as bag:
-            messages = _messages(bag, type_store().deserialize_cdr, self.topic, time_ns)
-            for _, message in itertools.islice(messages, repeated, None):
-                return _decoded(path, message)
-        raise SequenceError(f"{path}: image {index + 1} on {self.topic} is missing")
 
 
 def find(path: Path) -> Path | None:
@@ -73,10 +55,8 @@ def read(path: Path, topics: Sequence[str] = ()) -> RecordedSequence:
         kinds = {one.topic: one.msgtype for one in bag.connections}
         images = _chosen(path, kinds, _IMAGES, topics, "image")
         given = _chosen(path, kinds, _BOXES, topics, "box", preferred=_TRUTH)
-        received = [(_stamp(message), time_ns) for time_ns, message in _messages(bag, bag.deserialize, images)]
-        detections = {
-            _stamp(message): list(message.detections) for _, message in _messages(bag, bag.deserialize, given)
-        }
+        received = [(_stamp(message), time_ns) for time_ns, message in _messages(bag, images)]
+        detections = {_stamp(message): list(message.detections) for _, message in _messages(bag, given)}
         named = any(one.id == _TARGET for found in detections.values() for one in found)
         by_stamp = {stamp: _target(found, named) for stamp, found in detections.items()}
     if not received:
@@ -85,22 +65,21 @@ def read(path: Path, topics: Sequence[str] = ()) -> RecordedSequence:
     truth = np.array([by_stamp.get(stamp, NO_BOX) for stamp in stamps])
     span_s = (stamps[-1] - stamps[0]) * 1e-9
     rate_hz = (len(stamps) - 1) / span_s if span_s > 0.0 else None
-    whole = RecordedSequence.checked(path, given, [path] * len(stamps), present_boxes(truth), rate_hz)
-    times = tuple(time_ns for _, time_ns in received[whole.start :])
-    return _BagSequence(path.stem, whole.paths, whole.truth, rate_hz, whole.start, topic=images, times_ns=times)
+    times_ns = [time_ns for _, time_ns in received]
+    bag_images = ImageStream(path, len(received), lambda index: _images(path, images, times_ns, index))
+    sequence = RecordedSequence.checked(path, given, bag_images, present_boxes(truth), rate_hz)
+    return replace(sequence, name=path.stem)
 
 
 @contextlib.contextmanager
-def _opened(path: Path, *, definitions: bool = True) -> Generator[Any]:
-    """A reader of `rosbags`, with the definitions of messages; whatever goes wrong becomes a SequenceError."""
+def _opened(path: Path) -> Generator[Any]:
+    """A reader of `rosbags`; whatever goes wrong becomes a SequenceError."""
     try:
         highlevel: Any = importlib.import_module("rosbags.highlevel")
-        rosbag2: Any = importlib.import_module("rosbags.rosbag2")
     except ImportError:
         raise RunError("ROS 2 bags need the extra: pip install 'pftrack-sim[ros2]'") from None
     try:
-        reader = highlevel.AnyReader([path], default_typestore=type_store()) if definitions else rosbag2.Reader(path)
-        with reader as bag:
+        with highlevel.AnyReader([path], default_typestore=type_store()) as bag:
             yield bag
     except (SequenceError, GeneratorExit):
         raise
@@ -109,12 +88,19 @@ def _opened(path: Path, *, definitions: bool = True) -> Generator[Any]:
         raise SequenceError(f"{path}: is no ROS 2 bag, or it is damaged: {text}") from None
 
 
-def _messages(bag: Any, decode: Callable[..., Any], topic: str, at_ns: int | None = None) -> Iterator[tuple[int, Any]]:
-    """Time of reception [ns] and content of all messages on a topic, or of those of one time."""
+def _messages(bag: Any, topic: str, since_ns: int | None = None) -> Iterator[tuple[int, Any]]:
+    """Time of reception [ns] and content of all messages on a topic, or of those from a time on."""
     wanted = [one for one in bag.connections if one.topic == topic]
-    span = {} if at_ns is None else {"start": at_ns, "stop": at_ns + 1}
-    for connection, time_ns, content in bag.messages(wanted, **span):
-        yield time_ns, decode(content, connection.msgtype)
+    for connection, time_ns, content in bag.messages(wanted, start=since_ns):
+        yield time_ns, bag.deserialize(content, connection.msgtype)
+
+
+def _images(path: Path, topic: str, times_ns: Sequence[int], first: int) -> Iterator[Image]:
+    """Images on a topic from the one of an index on, by their times of reception."""
+    skipped = first - times_ns.index(times_ns[first])  # images received at the same time keep their order
+    with _opened(path) as bag:
+        for _, message in itertools.islice(_messages(bag, topic, times_ns[first]), skipped, None):
+            yield _decoded(path, message)
 
 
 def _chosen(
@@ -147,12 +133,9 @@ def _target(detections: list[Any], named: bool) -> Box:
 
 
 def _decoded(path: Path, message: Any) -> Image:
-    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
     if hasattr(message, "format"):
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
-        if image is None:
-            raise SequenceError(f"{path}: an image cannot be decoded ({message.format})")
-        return np.asarray(image, dtype=np.uint8)
+        return decoded_image(path, bytes(message.data))
+    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
     if message.encoding not in _CHANNELS or data.size != message.height * message.step:
         raise SequenceError(f"{path}: images must be {', '.join(_CHANNELS)}, got {message.encoding!r}")
     channels = _CHANNELS[message.encoding]

@@ -6,48 +6,44 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import SequenceError
-from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.records import Detections, Image, frozen_array
 from pftrack_sim.core.types import FloatArray
-
-MAX_IMAGE_BYTES = 256 << 20
+from pftrack_sim.formats.images import Images
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedSequence:
-    """Images of a folder with one true box each.
+    """Images with one true box each, from the first image that has a box on.
 
     Attributes:
         name: Name of the folder.
-        paths: `N` image files in order.
-        truth: `(N, 4)` boxes x, y, w, h [px], read-only; NaN rows where the target is absent; the first
-            row is finite.
+        images: All images; the first `start` are left out.
+        truth: `(N, 4)` boxes x, y, w, h [px], read-only; NaN rows where the target is absent.
         rate_hz: Frames per second; None where the layout does not tell.
-        start: Number of images before the first annotated one; they are left out.
+        start: Number of images before the first one with a box.
         detections: For each image what a detector found in it; None where the sequence has no file of it.
     """
 
     name: str
-    paths: tuple[Path, ...]
+    images: Images
     truth: FloatArray
     rate_hz: float | None = None
     start: int = 0
     detections: tuple[Detections, ...] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "truth", frozen_array(self.truth, (len(self.paths), 4)))
+        object.__setattr__(self, "truth", frozen_array(self.truth, (len(self.images) - self.start, 4)))
 
     @classmethod
     def checked(
         cls,
         folder: Path,
         boxes_in: str,
-        paths: list[Path],
+        images: Images,
         truth: FloatArray,
         rate_hz: float | None = None,
         detections: tuple[Detections, ...] | None = None,
@@ -57,26 +53,20 @@ class RecordedSequence:
         Raises:
             SequenceError: The numbers of images and boxes differ, or no frame has a box.
         """
-        if len(paths) != len(truth):
-            raise SequenceError(f"{folder}: {len(paths)} images but {len(truth)} boxes in {boxes_in}")
+        if len(images) != len(truth):
+            raise SequenceError(f"{folder}: {len(images)} images but {len(truth)} boxes in {boxes_in}")
         known = np.flatnonzero(np.isfinite(truth).all(axis=1))
         if known.size == 0:
             raise SequenceError(f"{folder / boxes_in}: no frame has a box")
         first = int(known[0])
         found = None if detections is None else detections[first:]
-        return cls(folder.resolve().name, tuple(paths[first:]), truth[first:], rate_hz, first, found)
+        return cls(folder.resolve().name, images, truth[first:], rate_hz, first, found)
 
     def __len__(self) -> int:
-        return len(self.paths)
+        return len(self.truth)
 
     def image(self, index: int) -> Image:
-        """Read one image.
-
-        Args:
-            index: From 0 to N - 1.
-
-        Returns:
-            `(H, W, 3)` uint8 RGB.
+        """`(H, W, 3)` uint8 RGB image of a frame from 0 to N - 1.
 
         Raises:
             IndexError: There is no such frame.
@@ -84,27 +74,11 @@ class RecordedSequence:
         """
         if not 0 <= index < len(self):
             raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, got {index}")
-        return self._read_image(index)
+        return self.images.read(self.start + index)
 
-    def _read_image(self, index: int) -> Image:
-        path = self.paths[index]
-        try:
-            content = read_bytes(path, MAX_IMAGE_BYTES)
-        except OSError as error:
-            raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
-        return decoded_image(path, content)
-
-
-def decoded_image(where: Path | str, content: bytes) -> Image:
-    """`(H, W, 3)` uint8 RGB of the content of an image file; `where` names it in the SequenceError that it raises."""
-    data = np.frombuffer(content, dtype=np.uint8)
-    try:
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
-    except cv2.error:
-        image = None
-    if image is None:
-        raise SequenceError(f"{where}: is not an image, or it is damaged")
-    return np.asarray(image, dtype=np.uint8)
+    def where(self, index: int) -> str:
+        """File of a frame's image, for messages."""
+        return self.images.where(self.start + index)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ import io
 import json
 import tarfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +18,11 @@ from pydantic import BaseModel
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.records import Image
-from pftrack_sim.formats.files import SUFFIXES, JsonBox, JsonNumber, json_content, present_boxes
-from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence, decoded_image
+from pftrack_sim.formats.files import JsonBox, JsonNumber, json_content, present_boxes
+from pftrack_sim.formats.images import MAX_IMAGE_BYTES, SUFFIXES, Images, decoded_image
+from pftrack_sim.formats.layout import Layout
+from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
 
-EXPECTS = "a file frames.tar of images, each with a .json of the same name"
-IMAGE = "{:08d}"
 SHARD = "frames.tar"
 TARGET = 1
 _MAX_SAMPLE_BYTES = 1 << 20
@@ -35,67 +34,28 @@ class _Sample(BaseModel):
     box: JsonBox | None
 
 
-@dataclass(frozen=True, eq=False)
-class _ShardSequence(RecordedSequence):
-    """Images are read from the shard when they are asked for.
+class _ShardImages(Images):
+    """Images of a shard; of each the name, where it begins, and its size [bytes]."""
 
-    Attributes:
-        members: Name of each image, where it begins in the shard, and its size [bytes].
-    """
+    def __init__(self, path: Path, members: Sequence[tuple[str, int, int]]) -> None:
+        self._path, self._members = path, members
 
-    members: tuple[tuple[str, int, int], ...] = ()
+    def __len__(self) -> int:
+        return len(self._members)
 
-    def _read_image(self, index: int) -> Image:
-        name, start, size = self.members[index]
+    def read(self, index: int) -> Image:
+        _, start, size = self._members[index]
+        if size > MAX_IMAGE_BYTES:
+            raise SequenceError(f"{self.where(index)}: larger than {MAX_IMAGE_BYTES} bytes, the most that is read")
         try:
-            with self.paths[index].open("rb") as shard:
+            with self._path.open("rb") as shard:
                 shard.seek(start)
-                return decoded_image(f"{self.paths[index]}: {name}", shard.read(size))
+                return decoded_image(self.where(index), shard.read(size))
         except OSError as error:
-            raise SequenceError(f"{self.paths[index]}: cannot be read: {error.strerror}") from None
+            raise SequenceError(f"{self._path}: cannot be read: {error.strerror}") from None
 
-
-def matches(folder: Path) -> bool:
-    """Whether a folder has this layout."""
-    return (folder / SHARD).is_file()
-
-
-def read(folder: Path) -> RecordedSequence:
-    """Read the samples of a shard in the order of their frames; see `formats.read_sequence`."""
-    path = folder / SHARD
-    images: dict[str, tuple[str, int, int]] = {}
-    samples: dict[str, _Sample] = {}
-    try:
-        with tarfile.open(path, "r:") as shard:
-            for member in shard:
-                stem, dot, suffix = member.name.rpartition(".")
-                if member.isreg() and f"{dot}{suffix}" in SUFFIXES and "." not in Path(stem).name:
-                    images[stem] = (member.name, member.offset_data, member.size)
-                elif member.isreg() and suffix == "json":
-                    opened = shard.extractfile(member)
-                    content = opened.read(_MAX_SAMPLE_BYTES) if opened is not None else b""
-                    samples[stem] = json_content(f"{path}: {member.name}", content, _Sample)
-    except tarfile.TarError as error:
-        raise SequenceError(f"{path}: is no tar file, or it is damaged: {error}") from None
-    except OSError as error:
-        raise SequenceError(f"{path}: cannot be read: {error.strerror or error}") from None
-    if lonely := sorted(images.keys() ^ samples.keys()):
-        raise SequenceError(f"{path}: {lonely[0]} has no {'json' if lonely[0] in images else 'image'}")
-    ordered = sorted(samples, key=lambda name: samples[name].frame)
-    for number, name in enumerate(ordered):
-        if samples[name].frame != number:
-            raise SequenceError(f"{path}: {name} has frame {samples[name].frame}, expected {number}: one is missing")
-    rows = [samples[name].box or (np.nan,) * 4 for name in ordered]
-    truth = present_boxes(np.array(rows, dtype=np.float64).reshape(-1, 4))
-    span_s = samples[ordered[-1]].time_s - samples[ordered[0]].time_s if ordered else 0.0
-    rate_hz = (len(ordered) - 1) / span_s if span_s > 0.0 else None
-    whole = RecordedSequence.checked(folder, SHARD, [path] * len(ordered), truth, rate_hz)
-    members = tuple(images[name] for name in ordered[whole.start :])
-    return _ShardSequence(whole.name, whole.paths, whole.truth, rate_hz, whole.start, members=members)
-
-
-def write(folder: Path, annotations: Annotations) -> None:
-    """Do nothing: every sample holds its own annotations."""
+    def where(self, index: int) -> str:
+        return f"{self._path}: {self._members[index][0]}"
 
 
 def sample(name: str, frame: int, time_s: float, people: Sequence[PersonBox]) -> bytes:
@@ -122,6 +82,51 @@ def add_member(shard: tarfile.TarFile, name: str, content: bytes) -> None:
     shard.addfile(member, io.BytesIO(content))
 
 
-def index(root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
-    """The list of the shards."""
-    yield "shards.txt", (f"{name}/{SHARD}\n" for name in names)
+class _WebDataset(Layout):
+    title, expects = "WebDataset", "a file frames.tar of images, each with a .json of the same name"
+    image, packed = "{:08d}", True
+
+    def matches(self, folder: Path) -> bool:
+        return (folder / SHARD).is_file()
+
+    def read(self, folder: Path) -> RecordedSequence:
+        path = folder / SHARD
+        images: dict[str, tuple[str, int, int]] = {}
+        samples: dict[str, _Sample] = {}
+        try:
+            with tarfile.open(path, "r:") as shard:
+                for member in shard:
+                    stem, dot, suffix = member.name.rpartition(".")
+                    if member.isreg() and f"{dot}{suffix}" in SUFFIXES and "." not in Path(stem).name:
+                        images[stem] = (member.name, member.offset_data, member.size)
+                    elif member.isreg() and suffix == "json":
+                        opened = shard.extractfile(member)
+                        content = opened.read(_MAX_SAMPLE_BYTES) if opened is not None else b""
+                        samples[stem] = json_content(f"{path}: {member.name}", content, _Sample)
+        except tarfile.TarError as error:
+            raise SequenceError(f"{path}: is no tar file, or it is damaged: {error}") from None
+        except OSError as error:
+            raise SequenceError(f"{path}: cannot be read: {error.strerror or error}") from None
+        if lonely := sorted(images.keys() ^ samples.keys()):
+            raise SequenceError(f"{path}: {lonely[0]} has no {'json' if lonely[0] in images else 'image'}")
+        ordered = sorted(samples, key=lambda name: samples[name].frame)
+        for number, name in enumerate(ordered):
+            if samples[name].frame != number:
+                raise SequenceError(
+                    f"{path}: {name} has frame {samples[name].frame}, expected {number}: one is missing"
+                )
+        rows = [samples[name].box or (np.nan,) * 4 for name in ordered]
+        truth = present_boxes(np.array(rows, dtype=np.float64).reshape(-1, 4))
+        span_s = samples[ordered[-1]].time_s - samples[ordered[0]].time_s if ordered else 0.0
+        rate_hz = (len(ordered) - 1) / span_s if span_s > 0.0 else None
+        shard_images = _ShardImages(path, [images[name] for name in ordered])
+        return RecordedSequence.checked(folder, SHARD, shard_images, truth, rate_hz)
+
+    def write(self, folder: Path, annotations: Annotations) -> None:
+        """Do nothing: every sample holds its own annotations."""
+
+    def index(self, root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
+        yield "shards.txt", (f"{name}/{SHARD}\n" for name in names)
+
+
+WEBDATASET = _WebDataset()

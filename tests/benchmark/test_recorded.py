@@ -11,6 +11,7 @@ from pftrack_sim.benchmark import TrackerSpec
 from pftrack_sim.benchmark.datasets.recorded import evaluate, video_paths
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError, UnknownNameError
 from pftrack_sim.formats import RecordedSequence
+from pftrack_sim.formats.images import ImageFiles
 
 
 def record(folder: Path, count: int = 6) -> RecordedSequence:
@@ -23,7 +24,7 @@ def record(folder: Path, count: int = 6) -> RecordedSequence:
         paths.append(folder / f"{index}.png")
         cv2.imwrite(str(paths[-1]), image)
         truth.append([10.0 + index, 20, 20, 20] if index != 3 else [np.nan] * 4)
-    return RecordedSequence(folder.name, tuple(paths), np.array(truth))
+    return RecordedSequence(folder.name, ImageFiles(paths), np.array(truth))
 
 
 def frames(path: Path) -> list[np.ndarray]:
@@ -95,7 +96,7 @@ def test_impossible_names_of_videos(tmp_path: Path):
     with pytest.raises(ParameterError, match="several sequences are called a:"):
         video_paths([one, other, one], tmp_path / "videos")
     with pytest.raises(RunError, match="neither a folder nor"):
-        video_paths([one], one.paths[0])
+        video_paths([one], Path(one.where(0)))
 
 
 def test_a_wrong_name_leaves_nothing_behind(tmp_path: Path):
@@ -107,7 +108,7 @@ def test_a_wrong_name_leaves_nothing_behind(tmp_path: Path):
 
 def test_images_of_two_sizes_are_refused_and_no_half_video_is_left(tmp_path: Path):
     sequence = record(tmp_path / "a")
-    cv2.imwrite(str(sequence.paths[4]), np.zeros((30, 40, 3), np.uint8))
+    cv2.imwrite(sequence.where(4), np.zeros((30, 40, 3), np.uint8))
     with pytest.raises(SequenceError, match=r"4\.png: images of one sequence need one size, got 80 x 60 and 40 x 30"):
         evaluate([sequence], ["stay"], [0], video=tmp_path / "a.mp4")
     assert not list(tmp_path.glob("*.mp4*"))

@@ -17,7 +17,7 @@ from pftrack_sim.formats.results import (
     read_result,
     result_files,
 )
-from pftrack_sim.formats.vot import region_box
+from pftrack_sim.formats.single_target import region_box
 
 COUNT = 8
 LAYOUT = {"otb": "otb", "got10k": "got10k", "vot": "vot", "mot": "mot"}

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import SequenceError
-from pftrack_sim.formats import read_sequence
-from pftrack_sim.formats.video import given_boxes
+from pftrack_sim.formats import given_boxes, read_sequence
 from tests.cli.test_cli import pftrack_sim
 
 COUNT = 12
@@ -83,7 +82,9 @@ def test_what_is_wrong_is_said_in_one_line(film: Path, tmp_path: Path):
 
 
 def test_a_video_that_breaks_off_is_an_error(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(
+        "pftrack_sim.formats.images._decode", lambda path, first: (np.zeros((4, 4, 3), np.uint8) for _ in "ab")
+    )
     sequence = read_sequence(film, boxes=given_boxes("10,20,24,24"))
-    monkeypatch.setattr("pftrack_sim.formats.video.decode", lambda path: (np.zeros((4, 4, 3), np.uint8) for _ in "ab"))
     with pytest.raises(SequenceError, match="frame 5 cannot be decoded"):
         sequence.image(4)

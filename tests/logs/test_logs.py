@@ -198,19 +198,18 @@ def test_damaged_bags_in_sqlite_are_one_clear_error(bag: Path, tmp_path: Path):
             read_sequence(path)
 
 
-@pytest.mark.parametrize("version", [8, 9])
-def test_a_bag_folder_is_read(tmp_path: Path, version: Any):
-    """Raw images and boxes, in the format of Humble (8) and with definitions (9)."""
+def write_bag(path: Path, numbers: range, version: Any, plugin: str, mode: str = "NONE") -> np.ndarray:
+    """Raw images and boxes, one each for a number, as `rosbags` writes them; all images up to the last number."""
     rosbag2: Any = pytest.importorskip("rosbags.rosbag2")
     store = type_store()
-    boxes_kind, kinds = "vision_msgs/msg/Detection2DArray", store.types
-    stamps = [kinds["builtin_interfaces/msg/Time"](0, number * 10**8) for number in range(3)]
-    pixels = np.random.default_rng(0).integers(0, 256, (3, 12, 16, 3), dtype=np.uint8)
-    with rosbag2.Writer(tmp_path / "bag", version=version, storage_plugin=rosbag2.StoragePlugin.SQLITE3) as written:
-        names = {"/image": "sensor_msgs/msg/Image", "/boxes": boxes_kind}
+    kinds, names = store.types, {"/image": "sensor_msgs/msg/Image", "/boxes": "vision_msgs/msg/Detection2DArray"}
+    pixels = np.random.default_rng(0).integers(0, 256, (numbers.stop, 12, 16, 3), dtype=np.uint8)
+    bag = rosbag2.Writer(path, version=version, storage_plugin=rosbag2.StoragePlugin[plugin])
+    bag.set_compression(rosbag2.CompressionMode[mode], rosbag2.CompressionFormat.ZSTD)
+    with bag as written:
         topics = {name: written.add_connection(name, kind, typestore=store) for name, kind in names.items()}
-        for number, stamp in enumerate(stamps):
-            header = kinds["std_msgs/msg/Header"](stamp, "camera")
+        for number in numbers:
+            header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](0, number * 10**8), "camera")
             image = kinds[names["/image"]](header, 12, 16, "rgb8", 0, 48, pixels[number].ravel())
             centre = kinds["vision_msgs/msg/Pose2D"](kinds["vision_msgs/msg/Point2D"](4.5 + number, 5.5), 0.0)
             box = kinds["vision_msgs/msg/BoundingBox2D"](centre, 4.0, 6.0)
@@ -219,11 +218,50 @@ def test_a_bag_folder_is_read(tmp_path: Path, version: Any):
             for name, message in (("/image", image), ("/boxes", boxes)):
                 content = store.serialize_cdr(message, names[name])
                 written.write(topics[name], 10**9 + number * 10**8, content)
-    read = read_sequence(tmp_path / "bag")
-    np.testing.assert_array_equal(read.truth, [[3.0 + number, 3.0, 4.0, 6.0] for number in range(3)])
+    return pixels
+
+
+def check_bag(path: Path, pixels: np.ndarray) -> None:
+    read = read_sequence(path)
+    np.testing.assert_array_equal(read.truth, [[3.0 + number, 3.0, 4.0, 6.0] for number in range(len(pixels))])
     assert read.rate_hz == pytest.approx(10.0)
-    for number in range(3):
+    for number in (*range(len(pixels)), *reversed(range(len(pixels)))):
         np.testing.assert_array_equal(read.image(number), pixels[number])
+
+
+@pytest.mark.parametrize("version", [8, 9])
+@pytest.mark.parametrize(
+    ("plugin", "mode"),
+    [("SQLITE3", "NONE"), ("SQLITE3", "MESSAGE"), ("SQLITE3", "FILE"), ("MCAP", "FILE"), ("MCAP", "STORAGE")],
+)
+def test_a_bag_folder_is_read_whatever_its_storage_and_compression(
+    tmp_path: Path, version: int, plugin: str, mode: str
+):
+    """In the format of Humble (8) and with definitions (9)."""
+    check_bag(tmp_path / "bag", write_bag(tmp_path / "bag", range(3), version, plugin, mode))
+
+
+@pytest.mark.parametrize("mode", ["NONE", "MESSAGE", "FILE"])
+@pytest.mark.parametrize("plugin", ["SQLITE3", "MCAP"])
+def test_a_bag_of_several_files_is_one_sequence(tmp_path: Path, plugin: str, mode: str):
+    """Files of one bag, as recorders split them by size or time."""
+    yaml = pytest.importorskip("ruamel.yaml").YAML()
+    parts = [tmp_path / "bag", tmp_path / "more"]
+    for part, numbers in zip(parts, (range(3), range(3, 5)), strict=True):
+        pixels = write_bag(part, numbers, 9, plugin, mode)
+    about = [yaml.load(part / "metadata.yaml")["rosbag2_bagfile_information"] for part in parts]
+    about[0]["relative_file_paths"] += about[1]["relative_file_paths"]
+    about[0]["message_count"] += about[1]["message_count"]
+    about[0]["duration"]["nanoseconds"] = 4 * 10**8
+    for here, there in zip(*(one["topics_with_message_count"] for one in about), strict=True):
+        here["message_count"] += there["message_count"]
+    (file,) = about[1]["relative_file_paths"]
+    (parts[1] / file).rename(parts[0] / file)
+    yaml.dump({"rosbag2_bagfile_information": about[0]}, parts[0] / "metadata.yaml")
+    check_bag(parts[0], pixels)
+    (parts[0] / file).unlink()
+    with pytest.raises(SequenceError, match="is no ROS 2 bag, or it is damaged"):
+        read_sequence(parts[0])
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.records import Detections, Frame, Image, Truth
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.formats import LAYOUTS, Annotations, PersonBox
-from pftrack_sim.formats.files import VIDEO
+from pftrack_sim.formats.images import VIDEO
 from pftrack_sim.formats.maps import MapKind, encode_depth, encode_flow, encode_masks
 from pftrack_sim.formats.webdataset import SHARD, add_member, sample
 from pftrack_sim.simulation.simulation import Simulation

@@ -172,7 +172,7 @@ def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
         shape = shape or image.shape
         if image.shape != shape:
             sizes = " and ".join(f"{width} x {height}" for height, width, _ in (shape, image.shape))
-            raise SequenceError(f"{sequence.paths[index]}: images of one sequence need one size, got {sizes}")
+            raise SequenceError(f"{sequence.where(index)}: images of one sequence need one size, got {sizes}")
         found = sequence.detections[index] if sequence.detections is not None else None
         yield Sample(index / rate_hz, image, box, bool(np.isfinite(box[0])), caption=caption, detections=found)
 

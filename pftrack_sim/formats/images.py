@@ -1,0 +1,179 @@
+"""Images of sequences, read when they are asked for: numbered files of a folder, frames of a video or of a bag."""
+
+from __future__ import annotations
+
+import itertools
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+from av.error import FFmpegError
+
+from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.text import one_line
+
+MAX_IMAGE_BYTES = 256 << 20
+SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
+VIDEO = "frames.mp4"
+"""Name of the video that an exported sequence may have in the folder of its images."""
+
+
+class Images(ABC):
+    """The images of a sequence."""
+
+    @abstractmethod
+    def __len__(self) -> int: ...
+
+    @abstractmethod
+    def read(self, index: int) -> Image:
+        """`(H, W, 3)` uint8 RGB.
+
+        Raises:
+            SequenceError: It cannot be read as an image.
+        """
+
+    @abstractmethod
+    def where(self, index: int) -> str:
+        """File of an image, for messages."""
+
+
+class ImageFiles(Images):
+    """One file for each image."""
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self.paths = tuple(paths)
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def read(self, index: int) -> Image:
+        """See `Images`."""
+        path = self.paths[index]
+        try:
+            content = read_bytes(path, MAX_IMAGE_BYTES)
+        except OSError as error:
+            raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
+        return decoded_image(path, content)
+
+    def where(self, index: int) -> str:
+        """See `Images`."""
+        return str(self.paths[index])
+
+
+class ImageStream(Images):
+    """Images that are read one after the other; going back begins anew.
+
+    Args:
+        path: The file.
+        count: Number of images.
+        begin: Gives the images from an index on.
+    """
+
+    def __init__(self, path: Path, count: int, begin: Callable[[int], Iterator[Image]]) -> None:
+        self._path, self._count, self._begin = path, count, begin
+        self._next, self._images = 0, begin(0)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def read(self, index: int) -> Image:
+        """See `Images`."""
+        if index < self._next:
+            self._next, self._images = index, self._begin(index)
+        for image in self._images:
+            self._next += 1
+            if self._next == index + 1:
+                return image
+        raise SequenceError(f"{self._path}: frame {index + 1} cannot be decoded")
+
+    def where(self, index: int) -> str:
+        """See `Images`."""
+        return f"{self._path}: frame {index + 1}"
+
+
+def images_in(folder: Path) -> Images:
+    """Images of a folder: the frames of the file `VIDEO` where it has one, else its numbered images.
+
+    Raises:
+        SequenceError: As `numbered_images`, or the file is no video.
+    """
+    return video(folder / VIDEO)[0] if (folder / VIDEO).is_file() else ImageFiles(numbered_images(folder))
+
+
+def numbered_images(folder: Path) -> list[Path]:
+    """Images of a folder in the order of their numbers, without gaps.
+
+    Raises:
+        SequenceError: The folder is missing or has no images; a name is no number; a number is missing or twice there.
+    """
+    try:
+        found = [
+            entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and not entry.name.startswith(".")
+        ]
+    except FileNotFoundError:
+        raise SequenceError(f"{folder}: no such folder of images") from None
+    except OSError as error:
+        raise SequenceError(f"{folder}: cannot be read: {error.strerror}") from None
+    if not found:
+        raise SequenceError(f"{folder}: no images ({', '.join(SUFFIXES)})")
+    for entry in found:
+        if not (entry.stem.isascii() and entry.stem.isdigit()):
+            raise SequenceError(f"{entry}: an image's name must be its number, like 0001.jpg")
+    numbered = sorted((int(entry.stem), entry) for entry in found)
+    for (number, path), (following, other) in itertools.pairwise(numbered):
+        if following == number:
+            raise SequenceError(f"{folder}: {path.name} and {other.name} have the same number")
+        if following != number + 1:
+            raise SequenceError(f"{folder}: image {number + 1} is missing between {path.name} and {other.name}")
+    return [path for _, path in numbered]
+
+
+def image_suffix(folder: Path) -> str:
+    """Suffix of the images of a sequence that is written; they all have the same."""
+    return next(path.suffix for path in sorted(folder.iterdir()) if path.suffix in (*SUFFIXES, Path(VIDEO).suffix))
+
+
+def decoded_image(where: Path | str, content: bytes) -> Image:
+    """`(H, W, 3)` uint8 RGB of the content of an image file; `where` names it in the SequenceError that it raises."""
+    data = np.frombuffer(content, dtype=np.uint8)
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise SequenceError(f"{where}: is not an image, or it is damaged")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def video(path: Path) -> tuple[Images, float | None]:
+    """Frames of a video file, and how many there are per second where the file tells.
+
+    Raises:
+        SequenceError: It is no video.
+    """
+    try:
+        with av.open(str(path)) as opened:
+            container: Any = opened
+            stream = container.streams.video[0]
+            rate = stream.average_rate
+            count = sum(1 for packet in container.demux(stream) if packet.size)
+    except (FFmpegError, OSError, IndexError) as error:
+        problem = getattr(error, "strerror", None) or "it has no video stream"
+        raise SequenceError(f"{path}: cannot be read as a video: {one_line(str(problem))}") from None
+    return ImageStream(path, count, partial(_decode, path)), float(rate) if rate else None
+
+
+def _decode(path: Path, first: int) -> Iterator[Image]:
+    try:
+        with av.open(str(path)) as container:
+            for frame in itertools.islice(container.decode(video=0), first, None):
+                yield np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+    except (FFmpegError, OSError) as error:
+        raise SequenceError(f"{path}: is damaged: {one_line(str(error.strerror or error))}") from None
