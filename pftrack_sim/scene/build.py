@@ -18,7 +18,7 @@ from pftrack_sim.scene.people.person import Person, add_person, sample_people
 from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.places.builder import add_ground_plane
 from pftrack_sim.scene.places.seats import Seat
-from pftrack_sim.scene.robot import PREFIX, RobotForm, add_robot
+from pftrack_sim.scene.robot import RobotForm, add_robot
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
@@ -51,20 +51,6 @@ def build_stage(
     return spec, layout
 
 
-def solid_stage(settings: ResolvedScenario, stage: mujoco.MjSpec) -> mujoco.MjSpec:
-    """The stage without what is only drawn."""
-    solids = _empty(stage.option.timestep)
-    for body in stage.worldbody.bodies:
-        if body.name.startswith(PREFIX):
-            continue
-        twin = solids.worldbody.add_body(name=body.name, pos=body.pos, quat=body.quat)
-        for geom in body.geoms:
-            if _collides(geom):
-                _add_solid(twin, geom)
-    add_robot(solids, RobotForm.of(settings.robot, settings.camera))
-    return solids
-
-
 @lru_cache(maxsize=8)
 def compile_robot_alone(form: RobotForm, step_s: float) -> mujoco.MjModel:
     """The robot on the ground without anything else, and without sensors.
@@ -93,12 +79,6 @@ def _empty(step_s: float, *, draws: bool = False) -> SceneSpec:
 
 def _collides(geom: mujoco.MjsGeom) -> bool:
     return bool(geom.contype or geom.conaffinity)
-
-
-def _add_solid(body: mujoco.MjsBody, geom: mujoco.MjsGeom) -> None:
-    """Add a copy of a geom that the robot collides with."""
-    solid = body.add_geom(type=geom.type, size=geom.size, pos=geom.pos, quat=geom.quat, friction=geom.friction)
-    solid.contype, solid.conaffinity, solid.group = geom.contype, geom.conaffinity, geom.group
 
 
 def add_agents(

@@ -1,121 +1,100 @@
-"""The dry run: an episode of robot and target alone, to know where camera and target will be."""
+"""The dry run: where camera, target and robot will be while the robot follows its script and nothing is in its way.
+
+The base moves by its kinematics, as fast as its motors accelerate it, and the camera looks at the target: suspension,
+mast, tyres and servos are left out. Camera and target stay within 7 cm of where they are in the episode.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections import deque
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.pedestrians.crowd import Crowd
-from pftrack_sim.agents.pedestrians.obstacle_map import Xy
-from pftrack_sim.agents.robot.robot import Robot
+from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.target import TargetWalk
+from pftrack_sim.agents.robot.drive import ACCELERATION
+from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scene.robot import LENS_M, REST_YAW_RAD
 
-
-class Sample(NamedTuple):
-    """Optical centre without vibration, and centre line of the target and centre of the robot on the ground [m]."""
-
-    time_s: float
-    camera_m: tuple[float, float, float]
-    target_m: Xy
-    robot_m: Xy
-
-
-class _Recording:
-    """Samples as far as they have been needed."""
-
-    def __init__(self, samples: Iterable[Sample]) -> None:
-        self._coming, self._rows, self._table = iter(samples), list[tuple[float, ...]](), np.empty((0, 8))
-
-    def until(self, time_s: float) -> FloatArray:
-        """`(T, 8)` times and x, y, z of the camera, x, y of target and robot, up to the first one after a time."""
-        while not self._rows or self._rows[-1][0] <= time_s:
-            sample = next(self._coming, None)
-            if sample is None:
-                break
-            self._rows.append((sample.time_s, *sample.camera_m, *sample.target_m, *sample.robot_m))
-        if len(self._table) < len(self._rows):
-            self._table = np.array(self._rows)
-            self._table.setflags(write=False)
-        return self._table[: int(np.searchsorted(self._table[:, 0], time_s, side="right")) + 1]
+_TICK_S = 0.04  # The motors follow their commands by about this time later
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """Where camera, target and robot are over an episode, or its first part; simulated when it is asked for.
+    """Where camera, target and robot are from the start of an episode to `end_s`.
 
     Attributes:
-        end_s: When it ends.
+        times_s: `(T,)` times of the samples; the last one is the first after the end.
+        camera_m: `(T, 3)` optical centre without vibration, world frame.
+        target_m: `(T, 2)` centre line of the target on the ground.
+        robot_m: `(T, 2)` centre of the robot on the ground.
     """
 
-    _recording: _Recording
+    times_s: FloatArray
+    camera_m: FloatArray
+    target_m: FloatArray
+    robot_m: FloatArray
     target_height_m: float
     end_s: float
 
-    @classmethod
-    def of(cls, samples: Iterable[Sample], target_height_m: float, end_s: float) -> DryRun:
-        """The run of samples with rising times, from time 0 on."""
-        return cls(_Recording(samples), target_height_m, end_s)
-
     def until(self, time_s: float) -> DryRun:
         """The part up to a time."""
-        return replace(self, end_s=min(time_s, self.end_s))
-
-    @property
-    def times_s(self) -> FloatArray:
-        """`(T,)` times of all samples, up to the first one after the end."""
-        return self._recording.until(self.end_s)[:, 0]
-
-    @property
-    def camera_m(self) -> FloatArray:
-        """`(T, 3)` optical centre without vibration, world frame."""
-        return self._recording.until(self.end_s)[:, 1:4]
-
-    @property
-    def target_m(self) -> FloatArray:
-        """`(T, 2)` centre line of the target on the ground."""
-        return self._recording.until(self.end_s)[:, 4:6]
-
-    @property
-    def robot_m(self) -> FloatArray:
-        """`(T, 2)` centre of the robot on the ground."""
-        return self._recording.until(self.end_s)[:, 6:]
+        end_s = min(time_s, self.end_s)
+        count = int(np.searchsorted(self.times_s, end_s, side="right")) + 1
+        parts = {name: getattr(self, name)[:count] for name in ("times_s", "camera_m", "target_m", "robot_m")}
+        return replace(self, end_s=end_s, **parts)
 
     def at(self, times_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Camera `(N, 3)` and target `(N, 2)` at given times, linearly interpolated."""
-        places = self._interpolated(times_s)
-        return places[:, :3], places[:, 3:5]
+        return self._at(times_s, self.camera_m), self._at(times_s, self.target_m)
 
     def robot_at(self, times_s: ArrayLike) -> FloatArray:
         """Robot `(N, 2)` at given times, linearly interpolated."""
-        return self._interpolated(times_s)[:, 5:]
+        return self._at(times_s, self.robot_m)
 
-    def _interpolated(self, times_s: ArrayLike) -> FloatArray:
+    def _at(self, times_s: ArrayLike, places_m: FloatArray) -> FloatArray:
         times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
-        known = self._recording.until(float(times.max(initial=0.0)))
-        columns: list[FloatArray] = [np.interp(times, known[:, 0], column) for column in known[:, 1:].T]
+        columns: list[FloatArray] = [np.interp(times, self.times_s, column) for column in places_m.T]
         return np.stack(columns, axis=1)
 
 
-def simulated(model: mujoco.MjModel, clock: Clock, robot: Robot, crowd: Crowd) -> Iterator[Sample]:
-    """Let the robot follow its script; a sample at the start and at every control tick, without an end.
-
-    The robot must not be used for anything else while samples are taken.
-    """
-    data, tick = mujoco.MjData(model), 0
-    crowd.reset()
-    robot.reset(data)
-    while True:
-        state = robot.scene_state(data, clock.time_s(tick))
-        if tick > 0:
-            crowd.tick(clock.tick_s, state.time_s, *state.places_m)
-        x, y, z = state.T_world_camera[:3, 3].tolist()
-        yield Sample(state.time_s, (x, y, z), crowd.target_m, state.robot_pose[:2])
-        robot.update(clock.tick_s, state, crowd)
-        robot.step(data)
-        tick += 1
+def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float) -> DryRun:
+    """Let target and robot move to the first sample after `end_s`; the script is reset before."""
+    robot, camera = settings.robot, settings.camera
+    target = TargetWalk(path, settings.target, settings.axes.target)
+    script.reset()
+    x, y, heading, _ = script.start_pose()
+    mount_rad = REST_YAW_RAD[camera.mount]
+    lens_m = LENS_M * math.cos(math.radians(camera.tilt_deg))
+    speed_step, turn_step = (ACCELERATION[:2] * _TICK_S).tolist()
+    max_turn_rad_s = math.radians(robot.max_turn_deg_s)
+    commands = deque([(0.0, 0.0)] * round(1e-3 * robot.latency_ms / _TICK_S))
+    speed = turn = 0.0
+    rows: list[tuple[float, ...]] = []
+    for tick in range(math.ceil(end_s / _TICK_S) + 2):
+        time_s, (target_x, target_y) = tick * _TICK_S, target.state[:2]
+        yaw = math.atan2(target_y - y, target_x - x) if robot.gaze == "target" else heading + mount_rad
+        camera_x, camera_y = x + lens_m * math.cos(yaw), y + lens_m * math.sin(yaw)
+        rows.append((time_s, camera_x, camera_y, camera.height_m, target_x, target_y, x, y))
+        commands.append(script.drive(time_s, (x, y, heading), target.s_m))
+        # The motors have the speeds of the tick before.
+        middle = heading + 0.5 * _TICK_S * turn
+        x, y, heading = (
+            x + _TICK_S * speed * math.cos(middle),
+            y + _TICK_S * speed * math.sin(middle),
+            heading + _TICK_S * turn,
+        )
+        target.update(_TICK_S, (x, y, speed * math.cos(middle), speed * math.sin(middle)), (camera_x, camera_y))
+        wanted_speed, wanted_turn = commands.popleft()
+        wanted_speed = min(max(wanted_speed, -robot.max_speed_m_s), robot.max_speed_m_s)
+        wanted_turn = min(max(wanted_turn, -max_turn_rad_s), max_turn_rad_s)
+        speed += min(max(wanted_speed - speed, -speed_step), speed_step)
+        turn += min(max(wanted_turn - turn, -turn_step), turn_step)
+    table = np.array(rows)
+    table.setflags(write=False)
+    return DryRun(table[:, 0], table[:, 1:4], table[:, 4:6], table[:, 6:], settings.target.height_m, end_s)

@@ -13,6 +13,7 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, plan_oncoming_pass, positions_away_from
 from pftrack_sim.agents.pedestrians.target import impossible_actions
+from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
@@ -20,7 +21,7 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.occluders.carts import CartSize, axis_occluders, cart_names, distractor_crossings
 from pftrack_sim.scene.occluders.static import Placement, occluder_names
 from pftrack_sim.scene.places.seats import Seat
-from pftrack_sim.simulation.dry_run import DryRun
+from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.feasibility import meeting_problems
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, plan_axis_crossing, plan_crossing
 from pftrack_sim.simulation.occlusion.static import plan_static
@@ -53,7 +54,7 @@ def make_plan(
     layout: WalkableArea,
     path: Path,
     seats: Sequence[Seat],
-    dry_run: DryRun,
+    script: Script,
 ) -> Plan:
     """Plan an episode.
 
@@ -76,7 +77,7 @@ def make_plan(
     plan = Plan(layout)
     if until_s == AFTER_S:
         return plan
-    run = dry_run.until(until_s)
+    run = dry_run(settings, path, script, until_s)
     if meetings_s:
         problems += meeting_problems(settings, path, seats, run)
     if occluders:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
-import math
-from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import mujoco
@@ -16,10 +13,8 @@ from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
-from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.target import places_alone
 from pftrack_sim.agents.robot.drive import Equilibrium
-from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M
 from pftrack_sim.agents.robot.robot import Robot
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.traffic import Traffic
@@ -29,13 +24,11 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import geoms_drawn
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.carried import Item, grips_s
-from pftrack_sim.scenario.groups import Group
-from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone, solid_stage
+from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.robot import RobotForm
-from pftrack_sim.simulation.dry_run import DryRun, Sample, simulated
 from pftrack_sim.simulation.feasibility import path_problems, placement_problems, planned_seats, seat_problems
 from pftrack_sim.simulation.planning import Plan, make_plan
 
@@ -64,36 +57,17 @@ class World:
         spec, layout = build_stage(settings, seed, self.clock.step_s, seats, draws=draws)
         if problems := seat_problems(seats, layout):
             raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
-        self._script = self._robot_script(layout)
-        form, step_s = RobotForm.of(settings.robot, settings.camera), self.clock.step_s
-        robot_alone, self._equilibrium = compile_robot_alone(form, step_s), _equilibrium(form, step_s)
-
-        def run_in(model: mujoco.MjModel) -> Iterator[Sample]:
-            alone = self._crowd(Plan(layout), distractors=0, groups=())
-            return simulated(model, self.clock, self._robot(model), alone)
-
-        def run() -> Iterator[Sample]:
-            obstacles, step_m = ObstacleMap(layout), settings.robot.max_speed_m_s * self.clock.tick_s
-            count = free_ticks = 0
-            for sample in run_in(robot_alone):
-                if free_ticks == 0:
-                    free_ticks = int((obstacles.clearance_m(sample.robot_m)[0] - ROBOT_RADIUS_M) / step_m)
-                    if free_ticks < 1:
-                        break
-                yield sample
-                count, free_ticks = count + 1, free_ticks - 1
-            # It may touch something: with everything that it collides with.
-            yield from itertools.islice(run_in(solid_stage(settings, spec).compile()), count, None)
-
-        whole = DryRun.of(run(), settings.target.height_m, math.inf)
-        plan = make_plan(settings, seed, layout, self._path, seats, whole)
+        script = self._robot_script(layout)
+        plan = make_plan(settings, seed, layout, self._path, seats, script)
         people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.people = tuple(person.name for person in people)
+        form, step_s = RobotForm.of(settings.robot, settings.camera), self.clock.step_s
         # A copy: its sensors will be switched on.
-        self.robot = self._robot(self.model, copy.copy(robot_alone))
-        crowd = self._crowd(plan, settings.distractors.count, settings.groups)
+        alone, equilibrium = copy.copy(compile_robot_alone(form, step_s)), _equilibrium(form, step_s)
+        self.robot = Robot(self.model, settings, self.clock, script, seed, equilibrium, alone)
+        crowd = self._crowd(plan)
         carried = self._carried(people[0].anatomy) if settings.target.carries else None
         self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
         rng = random_streams.stream(seed, "lights", "axis")
@@ -179,9 +153,6 @@ class World:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    def _robot(self, model: mujoco.MjModel, alone: mujoco.MjModel | None = None) -> Robot:
-        return Robot(model, self.settings, self.clock, self._script, self._seed, self._equilibrium, alone)
-
     def _robot_script(self, layout: WalkableArea) -> Script:
         settings = self.settings
         speed_m_s, axis = settings.target.speed_m_s, settings.axes.target
@@ -211,20 +182,20 @@ class World:
             places[one.item] = place
         return CarriedItems(self.model, target, anatomy, places)
 
-    def _crowd(self, plan: Plan, distractors: int, groups: Sequence[Group]) -> Crowd:
+    def _crowd(self, plan: Plan) -> Crowd:
         settings = self.settings
         return Crowd(
             plan.layout,
             settings.target,
             self._path,
-            settings.distractors.model_copy(update={"count": distractors}),
+            settings.distractors,
             plan.crossings,
             self._seed,
-            robot_start_m=self._script.start_pose()[:2],
+            robot_start_m=self.robot.script.start_pose()[:2],
             oncoming=plan.oncoming,
             carts=plan.carts,
             target_axis=settings.axes.target,
-            groups=groups,
+            groups=settings.groups,
         )
 
 

@@ -20,7 +20,7 @@ from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
 from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.scene_spec import SceneSpec
-from pftrack_sim.simulation.dry_run import DryRun, Sample
+from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion import static
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, covered_by_person, plan_crossing
 from pftrack_sim.simulation.occlusion.static import covered_by_box, plan_static, spans
@@ -67,7 +67,7 @@ def dry_run_of(camera: Camera, duration_s: float = 14.0) -> DryRun:
 def run_of(times_s: np.ndarray, camera_m: np.ndarray, target_m: np.ndarray) -> DryRun:
     """The run of a robot below its camera."""
     camera = np.c_[camera_m, np.full(len(times_s), CAMERA_Z_M)]
-    return DryRun.of(map(Sample, times_s, camera, target_m, camera_m), HEIGHT_M, float(times_s[-1]))
+    return DryRun(times_s, camera, target_m, camera_m, HEIGHT_M, float(times_s[-1]))
 
 
 def occluder_of(kind: str, rng: np.random.Generator) -> model.Occluder:

@@ -69,7 +69,7 @@ class Robot:
         calibration = OdometryCalibration.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
         self.drive = Drive(model, settings.robot, settings.camera, calibration, equilibrium)
         self._delay = CommandDelay(clock, settings.robot.latency_ms)
-        self._script = script
+        self.script = script
         self.set_road(settings, seed)
         self._segments: list[tuple[int, Speeds]] = []
 
@@ -81,9 +81,9 @@ class Robot:
 
     def reset(self, data: mujoco.MjData) -> None:
         """Stand at the start of the route."""
-        self._script.reset()
+        self.script.reset()
         self._delay.reset()
-        self.drive.reset(data, *self._script.start_pose())
+        self.drive.reset(data, *self.script.start_pose())
 
     def scene_state(self, data: mujoco.MjData, time_s: float, *, posed_next: bool = False) -> SceneState:
         """What is observed now.
@@ -104,8 +104,8 @@ class Robot:
         script. It is given `delay_s` into the tick; until then the previous one stays in force.
         """
         if command is None:
-            forward, turn = self._script.drive(state.time_s, state.robot_pose, crowd.target_s_m)
-            pan, tilt = self._script.gaze(state.T_world_camera, crowd.target_m, dt_s, state.time_s)
+            forward, turn = self.script.drive(state.time_s, state.robot_pose, crowd.target_s_m)
+            pan, tilt = self.script.gaze(state.T_world_camera, crowd.target_m, dt_s, state.time_s)
             speeds = (forward, turn, pan, tilt)
         else:
             speeds = self.drive.scaled(command)
