@@ -10,8 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario.carried import Carried, Item, held_share
-from pftrack_sim.scenario.model import Target
+from pftrack_sim.scenario.people import Carried, Item, Target, held_share
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.people.person import PARTS
 from pftrack_sim.scene.people.props import RESTING_HEIGHT_M

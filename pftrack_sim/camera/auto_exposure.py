@@ -14,8 +14,7 @@ import numpy as np
 from pftrack_sim.core.photometry import DISPLAY_GAMMA, LUMINANCE, tint
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario.axes import LightAxis
-from pftrack_sim.scenario.axes.scene import WHITE_K
+from pftrack_sim.scenario.axes import WHITE_K, LightAxis
 
 _DARK = 1e-5  # Mean linear value of a channel below which nothing can be metered
 

@@ -20,8 +20,9 @@ from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, parse_toml,
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ranges
 from pftrack_sim.scenario.frame_delivery import frame_count
-from pftrack_sim.scenario.model import LightChange, ResolvedScenario, Route
+from pftrack_sim.scenario.model import LightChange, ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
+from pftrack_sim.scenario.robot import Route
 from pftrack_sim.scenario.validation import problems
 
 MAX_FILE_BYTES = 256 * 1024

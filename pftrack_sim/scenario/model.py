@@ -6,22 +6,17 @@ x forward at the robot's start. The JSON Schema for editors is derived from thes
 
 from __future__ import annotations
 
-import math
-from itertools import pairwise
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from pftrack_sim.scenario.actions import Action, end_s, overlap_problem, title
 from pftrack_sim.scenario.axes import Axes
-from pftrack_sim.scenario.carried import Carried, carrying_problem
-from pftrack_sim.scenario.groups import Group
+from pftrack_sim.scenario.people import Distractors, Group, Target, end_s, title
+from pftrack_sim.scenario.robot import Robot
 from pftrack_sim.scenario.section import (
     Angle,
     Band,
-    Coordinate,
     NotNegative,
-    Point,
     Positive,
     Seconds,
     Section,
@@ -29,7 +24,6 @@ from pftrack_sim.scenario.section import (
     number,
     setting,
 )
-from pftrack_sim.scenario.teleoperation import Operator, Sills
 
 
 class Place(Section):
@@ -39,62 +33,6 @@ class Place(Section):
         ..., "Kind of place; 'street': at night."
     )
     clutter: Share = setting(1.0, "Share of the place's loose furniture that is present.")
-
-
-class StillRoute(Section):
-    """The robot stands still."""
-
-    kind: Literal["still"]
-    start_m: Point = setting((0.0, 0.0), "Position of the robot.")
-    heading_deg: Angle = setting(0.0, "Heading; 0 is +x, counter-clockwise.")
-
-
-class WaypointRoute(Section):
-    """The robot drives through points, then stops."""
-
-    kind: Literal["waypoints"]
-    points_m: tuple[Point, ...] = setting(..., "Points to drive through.", min_length=2, max_length=1000)
-    speed_m_s: Positive = setting(0.8, "Cruising speed.")
-
-
-class TrailRoute(Section):
-    """The robot drives along the target's own path, keeping a distance behind it."""
-
-    kind: Literal["trail"]
-    distance_m: Positive = setting(3.5, "Distance kept behind the target, along its path.")
-    offset_m: Coordinate = setting(0.0, "Sideways offset from the target's path; positive is left.")
-
-
-class BesideRoute(Section):
-    """The robot drives beside the target, parallel to its path, so that the background sweeps past."""
-
-    kind: Literal["beside"]
-    distance_m: Positive = setting(3.0, "Sideways distance from the target's path.")
-    side: Literal["left", "right"] = setting("right", "On which side of the target the robot drives.")
-    lead_m: Coordinate = setting(0.0, "How far ahead of the target along its path; negative is behind.")
-
-
-Route: TypeAlias = Annotated[StillRoute | WaypointRoute | TrailRoute | BesideRoute, Field(discriminator="kind")]
-
-
-class Robot(Section):
-    """The differential-drive robot that carries the camera, and its script in open-loop episodes."""
-
-    route: Route
-    gaze: Literal["target", "forward"] = setting(
-        "target", "'target': the head follows the target with an operator's lag; 'forward': fixed."
-    )
-    operator: Operator = Operator()
-    sills: Sills = Sills()
-    max_speed_m_s: Positive = setting(1.6, "Fastest forward speed of the drive.")
-    max_turn_deg_s: Positive = setting(90.0, "Fastest turn rate of the drive.")
-    max_pan_deg_s: Positive = setting(120.0, "Fastest pan rate of the head.")
-    max_tilt_deg_s: Positive = setting(60.0, "Fastest tilt rate of the head.")
-    floor_friction: float = number(
-        1.0, 0.02, 2, "Coulomb friction of tyres on the floor: 1 dry, 0.4 wet tiles, 0.1 ice."
-    )
-    latency_ms: float = number(0.0, 0, 2000, "Delay from a command to the motors, rounded to the physics step.")
-    odometry_error_percent: float = number(0.5, 0, 20, "Standard deviation of the odometry's wheel radii and track.")
 
 
 class Camera(Section):
@@ -172,67 +110,6 @@ class Lights(Section):
     )
     patch_m: float = number(3.0, 0.5, 20, "Mean size of a tree's crown or window that makes the patches.")
     schedule: tuple[LightChange, ...] = setting((), "Changes over time; their stops add up.", max_length=1000)
-
-
-MAX_PATH_M = 2000.0
-
-
-class Target(Section):
-    """The person to track."""
-
-    path_m: tuple[Point, ...] = setting(
-        ...,
-        "Points the target walks through; corners are rounded. It stops at the last one.",
-        min_length=2,
-        max_length=1000,
-    )
-    speed_m_s: float = number(1.25, 0.3, 2.2, "Walking speed.")
-    height_m: float = number(1.74, 1.4, 2.1, "Body height.")
-    wardrobe: int = number(
-        0,
-        0,
-        10000,
-        "Number of the set of random clothes and builds: scenarios with different numbers show different people at "
-        "the same seed.",
-    )
-    init: Literal["body", "torso"] = setting(
-        "body",
-        "What the target's boxes enclose, from the selection to the score: 'body': the whole person; 'torso': the "
-        "trunk from the hips to the neck, without the arms, as users often draw it.",
-    )
-    start_stride: Literal["median", "any"] = setting(
-        "median",
-        "Gait phase in the first frame, in which the target is selected: 'median': one at which the box has its "
-        "median width over a stride; 'any': drawn from the seed.",
-    )
-    actions: tuple[Action, ...] = setting((), "What it does on its way, one thing at a time.", max_length=1000)
-
-    carries: tuple[Carried, ...] = setting((), "What it carries, or picks up on its way.", max_length=100)
-
-    @model_validator(mode="after")
-    def _path_can_be_walked(self) -> Target:
-        length_m = sum(math.dist(one, other) for one, other in pairwise(self.path_m))
-        if length_m > MAX_PATH_M:
-            raise ValueError(f"path_m must be at most {MAX_PATH_M:g} m long, got {length_m:g} m")
-        return self
-
-    @model_validator(mode="after")
-    def _actions_are_possible(self) -> Target:
-        problem = overlap_problem(self.actions) or carrying_problem(self.carries, self.actions)
-        if problem:
-            raise ValueError(problem)
-        return self
-
-
-class Distractors(Section):
-    """Other pedestrians."""
-
-    count: int = number(3, 0, 12, "Number of pedestrians.")
-    similarity: Share = setting(0.2, "Similarity of their clothes to the target's; 1 is the same clothes.")
-    speed_m_s: float = number(1.2, 0.3, 2.2, "Mean walking speed.")
-    changes_per_minute: float = number(
-        0.0, 0, 60, "How often each changes its pace or, every third time, pauses for 1 to 3 s."
-    )
 
 
 class Occluder(Section):

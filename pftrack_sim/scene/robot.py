@@ -9,6 +9,7 @@ import mujoco
 
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.scenario import model
+from pftrack_sim.scenario.robot import Robot
 
 PREFIX = "robot/"
 BASE = "robot/base"
@@ -80,7 +81,7 @@ class RobotForm:
     camera_fovy_deg: float
 
     @classmethod
-    def of(cls, robot: model.Robot, camera: model.Camera) -> RobotForm:
+    def of(cls, robot: Robot, camera: model.Camera) -> RobotForm:
         """That of a scenario."""
         return cls(robot.floor_friction, camera.height_m, camera.tilt_deg, camera.fovy_deg)
 

@@ -20,9 +20,8 @@ from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scenario.actions import Sit, title
-from pftrack_sim.scenario.groups import Companions, Seated
-from pftrack_sim.scenario.model import StillRoute
+from pftrack_sim.scenario.people import Companions, Seated, Sit, title
+from pftrack_sim.scenario.robot import StillRoute
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import REST_YAW_RAD

@@ -207,7 +207,7 @@ def test_an_edited_default_of_an_axis_in_the_package_is_said(tmp_path: Path):
     shutil.copytree(root / "pftrack_sim", package, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("envs", "assets"):
         (package.parent / name).symlink_to(root / name)
-    axes = package / "scenario/axes/sensing.py"
+    axes = package / "scenario/axes.py"
     source = axes.read_text()
     assert source.count("gain: Positive = setting(7.5") == 1
     axes.write_text(source.replace("setting(7.5", "setting(30.0"))

@@ -10,8 +10,7 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.core.errors import ScenarioError
-from pftrack_sim.scenario.carried import Carried, held_share
-from pftrack_sim.scenario.model import Target
+from pftrack_sim.scenario.people import Carried, Target, held_share
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
 

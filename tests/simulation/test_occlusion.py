@@ -14,7 +14,7 @@ from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.scenario import model
+from pftrack_sim.scenario import model, people
 from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
 from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M
@@ -29,7 +29,7 @@ TICK_S = 1.0 / 60.0
 FRAME_S = 1.0 / 30.0
 CAMERA_Z_M, HEIGHT_M = 1.25, 1.74
 PATH_M = ((0.0, 0.0), (6.0, 0.5), (11.0, -1.0), (18.0, 0.0))
-TARGET = model.Target(path_m=PATH_M)
+TARGET = people.Target(path_m=PATH_M)
 HALL = WalkableArea(
     (-6.0, -9.0, 24.0, 9.0),
     (Footprint("pillar-1", (5.0, 4.0), (0.3, 0.3)), Footprint("wall-1", (12.0, -4.5), (2.0, 0.1), 0.2)),
@@ -180,7 +180,7 @@ def test_walkers_cover_at_the_requested_time_and_move_like_people(kind: str) -> 
         camera, request = camera_of(kind, rng), occluder_of("walker", rng)
         duration_s = request.at_s + request.duration_s + 1.5
         crossing = plan_crossing(request, dry_run_of(camera, duration_s + 1.0), HALL)
-        crowd = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=1), (crossing,), seed)
+        crowd = Crowd(HALL, TARGET, Path(PATH_M), people.Distractors(count=1), (crossing,), seed)
         assert crowd.names == ("target", "distractor-1", "crosser-1")
         cameras, positions = [], []
         for tick in range(round(duration_s / TICK_S)):
@@ -208,7 +208,7 @@ def test_a_walker_covers_a_camera_that_has_left_the_planned_path(seed: int) -> N
     request = model.Occluder(kind="walker", at_s=6.0, duration_s=1.0)
     crossing = plan_crossing(request, dry_run_of(camera), HALL)
     drift = rng.uniform(-0.5, 0.5, 2)
-    crowd = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=0), (crossing,), seed)
+    crowd = Crowd(HALL, TARGET, Path(PATH_M), people.Distractors(count=0), (crossing,), seed)
     cameras, positions = [], []
     for tick in range(500):
         time_s = (tick + 1) * TICK_S
@@ -221,9 +221,9 @@ def test_a_walker_covers_a_camera_that_has_left_the_planned_path(seed: int) -> N
 
 
 def test_crossings_do_not_change_the_draws_of_distractors() -> None:
-    alone = Crowd(HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (), 5)
+    alone = Crowd(HALL, TARGET, Path(PATH_M), people.Distractors(count=4), (), 5)
     joined = Crowd(
-        HALL, TARGET, Path(PATH_M), model.Distractors(count=4), (Crossing(3.0, 1.0, 0.6, 1, (3.0, 3.2), 2.0),), 5
+        HALL, TARGET, Path(PATH_M), people.Distractors(count=4), (Crossing(3.0, 1.0, 0.6, 1, (3.0, 3.2), 2.0),), 5
     )
     assert np.array_equal(alone.positions_m, joined.positions_m[:5])
 

@@ -33,9 +33,8 @@ from pftrack_sim.agents.pedestrians.scripted import Cart, CrossingPedestrian, On
 from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import TargetAxis
-from pftrack_sim.scenario.groups import Group
+from pftrack_sim.scenario.people import Distractors, Group, Target
 from pftrack_sim.scene.layout import WalkableArea
 
 _Scripted: TypeAlias = CrossingPedestrian | OncomingPedestrian
@@ -57,9 +56,9 @@ class Crowd:
     def __init__(
         self,
         layout: WalkableArea,
-        target: model.Target,
+        target: Target,
         target_path: Path,
-        distractors: model.Distractors,
+        distractors: Distractors,
         crossings: Sequence[Crossing],
         seed: int,
         *,

@@ -12,7 +12,7 @@ from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.target_actions import hands_on_thighs
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario.groups import Companions, Group, Seated, Standing, Walking
+from pftrack_sim.scenario.people import Companions, Group, Seated, Standing, Walking
 
 _RING_M = (0.45, 0.5, 0.62, 0.75)  # Radius of a ring by the number of people in it
 _ABREAST_M, _LAG_M = 0.66, 0.15  # Between two who walk side by side

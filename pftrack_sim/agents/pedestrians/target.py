@@ -11,9 +11,8 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.avoidance import FAR_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.pedestrians.target_actions import Command, arms, command, schedule
-from pftrack_sim.scenario.actions import Approach, Face, Pace, Run, Turn, WalkOff, end_s, title
 from pftrack_sim.scenario.axes import TargetAxis
-from pftrack_sim.scenario.model import Target
+from pftrack_sim.scenario.people import Approach, Face, Pace, Run, Target, Turn, WalkOff, end_s, title
 
 DECELERATION_M_S2 = 0.8  # To a stop at the end of the path; also the acceleration afterwards.
 MAX_BRAKING_M_S2 = 2.5  # For a robot in the way.

@@ -9,11 +9,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from pftrack_sim.agents.gait.posture import PLAIN, Arm, Posture
-from pftrack_sim.scenario import actions
-from pftrack_sim.scenario.actions import Action, end_s
+from pftrack_sim.scenario import people
 from pftrack_sim.scenario.axes import TargetAxis
-from pftrack_sim.scenario.carried import Item, held_share
-from pftrack_sim.scenario.model import Target
+from pftrack_sim.scenario.people import Action, Item, Target, end_s, held_share
 
 _PAUSE_S = 0.6  # Least time of walking before and after a manoeuvre of the axis, so that they can be told apart.
 _STANDING_S, _TURN_S, _RISE_S = 0.8, 1.1, 0.7
@@ -65,27 +63,27 @@ def command(action: Action, since_s: float, facing_rad: float) -> Command:
     """What the target does `since_s` into an action; `facing_rad`, for a `Face`, is relative to the path."""
     left_s = action.duration_s - since_s
     match action:
-        case actions.Run():
+        case people.Run():
             return Command(action.speed_m_s, posture=Posture(running=True))
-        case actions.Pace() | actions.WalkOff():
+        case people.Pace() | people.WalkOff():
             return Command(action.speed_m_s)
-        case actions.Stop():
+        case people.Stop():
             return Command(0.0)
-        case actions.Face():
+        case people.Face():
             return Command(action.speed_m_s, facing_rad * _turned(since_s, left_s))
-        case actions.Turn() | actions.Approach():
-            speed = action.speed_m_s if isinstance(action, actions.Approach) else actions.BACKWARD_SPEED_M_S
+        case people.Turn() | people.Approach():
+            speed = action.speed_m_s if isinstance(action, people.Approach) else people.BACKWARD_SPEED_M_S
             # Turned before it walks back, and standing again before it turns.
             walks = since_s >= _STANDING_S + _TURN_S and action.duration_s - 2.0 > since_s
             return Command(-speed if walks else 0.0, math.pi * _turned(since_s, left_s))
-        case actions.Lowering():
+        case people.Lowering():
             share = _lowered(since_s, left_s)
             return Command(0.0, posture=Posture(crouch=share) if action.kind == "crouch" else Posture(bend=share))
-        case actions.Sit():
+        case people.Sit():
             share = _smoothstep((since_s - _SIT_AFTER_S) / _SIT_DOWN_S) - _smoothstep((3.0 - left_s) / _SIT_UP_S)
             posture = Posture(sit=share, arms=hands_on_thighs(share))
             return Command(0.0, SEAT_FACING_RAD[action.side] * _turned(since_s, left_s), posture)
-        case actions.Gesture():
+        case people.Gesture():
             share = _lowered(since_s, left_s)
             if action.kind == "look_around":
                 look = share * _LOOK_RAD * math.sin(2.0 * math.pi * (since_s - 1.0) / _LOOK_S)

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration, RangeFinder
 from pftrack_sim.core.proprioception import RANGE_M
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario import model as scenario
+from pftrack_sim.scenario import robot as scenario
+from pftrack_sim.scenario.model import Camera
 from pftrack_sim.scene.layout import body_owners
 from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD, TRACK_M, WHEEL_RADIUS_M
 
@@ -46,7 +47,7 @@ class Drive:
         self,
         model: mujoco.MjModel,
         robot: scenario.Robot,
-        camera: scenario.Camera,
+        camera: Camera,
         calibration: OdometryCalibration | None = None,
         equilibrium: Equilibrium | None = None,
     ) -> None:

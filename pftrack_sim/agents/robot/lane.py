@@ -12,7 +12,7 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.robot.teleoperation import Nearness, lateral_swing
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario import model as scenario
+from pftrack_sim.scenario import robot as scenario
 
 ROBOT_RADIUS_M = 0.25
 ROBOT_CLEARANCE_M = 0.45  # From the middle of the robot to a wall or a piece of furniture

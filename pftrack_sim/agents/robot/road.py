@@ -12,8 +12,8 @@ import numpy as np
 
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario.axes.sensing import JitterAxis
-from pftrack_sim.scenario.teleoperation import Sills
+from pftrack_sim.scenario.axes import JitterAxis
+from pftrack_sim.scenario.robot import Sills
 from pftrack_sim.scene.robot import (
     CASTER_ARM_M,
     CASTER_DAMPING_NS_M,

@@ -12,8 +12,9 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.agents.robot.lane import BRAKE_M_S2, ROBOT_RADIUS_M, Lane, follow_path
 from pftrack_sim.agents.robot.teleoperation import GAZE_DEAD_ZONE_RAD, NEAREST_M, STOP_GAP_M, Head, Nearness, Stops
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario import model as scenario
+from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.axes import TargetAxis
+from pftrack_sim.scenario.model import Camera
 from pftrack_sim.scene.layout import WalkableArea
 
 GAP_TIME_CONSTANT_S = 0.8  # Time constant at which the robot closes a gap to its place abreast of the target
@@ -52,12 +53,12 @@ class Script:
         target: Path,
         target_speed_m_s: float,
         axis: TargetAxis | None = None,
-        camera: scenario.Camera | None = None,
+        camera: Camera | None = None,
         layout: WalkableArea | None = None,
         seed: int = 0,
     ) -> None:
         self._axis = axis or TargetAxis()
-        view = camera or scenario.Camera()
+        view = camera or Camera()
         half_v = math.radians(0.5 * view.fovy_deg)
         half = math.atan(math.tan(half_v) * view.width_px / view.height_px)
         self._away_rad = half + _BODY_RAD + GAZE_DEAD_ZONE_RAD

@@ -18,7 +18,7 @@ import numpy as np
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario import model as scenario
+from pftrack_sim.scenario import robot as scenario
 
 GAZE_DEAD_ZONE_RAD = math.radians(6.0)
 """The head does not react to smaller errors of direction: the target stays in view, but is rarely centred."""

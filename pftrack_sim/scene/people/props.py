@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.core.types import FloatArray, IntArray
-from pftrack_sim.scenario.carried import Carried, Item
+from pftrack_sim.scenario.people import Carried, Item
 from pftrack_sim.scene.layout import SCENERY_GROUP
 
 RESTING_HEIGHT_M: dict[Item, float] = {"bag": 0.48, "box": 0.14, "backpack": 0.24, "umbrella": 0.05}

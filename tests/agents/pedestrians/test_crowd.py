@@ -10,13 +10,13 @@ from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.goal_manager import PaceChanges
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.oncoming import plan_oncoming_pass, positions_away_from
-from pftrack_sim.scenario import model
+from pftrack_sim.scenario import people
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 
 TICK_S = 1.0 / 60.0
 FAR_M = (1e3, 1e3)
 PATH_M = ((0.0, 0.0), (6.0, 0.0), (10.0, 0.6), (18.0, -0.4))
-TARGET = model.Target(path_m=PATH_M)
+TARGET = people.Target(path_m=PATH_M)
 
 HALL = WalkableArea(
     (-3.0, -7.0, 21.0, 8.0),
@@ -37,7 +37,7 @@ FIELD = WalkableArea((-6.0, -7.0, 20.0, 7.0), (), ())
 
 
 def crowd_of(layout: WalkableArea, count: int, seed: int) -> Crowd:
-    return Crowd(layout, TARGET, Path(PATH_M), model.Distractors(count=count), (), seed, robot_start_m=(-3.0, 0.0))
+    return Crowd(layout, TARGET, Path(PATH_M), people.Distractors(count=count), (), seed, robot_start_m=(-3.0, 0.0))
 
 
 def walk(crowd: Crowd, duration_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -158,14 +158,14 @@ def test_on_laps_each_oncoming_pedestrian_passes_the_target_once() -> None:
     lap = [(0.0, 0.0), (14.0, 0.0), (14.0, 1.2), (0.0, 1.2)]
     path, layout = Path(lap * 4), WalkableArea((-5.0, -14.0, 19.0, 14.0), (), ((-2.0, -7.5), (4.0, 9.0)))
     obstacles, speed = ObstacleMap(layout), 1.0
-    target = model.Target(path_m=tuple(lap * 4), speed_m_s=speed)
+    target = people.Target(path_m=tuple(lap * 4), speed_m_s=speed)
     free, passings = positions_away_from(path, obstacles, layout.bounds_m), []
     for at_s in (7.0, 22.0, 37.0, 52.0):
         passings.append(plan_oncoming_pass(at_s, speed * at_s, 0.8, 1.2, path, obstacles, 1, "test", free))
         if passings[-1].waiting_m is not None:
             free = free[(free != passings[-1].waiting_m).any(axis=1)]
     assert sum(one.waiting_m is not None for one in passings) == 3
-    crowd = Crowd(layout, target, path, model.Distractors(count=0), (), 0, oncoming=passings)
+    crowd = Crowd(layout, target, path, people.Distractors(count=0), (), 0, oncoming=passings)
     positions = [crowd.positions_m]
     for tick in range(round(60.0 / TICK_S)):
         crowd.tick(TICK_S, (tick + 1) * TICK_S, FAR_M, FAR_M)
@@ -193,7 +193,7 @@ def test_distractors_pause_and_change_their_pace_as_often_as_asked():
     assert changed.mean() == pytest.approx(20.0, rel=0.25)
     assert 0.1 < (course == 0.0).mean() < 0.3
     assert (course[course > 0.0] >= 0.55).all()
-    paused = Crowd(FIELD, TARGET, Path(PATH_M), model.Distractors(count=4, changes_per_minute=30.0), (), 1)
+    paused = Crowd(FIELD, TARGET, Path(PATH_M), people.Distractors(count=4, changes_per_minute=30.0), (), 1)
     positions, *_ = walk(paused, 12.0)
     speeds = np.linalg.norm(np.diff(positions[:, 1:], axis=0), axis=-1) / TICK_S
     assert (speeds < 0.1).mean() > 0.05

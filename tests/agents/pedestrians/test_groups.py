@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.groups import group_members
-from pftrack_sim.scenario.groups import Companions, Seated, Standing, Walking
+from pftrack_sim.scenario.people import Companions, Seated, Standing, Walking
 
 PATH = Path([[0.0, 0.0], [6.0, 0.0], [10.0, 4.0]])
 

@@ -13,7 +13,7 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.target import TargetWalk, impossible_actions
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.scenario.axes import TargetAxis
-from pftrack_sim.scenario.model import Target
+from pftrack_sim.scenario.people import Target
 from pftrack_sim.simulation.world import World
 
 DT = 0.04

@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim.agents.robot.drive import ACCELERATION
 from pftrack_sim.core.proprioception import PROPRIO_HIGH, PROPRIO_INDEX, PROPRIO_NAMES
-from pftrack_sim.scenario.model import Robot, StillRoute
+from pftrack_sim.scenario.robot import Robot, StillRoute
 
 
 def test_straight_on(lab: Callable):

@@ -20,7 +20,7 @@ from pftrack_sim.agents.robot.road import (
     sill_profile,
 )
 from pftrack_sim.scenario.axes import JitterAxis
-from pftrack_sim.scenario.teleoperation import Sills
+from pftrack_sim.scenario.robot import Sills
 from pftrack_sim.scene import robot as body
 
 LEAD_IN_S, RUN_M = 2.0, 24.0

@@ -6,7 +6,7 @@ import pytest
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.robot.script import Script
-from pftrack_sim.scenario.model import BesideRoute, Robot, StillRoute, TrailRoute, WaypointRoute
+from pftrack_sim.scenario.robot import BesideRoute, Robot, StillRoute, TrailRoute, WaypointRoute
 
 S_CURVE = [(0, 0), (5, 0), (5, 4), (10, 4), (14, 0)]
 STRAIGHT = [(0, 0), (20, 0)]

@@ -8,7 +8,7 @@ import pytest
 from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.scenario.model import Robot, StillRoute
+from pftrack_sim.scenario.robot import Robot, StillRoute
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
 from pftrack_sim.scene.occluders.carts import CartSize, add_carts
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders

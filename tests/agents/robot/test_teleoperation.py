@@ -15,8 +15,7 @@ from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.robot.teleoperation import Events, Head, Nearness, Stops, Wander, bearing, gaze_rate
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario.load import load
-from pftrack_sim.scenario.model import BesideRoute, Robot, Route, StillRoute, TrailRoute
-from pftrack_sim.scenario.teleoperation import CHARACTERS, Operator
+from pftrack_sim.scenario.robot import CHARACTERS, BesideRoute, Operator, Robot, Route, StillRoute, TrailRoute
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 
 STRAIGHT = Path([(0, 0), (60, 0)])

@@ -1,13 +1,50 @@
-"""The person who drives the robot in open-loop episodes, and the sills that it drives over."""
+"""The robot that carries the camera: its route, the person who drives it in open-loop episodes, sills, the drive."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, TypeAlias, cast
+from typing import Annotated, Any, Literal, TypeAlias, cast
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from pftrack_sim.scenario.section import Section, number, setting
+from pftrack_sim.scenario.section import Angle, Coordinate, Point, Positive, Section, number, setting
+
+
+class StillRoute(Section):
+    """The robot stands still."""
+
+    kind: Literal["still"]
+    start_m: Point = setting((0.0, 0.0), "Position of the robot.")
+    heading_deg: Angle = setting(0.0, "Heading; 0 is +x, counter-clockwise.")
+
+
+class WaypointRoute(Section):
+    """The robot drives through points, then stops."""
+
+    kind: Literal["waypoints"]
+    points_m: tuple[Point, ...] = setting(..., "Points to drive through.", min_length=2, max_length=1000)
+    speed_m_s: Positive = setting(0.8, "Cruising speed.")
+
+
+class TrailRoute(Section):
+    """The robot drives along the target's own path, keeping a distance behind it."""
+
+    kind: Literal["trail"]
+    distance_m: Positive = setting(3.5, "Distance kept behind the target, along its path.")
+    offset_m: Coordinate = setting(0.0, "Sideways offset from the target's path; positive is left.")
+
+
+class BesideRoute(Section):
+    """The robot drives beside the target, parallel to its path, so that the background sweeps past."""
+
+    kind: Literal["beside"]
+    distance_m: Positive = setting(3.0, "Sideways distance from the target's path.")
+    side: Literal["left", "right"] = setting("right", "On which side of the target the robot drives.")
+    lead_m: Coordinate = setting(0.0, "How far ahead of the target along its path; negative is behind.")
+
+
+Route: TypeAlias = Annotated[StillRoute | WaypointRoute | TrailRoute | BesideRoute, Field(discriminator="kind")]
+
 
 Character: TypeAlias = Literal["steady", "careful", "average", "hasty"]
 
@@ -94,3 +131,23 @@ class Sills(Section):
 
     height_mm: float = number(0.0, 0, 15, "Height; thresholds of doors have up to 13 (ADA Standards 2010, 404.2.5).")
     every_m: float = number(4.0, 0.5, 1000, "Mean way from one to the next, within 30 %.")
+
+
+class Robot(Section):
+    """The differential-drive robot that carries the camera, and its script in open-loop episodes."""
+
+    route: Route
+    gaze: Literal["target", "forward"] = setting(
+        "target", "'target': the head follows the target with an operator's lag; 'forward': fixed."
+    )
+    operator: Operator = Operator()
+    sills: Sills = Sills()
+    max_speed_m_s: Positive = setting(1.6, "Fastest forward speed of the drive.")
+    max_turn_deg_s: Positive = setting(90.0, "Fastest turn rate of the drive.")
+    max_pan_deg_s: Positive = setting(120.0, "Fastest pan rate of the head.")
+    max_tilt_deg_s: Positive = setting(60.0, "Fastest tilt rate of the head.")
+    floor_friction: float = number(
+        1.0, 0.02, 2, "Coulomb friction of tyres on the floor: 1 dry, 0.4 wet tiles, 0.1 ice."
+    )
+    latency_ms: float = number(0.0, 0, 2000, "Delay from a command to the motors, rounded to the physics step.")
+    odometry_error_percent: float = number(0.5, 0, 20, "Standard deviation of the odometry's wheel radii and track.")

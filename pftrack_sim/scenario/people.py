@@ -1,0 +1,327 @@
+"""The people of a scenario: the target, what it does and carries, other pedestrians, and people who belong together."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field, model_validator
+
+from pftrack_sim.scenario.section import (
+    Angle,
+    Coordinate,
+    NotNegative,
+    Point,
+    Positive,
+    Section,
+    Share,
+    number,
+    setting,
+)
+
+BACKWARD_SPEED_M_S = 0.9
+TURNING_S = 3.9  # Of an action that faces about: slowing down and both turns; the rest is spent turned.
+
+
+class _Action(Section):
+    at_s: NotNegative = setting(..., "When it begins.")
+
+
+class Stop(_Action):
+    """Stands still for a while."""
+
+    kind: Literal["stop"]
+    duration_s: Positive = setting(2.2, "Slowing down included.")
+
+
+class Turn(_Action):
+    """Faces about on the spot, walks back slowly, and faces about again."""
+
+    kind: Literal["turn"]
+    duration_s: float = number(5.2, 4.2, 3600, "Slowing down and turns included.")
+
+    @property
+    def back_m(self) -> float:
+        """How far it walks back along the path."""
+        return BACKWARD_SPEED_M_S * (self.duration_s - TURNING_S)
+
+
+class Approach(_Action):
+    """Faces about, walks back along the path towards a camera behind it, and faces about again."""
+
+    kind: Literal["approach"]
+    distance_m: float = number(2.0, 0.3, 20, "How far it walks back.")
+    speed_m_s: float = number(1.1, 0.3, 1.4, "How fast.")
+
+    @property
+    def back_m(self) -> float:
+        """How far it walks back along the path."""
+        return self.distance_m
+
+    @property
+    def duration_s(self) -> float:
+        """Slowing down and both turns included."""
+        return TURNING_S + self.distance_m / self.speed_m_s
+
+
+class Face(_Action):
+    """Stands, or walks on slowly, with the body turned relative to the camera."""
+
+    kind: Literal["face"]
+    duration_s: float = number(4.5, 3.2, 3600, "Slowing down and turns included.")
+    towards: Literal["camera", "away", "left", "right"] = setting(
+        "camera", "Where the front of the body points, as seen in the image."
+    )
+    speed_m_s: float = number(0.0, 0, 0.5, "Speed along the path meanwhile: steps to the side or back.")
+
+
+class Lowering(_Action):
+    """Stops, and squats or bends forward, as to reach for something on the ground; then rises."""
+
+    kind: Literal["crouch", "bend"]
+    duration_s: float = number(3.8, 2.8, 3600, "Slowing down and rising included.")
+    picks_up: Literal["bag", "box"] | None = setting(None, "Item in `carries` that it picks up.")
+    puts_down: Literal["bag"] | None = setting(None, "Item in `carries` that it puts down; a box would lie in its way.")
+
+
+class Gesture(_Action):
+    """Stops and moves arms or head."""
+
+    kind: Literal["wave", "look_around"]
+    duration_s: float = number(4.0, 2.8, 3600, "Slowing down included.")
+
+
+class Sit(_Action):
+    """Stops, turns its back on a seat beside its path, sits down and rests; then rises, turns and walks on."""
+
+    kind: Literal["sit"]
+    duration_s: float = number(9.0, 6.6, 3600, "Slowing down, turns, sitting down and rising included.")
+    side: Literal["left", "right"] = setting("left", "Side of its path on which the seat stands.")
+    seat: Literal["bench", "couch"] = setting("bench", "Seat that is put there.")
+
+
+class Run(_Action):
+    """Runs."""
+
+    kind: Literal["run"]
+    duration_s: Positive = setting(3.0, "Taking up the speed included.")
+    speed_m_s: float = number(2.7, 2.2, 3.2, "Speed of running.")
+
+
+class Pace(_Action):
+    """Walks at another speed."""
+
+    kind: Literal["pace"]
+    duration_s: Positive = setting(4.0, "Taking up the speed included.")
+    speed_m_s: float = number(..., 0.3, 2.2, "Walking speed.")
+
+
+class WalkOff(_Action):
+    """Walks off fast, so that a slower robot falls behind and the target becomes small."""
+
+    kind: Literal["walk_off"]
+    duration_s: Positive = setting(5.0, "Taking up the speed included.")
+    speed_m_s: float = number(2.1, 0.3, 2.2, "Walking speed.")
+
+
+Action: TypeAlias = Annotated[
+    Stop | Turn | Approach | Face | Lowering | Sit | Gesture | Run | Pace | WalkOff, Field(discriminator="kind")
+]
+"""An action of the target; one at a time."""
+
+
+def end_s(action: Action) -> float:
+    """When an action ends."""
+    return action.at_s + action.duration_s
+
+
+def overlap_problem(actions: tuple[Action, ...]) -> str | None:
+    """What is wrong with the times of these actions; None if each ends before the next begins."""
+    order = sorted(range(len(actions)), key=lambda index: actions[index].at_s)
+    for first, second in itertools.pairwise(order):
+        if end_s(actions[first]) > actions[second].at_s:
+            pair = " and ".join(title(index, actions[index]) for index in (first, second))
+            return f"actions must not overlap, got {pair}"
+    return None
+
+
+def title(index: int, action: Action) -> str:
+    """Position in the list, kind and times of an action, for messages."""
+    return f"actions.{index} ({action.kind}, {action.at_s:g} to {end_s(action):g} s)"
+
+
+Item: TypeAlias = Literal["bag", "box", "backpack", "umbrella"]
+
+_Channel = Annotated[int, Field(ge=0, le=255)]
+_HANDS: dict[Item, frozenset[str]] = {
+    "bag": frozenset({"left"}),
+    "box": frozenset({"left", "right"}),
+    "backpack": frozenset(),
+    "umbrella": frozenset({"right"}),
+}
+_GRIPPING_S = 0.35
+
+
+class Carried(Section):
+    """A thing that the target carries from the start, or picks up."""
+
+    item: Item = setting(
+        ...,
+        "'bag': in the left hand; 'box': before the chest, in both hands; 'backpack'; 'umbrella': open, in the right "
+        "hand.",
+    )
+    colour: tuple[_Channel, _Channel, _Channel] = setting((60, 62, 70), "Red, green, blue, 0 to 255.")
+    from_start: bool = setting(True, "Carried from the start; else it lies where an action `picks_up` the item.")
+
+
+def held_share(carried: Carried, actions: Sequence[Action], time_s: float) -> float:
+    """1 while a thing is carried, 0 while it lies on the ground, between while it is gripped or let go."""
+    share = float(carried.from_start)
+    for at_s, taken in grips_s(carried, actions):
+        progress = min(max((time_s - at_s) / _GRIPPING_S, 0.0), 1.0)
+        share += progress * (float(taken) - share)
+    return share
+
+
+def grips_s(carried: Carried, actions: Sequence[Action]) -> list[tuple[float, bool]]:
+    """Times at which the hands close on a thing (True) or open (False)."""
+    times: list[tuple[float, bool]] = []
+    for action in actions:
+        if isinstance(action, Lowering) and carried.item in (action.picks_up, action.puts_down):
+            # Half way between having gone down and rising.
+            times.append((0.5 * (action.at_s + 1.7 + end_s(action) - 1.1), action.picks_up == carried.item))
+    return sorted(times)
+
+
+def carrying_problem(carries: Sequence[Carried], actions: Sequence[Action]) -> str | None:
+    """What is wrong with the things carried; None if all can be held, picked up and put down as asked."""
+    items: list[Item] = [one.item for one in carries]
+    if len(set(items)) < len(items):
+        return f"carries must be different items, got {', '.join(items)}"
+    busy = [hand for item in items for hand in _HANDS[item]]
+    if len(set(busy)) < len(busy):
+        needs = "a box needs both hands, a bag the left, an umbrella the right"
+        return f"carries need more than two hands: {', '.join(items)} ({needs})"
+    held = {one.item: one.from_start for one in carries}
+    for action in sorted(actions, key=lambda one: one.at_s):
+        if isinstance(action, Lowering):
+            for item, taken in ((action.puts_down, False), (action.picks_up, True)):
+                if item is None:
+                    continue
+                if item not in held or held[item] is taken:
+                    verb = "picks up" if taken else "puts down"
+                    known = "none" if not items else ", ".join(items)
+                    return (
+                        f"the {action.kind} at {action.at_s:g} s {verb} {item!r}: it must be in carries "
+                        f"(got {known}), {'not ' if taken else ''}carried by then"
+                    )
+                held[item] = taken
+    never = [one.item for one in carries if not one.from_start and not grips_s(one, actions)]
+    if never:
+        return f"{never[0]!r} is not carried from the start: a bend or crouch must pick it up (picks_up = {never[0]!r})"
+    return None
+
+
+MAX_PATH_M = 2000.0
+
+
+class Target(Section):
+    """The person to track."""
+
+    path_m: tuple[Point, ...] = setting(
+        ...,
+        "Points the target walks through; corners are rounded. It stops at the last one.",
+        min_length=2,
+        max_length=1000,
+    )
+    speed_m_s: float = number(1.25, 0.3, 2.2, "Walking speed.")
+    height_m: float = number(1.74, 1.4, 2.1, "Body height.")
+    wardrobe: int = number(
+        0,
+        0,
+        10000,
+        "Number of the set of random clothes and builds: scenarios with different numbers show different people at "
+        "the same seed.",
+    )
+    init: Literal["body", "torso"] = setting(
+        "body",
+        "What the target's boxes enclose, from the selection to the score: 'body': the whole person; 'torso': the "
+        "trunk from the hips to the neck, without the arms, as users often draw it.",
+    )
+    start_stride: Literal["median", "any"] = setting(
+        "median",
+        "Gait phase in the first frame, in which the target is selected: 'median': one at which the box has its "
+        "median width over a stride; 'any': drawn from the seed.",
+    )
+    actions: tuple[Action, ...] = setting((), "What it does on its way, one thing at a time.", max_length=1000)
+
+    carries: tuple[Carried, ...] = setting((), "What it carries, or picks up on its way.", max_length=100)
+
+    @model_validator(mode="after")
+    def _path_can_be_walked(self) -> Target:
+        length_m = sum(math.dist(one, other) for one, other in itertools.pairwise(self.path_m))
+        if length_m > MAX_PATH_M:
+            raise ValueError(f"path_m must be at most {MAX_PATH_M:g} m long, got {length_m:g} m")
+        return self
+
+    @model_validator(mode="after")
+    def _actions_are_possible(self) -> Target:
+        problem = overlap_problem(self.actions) or carrying_problem(self.carries, self.actions)
+        if problem:
+            raise ValueError(problem)
+        return self
+
+
+class Distractors(Section):
+    """Other pedestrians."""
+
+    count: int = number(3, 0, 12, "Number of pedestrians.")
+    similarity: Share = setting(0.2, "Similarity of their clothes to the target's; 1 is the same clothes.")
+    speed_m_s: float = number(1.2, 0.3, 2.2, "Mean walking speed.")
+    changes_per_minute: float = number(
+        0.0, 0, 60, "How often each changes its pace or, every third time, pauses for 1 to 3 s."
+    )
+
+
+class _Group(Section):
+    count: int = number(2, 1, 4, "Number of people.")
+    similarity: Share = setting(0.2, "Similarity of their clothes to the target's.")
+
+
+class Standing(_Group):
+    """Stand in a ring and talk."""
+
+    kind: Literal["stand"]
+    at_m: Point = setting(..., "Middle of the ring.")
+    heading_deg: Angle = setting(0.0, "Where the first one looks.")
+
+
+class Seated(_Group):
+    """Sit side by side; the bench is put there."""
+
+    kind: Literal["sit"]
+    count: int = number(2, 1, 2, "Number of people.")
+    at_m: Point = setting(..., "Between their feet.")
+    heading_deg: Angle = setting(0.0, "Where they look.")
+    seat: Literal["bench", "couch"] = setting("bench", "What they sit on.")
+
+
+class Walking(_Group):
+    """Walk side by side along a path, and stop at its end; they do not avoid other people."""
+
+    kind: Literal["walk"]
+    path_m: tuple[Point, ...] = setting(..., "Points of the path.", min_length=2, max_length=100)
+    speed_m_s: float = number(1.1, 0.3, 1.8, "Walking speed.")
+
+
+class Companions(_Group):
+    """Walk beside the target, and stop when it stops."""
+
+    kind: Literal["with_target"]
+    count: int = number(1, 1, 2, "Number of people.")
+    left_m: Coordinate = setting(0.75, "Sideways distance of the first one from the target; positive is left.")
+
+
+Group: TypeAlias = Annotated[Standing | Seated | Walking | Companions, Field(discriminator="kind")]
