@@ -19,8 +19,7 @@ from gymnasium.vector.async_vector_env import AsyncState
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.env.base import CameraEnv
-from pftrack_sim.env.follow import FollowEnv, TrackAndFollowEnv
-from pftrack_sim.env.track import TrackEnv
+from pftrack_sim.env.tasks import FollowEnv, TrackAndFollowEnv, TrackEnv
 
 _CLOSE_S = 30.0  # A reset may run when the environments are closed; then they are ended.
 
@@ -77,7 +76,7 @@ class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
             raise ParameterError(f"autoreset_mode must be one of {modes}, got {autoreset_mode!r}")
         if num_envs < 1:
             raise ParameterError(f"a vector environment needs 1 environment or more, got num_envs={num_envs}")
-        make = _Maker(self.environment, wrapper, kwargs, os.getpid())
+        make = functools.partial(_make, self.environment, wrapper, kwargs, os.getpid())
         try:
             super().__init__(  # pyright: ignore[reportUnknownMemberType]
                 [make] * num_envs, context="forkserver", autoreset_mode=autoreset_mode
@@ -129,22 +128,15 @@ class TrackAndFollowVectorEnv(ProcessVectorEnv):
     environment = TrackAndFollowEnv
 
 
-class _Maker:
-    """Makes one environment; in a process of its own, leaves Ctrl-C to the parent and one core to each process."""
-
-    def __init__(
-        self,
-        environment: type[CameraEnv],
-        wrapper: Callable[[gym.Env[Any, Any]], gym.Env[Any, Any]] | None,
-        kwargs: dict[str, Any],
-        parent: int,
-    ) -> None:
-        self._made = environment, wrapper, kwargs, parent
-
-    def __call__(self) -> gym.Env[Any, Any]:
-        environment, wrapper, kwargs, parent = self._made
-        if os.getpid() != parent:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-            os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa draws in the calling thread
-        env = environment(**kwargs)
-        return env if wrapper is None else wrapper(env)
+def _make(
+    environment: type[CameraEnv],
+    wrapper: Callable[[gym.Env[Any, Any]], gym.Env[Any, Any]] | None,
+    kwargs: dict[str, Any],
+    parent: int,
+) -> gym.Env[Any, Any]:
+    """Make one environment; in a process of its own, leave Ctrl-C to the parent and one core to each process."""
+    if os.getpid() != parent:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa draws in the calling thread
+    env = environment(**kwargs)
+    return env if wrapper is None else wrapper(env)

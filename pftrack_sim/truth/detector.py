@@ -16,10 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from pftrack_sim.core.boxes import clip
-from pftrack_sim.core.deferred import DeferredPeople
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.core.records import Detections, Image, Truth
+from pftrack_sim.core.records import DeferredPeople, Detections, Image, Truth
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import ResolvedScenario
 

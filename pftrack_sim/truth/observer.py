@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core import boxes
-from pftrack_sim.core.deferred import DeferredPeople
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.photometry import LUMINANCE
-from pftrack_sim.core.records import Image, State, Truth, frozen_array
+from pftrack_sim.core.records import DeferredPeople, Image, State, Truth, frozen_array
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame

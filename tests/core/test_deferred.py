@@ -7,8 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from pftrack_sim.core.deferred import DeferredPeople
-from pftrack_sim.core.records import Detections, Truth
+from pftrack_sim.core.records import DeferredPeople, Detections, Truth
 
 
 def truth(name: str) -> Truth:

@@ -8,7 +8,7 @@ import pytest
 
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, scenario, trackers
-from pftrack_sim.env.follow import following_reward
+from pftrack_sim.env.tasks import following_reward
 
 PLACES = [name for name in scenario.names() if name.startswith("easy/")]
 """One scenario for each place; the suites use the same places."""
