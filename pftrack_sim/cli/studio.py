@@ -82,14 +82,14 @@ def _source(name: str, box: str | None) -> Callable[[], Source] | None:
         ParameterError: No such file, or `--box` for something without a first frame of its own.
         SequenceError: It is damaged, or in no known layout.
     """
-    from pftrack_sim.formats import given_boxes, read_sequence, ros2
-    from pftrack_sim.studio.recording import CaptureSource, SequenceSource
+    from pftrack_sim.formats import given_boxes, read_sequence, read_video, ros2
+    from pftrack_sim.studio.recording import Camera
 
     path = Path(name)
     if name.startswith("camera:") and name[7:].isdecimal():
         if box is not None:
             raise ParameterError("--box is for video files: draw the box of a camera's picture on the page")
-        return lambda: CaptureSource(int(name[7:]))
+        return lambda: Camera(int(name[7:]))
     if path.suffix not in ("", ".toml") and not path.exists():
         raise ParameterError(f"{name}: no such file; scenarios have names without a suffix, or end in .toml")
     if path.suffix == ".toml" or not path.exists():
@@ -97,6 +97,7 @@ def _source(name: str, box: str | None) -> Callable[[], Source] | None:
             raise ParameterError(f"--box is for video files, got {name!r}")
         return None
     if box is None and path.is_file() and ros2.find(path) is None:
-        return lambda: CaptureSource(name)
-    sequence = read_sequence(path, boxes=None if box is None else given_boxes(box))
-    return lambda: SequenceSource(sequence)
+        sequence = read_video(path)
+    else:
+        sequence = read_sequence(path, boxes=None if box is None else given_boxes(box))
+    return lambda: sequence

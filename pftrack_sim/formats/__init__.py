@@ -1,7 +1,14 @@
 """Sequences on disk in the layouts of public data sets. Box conventions other than the package's exist only here."""
 
 from pftrack_sim.formats.layout import Layout
-from pftrack_sim.formats.layouts import LAYOUTS, find_sequences, given_boxes, read_sequence, read_sequences
+from pftrack_sim.formats.layouts import (
+    LAYOUTS,
+    find_sequences,
+    given_boxes,
+    read_sequence,
+    read_sequences,
+    read_video,
+)
 from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
 
 __all__ = [
@@ -14,4 +21,5 @@ __all__ = [
     "given_boxes",
     "read_sequence",
     "read_sequences",
+    "read_video",
 ]

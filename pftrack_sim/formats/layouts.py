@@ -102,7 +102,7 @@ def read_sequence(
         if boxes is None:
             words = "is not a folder, and a video needs the box of its first frame: --box x,y,w,h or a file of boxes"
             raise SequenceError(f"{path}: {words}")
-        return _read_video(Path(path), boxes)
+        return read_video(Path(path), boxes)
     folder = _checked_folder(path, layout)
     for known in LAYOUTS.values() if layout is None else [LAYOUTS[layout]]:
         if layout is not None or known.matches(folder):
@@ -124,13 +124,21 @@ def read_sequences(
     return [read_sequence(folder, known) for folder, known in found]
 
 
-def _read_video(path: Path, boxes: FloatArray) -> RecordedSequence:
-    """A video with the `(1, 4)` box of its first frame, which gives nothing to score, or `(N, 4)` boxes of all."""
+def read_video(path: Path, boxes: FloatArray | None = None) -> RecordedSequence:
+    """A video with the `(1, 4)` box [px] of its first frame, which gives nothing to score, or `(N, 4)` boxes of all.
+
+    Without boxes it has all its frames, and none is known.
+
+    Raises:
+        SequenceError: It is no video, or the boxes are neither one nor as many as its frames, or none is one.
+    """
     images, rate_hz = video(path)
+    truth = np.full((len(images), 4), np.nan)
+    if boxes is None:
+        return RecordedSequence(path.stem, images, truth, rate_hz)
     if len(boxes) not in (1, len(images)):
         words = f"{len(images)} frames but {len(boxes)} boxes; give one for the first frame, or all"
         raise SequenceError(f"{path}: {words}")
-    truth = np.full((len(images), 4), np.nan)
     truth[: len(boxes)] = boxes
     return replace(RecordedSequence.checked(path, "", images, truth, rate_hz), name=path.stem)
 

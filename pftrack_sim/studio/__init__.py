@@ -15,7 +15,7 @@ import gymnasium as gym
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.env.base import CameraEnv
-from pftrack_sim.studio.serve import Studio
+from pftrack_sim.studio.server import Studio
 from pftrack_sim.studio.session import Session
 from pftrack_sim.studio.settings import Settings, settings_of
 from pftrack_sim.studio.tracked import Moment

@@ -116,15 +116,19 @@ class Player:
         except queue.Empty:
             return
 
-    def _do(self, action: Callable[[Any], Any]) -> None:
+    def _do(self, action: Callable[[Any], Any]) -> bool:
+        """Whether the session did something; the status is what it said, or why not."""
         try:
             said = action(self.session)
         except PftrackError as error:
-            said = str(error)
+            self.status = str(error)
+            return False
         except Exception as error:  # noqa: BLE001 - a third-party tracker may raise anything; the page says so
-            said = describe_error(error)
+            self.status = describe_error(error)
+            return False
         if isinstance(said, str):
             self.status = said
+        return True
 
     def _play(self) -> None:
         session = self.session
@@ -132,13 +136,8 @@ class Player:
             self.playing, self.frames_per_s, self.status = False, 0.0, "The episode is over."
             return
         start_s, before_s = time.perf_counter(), session.moment.frame.time_s
-        try:
-            session.advance()
-        except PftrackError as error:
-            self.playing, self.status = False, str(error)
-            return
-        except Exception as error:  # noqa: BLE001 - as above
-            self.playing, self.status = False, describe_error(error)
+        if not self._do(lambda session: session.advance()):
+            self.playing = False
             return
         self._times = [*self._times[1 - _RATE_OVER :], time.perf_counter()]
         if len(self._times) > 1:

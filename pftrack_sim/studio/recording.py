@@ -1,16 +1,17 @@
-"""Recorded frames in place of the simulator: a sequence with boxes, a video file, or a camera."""
+"""Recorded frames in place of the simulator: a sequence, a video file, or a camera."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, check_trackers
+from pftrack_sim.core.boxes import NO_BOX
 from pftrack_sim.core.errors import ParameterError, SequenceError, UnknownNameError
 from pftrack_sim.core.palette import colours_of
 from pftrack_sim.core.records import Frame, Image, Truth
@@ -18,90 +19,39 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.render.overlay import draw_recorded
 from pftrack_sim.studio.settings import Settings
-from pftrack_sim.studio.tracked import MEMORY_MB, Moment, TrackedSession
+from pftrack_sim.studio.tracked import MEMORY_MB, UNSEEN, Moment, TrackedSession
 from pftrack_sim.trackers.isolation import Limits
 
 _NO_RATE_HZ = 30.0
 """Of sequences and cameras that do not tell theirs."""
 
 _FOVY_RAD = math.radians(50.0)
-_NO_BOX = np.full(4, np.nan)
 
 
-class Source(Protocol):
-    """Frames in order."""
-
-    rate_hz: float
-
-    def image(self, index: int) -> Image | None:
-        """`(H, W, 3)` uint8 RGB of a frame, or None after the last one."""
-        ...
-
-    def box(self, index: int) -> FloatArray:
-        """`(4,)` true box of a frame [px]; NaN where none is known."""
-        ...
-
-    def close(self) -> None:
-        """Free what is open."""
-        ...
-
-
-class SequenceSource:
-    """A sequence with a box for its first frame, or for all."""
-
-    def __init__(self, sequence: RecordedSequence) -> None:
-        self._sequence = sequence
-        self.rate_hz = sequence.rate_hz or _NO_RATE_HZ
-
-    def image(self, index: int) -> Image | None:
-        """See `Source`."""
-        return self._sequence.image(index) if index < len(self._sequence) else None
-
-    def box(self, index: int) -> FloatArray:
-        """See `Source`."""
-        return self._sequence.truth[index]
-
-    def close(self) -> None:
-        """See `Source`."""
-
-
-class CaptureSource:
-    """A camera by its number, or a video file or stream without boxes; a camera never goes back.
+class Camera:
+    """A camera by its number; it never goes back, and no box is known.
 
     Raises:
         SequenceError: It cannot be opened.
     """
 
-    def __init__(self, name: int | str) -> None:
-        self._name = name
-        self._open()
-
-    def _open(self) -> None:
-        self._capture, self._next = cv2.VideoCapture(self._name), 0
+    def __init__(self, number: int) -> None:
+        self._capture = cv2.VideoCapture(number)
         if not self._capture.isOpened():
-            what = f"camera {self._name}" if isinstance(self._name, int) else str(self._name)
-            raise SequenceError(f"{what}: cannot be opened as a camera or a video")
+            raise SequenceError(f"camera {number}: cannot be opened")
         self.rate_hz = self._capture.get(cv2.CAP_PROP_FPS) or _NO_RATE_HZ
 
-    def image(self, index: int) -> Image | None:
-        """See `Source`; a camera gives its newest frame for any index."""
-        if not isinstance(self._name, int):
-            if index < self._next:
-                self.close()
-                self._open()
-            while self._next < index and self._capture.grab():
-                self._next += 1
+    def image(self) -> Image | None:
+        """`(H, W, 3)` uint8 RGB of the newest frame; None where the camera gives none."""
         read, bgr = self._capture.read()
-        self._next += 1
         return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8) if read else None
 
-    def box(self, index: int) -> FloatArray:
-        """See `Source`."""
-        return _NO_BOX
-
     def close(self) -> None:
-        """See `Source`."""
+        """Free the camera."""
         self._capture.release()
+
+
+Source: TypeAlias = RecordedSequence | Camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +72,7 @@ class RecordedMoment(Moment):
 class RecordedSession(TrackedSession):
     """Recorded frames with trackers on them. Trackers start with a frame's true box, or with a box that is drawn.
 
-    Args:
-        settings: The name of the recording, and the trackers.
-        open_source: Opens the source of the frames.
-        isolation: Which trackers run in a process of their own.
-        memory_mb: Memory for the frames that are kept.
+    Arguments are those of `TrackedSession`, and what opens the recording, whose name the settings have.
 
     Raises:
         SequenceError: There is no frame.
@@ -155,7 +101,7 @@ class RecordedSession(TrackedSession):
     @property
     def rate_hz(self) -> float:
         """See `TrackedSession`."""
-        return self._source.rate_hz
+        return self._source.rate_hz or _NO_RATE_HZ
 
     @property
     def over(self) -> bool:
@@ -214,13 +160,20 @@ class RecordedSession(TrackedSession):
     def close(self) -> None:
         """Close the source, and end the trackers' processes."""
         super().close()
-        self._source.close()
+        if isinstance(self._source, Camera):
+            self._source.close()
 
     def _frame(self, index: int) -> Frame | None:
-        image = self._source.image(index)
+        """A frame of the sequence, or the camera's newest; None after the last one."""
+        source, box = self._source, NO_BOX
+        if isinstance(source, Camera):
+            image = source.image()
+        else:
+            image = source.image(index) if index < len(source) else None
+            box = source.truth[index] if image is not None else NO_BOX
         if image is None:
             return None
-        truth = _truth(self._source.box(index), image, index / self.rate_hz)
+        truth = _truth(box, image, index / self.rate_hz)
         return Frame(index, truth.time_s, image, truth, ())
 
     def _show(self, frame: Frame, drawn: FloatArray | None = None) -> None:
@@ -232,26 +185,19 @@ class RecordedSession(TrackedSession):
 def _truth(box: FloatArray, image: Image, time_s: float) -> Truth:
     """What is known of a frame: its box, or nothing. The camera is a level one of 50 degrees, for the 3D view."""
     height, width = image.shape[:2]
-    known = bool(np.isfinite(box).all())
     focal = 0.5 * height / math.tan(0.5 * _FOVY_RAD)
     pose = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.2], [0, 0, 0, 1]], dtype=np.float64)
-    none = np.full(4, np.nan)
+    known: dict[str, Any] = (
+        {"box": box, "amodal_box": box, "visible_box": box, "state": "visible"} if np.isfinite(box).all() else {}
+    )
     return Truth(
         name="target",
-        box=box if known else np.zeros(4),
-        amodal_box=box if known else none,
-        visible_box=box if known else none,
-        swept_box=none,
         visible_fraction=np.nan,
         truncation=0.0,
-        state="visible" if known else "out_of_view",
-        occluders=(),
-        distance_m=np.nan,
         T_world_camera=pose,
         T_world_target=np.full((4, 4), np.nan),
         K=np.array([[focal, 0.0, 0.5 * width], [0.0, focal, 0.5 * height], [0.0, 0.0, 1.0]]),
         distortion=np.zeros(5),
         time_s=time_s,
-        image_motion_px=np.nan,
-        luminance=np.nan,
+        **{**UNSEEN, **known},
     )

@@ -14,8 +14,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.backend import geoms_drawn
+from pftrack_sim.render.triangles import model_triangles
 from pftrack_sim.scene.layout import owner_name
 from pftrack_sim.studio.tracked import Moment
 
@@ -86,7 +87,7 @@ class SceneView:
         drawn = geoms_drawn(model)
         owners = np.array([owner_name(model.body(int(body)).name) for body in model.geom_bodyid])
         moving = (model.body_weldid[model.geom_bodyid] != 0) | (model.body_mocapid[model.geom_bodyid] >= 0)
-        still = np.flatnonzero(drawn & ~moving)
+        still = drawn & ~moving & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
         self._people, self._tracked = people, ""
         self._scene.add_mesh_trimesh("/place", _static_mesh(model, moment, still), receive_shadow=False)
         for old in self._batches:
@@ -250,46 +251,22 @@ def _frustum(half_m: FloatArray) -> Any:
     return np.array([*(((0.0, 0.0, 0.0), corner) for corner in corners), *rim], dtype=np.float32)
 
 
-def _static_mesh(model: mujoco.MjModel, moment: Moment, geoms: IntArray) -> Any:
-    """One mesh of geoms that do not move, with the mean colour of each face."""
-    trimesh = _trimesh()
-    parts: list[Any] = []
+def _static_mesh(model: mujoco.MjModel, moment: Moment, shown: BoolArray) -> Any:
+    """One mesh of the `(ngeom,)` geoms that are shown and do not move, with a colour for each face."""
+    found = model_triangles(model, shown)
+    corners: list[FloatArray] = []
+    colours: list[Any] = []
     means: dict[int, Any] = {}
-    for geom in geoms.tolist():
-        mesh = _geom_mesh(model, geom)
-        if mesh is None:
-            continue
-        vertices = mesh.vertices @ moment.geom_rotation[geom].T + moment.geom_m[geom]
-        if vertices[:, 2].min() > _OVERHEAD_M:
-            continue
-        corners = vertices[mesh.faces].reshape(-1, 3)
-        colours = np.repeat(_face_colours(model, geom, len(mesh.faces), means), 3, axis=0)
-        faces = np.arange(len(corners)).reshape(-1, 3)
-        parts.append(trimesh.Trimesh(corners, faces, vertex_colors=colours, process=False))
-    return trimesh.util.concatenate(parts)
-
-
-def _geom_mesh(model: mujoco.MjModel, geom: int) -> Any:
-    trimesh, size = _trimesh(), model.geom_size[geom]
-    match int(model.geom_type[geom]):
-        case mujoco.mjtGeom.mjGEOM_MESH:
-            mesh = int(model.geom_dataid[geom])
-            first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-            face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-            return trimesh.Trimesh(
-                model.mesh_vert[first : first + count], model.mesh_face[face : face + faces], process=False
-            )
-        case mujoco.mjtGeom.mjGEOM_BOX:
-            return trimesh.creation.box(2.0 * size)
-        case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            return trimesh.creation.cylinder(size[0], 2.0 * size[1], sections=16)
-        case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            return trimesh.creation.capsule(2.0 * size[1], size[0], count=(8, 8))
-        case mujoco.mjtGeom.mjGEOM_SPHERE | mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            radii = size if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID else np.full(3, size[0])
-            return trimesh.creation.icosphere(1, 1.0).apply_scale(radii)
-        case _:
-            return None
+    for geom in np.flatnonzero(shown).tolist():
+        vertices = found.vertices[slice(*found.vertex_starts[geom : geom + 2])]
+        faces = found.faces[slice(*found.face_starts[geom : geom + 2])]
+        placed = vertices @ moment.geom_rotation[geom].T + moment.geom_m[geom]
+        if placed[:, 2].min() <= _OVERHEAD_M:
+            corners.append(placed[faces].reshape(-1, 3))
+            colours.append(np.repeat(_face_colours(model, geom, len(faces), means), 3, axis=0))
+    every = np.concatenate(corners)
+    faces = np.arange(len(every)).reshape(-1, 3)
+    return _trimesh().Trimesh(every, faces, vertex_colors=np.concatenate(colours), process=False)
 
 
 def _face_colours(model: mujoco.MjModel, geom: int, count: int, means: dict[int, Any]) -> Any:

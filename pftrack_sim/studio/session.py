@@ -19,7 +19,7 @@ from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.simulation.simulation import LIVE_AXES, Simulation
 from pftrack_sim.studio.settings import HAND, SCRIPT, Settings
-from pftrack_sim.studio.tracked import MEMORY_MB, Moment, TrackedSession
+from pftrack_sim.studio.tracked import MEMORY_MB, UNSEEN, Moment, TrackedSession
 from pftrack_sim.trackers.isolation import Limits
 
 
@@ -28,11 +28,7 @@ class Session(TrackedSession):
 
     The simulation belongs to the thread that made the session, as its graphics context does.
 
-    Args:
-        settings: What to show.
-        backend: Renderer, by name.
-        isolation: Which trackers run in a process of their own.
-        memory_mb: Memory for the frames that are kept.
+    Arguments are those of `TrackedSession`, and the renderer's name.
 
     Raises:
         ScenarioError: The scenario is wrong or impossible.
@@ -231,18 +227,4 @@ class Session(TrackedSession):
         for one in frame.people:
             if one.name == self.person:
                 return one
-        gone = np.full(4, np.nan)
-        return replace(
-            frame.truth,
-            name=self.person,
-            box=np.zeros(4),
-            amodal_box=gone,
-            visible_box=gone,
-            swept_box=gone,
-            visible_fraction=0.0,
-            state="out_of_view",
-            occluders=(),
-            distance_m=float("nan"),
-            image_motion_px=float("nan"),
-            luminance=float("nan"),
-        )
+        return replace(frame.truth, name=self.person, visible_fraction=0.0, **UNSEEN)

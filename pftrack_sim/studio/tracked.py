@@ -7,8 +7,10 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
@@ -24,6 +26,17 @@ from pftrack_sim.studio.settings import Settings
 
 MEMORY_MB = 400
 """Memory for the frames that are kept."""
+
+UNSEEN: Mapping[str, Any] = MappingProxyType(
+    {
+        "box": np.zeros(4),
+        **dict.fromkeys(("amodal_box", "visible_box", "swept_box"), boxes.NO_BOX),
+        **dict.fromkeys(("distance_m", "image_motion_px", "luminance"), np.nan),
+        "state": "out_of_view",
+        "occluders": (),
+    }
+)
+"""Fields of the truth of a person of whom nothing is known in a frame."""
 
 _SMALLEST_PX = 4.0
 """Least width and height of a drawn box."""

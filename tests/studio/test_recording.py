@@ -9,9 +9,9 @@ import pytest
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.core.errors import ParameterError, SequenceError, UnknownNameError
-from pftrack_sim.formats import read_sequence
+from pftrack_sim.formats import read_sequence, read_video
 from pftrack_sim.studio import Settings
-from pftrack_sim.studio.recording import CaptureSource, RecordedSession, SequenceSource
+from pftrack_sim.studio.recording import Camera, RecordedSession
 
 SETTINGS = Settings("film.mp4", 0, {}, (TrackerSpec(name="stay"), TrackerSpec(name="ncc")))
 FRAMES = 6
@@ -37,7 +37,7 @@ def square(index: int) -> np.ndarray:
 
 
 def test_trackers_start_with_a_drawn_box_and_nothing_is_scored(film: Path):
-    session = RecordedSession(SETTINGS, lambda: CaptureSource(str(film)))
+    session = RecordedSession(SETTINGS, lambda: read_video(film))
     assert session.rate_hz == 10.0
     assert session.moment.estimates == {}
     session.advance()
@@ -52,7 +52,7 @@ def test_trackers_start_with_a_drawn_box_and_nothing_is_scored(film: Path):
 
 
 def test_it_goes_back_and_ends(film: Path):
-    session = RecordedSession(SETTINGS, lambda: CaptureSource(str(film)))
+    session = RecordedSession(SETTINGS, lambda: read_video(film))
     shown = [session.moment, *(session.advance() for _ in range(FRAMES - 1))]
     with pytest.raises(ParameterError, match="over: restart"):
         session.advance()
@@ -66,7 +66,7 @@ def test_it_goes_back_and_ends(film: Path):
 
 def test_a_box_of_the_first_frame_starts_them_and_boxes_of_all_frames_score_them(film: Path):
     truth = np.array([square(index) for index in range(FRAMES)])
-    session = RecordedSession(SETTINGS, lambda: SequenceSource(read_sequence(film, boxes=truth)))
+    session = RecordedSession(SETTINGS, lambda: read_sequence(film, boxes=truth))
     assert session.moment.overlaps == {"stay": 1.0, "ncc": 1.0}
     session.advance()
     assert session.moment.overlaps["stay"] == pytest.approx(16 / 24)
@@ -74,7 +74,7 @@ def test_a_box_of_the_first_frame_starts_them_and_boxes_of_all_frames_score_them
     assert "true box" in said
     assert session.moment.overlaps == {"stay": 1.0}
     session.close()
-    alone = RecordedSession(SETTINGS, lambda: SequenceSource(read_sequence(film, boxes=truth[:1])))
+    alone = RecordedSession(SETTINGS, lambda: read_sequence(film, boxes=truth[:1]))
     alone.advance()
     alone.change(replace(SETTINGS, trackers=(TrackerSpec(name="ncc"),)))
     assert np.abs(alone.moment.estimates["ncc"].box - square(0)).max() <= 4.0, "the last box of stay"
@@ -83,14 +83,14 @@ def test_a_box_of_the_first_frame_starts_them_and_boxes_of_all_frames_score_them
 
 def test_what_cannot_be_read_is_named(tmp_path: Path):
     with pytest.raises(SequenceError, match="camera 97: cannot be opened"):
-        CaptureSource(97)
+        Camera(97)
     (tmp_path / "text.mp4").write_text("no video")
-    with pytest.raises(SequenceError, match=r"text\.mp4: cannot be opened"):
-        CaptureSource(str(tmp_path / "text.mp4"))
+    with pytest.raises(SequenceError, match=r"text\.mp4: cannot be read as a video"):
+        read_video(tmp_path / "text.mp4")
 
 
 def test_nobody_can_be_selected(film: Path):
-    session = RecordedSession(SETTINGS, lambda: CaptureSource(str(film)))
+    session = RecordedSession(SETTINGS, lambda: read_video(film))
     with pytest.raises(UnknownNameError, match="person"):
         session.select("crosser-1")
     session.close()
