@@ -118,8 +118,7 @@ def score(
 
 def _print_scored(found: Scored) -> None:
     """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
-    from pftrack_sim.report.scored import benchmark_table
-    from pftrack_sim.report.tables import Table, interval_of, number_text
+    from pftrack_sim.report.tables import Table, benchmark_table, interval_of, number_text
 
     overlaps: dict[str, dict[str, list[float]]] = {}
     groups: dict[tuple[str, str], list[Summary]] = {}

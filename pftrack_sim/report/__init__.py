@@ -1,8 +1,7 @@
 """Report of a run folder: one HTML page that opens from disk with its videos beside it, and figures for papers."""
 
-from pftrack_sim.report.build import write_report
+from pftrack_sim.report.build import write_report, write_scored
 from pftrack_sim.report.comparison import write_comparison
 from pftrack_sim.report.figure import FIGURES, write_figure
-from pftrack_sim.report.scored import write_scored
 
 __all__ = ["FIGURES", "write_comparison", "write_figure", "write_report", "write_scored"]

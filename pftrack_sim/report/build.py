@@ -1,28 +1,29 @@
-"""Write the report page of a run."""
+"""Write the report: the page of a run, or of scored result files with sequences in the place of seeds."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
-import jinja2
 import plotly.offline  # pyright: ignore[reportMissingTypeStubs]
 from markupsafe import Markup
 
+import pftrack_sim
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
+from pftrack_sim.benchmark.datasets.results import Scored
 from pftrack_sim.benchmark.kept.checksums import update_sum
-from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
 from pftrack_sim.benchmark.said.claims import evaluate_claims
-from pftrack_sim.report.contents import contents
+from pftrack_sim.core.errors import RunError
+from pftrack_sim.report.contents import contents, scored_contents
+from pftrack_sim.report.html import render
 from pftrack_sim.report.strips import strips
-from pftrack_sim.report.tables import Table, claim_text, paper_table
+from pftrack_sim.report.tables import benchmark_table, claim_text, paper_table
 
-_PAGE = Path(__file__).parent / "page"
 _SESSION_KEYS = ("began", "command", "commit", "versions", "python", "platform")
 
 
@@ -50,62 +51,60 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
 
 
 def _page(store: RunStore, data: Mapping[str, Any]) -> str:
-    return render_page(
+    return _render(
         store.path.resolve().name,
         data,
-        strips=[asdict(one) for one in strips(store)],
+        strips=strips(store),
         suites=[_suite(suite, store.results) for suite in store.plan.suites],
         how=_provenance(store),
-        scenarios=_hashes(store),
+        scenarios={name: scenario.digest for name, scenario in store.plan.scenarios.items()},
         errors=[result for result in store.results if result.error],
     )
 
 
-def render_page(
-    title: str,
-    data: Mapping[str, Any],
-    *,
-    how: Sequence[tuple[str, str]],
-    strips: Sequence[Mapping[str, Any]] = (),
-    suites: Sequence[Mapping[str, Any]] = (),
-    scenarios: Sequence[tuple[str, str]] = (),
-    errors: Sequence[Result] = (),
-    benchmark: Table | None = None,
-) -> str:
-    """The page as HTML.
+def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
+    """Write `report.html` and `results.csv`, a row for each result file, into a folder.
 
     Args:
-        title: Of the page.
-        data: What the page's scripts draw; see `contents`.
-        how: Names and words of the provenance.
-        strips: Film strips.
-        suites: Tables and claims of papers.
-        scenarios: Scenarios with their hashes.
-        errors: Results of trackers that failed.
-        benchmark: What the scorer of a data set's own benchmark computes.
+        found: The scores.
+        out: The folder; other files in it stay.
+        sources: What was scored, by name, for the page's provenance.
+
+    Returns:
+        The page's path.
+
+    Raises:
+        RunError: The folder is a file, or cannot be written to.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_PAGE), autoescape=True, undefined=jinja2.StrictUndefined
-    )
-    return environment.get_template("report.html.j2").render(
+    if out.exists() and not out.is_dir():
+        raise RunError(f"{out} is not a folder")
+    rows = [
+        {"tracker": one.tracker.label, "sequence": one.sequence, "repetition": one.seed, **one.summary.as_dict()}
+        for one in found.results
+    ]
+    how = [*sources.items(), ("version", pftrack_sim.__version__)]
+    page = _render(out.resolve().name, scored_contents(found), benchmark=benchmark_table(found), how=how)
+    write_bytes(out / "report.html", page.encode())
+    write_bytes(out / "results.csv", csv_text(list(rows[0]), [list(row.values()) for row in rows]).encode())
+    return out / "report.html"
+
+
+def _render(title: str, data: Mapping[str, Any], **values: Any) -> str:
+    """The page of `data`, see `contents`; what is not in `values` is left out."""
+    nothing: dict[str, Any] = {"strips": (), "suites": (), "scenarios": {}, "errors": (), "benchmark": None}
+    return render(
+        "report",
+        [plotly.offline.get_plotlyjs(), "report.js", "viewer.js", "drives.js"],
         title=title,
-        style=Markup((_PAGE / "report.css").read_text(encoding="utf-8")),
-        scripts=[Markup((_PAGE / f"{name}.js").read_text(encoding="utf-8")) for name in ("report", "viewer", "drives")],
         has_drives=bool(data["drives"]),
         of_run=data["unit"] == "seed",
-        plotly=Markup(plotly.offline.get_plotlyjs()),
         data=Markup(_script_json(data)),
         definitions=score.DEFINITIONS,
         following=score.FOLLOWING_DEFINITIONS,
         people=score.PEOPLE_DEFINITIONS if data["people"] else {},
         loss=data["loss"],
         tags=data["tags"],
-        strips=strips,
-        suites=suites,
-        how=how,
-        scenarios=scenarios,
-        errors=errors,
-        benchmark=benchmark,
+        **{**nothing, **values},
     )
 
 
@@ -118,11 +117,6 @@ def _provenance(store: RunStore) -> list[tuple[str, str]]:
     seeds = sorted({result.seed for result in store.results})
     state = "all episodes" if store.finished else "not finished: these are the episodes so far"
     return [("state", state), *entries, ("graphics", "; ".join(graphics)), ("seeds", _words(seeds))]
-
-
-def _hashes(store: RunStore) -> list[tuple[str, str]]:
-    """Each scenario with the SHA-256 of its content."""
-    return [(name, scenario.digest) for name, scenario in store.plan.scenarios.items()]
 
 
 def _script_json(data: Mapping[str, Any]) -> str:

@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import jinja2
 import numpy as np
-from markupsafe import Markup
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
@@ -23,9 +21,9 @@ from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.contents import COVERED_BELOW, read_frames, spans
+from pftrack_sim.report.html import render
 from pftrack_sim.report.tables import number_text
 
-_PAGE = Path(__file__).parent / "page"
 _MOST_EPISODES = 12
 _SIZES = (0.01, 0.02, 0.05, 0.1)  # Differences whose seeds are named
 _BEFORE_S = 1.0  # A video starts so long before the overlaps part
@@ -48,20 +46,17 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     if target.suffix.lower() not in (".html", ".htm"):
         raise ParameterError(f"a page's name must end in .html, got {str(target)!r}")
     worse = [pair for pair in found.episodes if pair.difference < 0.0]
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_PAGE), autoescape=True, undefined=jinja2.StrictUndefined
-    )
     scale = max([0.01, *(abs(end) for row in (*found.rows, *found.tags) for end in (row.difference, row.low, row.high)
                          if not math.isnan(end))])  # fmt: skip
     # Two trackers of one run have its colours; one tracker in two runs has the same colour in both.
     known = palette.colours_of(first.plan.labels)
     shown = [known[name] for name in found.names] if first.path == second.path else palette.TRACKERS[:2]
     colours = [palette.hexadecimal(colour) for colour in shown]
-    page = environment.get_template("comparison.html.j2").render(
+    page = render(
+        "comparison",
+        ["comparison.js"],
         found=found,
         colours=colours,
-        style=Markup((_PAGE / "report.css").read_text(encoding="utf-8")),
-        script=Markup((_PAGE / "comparison.js").read_text(encoding="utf-8")),
         rows=[_row(row, scale) for row in found.rows],
         tags=[_row(row, scale) for row in found.tags],
         meaning=score.MEASURE_DEFINITIONS[found.measure],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.datasets.results import Scored, ScoredResult
 from pftrack_sim.benchmark.reading.losses import LOSS, TAGS, tag_title
 from pftrack_sim.benchmark.said.degradation import degradation, levels_of
 from pftrack_sim.core import palette, random_streams
@@ -119,7 +120,7 @@ def by_episode(results: Iterable[Result]) -> dict[tuple[str, str, int], list[Res
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class _Shown:
     """One tracker in an episode of the page.
 
     Attributes:
@@ -143,19 +144,19 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
     conditions = list(dict.fromkeys(result.condition for result in results))
     grouped = by_episode(results)
 
-    def episodes() -> Iterator[tuple[dict[str, Any], list[Shown]]]:
+    def episodes() -> Iterator[tuple[dict[str, Any], list[_Shown]]]:
         for its_results in grouped.values():
             frames = read_frames(store, its_results)
             first = its_results[0]
             episode = _episode(store, first, frames[first.label])
             episode |= {"scenario": scenarios.index(first.scenario), "condition": conditions.index(first.condition)}
-            yield episode, [Shown(one.label, one.values, one.error, frames[one.label]) for one in its_results]
+            yield episode, [_Shown(one.label, one.values, one.error, frames[one.label]) for one in its_results]
             on_episode()
 
     numbers = {key: number for number, key in enumerate(grouped)}
     swept = degradation(store)
     return {
-        **board(trackers, store.plan.labels, episodes()),
+        **_board(trackers, store.plan.labels, episodes()),
         "unit": "seed",
         "scenarios": scenarios,
         "conditions": [condition.name for condition in conditions],
@@ -209,8 +210,8 @@ def _losses(store: RunStore, trackers: Sequence[str], numbers: Mapping[tuple[str
     return {"loss": LOSS, "tags": meanings, "losses": rows(lost.rows), "moments": rows(seen.rows)}
 
 
-def board(
-    trackers: Sequence[str], labels: Sequence[str], episodes: Iterable[tuple[dict[str, Any], Sequence[Shown]]]
+def _board(
+    trackers: Sequence[str], labels: Sequence[str], episodes: Iterable[tuple[dict[str, Any], Sequence[_Shown]]]
 ) -> dict[str, Any]:
     """What the leader board, the curves and the episodes frame by frame show.
 
@@ -278,13 +279,13 @@ def _episode(store: RunStore, result: Result, frames: TrackerFrames) -> dict[str
     rate_hz = result.number("rate_hz")
     time_s: FloatArray = frames.time_s - frames.time_s[0]
     regular = np.allclose(time_s, np.arange(len(time_s)) / rate_hz, rtol=0.0, atol=1e-3)
-    return episode_entry(result.seed, rate_hz, frames) | {
+    return _entry(result.seed, rate_hz, frames) | {
         "time": None if regular else [round(float(time), 3) for time in time_s],
         "video": video_link(store, result) if store.plan.kind == "open" else None,
     }
 
 
-def episode_entry(seed: int, rate_hz: float, frames: TrackerFrames) -> dict[str, Any]:
+def _entry(seed: int, rate_hz: float, frames: TrackerFrames) -> dict[str, Any]:
     """What the page tells of an episode without a video, whose frames come at a fixed rate."""
     return {
         "seed": seed,
@@ -306,10 +307,10 @@ def _matrix(results: Iterable[Result], trackers: Sequence[str]) -> dict[str, Any
         name: np.array([np.mean(found[seed]) if seed in found else math.nan for seed in seeds])
         for name, found in by_seed.items()
     }
-    return matrix(score.compare(scores, random_streams.stream(0, "bootstrap")), trackers)
+    return _pairs(score.compare(scores, random_streams.stream(0, "bootstrap")), trackers)
 
 
-def matrix(compared: Sequence[Comparison], trackers: Sequence[str]) -> dict[str, Any]:
+def _pairs(compared: Sequence[Comparison], trackers: Sequence[str]) -> dict[str, Any]:
     """Wins and differences of pairs of trackers."""
     return {
         "wins": score.win_matrix(compared, trackers).tolist(),
@@ -326,6 +327,47 @@ def matrix(compared: Sequence[Comparison], trackers: Sequence[str]) -> dict[str,
             for one in compared
         ],
     }
+
+
+def scored_contents(found: Scored) -> dict[str, Any]:
+    """The page's data of scored result files."""
+    trackers = list(dict.fromkeys(one.tracker.label for one in found.results))
+    sequences = list(dict.fromkeys(one.sequence for one in found.results))
+    return {
+        **_board(trackers, trackers, _scored_episodes(found.results, sequences)),
+        "unit": "sequence",
+        "scenarios": sequences,
+        "conditions": ["base"],
+        "levels": [{}],
+        "axes": [],
+        "maps": [],
+        "drives": [],
+        "matrix": _pairs(found.comparisons, trackers),
+        "loss": LOSS,
+        "tags": [],
+        "losses": [],
+        "moments": [],
+    }
+
+
+def _scored_episodes(
+    results: Sequence[ScoredResult], sequences: Sequence[str]
+) -> Iterator[tuple[dict[str, Any], list[_Shown]]]:
+    """Trackers by sequence and repetition."""
+    for name in sequences:
+        for repetition in sorted({one.seed for one in results if one.sequence == name}):
+            its = [one for one in results if (one.sequence, one.seed) == (name, repetition)]
+            shown = [_shown(one) for one in its]
+            entry = _entry(repetition, its[0].rate_hz, shown[0].frames)
+            yield entry | {"scenario": sequences.index(name), "condition": 0}, shown
+
+
+def _shown(one: ScoredResult) -> _Shown:
+    seen = np.isfinite(one.frames.truth[:, 0])
+    time_s = np.arange(len(seen)) / one.rate_hz
+    frames = TrackerFrames(time_s, one.frames.overlap, one.frames.centre_error_px, seen.astype(np.float64), seen)
+    values = {name: None if np.isnan(value) else value for name, value in asdict(one.summary).items()}
+    return _Shown(one.tracker.label, values, one.error, frames)
 
 
 def _packed(overlap: FloatArray) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -20,22 +20,11 @@ WIDTH_PX = 320
 _QUALITY = 82
 
 
-@dataclass(frozen=True)
-class Strip:
-    """Frames of one episode, chosen by a tracker's mean overlap: their indices, and JPEG pictures as data URIs.
-
-    Both are empty where the episode has no video.
-    """
-
-    title: str
-    tracker: str
-    overlap: float
-    frames: tuple[int, ...]
-    pictures: tuple[str, ...]
-
-
-def strips(store: RunStore) -> list[Strip]:
+def strips(store: RunStore) -> list[dict[str, Any]]:
     """Strips of the tracker with the highest mean overlap: of its best, median and worst episode of all.
+
+    Each has a title, the tracker and its overlap, and pictures: indices of frames, and JPEG as data URIs; none where
+    the episode has no video.
 
     Raises:
         RunError: A video is broken.
@@ -54,23 +43,23 @@ def strips(store: RunStore) -> list[Strip]:
     return [_strip(title, ranked[place], store.video_of(ranked[place])) for place, title in places.items()]
 
 
-def _strip(title: str, result: Result, video: Path | None) -> Strip:
-    title = f"{title}: {result.scenario}, {result.condition.name}, seed {result.seed}"
-    if video is None:
-        return Strip(title, result.label, result.number("mean_overlap"), (), ())
+def _strip(title: str, result: Result, video: Path | None) -> dict[str, Any]:
+    return {
+        "title": f"{title}: {result.scenario}, {result.condition.name}, seed {result.seed}",
+        "tracker": result.label,
+        "overlap": result.number("mean_overlap"),
+        "pictures": [] if video is None else _pictures(video),
+    }
+
+
+def _pictures(video: Path) -> list[tuple[int, str]]:
     try:
         with av.open(str(video)) as container:
             frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     except (OSError, FFmpegError) as error:
         raise RunError(f"{video} cannot be read: {error}") from None
-    indices = tuple(int(index) for index in np.linspace(0, len(frames) - 1, FRAMES))
-    return Strip(
-        title,
-        result.label,
-        result.number("mean_overlap"),
-        indices,
-        tuple(_data_uri(np.asarray(frames[index], dtype=np.uint8)) for index in indices),
-    )
+    indices = [int(index) for index in np.linspace(0, len(frames) - 1, FRAMES)]
+    return [(index, _data_uri(np.asarray(frames[index], dtype=np.uint8))) for index in indices]
 
 
 def _data_uri(image: Image) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
+from pftrack_sim.benchmark.datasets.results import Scored, score_text
 from pftrack_sim.benchmark.said.claims import ClaimComparison, Interval, compare_with_paper
 from pftrack_sim.benchmark.said.degradation import TITLES, degradation, table_rows
 from pftrack_sim.core import random_streams
@@ -185,6 +186,16 @@ def axes(store: RunStore) -> Iterator[Table]:
                 for row in rows
             ]
             yield Table(title, ["axis"], ["level", "in its unit", *rows[0].means], cells)
+
+
+def benchmark_table(found: Scored) -> Table | None:
+    """For each tracker what the scorer of the data set's own benchmark computes; None where it has none."""
+    if not found.benchmark:
+        return None
+    heads = list(next(iter(found.benchmark.values())))
+    rows = [[tracker, *(score_text(values[name]) for name in heads)] for tracker, values in found.benchmark.items()]
+    spaced = [name.replace("_", "\n", 1) for name in heads]
+    return Table("As the benchmark's own scorer computes them", ("tracker",), spaced, rows)
 
 
 def _by_place(results: Iterable[Result]) -> dict[tuple[str, str], list[Result]]:
