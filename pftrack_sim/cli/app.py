@@ -16,9 +16,7 @@ import typer
 from pftrack_sim.cli import datasets, reading, running, tables
 from pftrack_sim.cli.examples import epilog
 from pftrack_sim.cli.options import Backend, Isolation, Params, Preset, Settings
-from pftrack_sim.cli.profile import profile
 from pftrack_sim.cli.progress import progress_bar
-from pftrack_sim.cli.studio import studio
 from pftrack_sim.cli.values import parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 
@@ -214,8 +212,8 @@ def trax(
 for name, command in {
     "list": list_names,
     "render": render,
-    "studio": studio,
-    "profile": profile,
+    "studio": running.studio,
+    "profile": datasets.profile,
     "bench": running.bench,
     "follow": running.follow,
     "film": running.film,

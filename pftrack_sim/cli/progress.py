@@ -10,7 +10,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -83,20 +83,14 @@ def show_run(mode: str, path: Path, what: str) -> Generator[Callable[[RunProgres
             yield _show_json if chosen == "json" else lambda _: None
             return
         _say(f"{what}: {path}")
-        if chosen == "lines":
-            yield _Lines(_FirstVideo(path))
-            return
-        columns = (BarColumn(), TextColumn("{task.description}", markup=False))
-        first_video = _FirstVideo(path)
-        # What is printed while the bar is shown goes above it.
-        with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-            task = shown.add_task("starting workers and checking trackers", total=1.0)
+        say_first_video = _first_video(path / "videos")
+        with _bar() if chosen == "bar" else nullcontext(_lines()) as show:
 
-            def show(status: RunProgress) -> None:
-                shown.update(task, completed=status.share, description=_line(status))
-                first_video(status)
+            def show_all(status: RunProgress) -> None:
+                show(status)
+                say_first_video(status)
 
-            yield show
+            yield show_all
     except Interrupted as stopped:
         # A second Ctrl-C during the exit would print a traceback.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -108,37 +102,40 @@ def _say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
 
 
-class _FirstVideo:
+def _first_video(folder: Path) -> Callable[[RunProgress], None]:
     """Says where the first video of a run is, as soon as there is one."""
+    unsaid = next(folder.rglob("*.mp4"), None) is None
 
-    def __init__(self, path: Path) -> None:
-        self._folder = path / "videos"
-        self._said = self._first() is not None
-
-    def _first(self) -> Path | None:
-        return next(self._folder.rglob("*.mp4"), None)
-
-    def __call__(self, status: RunProgress) -> None:
-        video = self._first() if status.episode is not None and not self._said else None
-        if video is not None:
-            self._said = True
+    def show(status: RunProgress) -> None:
+        nonlocal unsaid
+        if unsaid and status.episode is not None and (video := next(folder.rglob("*.mp4"), None)) is not None:
+            unsaid = False
             _say(f"first video: {video}")
 
+    return show
 
-class _Lines:
+
+@contextmanager
+def _bar() -> Generator[Callable[[RunProgress], None]]:
+    """Shows a bar; what is printed meanwhile goes above it."""
+    columns = (BarColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("starting workers and checking trackers", total=1.0)
+        yield lambda status: shown.update(task, completed=status.share, description=_line(status))
+
+
+def _lines() -> Callable[[RunProgress], None]:
     """Prints a line every few seconds, and one at the end."""
+    last_s = time.monotonic()
 
-    def __init__(self, first_video: _FirstVideo) -> None:
-        self._first_video = first_video
-        self._last_s = time.monotonic()
-
-    def __call__(self, status: RunProgress) -> None:
-        now_s = time.monotonic()
-        finished = status.episode is not None and status.done == status.total
-        if finished or now_s - self._last_s >= _LINE_EVERY_S:
-            self._last_s = now_s
+    def show(status: RunProgress) -> None:
+        nonlocal last_s
+        now_s, finished = time.monotonic(), status.episode is not None and status.done == status.total
+        if finished or now_s - last_s >= _LINE_EVERY_S:
+            last_s = now_s
             _say(_line(status))
-        self._first_video(status)
+
+    return show
 
 
 def _show_json(status: RunProgress) -> None:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 # Longer lists are in the run folder.
 _MOST_EPISODES, _MOST_LINES, _MOST_WORSE = 40, 20, 10
-_WANTED_DIFFERENCE = 0.02
 
 _LEAST_NAME = 10
 """Least width of a column of names [characters]."""
@@ -113,6 +112,7 @@ def print_run(plan: Plan, store: RunStore) -> None:
 
 def print_comparison(found: RunComparison) -> None:
     """Print paired differences, what the seeds can show, and the episodes that lost most."""
+    from pftrack_sim.report.comparison import remarks
     from pftrack_sim.report.tables import Table, number_text
     from pftrack_sim.score import MEASURE_DEFINITIONS
 
@@ -128,23 +128,7 @@ def print_comparison(found: RunComparison) -> None:
     title = f"{found.measure} of {second} minus that of {first} (95% interval over seeds, p of the sign-flip test)"
     heads = ("seeds", "first", "second", "difference", "p", "verdict")
     print_table(Table(title, ("scenario", "condition"), heads, rows))
-    last = found.rows[-1]
-    lines = [f"{found.measure}: {MEASURE_DEFINITIONS[found.measure]}", f"{found.statement}."]
-    if last.verdict == "too few seeds":
-        lines.append(
-            f"With {last.seeds} seed{'s' if last.seeds != 1 else ''} the smallest possible p is {last.least_p:.2g}."
-        )
-    wanted = last.seeds_for(_WANTED_DIFFERENCE)
-    if wanted is not None:
-        lines.append(f"To show a difference of {_WANTED_DIFFERENCE:g} in the last row (power 80%): {wanted} seeds.")
-    if found.different_frames:
-        lines.append(
-            f"{found.different_frames} of {len(found.episodes)} pairs did not see the same frames: the scenario, the "
-            "drawing or the robot's way differs."
-        )
-    if found.unpaired:
-        lines.append(f"{found.unpaired} episodes are in one of the two only, and left out.")
-    print_lines(lines)
+    print_lines([f"{found.measure}: {MEASURE_DEFINITIONS[found.measure]}", f"{found.statement}.", *remarks(found)])
     worse = [
         [
             *(pair.first.scenario, pair.first.condition.name, str(pair.first.seed)),

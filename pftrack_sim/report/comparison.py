@@ -62,8 +62,7 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
         meaning=score.MEASURE_DEFINITIONS[found.measure],
         meanings={tag_title(tag): words for tag, (words, _) in TAGS.items()},
         scale=number_text(scale, 3),
-        last=found.rows[-1],
-        seeds=[(size, found.rows[-1].seeds_for(size)) for size in _SIZES],
+        remarks=remarks(found),
         losses=losses_of_both(first, second, found),
         report=_link(second.path / "report.html", target.parent),
         worse=len(worse),
@@ -74,6 +73,24 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     if target.parent.resolve() in (first.path.resolve(), second.path.resolve()):
         update_sum(target.parent, target.name)
     return target
+
+
+def remarks(found: RunComparison) -> list[str]:
+    """What the seeds of a comparison can show, and which episodes do not count, a sentence each."""
+    last, pairs = found.rows[-1], len(found.episodes)
+    lines = [f"With {last.seeds} seed{'s' if last.seeds != 1 else ''} the smallest possible p is {last.least_p:.2g}."]
+    wanted = [f"{size:g}: {count}" for size in _SIZES if (count := last.seeds_for(size)) is not None]
+    if wanted:
+        what = "Seeds that show a difference with a power of 80%, at the spread between these seeds"
+        lines.append(f"{what}: {'; '.join(wanted)}.")
+    if found.different_frames:
+        lines.append(
+            f"{found.different_frames} of {pairs} pairs did not see the same frames: the scenario, the drawing or the "
+            "robot's way differs."
+        )
+    if found.unpaired:
+        lines.append(f"{found.unpaired} episodes are in one of the two only, and left out.")
+    return lines
 
 
 def losses_of_both(first: RunStore, second: RunStore, found: RunComparison) -> list[str]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rich.console import Console
+from small_report import until
 
 from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore
@@ -40,9 +41,9 @@ def test_it_shows_differences_and_videos_at_the_moment_of_parting(show: Callable
         assert page.locator("article polyline").count() == 2
         assert page.locator("article video").count() == 1, "both saw the same episode: one video has both boxes"
         start = float(page.locator("article").get_attribute("data-start"))
-        page.wait_for_function(f"Math.abs(document.querySelector('video').currentTime - {start}) < 0.11")
+        until(page, f"Math.abs(document.querySelector('video').currentTime - {start}) < 0.11")
         page.locator("svg.overlaps").click()
-        page.wait_for_function("Math.abs(document.querySelector('video').currentTime - 1.45) < 0.11")
+        until(page, "Math.abs(document.querySelector('video').currentTime - 1.45) < 0.11")
     with pytest.raises(ParameterError, match=r"end in \.html"):
         report.write_comparison(store, store, found, tmp_path / "comparison.txt")
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_report import until
 
 from pftrack_sim import report
 from pftrack_sim.benchmark import RunStore, make_plan, run
@@ -60,9 +61,9 @@ def test_the_slider_moves_cone_cursor_and_video(driven: Path, show: Callable[...
     )
     page.select_option("#drive", index=1)
     assert "never found again" in page.locator("#drive-told").inner_text()
-    page.wait_for_function("document.getElementById('drive-video').readyState >= 1")
+    until(page, "document.getElementById('drive-video').readyState >= 1")
     page.locator("#drive-time").fill("1.5")
-    page.wait_for_function("Math.abs(document.getElementById('drive-video').currentTime - 1.55) < 0.05")
+    until(page, "Math.abs(document.getElementById('drive-video').currentTime - 1.55) < 0.05")
     told = contents(RunStore(driven))["drives"][1]
     here = page.evaluate("['x', 'y'].map((axis) => document.getElementById('drive-map').data[4][axis][0])")
     assert here == [told["target"][0][15], told["target"][1][15]]

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_report import until
 
 from pftrack_sim import report
 from pftrack_sim.benchmark import RunStore
@@ -40,10 +41,10 @@ def test_one_click_shows_the_video_at_the_loss(show: Callable[..., Any], lost: P
     shown = f"Math.abs(document.getElementById('video').currentTime - {max(loss[2] - 1.0, 0.0)}) < 0.11"
     page.evaluate("document.getElementById('video').currentTime = 2.9")
     line.locator("a").click()
-    page.wait_for_function(shown)
+    until(page, shown)
     page.evaluate("document.getElementById('video').currentTime = 2.9")
     page.locator("#board tbody tr", has_text="stay").locator("a").click()
-    page.wait_for_function(shown)
+    until(page, shown)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_report import HOSTILE
+from small_report import HOSTILE, until
 
 from pftrack_sim import report
 
@@ -71,18 +71,18 @@ def test_filters_change_the_board(opened: Any):
 
 @pytest.mark.slow
 def test_a_click_on_the_curve_seeks_the_video_and_keys_step(opened: Any):
-    opened.wait_for_function("document.getElementById('video').readyState >= 1")
+    until(opened, "document.getElementById('video').readyState >= 1")
     opened.locator("#overlap").scroll_into_view_if_needed()
     rate = 25.0
     x, y = opened.evaluate(CENTRE_OF_FRAME, 12)
     opened.mouse.click(x, y)
-    opened.wait_for_function(f"Math.abs(document.getElementById('video').currentTime - 12.5 / {rate}) < 0.5 / {rate}")
+    until(opened, f"Math.abs(document.getElementById('video').currentTime - 12.5 / {rate}) < 0.5 / {rate}")
     opened.locator("#viewer").focus()
     opened.keyboard.press("ArrowRight")
-    opened.wait_for_function(f"Math.abs(document.getElementById('video').currentTime - 13.5 / {rate}) < 0.5 / {rate}")
+    until(opened, f"Math.abs(document.getElementById('video').currentTime - 13.5 / {rate}) < 0.5 / {rate}")
     opened.keyboard.press("ArrowLeft")
     opened.keyboard.press("ArrowLeft")
-    opened.wait_for_function(f"Math.abs(document.getElementById('video').currentTime - 11.5 / {rate}) < 0.5 / {rate}")
+    until(opened, f"Math.abs(document.getElementById('video').currentTime - 11.5 / {rate}) < 0.5 / {rate}")
 
 
 def test_a_name_that_is_a_script_stays_text(browser: Any, hostile: Path):

@@ -122,22 +122,6 @@ def test_shapes_that_do_not_fit_are_refused():
         score.stay_overlaps(np.ones((2, 4)), [True])
 
 
-def test_bootstrap_intervals_cover_the_mean_about_as_often_as_they_say():
-    rng = np.random.default_rng(0)
-    hits = 0
-    for _ in range(400):
-        low, high = score.bootstrap_interval(rng.normal(0.5, 0.1, 40), rng, resamples=400)
-        hits += low <= 0.5 <= high
-    assert 0.90 < hits / 400 < 0.98
-
-
-def test_bootstrap_intervals_against_the_normal_one():
-    values = np.random.default_rng(1).normal(0.6, 0.05, 200)
-    half = 1.96 * values.std() / np.sqrt(values.size)
-    found = score.bootstrap_interval(values, np.random.default_rng(2), resamples=20_000)
-    assert np.allclose(found, [values.mean() - half, values.mean() + half], rtol=0, atol=0.1 * half)
-
-
 def test_bootstrap_intervals_of_little():
     rng = np.random.default_rng(0)
     for few in ([], [0.3], [0.3, math.nan]):
