@@ -12,16 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, IntArray
 
 _CORNER_M = 1.5
-_FAR_M = 1e6
 _MIN_LENGTH_M = 1e-6
 _REVERSAL_RAD = 3.0
 
 
 class _Piece(NamedTuple):
-    """A line or an arc."""
+    """A line or an arc from a point on."""
 
     x: float
     y: float
@@ -30,7 +29,7 @@ class _Piece(NamedTuple):
     curvature: float
 
     def pose(self, run_m: float) -> tuple[float, float, float]:
-        """x, y and heading at a way from its origin."""
+        """x, y and heading at a way from its beginning."""
         # The chord has the mean heading; its length is that of the arc times sinc(half the turn).
         half = 0.5 * run_m * self.curvature
         chord = run_m * math.sin(half) / half if half else run_m
@@ -54,18 +53,11 @@ class Path:
     """
 
     def __init__(self, points_m: ArrayLike, corner_m: float = _CORNER_M) -> None:
-        self._corners = _distinct(points_m)
-        self._corner_m = corner_m
-        inner = tuple(_pieces(self._corners, corner_m))
-        lengths = [piece.length for piece in inner]
-        self.length_m = float(sum(lengths))
-        first = inner[0]
-        # The extension before the start has its origin at s = 0, so that no digits are lost to a far origin.
-        before = _Piece(first.x, first.y, first.heading, _FAR_M, 0.0)
-        self._pieces = (before, *inner, _Piece(*inner[-1].pose(inner[-1].length), _FAR_M, 0.0))
-        self._origins_m = [0.0, *itertools.accumulate(lengths, initial=0.0)]
-        self._first_m = [-_FAR_M, *self._origins_m[1:]]
-        self._ends_m = [*self._origins_m[1:], self.length_m + _FAR_M]
+        self._corners, self._corner_m = _distinct(points_m), corner_m
+        # The first and the last piece are lines.
+        self._pieces = tuple(_pieces(self._corners, corner_m))
+        *self._begins_m, self.length_m = itertools.accumulate([piece.length for piece in self._pieces], initial=0.0)
+        self._table: FloatArray = np.array([*zip(*self._pieces, strict=True), self._begins_m])
 
     def __eq__(self, other: object) -> bool:
         """Whether it is a path through the same points with the same corners."""
@@ -80,47 +72,47 @@ class Path:
 
     def pose(self, s_m: float) -> tuple[float, float, float]:
         """x, y [m] and heading [rad, without jumps of 2 pi] at one arc length."""
-        index = max(bisect.bisect_right(self._first_m, s_m) - 1, 0)
-        return self._pieces[index].pose(s_m - self._origins_m[index])
+        index = max(bisect.bisect_right(self._begins_m, s_m) - 1, 0)
+        return self._pieces[index].pose(s_m - self._begins_m[index])
 
     def at(self, s_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y [m] and heading [rad] as by `pose` at arc lengths, each of the shape of `s_m`."""
         s = np.asarray(s_m, dtype=np.float64)
-        poses = np.array([self.pose(one) for one in s.ravel().tolist()]).reshape(*s.shape, 3)
-        return poses[..., 0], poses[..., 1], poses[..., 2]
+        x, y, heading, _, curvature, begin_m = self._table[:, self._index(s)]
+        half = 0.5 * (s - begin_m) * curvature
+        chord, middle = (s - begin_m) * np.sinc(half / np.pi), heading + half
+        return x + chord * np.cos(middle), y + chord * np.sin(middle), middle + half
 
     def beside(self, s_m: float, left_m: float) -> tuple[float, float]:
         """x, y [m] of the point at an arc length, shifted to the left."""
         x, y, heading = self.pose(s_m)
         return x - left_m * math.sin(heading), y + left_m * math.cos(heading)
 
-    def curvature(self, s_m: float) -> float:
-        """Curvature [1/m] at an arc length; positive turns left."""
-        return self._pieces[max(bisect.bisect_right(self._first_m, s_m) - 1, 0)].curvature
-
-    def bends(self, s_m: float, ahead_m: float) -> Iterable[tuple[float, float]]:
-        """First arc lengths [m] and curvatures [1/m] of the lines and arcs from one arc length to this far ahead."""
-        for index in range(bisect.bisect_right(self._ends_m, s_m), bisect.bisect_right(self._first_m, s_m + ahead_m)):
-            yield self._first_m[index], self._pieces[index].curvature
+    def curvature(self, s_m: ArrayLike) -> FloatArray:
+        """Curvature [1/m] at arc lengths, of their shape; positive turns left."""
+        return self._table[4, self._index(np.asarray(s_m, dtype=np.float64))]
 
     def project(self, xy_m: Sequence[float] | FloatArray, near_s_m: float, within_m: float = 2.0) -> float:
         """Arc length of the point nearest to `(2,)` x, y [m] among those within `within_m` of `near_s_m`."""
         x, y = float(xy_m[0]), float(xy_m[1])
         low, high = near_s_m - within_m, near_s_m + within_m
+        last = len(self._pieces) - 1
         best_m, least_m = low, math.inf
-        for index in range(bisect.bisect_left(self._ends_m, low), bisect.bisect_right(self._first_m, high)):
-            piece, origin = self._pieces[index], self._origins_m[index]
-            from_x, from_y, heading, _, bend = piece
-            start, end = max(self._first_m[index], low), min(self._ends_m[index], high)
-            cos, sin, dx, dy = math.cos(heading), math.sin(heading), x - from_x, y - from_y
-            s_m = origin + cos * dx + sin * dy
+        for index in range(
+            max(bisect.bisect_right(self._begins_m, low) - 1, 0), max(bisect.bisect_right(self._begins_m, high), 1)
+        ):
+            piece, begin = self._pieces[index], self._begins_m[index]
+            start = low if index == 0 else max(begin, low)
+            end = high if index == last else min(self._begins_m[index + 1], high)
+            cos, sin, dx, dy = math.cos(piece.heading), math.sin(piece.heading), x - piece.x, y - piece.y
+            s_m, bend = begin + cos * dx + sin * dy, piece.curvature
             if bend:
                 # The angle about the centre of an arc, at most half a circle from the middle of the arc.
-                angle = math.atan2(bend * (s_m - origin), 1.0 - bend * (cos * dy - sin * dx))
+                angle = math.atan2(bend * (s_m - begin), 1.0 - bend * (cos * dy - sin * dx))
                 middle = 0.5 * (start + end)
-                s_m = middle + math.remainder(origin + angle / bend - middle, 2.0 * math.pi / bend)
+                s_m = middle + math.remainder(begin + angle / bend - middle, 2.0 * math.pi / bend)
             s_m = min(max(s_m, start), end)
-            there_x, there_y, _ = piece.pose(s_m - origin)
+            there_x, there_y, _ = piece.pose(s_m - begin)
             distance_m = math.hypot(there_x - x, there_y - y)
             if distance_m < least_m:
                 best_m, least_m = s_m, distance_m
@@ -141,6 +133,10 @@ class Path:
         for index in np.flatnonzero((np.diff(shifted, axis=0) * sides).sum(axis=1) <= 0.0):
             shifted[index : index + 2] = shifted[index : index + 2].mean(axis=0)
         return Path(shifted, self._corner_m)
+
+    def _index(self, s_m: FloatArray) -> IntArray:
+        """Rows of the pieces at arc lengths."""
+        return np.maximum(np.searchsorted(self._begins_m, s_m, side="right") - 1, 0)
 
 
 def _distinct(points_m: ArrayLike) -> FloatArray:

@@ -92,7 +92,8 @@ def test_a_drive_ends_the_same_at_every_camera_rate(
 )
 def test_colliders_are_where_people_and_carts_are_during_a_frame(axis: dict[str, Any], monkeypatch: pytest.MonkeyPatch):
     moving = world(2.0, **axis)
-    moving.robot._alone = None  # Its commands are given to the scene, where the colliders are.
+    # Its commands are given to the scene, where the colliders are.
+    monkeypatch.setattr(moving.robot._vicinity, "may_touch", lambda _: True)
     pelvis = moving.model.body_mocapid[moving.model.body("target/pelvis").id]
     carts = [moving.model.body_mocapid[moving.model.body(name).id] for name in ("cabinet-1",) if axis]
     command, lags_m = moving.robot.drive.command, [0.0]

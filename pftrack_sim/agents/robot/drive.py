@@ -1,20 +1,21 @@
-"""Motors and sensors of the compiled robot."""
+"""Motors, odometry and range finder of the compiled robot."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration, RangeFinder
-from pftrack_sim.core.proprioception import RANGE_M
+from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, RANGE_ANGLES_RAD, RANGE_M
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.model import Camera
-from pftrack_sim.scene.layout import body_owners
+from pftrack_sim.scene.layout import HIDDEN_GROUP, body_owners
 from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD, TRACK_M, WHEEL_RADIUS_M
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
@@ -32,6 +33,54 @@ _JOINTS = ("robot/axle-left", "robot/axle-right", "robot/pan", "robot/tilt")
 _MOTORS = ("robot/drive-left", "robot/drive-right", "robot/pan", "robot/tilt")
 _GROUND = "ground"
 _IDENTITY, _OPENCV_AXES = np.eye(4), np.array([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class OdometryCalibration:
+    """Wheel radii and track (distance between the tyres' contacts) that the odometry assumes; by default the true ones.
+
+    Unequal wheels and an uncertain track are the two systematic errors of differential-drive odometry (Borenstein and
+    Feng 1996, "Measurement and correction of systematic odometry errors in mobile robots", IEEE Transactions on
+    Robotics and Automation 12(6)). Slip, the unsystematic error, comes from the physics.
+    """
+
+    left_radius_m: float = WHEEL_RADIUS_M
+    right_radius_m: float = WHEEL_RADIUS_M
+    track_m: float = TRACK_M
+
+    @classmethod
+    def sampled(cls, error_percent: float, rng: np.random.Generator) -> OdometryCalibration:
+        """A calibration with independent normal errors of the given standard deviation."""
+        left, right, track = 1.0 + 0.01 * error_percent * rng.standard_normal(3)
+        return cls(float(left) * WHEEL_RADIUS_M, float(right) * WHEEL_RADIUS_M, float(track) * TRACK_M)
+
+
+class Odometry(NamedTuple):
+    """Pose in the frame of the start, heading in [-pi, pi], and the wheel angles that it belongs to."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    heading_rad: float = 0.0
+    left_rad: float = 0.0
+    right_rad: float = 0.0
+
+    def updated(self, left_rad: float, right_rad: float, calibration: OdometryCalibration) -> Odometry:
+        """The odometry after the wheels have turned to these angles.
+
+        Second-order Runge-Kutta: the path is laid along the mean heading (Siciliano et al. 2009, "Robotics: modelling,
+        planning and control", eq. 11.84).
+        """
+        left_m = calibration.left_radius_m * (left_rad - self.left_rad)
+        right_m = calibration.right_radius_m * (right_rad - self.right_rad)
+        distance, turn = 0.5 * (left_m + right_m), (right_m - left_m) / calibration.track_m
+        mean = self.heading_rad + 0.5 * turn
+        return Odometry(
+            self.x_m + distance * math.cos(mean),
+            self.y_m + distance * math.sin(mean),
+            math.remainder(self.heading_rad + turn, 2.0 * math.pi),
+            left_rad,
+            right_rad,
+        )
 
 
 class Drive:
@@ -54,7 +103,9 @@ class Drive:
         self._model = model
         self._equilibrium = equilibrium or Equilibrium(model)
         self._calibration = calibration if calibration is not None else OdometryCalibration()
-        self._range_finder = RangeFinder(model)
+        self._beams = np.stack([np.cos(RANGE_ANGLES_RAD), np.sin(RANGE_ANGLES_RAD), 0.0 * RANGE_ANGLES_RAD], axis=1)
+        self._beam_groups = np.zeros(6, dtype=np.uint8)
+        self._beam_groups[HIDDEN_GROUP] = 1
         degrees = (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s)
         self.limits = np.array([robot.max_speed_m_s, *np.deg2rad(degrees)])
         """`(4,)` highest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
@@ -177,10 +228,34 @@ class Drive:
         """
         places = data.qpos.tolist()
         odometry = self._odometry.updated(places[self._joints[0]], places[self._joints[1]], self._calibration)
-        place, ranges = (odometry.x_m, odometry.y_m, odometry.heading_rad), self._range_finder.cast(data)
-        ranges[(ranges < 0.0) | (ranges > RANGE_M)] = RANGE_M
         sensed = data.sensordata[self._sensors] * self._sensor_scale
-        return np.concatenate([place, sensed, ranges]).astype(np.float32)
+        return np.concatenate([odometry[:3], sensed, self._ranges(data)]).astype(np.float32)
+
+    def _ranges(self, data: mujoco.MjData) -> FloatArray:
+        """`(37,)` ranges [m] along `proprioception.RANGE_ANGLES_RAD`, from the middle of the axle, up to `RANGE_M`.
+
+        The beams are fixed to the chassis. They meet hidden collision geoms, not what is drawn, and pass through the
+        robot itself; on a robot that pitches they may meet the ground.
+        """
+        rotation, count = data.xmat[self._base].reshape(3, 3), len(self._beams)
+        origin, directions = data.xpos[self._base] + BEAM_HEIGHT_M * rotation[:, 2], (self._beams @ rotation.T).ravel()
+        geoms, ranges = np.empty(count, dtype=np.int32), np.empty(count)
+        mujoco.mj_multiRay(
+            self._model,
+            data,
+            origin,
+            directions,
+            self._beam_groups,
+            True,
+            self._base,
+            geoms,
+            ranges,
+            None,
+            count,
+            RANGE_M,
+        )
+        ranges[(ranges < 0.0) | (ranges > RANGE_M)] = RANGE_M
+        return ranges
 
     def collision(self, data: mujoco.MjData) -> str | None:
         """Owner of the geom in contact with the robot in the last physics step ("target", "pillar-3"), or None.

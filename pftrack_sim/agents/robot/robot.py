@@ -1,4 +1,8 @@
-"""The robot: script, command delay, drive, odometry and road excitation; and the state of the scene it reacts to."""
+"""The robot: script, command delay, drive and road; and the state of the scene it reacts to.
+
+In every physics step MuJoCo computes the poses of all bodies and looks for contacts among all geoms. As long as the
+robot can touch nothing but the ground, it is stepped in a model of its own: the same bits in a third of the time.
+"""
 
 from __future__ import annotations
 
@@ -6,22 +10,34 @@ from collections import deque
 from typing import NamedTuple, TypeAlias
 
 import mujoco
+import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
-from pftrack_sim.agents.robot.alone import RobotAlone
-from pftrack_sim.agents.robot.drive import Drive, Equilibrium
+from pftrack_sim.agents.robot.drive import Drive, Equilibrium, OdometryCalibration, pose_of_camera
 from pftrack_sim.agents.robot.road import RoadExcitation
 from pftrack_sim.agents.robot.script import Script
-from pftrack_sim.agents.robot.sensors import OdometryCalibration
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scene.robot import BASE, CAMERA
 
 Speeds: TypeAlias = tuple[float, float, float, float]  # Forward speed [m/s], turn, pan and tilt rate [rad/s]
 _AT_REST: Speeds = (0.0, 0.0, 0.0, 0.0)
+
+_LIMB_M_S = 8.0  # Faster than any limb or cart moves
+_LEAN_M = 0.15  # Farther from its axle the robot never reaches by leaning and turning its head
+_CONTACT_M = 0.02  # Margin of contacts, and rounding
+_MOST_TICKS = 100
+_STATE = int(
+    mujoco.mjtState.mjSTATE_TIME
+    | mujoco.mjtState.mjSTATE_PHYSICS
+    | mujoco.mjtState.mjSTATE_WARMSTART
+    | mujoco.mjtState.mjSTATE_CTRL
+    | mujoco.mjtState.mjSTATE_QFRC_APPLIED
+)
 
 
 class SceneState(NamedTuple):
@@ -48,7 +64,7 @@ class Robot:
 
     Args:
         equilibrium: That of the same robot, perhaps in another model.
-        alone: A model of the same robot alone, in which it is stepped while it is far from everything; or None.
+        alone: A model of the same robot on the same ground, see `compile_robot_alone`; its sensors are switched on.
     """
 
     def __init__(
@@ -59,11 +75,11 @@ class Robot:
         script: Script,
         seed: int,
         equilibrium: Equilibrium,
-        alone: mujoco.MjModel | None = None,
+        alone: mujoco.MjModel,
     ) -> None:
         self._model = model
-        speed_m_s = settings.robot.max_speed_m_s
-        self._alone = RobotAlone(model, alone, clock, speed_m_s) if alone is not None else None
+        self._alone = _RobotAlone(model, alone)
+        self._vicinity = _Vicinity(model, clock, settings.robot.max_speed_m_s)
         self._stepped_alone = False
         self._clock = clock
         calibration = OdometryCalibration.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
@@ -90,9 +106,8 @@ class Robot:
 
         Updates the poses of bodies, geoms and cameras in `data`; they may be left out if the caller does so next.
         """
-        alone = self._alone
-        if posed_next and alone is not None and self._stepped_alone:
-            return SceneState(time_s, self.drive.pose(data), alone.camera_pose())
+        if posed_next and self._stepped_alone:
+            return SceneState(time_s, self.drive.pose(data), self._alone.camera_pose())
         return SceneState(time_s, self.drive.pose(data), self.drive.camera_pose(data))
 
     def update(
@@ -113,11 +128,11 @@ class Robot:
 
     def step(self, data: mujoco.MjData) -> None:
         """Integrate the physics of one tick. Poses of geoms in `data` must be at most a tick old."""
-        alone = self._alone
-        self._stepped_alone = alone is not None and not alone.may_touch(data)
-        if alone is None or not self._stepped_alone:
+        self._stepped_alone = not self._vicinity.may_touch(data)
+        if not self._stepped_alone:
             self._step(self._model, data)
             return
+        alone = self._alone
         alone.load(data)
         self._step(alone.model, alone.data)
         alone.store(data)
@@ -177,3 +192,80 @@ class CommandDelay:
     def _append(self, steps: int, speeds: Speeds) -> None:
         if steps > 0:
             self._queue.append((steps, speeds))
+
+
+class _RobotAlone:
+    """The robot of a scene in a model of its own; its state is there from `load` to `store`."""
+
+    def __init__(self, scene: mujoco.MjModel, model: mujoco.MjModel) -> None:
+        self.model, self.data, self._scene = model, mujoco.MjData(model), scene
+        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        self._state = np.empty(mujoco.mj_stateSize(model, _STATE))
+        self._camera = int(model.camera(CAMERA).id)
+
+    def load(self, data: mujoco.MjData) -> None:
+        """Take time, positions, velocities and commands from the scene."""
+        mujoco.mj_getState(self._scene, data, self._state, _STATE)
+        mujoco.mj_setState(self.model, self.data, self._state, _STATE)
+
+    def camera_pose(self) -> FloatArray:
+        """See `Drive.camera_pose`; after the steps, of this model's state."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        return pose_of_camera(self.data, self._camera)
+
+    def store(self, data: mujoco.MjData) -> None:
+        """Write these, and the sensors, into the scene."""
+        mujoco.mj_getState(self.model, self.data, self._state, _STATE)
+        mujoco.mj_setState(self._scene, data, self._state, _STATE)
+        data.sensordata[:] = self.data.sensordata
+
+
+class _Vicinity:
+    """What the robot could touch: everything else as upright boxes around its geoms, the robot as an upright cylinder.
+
+    Args:
+        model: The scene; its only joints are those of the robot.
+        clock: Of the scene.
+        speed_m_s: Highest speed of the robot.
+    """
+
+    def __init__(self, model: mujoco.MjModel, clock: Clock, speed_m_s: float) -> None:
+        self._base = int(model.body(BASE).id)
+        own = model.body_rootid[model.geom_bodyid] == self._base
+        solid = (model.geom_contype | model.geom_conaffinity) != 0
+        types = np.bitwise_or.reduce(model.geom_contype[own]), np.bitwise_or.reduce(model.geom_conaffinity[own])
+        meets = ((model.geom_contype & types[1]) | (model.geom_conaffinity & types[0])) != 0
+        planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+        self._others = np.flatnonzero(meets & ~own & ~planes)
+        self._boxes = np.array(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
+        rest = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, rest)
+        middle, half = self._extents(rest, np.flatnonzero(own & solid))
+        radius_m = np.hypot(*(np.abs(middle - rest.xpos[self._base, :2]) + half).T).max() + _LEAN_M
+        # People stand still within a tick, but in the second one of a frame, the poses are those of the first.
+        limb_m_s = _LIMB_M_S if clock.ticks > 1 else 0.0
+        self._near_m = radius_m + _CONTACT_M + clock.tick_s * (2.0 * speed_m_s + limb_m_s)
+        moving = model.body_mocapid[model.geom_bodyid[self._others]] >= 0
+        self._closing_m = clock.tick_s * (2.0 * speed_m_s + _LIMB_M_S * moving)
+        self._free_ticks = 0
+
+    def may_touch(self, data: mujoco.MjData) -> bool:
+        """Whether the robot may touch anything but the ground within a tick, by the poses of the scene's geoms.
+
+        To be asked once a tick: what is far away is left out for as many ticks as it needs to come near.
+        """
+        if self._free_ticks > 0:
+            self._free_ticks -= 1
+            return False
+        middle, half = self._extents(data, self._others)
+        beyond = np.maximum(np.abs(middle - data.xpos[self._base, :2]) - half, 0.0)
+        free_m = np.hypot(*beyond.T) - self._near_m
+        self._free_ticks = int((free_m / self._closing_m).min(initial=_MOST_TICKS))
+        return bool((free_m < 0.0).any())
+
+    def _extents(self, data: mujoco.MjData, geoms: IntArray) -> tuple[FloatArray, FloatArray]:
+        """`(N, 2)` middles and half sizes of the upright boxes around geoms, on the ground [m]."""
+        rotation, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, :2], self._boxes[geoms]
+        middle = data.geom_xpos[geoms, :2] + (rotation @ boxes[:, 0, :, None])[..., 0]
+        return middle, (np.abs(rotation) @ boxes[:, 1, :, None])[..., 0]

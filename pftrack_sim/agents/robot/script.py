@@ -9,15 +9,19 @@ import numpy as np
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
-from pftrack_sim.agents.robot.lane import BRAKE_M_S2, ROBOT_RADIUS_M, Lane, follow_path
-from pftrack_sim.agents.robot.teleoperation import GAZE_DEAD_ZONE_RAD, NEAREST_M, STOP_GAP_M, Head, Nearness, Stops
+from pftrack_sim.agents.robot.head import GAZE_DEAD_ZONE_RAD, Events, Head
+from pftrack_sim.agents.robot.lane import BRAKE_M_S2, ROBOT_RADIUS_M, Lane, Nearness
+from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scenario.model import Camera
 from pftrack_sim.scene.layout import WalkableArea
 
-GAP_TIME_CONSTANT_S = 0.8  # Time constant at which the robot closes a gap to its place abreast of the target
+_BRAKE_S = 1.2  # Time that the base needs to brake from a walking speed, before it turns on the spot
+_STOP_GAP_M = 2.0  # A stop ends when the target has gone on by this much
+_NEAREST_M = 1.3  # Never driven nearer to the target than this
+_GAP_TIME_CONSTANT_S = 0.8  # Time constant at which the robot closes a gap to its place abreast of the target
 _TURN_AWAY_S = 0.35  # Time that the camera needs until the target has left the view
 _COME_BACK_S = 0.1  # Time until a part of the target is back in the view
 _CHECK_M = 0.1
@@ -32,6 +36,28 @@ class StartPose(NamedTuple):
     y_m: float
     heading_rad: float
     pan_rad: float | None = None
+
+
+class Stops:
+    """When the base stands, and how it turns there."""
+
+    def __init__(self, operator: scenario.Operator, seed: int) -> None:
+        rng = stream(seed, "operator", "stops")
+        self._events = Events(operator.stops_per_minute, _BRAKE_S + operator.stop_s, rng)
+        self._turn_rad = math.radians(operator.stop_turn_deg)
+
+    def turn_rad_s(self, time_s: float) -> float | None:
+        """Turn rate in a stop: one period of a sine, out and back, once the base stands. None: no stop."""
+        event = self._events.at(time_s)
+        if event is None:
+            return None
+        length = event.length_s - _BRAKE_S
+        since = time_s - event.begin_s - _BRAKE_S
+        if self._turn_rad == 0.0 or since <= 0.0 or length <= 0.0:
+            return 0.0
+        # Half a period of A sin(2 pi t / T) turns by A T / pi.
+        amplitude = math.pi * math.copysign(self._turn_rad, event.size) / length
+        return amplitude * math.sin(2.0 * math.pi * since / length)
 
 
 class Script:
@@ -65,16 +91,12 @@ class Script:
         self._robot = robot
         self._target = target
         self._target_speed_m_s = target_speed_m_s
-        self._limits = robot.max_speed_m_s, math.radians(robot.max_turn_deg_s)
         operator, head_limits = robot.operator, (math.radians(robot.max_pan_deg_s), math.radians(robot.max_tilt_deg_s))
         self._head = Head(operator, (half, half_v), head_limits, seed)
         self._stops, self._nearness = Stops(operator, seed), Nearness(operator, seed)
-        lane = Lane.of(robot.route, target)
+        lane = Lane.of(robot, target)
         if lane is not None and layout is not None:
-            beside_m = 0.0
-            if isinstance(robot.route, scenario.BesideRoute):
-                beside_m = robot.route.distance_m if robot.route.side == "right" else -robot.route.distance_m
-            lane = lane.swung(operator, beside_m, target_speed_m_s, ObstacleMap(layout), seed)
+            lane = lane.swung(target_speed_m_s, ObstacleMap(layout), seed)
         self._lane = lane
         self.reset()
 
@@ -135,15 +157,15 @@ class Script:
                 speed += self._axis.swing_m * rate * math.cos(rate * time_s)
             if isinstance(route, scenario.TrailRoute):
                 factor, rate = self._nearness.at(time_s)
-                nearest_m = min(NEAREST_M, route.distance_m)
+                nearest_m = min(_NEAREST_M, route.distance_m)
                 target_s_m += route.distance_m - max(factor * route.distance_m, nearest_m)
                 speed -= rate * route.distance_m
             wanted_m, ratio = lane.abreast(target_s_m)
             gap_m = wanted_m - self._s_m
-            forward = ratio * speed + gap_m / GAP_TIME_CONSTANT_S
-        if turn is not None and gap_m < STOP_GAP_M:
+            forward = ratio * speed + gap_m / _GAP_TIME_CONSTANT_S
+        if turn is not None and gap_m < _STOP_GAP_M:
             return 0.0, turn
-        return follow_path(lane.path, self._s_m, pose, forward, *self._limits)
+        return lane.follow(self._s_m, pose, forward)
 
     def gaze(self, T_world_camera: FloatArray, target_m: Xy, tick_s: float, time_s: float = 0.0) -> tuple[float, float]:
         """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and x, y of the target."""

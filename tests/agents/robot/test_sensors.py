@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pftrack_sim.agents.robot.sensors import Odometry, OdometryCalibration
+from pftrack_sim.agents.robot.drive import Odometry, OdometryCalibration
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.robot import Robot, StillRoute

@@ -10,9 +10,9 @@ import pytest
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.robot.drive import ACCELERATION
-from pftrack_sim.agents.robot.lane import ROBOT_CLEARANCE_M, Lane
-from pftrack_sim.agents.robot.script import Script
-from pftrack_sim.agents.robot.teleoperation import Events, Head, Nearness, Stops, Wander, bearing, gaze_rate
+from pftrack_sim.agents.robot.head import Events, Head, Wander, bearing, gaze_rate
+from pftrack_sim.agents.robot.lane import ROBOT_CLEARANCE_M, Lane, Nearness
+from pftrack_sim.agents.robot.script import Script, Stops
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario.load import load
 from pftrack_sim.scenario.robot import CHARACTERS, BesideRoute, Operator, Robot, Route, StillRoute, TrailRoute
@@ -58,20 +58,24 @@ def drive(
     return {key: np.array(values) for key, values in rows.items()}
 
 
+def lane_of(**operator: Any) -> Lane:
+    lane = Lane.of(Robot(route=TRAIL, operator=Operator(**operator)), STRAIGHT)
+    assert lane is not None
+    return lane
+
+
 def open_place(*footprints: Footprint) -> WalkableArea:
     return WalkableArea((-30.0, -30.0, 90.0, 30.0), footprints, ())
 
 
 def test_an_operator_of_zeros_is_the_steady_one():
     head = Head(Operator(), (1.0, 1.0), (2.0, 1.0), seed=3)
-    head._steady = False  # pyright: ignore[reportPrivateUsage] - by the law of the other operators
     for target in ((4.0, 0.0), (4.0, 0.9), (2.0, -0.8)):
         T = camera(0.0, 0.0, 0.05, 0.02)
         head.reset()
         assert head.rates(T, target, 0.02, 5.0) == tuple(gaze_rate(error, 0.02) for error in bearing(T, target))
-    lane = Lane.of(TRAIL, STRAIGHT)
-    assert lane is not None
-    assert lane.swung(Operator(), 0.0, WALK_M_S, ObstacleMap(open_place()), 3) is lane
+    lane = lane_of()
+    assert lane.swung(WALK_M_S, ObstacleMap(open_place()), 3) is lane
     assert Nearness(Operator(), 3).at(7.0) == (1.0, 0.0)
     assert Stops(Operator(), 3).turn_rad_s(7.0) is None
 
@@ -225,9 +229,7 @@ def test_swings_keep_clear_of_walls_and_furniture(seed: int):
     wall = Footprint("wall", (30.0, 1.2), (40.0, 0.1))
     box = Footprint("box", (8.0, -1.0), (0.3, 0.3), 0.4)
     obstacles = ObstacleMap(open_place(wall, box))
-    lane = Lane.of(TRAIL, STRAIGHT)
-    assert lane is not None
-    swung = lane.swung(Operator(swing_m=1.5, swing_every_m=8.0), 0.0, WALK_M_S, obstacles, seed)
+    swung = lane_of(swing_m=1.5, swing_every_m=8.0).swung(WALK_M_S, obstacles, seed)
     points = np.stack(swung.path.at(np.arange(0.0, swung.path.length_m, 0.05))[:2], axis=1)
     assert obstacles.clearance_m(points).min() > ROBOT_CLEARANCE_M - 0.05
     assert np.ptp(points[:, 1]) > 0.6
@@ -235,10 +237,8 @@ def test_swings_keep_clear_of_walls_and_furniture(seed: int):
 
 def test_swings_without_room_are_an_error():
     walls = [Footprint(side, (30.0, y), (50.0, 0.1)) for side, y in (("left", 0.65), ("right", -0.65))]
-    lane = Lane.of(TRAIL, STRAIGHT)
-    assert lane is not None
     with pytest.raises(ParameterError, match=r"swing_m.*walls and furniture leave"):
-        lane.swung(Operator(swing_m=1.0), 0.0, WALK_M_S, ObstacleMap(open_place(*walls)), 0)
+        lane_of(swing_m=1.0).swung(WALK_M_S, ObstacleMap(open_place(*walls)), 0)
 
 
 def test_a_route_through_an_obstacle_is_found_if_the_episode_gets_there():

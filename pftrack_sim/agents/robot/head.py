@@ -1,9 +1,9 @@
-"""The imperfect operator of the scripted robot: aim and head, stops, distance and swings of the base.
+"""The operator's head of the scripted robot: where the camera is aimed, and how it gets there.
 
 The head answers like a person in manual tracking: after a reaction time, as a second-order system (McRuer and Jex 1967,
 "A review of quasi-linear pilot models", IEEE Transactions on Human Factors in Electronics HFE-8(3)). Everything random
-is drawn once from streams of its own, and is a function of time or of the way: it does not depend on the rate of the
-camera, nor on anything else in the scene.
+is drawn once from streams of its own, and is a function of time: it does not depend on the rate of the camera, nor on
+anything else in the scene.
 """
 
 from __future__ import annotations
@@ -27,16 +27,12 @@ _GAZE_URGENCY_RAD = math.radians(8.0)  # An error beyond the dead zone by this m
 _GAZE_HEIGHT_M = 1.1  # Height of the point of the target that the camera is turned to
 _MIN_DISTANCE_M = 0.3
 
-START_S = 2.0  # Before this time nothing happens; the aim begins to wander from the target at the start
-START_M = 1.0  # Way driven on the route before the first swing
-EDGE_RAD = math.radians(5.0)  # The centre of a target that is kept in view is this far inside the image
+_START_S = 2.0  # Before this time nothing happens; the aim begins to wander from the target at the start
+_EDGE_RAD = math.radians(5.0)  # The centre of a target that is kept in view is this far inside the image
 _EDGE_TIME_CONSTANT_S = 0.12  # At which a target at the edge is brought back
 _EDGE_PREVIEW_S = 0.15
 _COSINES = 12
 _EVENTS = 1024
-_BRAKE_S = 1.2  # Time that the base needs to brake from a walking speed, before it turns on the spot
-STOP_GAP_M = 2.0  # A stop ends when the target has gone on by this much
-NEAREST_M = 1.3  # Never driven nearer to the target than this
 
 
 def bearing(T_world_camera: FloatArray, target_m: Xy) -> tuple[float, float]:
@@ -77,22 +73,25 @@ class Events:
     """
 
     def __init__(self, per_minute: float, length_s: float, rng: np.random.Generator) -> None:
+        self._begins_s: list[float] = []
         self._events: list[Event] = []
         if per_minute > 0.0:
             pause_s = max(60.0 / per_minute - length_s, 0.5)
             draws = rng.random((_EVENTS, 4))
             lengths = length_s * (0.7 + 0.6 * draws[:, 0])
             pauses = pause_s * (1.0 - 2.0 * np.log1p(-draws[:, 1])) / 3.0
-            pauses[0] = START_S + pause_s * draws[0, 1]
+            pauses[0] = _START_S + pause_s * draws[0, 1]
             begins = np.cumsum(pauses) + np.concatenate([[0.0], np.cumsum(lengths[:-1])])
             sizes = np.where(draws[:, 2] < 0.5, -1.0, 1.0) * (0.7 + 0.6 * draws[:, 3])
+            self._begins_s = begins.tolist()
             self._events = [Event(*row) for row in np.stack([begins, lengths, sizes], axis=1).tolist()]
 
     def at(self, time_s: float) -> Event | None:
         """The event that is going on, or None."""
-        index = bisect.bisect_right(self._events, time_s, key=lambda event: event.begin_s) - 1
-        event = self._events[index] if index >= 0 else None
-        return event if event is not None and time_s < event.begin_s + event.length_s else None
+        index = bisect.bisect_right(self._begins_s, time_s) - 1
+        if index < 0 or time_s >= self._begins_s[index] + self._events[index].length_s:
+            return None
+        return self._events[index]
 
 
 class Wander:
@@ -138,10 +137,8 @@ class Head:
         )
         self._glances = Events(operator.glances_per_minute, operator.glance_s, stream(seed, "operator", "glances"))
         self._glance_rad = math.radians(operator.glance_deg)
-        disturbed = operator.reaction_s or operator.head_hz or operator.wander_deg or operator.glances_per_minute
-        self._steady = self._dead_zone_rad == GAZE_DEAD_ZONE_RAD and not disturbed
         keep = operator.keep_in_view
-        self._edges_rad = tuple(max(half - EDGE_RAD, EDGE_RAD) if keep else math.inf for half in half_view_rad)
+        self._edges_rad = tuple(max(half - _EDGE_RAD, _EDGE_RAD) if keep else math.inf for half in half_view_rad)
         self.reset()
 
     def reset(self) -> None:
@@ -153,8 +150,6 @@ class Head:
     def rates(self, T_world_camera: FloatArray, target_m: Xy, tick_s: float, time_s: float) -> tuple[float, float]:
         """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and x, y of the target."""
         now = bearing(T_world_camera, target_m)
-        if self._steady:
-            return gaze_rate(now[0], tick_s), gaze_rate(now[1], tick_s)
         seen = bearing(T_world_camera, self._delayed(target_m, time_s)) if self._operator.reaction_s else now
         for axis, aim in enumerate(self.aim(time_s)):
             edge = self._edges_rad[axis]
@@ -167,7 +162,7 @@ class Head:
 
     def aim(self, time_s: float) -> tuple[float, float]:
         """Wanted direction of the target from the optical axis, to the left and up [rad]; zero at the start."""
-        fade = min(time_s / START_S, 1.0)
+        fade = min(time_s / _START_S, 1.0)
         fade *= fade * (3.0 - 2.0 * fade)
         glance = self._glances.at(time_s)
         pan = fade * self._wander[0].at(time_s) + (self._glance_rad * glance.size if glance is not None else 0.0)
@@ -211,62 +206,3 @@ def _within(angle_rad: float, limit_rad: float) -> float:
         return angle_rad
     limit = max(limit_rad, 1e-3)
     return limit * math.tanh(angle_rad / limit)
-
-
-class Stops:
-    """When the base stands, and how it turns there."""
-
-    def __init__(self, operator: scenario.Operator, seed: int) -> None:
-        rng = stream(seed, "operator", "stops")
-        self._events = Events(operator.stops_per_minute, _BRAKE_S + operator.stop_s, rng)
-        self._turn_rad = math.radians(operator.stop_turn_deg)
-
-    def turn_rad_s(self, time_s: float) -> float | None:
-        """Turn rate in a stop: one period of a sine, out and back, once the base stands. None: no stop."""
-        event = self._events.at(time_s)
-        if event is None:
-            return None
-        length = event.length_s - _BRAKE_S
-        since = time_s - event.begin_s - _BRAKE_S
-        if self._turn_rad == 0.0 or since <= 0.0 or length <= 0.0:
-            return 0.0
-        # Half a period of A sin(2 pi t / T) turns by A T / pi.
-        amplitude = math.pi * math.copysign(self._turn_rad, event.size) / length
-        return amplitude * math.sin(2.0 * math.pi * since / length)
-
-
-class Nearness:
-    """Factor on the distance to the target over time: a sine of its logarithm, from 1 at the start."""
-
-    def __init__(self, operator: scenario.Operator, seed: int) -> None:
-        rng = stream(seed, "operator", "distance")
-        self._omega = 2.0 * math.pi / (operator.distance_period_s * rng.uniform(0.8, 1.2))
-        self._amplitude = math.copysign(0.5 * math.log(operator.distance_ratio), rng.random() - 0.5)
-
-    def at(self, time_s: float) -> tuple[float, float]:
-        """The factor, and its change per second."""
-        phase = self._omega * time_s
-        factor = math.exp(self._amplitude * math.sin(phase))
-        return factor, factor * self._amplitude * self._omega * math.cos(phase)
-
-
-def lateral_swing(operator: scenario.Operator, way_m: FloatArray, seed: int) -> FloatArray:
-    """`(N,)` wanted offsets to the left of the route [m] at `(N,)` rising distances along it, from 0.
-
-    Each swing has a width and a length of its own; in between, the offset follows a quintic with continuous curvature.
-    """
-    offsets = np.zeros(len(way_m))
-    if operator.swing_m == 0.0:
-        return offsets
-    rng = stream(seed, "operator", "swing")
-    side = 1.0 if rng.random() < 0.5 else -1.0
-    low_m, low, high_m = START_M, 0.0, START_M
-    while low_m < way_m[-1]:
-        length, width = rng.uniform(0.8, 1.2), rng.uniform(0.5, 1.0)
-        # The first leads from the route to one side: half as long as from side to side.
-        high_m, high = low_m + length * operator.swing_every_m * (0.25 if low == 0.0 else 0.5), side * width
-        inside = (way_m >= low_m) & (way_m < high_m)
-        u = (way_m[inside] - low_m) / (high_m - low_m)
-        offsets[inside] = low + (high - low) * u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-        low_m, low, side = high_m, high, -side
-    return operator.swing_m * offsets
