@@ -1,15 +1,20 @@
-"""Truth of one frame of a stage, and of many frames of an episode."""
+"""Truth of one frame of a stage, of many frames of an episode, and MuJoCo's own renderer to compare with."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
+import mujoco
 import numpy as np
-from render_stage import K, Stage
+import pytest
+from mujoco.rendering.classic import renderer as mujoco_renderer
+from render_stage import HEIGHT, WIDTH, K, Stage
 
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Truth
+from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.observer import TruthObserver
@@ -17,11 +22,10 @@ from pftrack_sim.truth.observer import TruthObserver
 Drawing = Callable[[Stage], Rasteriser]
 
 
-def observed(stage: Stage, renderer: Rasteriser, pose: np.ndarray) -> dict[str, Truth]:
+def observed(stage: Stage, pose: np.ndarray) -> dict[str, Truth]:
     """Truth by name, from a new observer."""
-    observer = TruthObserver(stage.model, stage.people, renderer, K)
-    image = renderer.color(stage.data, pose, K)
-    people = observer.observe(stage.data, pose, image, 0.0, stage.roots())
+    observer = TruthObserver(stage.model, stage.people, K, (WIDTH, HEIGHT))
+    people = observer.observe(stage.data, pose, None, 0.0, stage.roots())
     assert people[0].name == stage.people[0]
     return {truth.name: truth for truth in people}
 
@@ -33,3 +37,64 @@ def truths(name: str, overrides: Mapping[str, Any], seed: int, from_s: float, un
         for _ in range(round(from_s * rate_hz) - 1):
             simulation.world.advance()
         return observed + [simulation.advance().truth for _ in range(round((until_s - from_s) * rate_hz))]
+
+
+class _Borrowed:
+    """A context for `mujoco.Renderer`, which would choose one by an environment variable."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self._context = open_context(size=(width, height))
+
+    def make_current(self) -> None:
+        self._context._context.make_current()
+
+    def as_current(self) -> object:
+        return self._context.current()
+
+    def free(self) -> None:
+        self._context.close()
+
+
+class MujocosRenderer:
+    """`mujoco.Renderer` through the first camera of a model, whose pose is changed."""
+
+    def __init__(self, renderer: mujoco.Renderer) -> None:
+        self._renderer = renderer
+
+    def _drawn(self, data: mujoco.MjData, pose: np.ndarray) -> np.ndarray:
+        data.cam_xpos[0] = pose[:3, 3]
+        data.cam_xmat[0] = (pose[:3, :3] @ np.diag([1.0, -1.0, -1.0])).ravel()
+        self._renderer.update_scene(data, 0)
+        return self._renderer.render().copy()
+
+    def image(self, data: mujoco.MjData, pose: np.ndarray) -> np.ndarray:
+        """`(H, W, 3)` colours."""
+        return self._drawn(data, pose)
+
+    def ids(self, data: mujoco.MjData, pose: np.ndarray, geoms: np.ndarray | None = None) -> np.ndarray:
+        """`(H, W)` geom at each pixel, -1 for none; only of some geoms, if given as a mask."""
+        model = self._renderer.model
+        groups = model.geom_group.copy()
+        if geoms is not None:
+            model.geom_group[~geoms] = 5
+        self._renderer.enable_segmentation_rendering()
+        found = self._drawn(data, pose)
+        self._renderer.disable_segmentation_rendering()
+        model.geom_group[:] = groups
+        return np.where(found[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), found[..., 0], -1)
+
+    def depth_m(self, data: mujoco.MjData, pose: np.ndarray) -> np.ndarray:
+        """`(H, W)` depth along the optical axis."""
+        self._renderer.enable_depth_rendering()
+        found = self._drawn(data, pose)
+        self._renderer.disable_depth_rendering()
+        return found
+
+
+@contextmanager
+def mujocos_renderer(model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT) -> Iterator[MujocosRenderer]:
+    """MuJoCo's renderer of a model, in a context of this package."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mujoco_renderer.gl_context, "GLContext", _Borrowed)
+        with mujoco_renderer.Renderer(model, height, width) as renderer:
+            yield MujocosRenderer(renderer)

@@ -178,8 +178,8 @@ def plain_values(truth: Truth) -> list:
 
 
 def digest(backend: str | None, samples: int = 0) -> dict:
-    """Hashes of images, ids and truth of a few scenes."""
-    pictures, ids = hashlib.sha256(), hashlib.sha256()
+    """Hash of images, and truth, of a few scenes."""
+    pictures = hashlib.sha256()
     truths: list = []
     renderer = None
     for seed in range(4):
@@ -188,20 +188,19 @@ def digest(backend: str | None, samples: int = 0) -> dict:
             renderer = Rasteriser(stage.model, WIDTH, HEIGHT, open_context(backend, (WIDTH, HEIGHT)))
         else:
             renderer.rebind(stage.model)
-        observer = TruthObserver(stage.model, stage.people, renderer, K)
+        observer = TruthObserver(stage.model, stage.people, K, (WIDTH, HEIGHT))
         rng = np.random.default_rng(seed)
         for frame in range(3):
             pose = random_view(rng)
             image = renderer.color(stage.data, pose, K)
             pictures.update(image.tobytes())
-            ids.update(np.ascontiguousarray(renderer.ids(stage.data, pose, K).ids).tobytes())
             truths.append(
                 [plain_values(one) for one in observer.observe(stage.data, pose, image, frame / 30, stage.roots())]
             )
     assert renderer is not None
     used = renderer.info.backend
     renderer.close()
-    return {"backend": used, "pictures": pictures.hexdigest(), "ids": ids.hexdigest(), "truths": truths}
+    return {"backend": used, "pictures": pictures.hexdigest(), "truths": truths}
 
 
 if __name__ == "__main__":

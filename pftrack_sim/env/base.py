@@ -48,9 +48,8 @@ class CameraEnv(gym.Env[Observation, Any]):
             `"depth_array"`, or None; `gym.make` adds `"rgb_array_list"`.
         backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
         image: False leaves out the pixels, for learning controllers on boxes and for many episodes of following: no
-            OpenGL library is loaded, and the truth comes from the geometry, equal up to pixels on edges. Every stress
-            axis is accepted; those that only change pixels (`light`, `noise`, the compression of `stream`) change
-            nothing.
+            OpenGL library is loaded, and the truth is the same but for its `luminance`. Every stress axis is accepted;
+            those that only change pixels (`light`, `noise`, the compression of `stream`) change nothing.
 
     Raises:
         UnknownNameError: No such scenario or backend.

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.render.gl.context import INSTALL_HINTS, OpenGLInfo, candidates, probe
-from pftrack_sim.render.selection import WARP_INSTALL_HINT, warp_installed
+from pftrack_sim.render.renderer import WARP_INSTALL_HINT, warp_installed
 
 _TIMEOUT_S = 60.0  # How long a library may take to open; a broken driver can hang
 

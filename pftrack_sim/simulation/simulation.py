@@ -20,9 +20,8 @@ from pftrack_sim.camera.shake import camera_shake
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.backend import PixelRect, Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame, FrameCapture, make_frame_capture
-from pftrack_sim.render.selection import check_name, open_id_renderer, open_renderer
+from pftrack_sim.render.renderer import Renderer, check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
 from pftrack_sim.scene.people.person import TRUNK
@@ -41,8 +40,8 @@ class Simulation:
     Args:
         scenario: The scenario with its ranges.
         backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
-        image: Whether frames have images. Without, the truth comes from the geometry alone and needs no OpenGL: its
-            boxes and fractions differ by pixels on edges, `luminance` is NaN, and axes of pixels change nothing.
+        image: Whether frames have images. Without, nothing needs OpenGL, and the truth is the same but for its
+            `luminance`, which is NaN; axes of pixels change nothing.
 
     Raises:
         UnknownNameError: An unknown backend.
@@ -140,9 +139,8 @@ class Simulation:
         self.scenario, self._shake, self._frame_capture = scenario, shake, capture
         world.retune(settings)
         size = (settings.camera.width_px, settings.camera.height_px) if capture is None else capture.render_size
-        if self._renderer is None or (self._renderer.width_px, self._renderer.height_px) != size:
-            self._renderer = self._bind_renderer(world, size)
-        self._observe(self._renderer)
+        self._bind_renderer(world, size)
+        self._observe()
         self._sensor.retune(settings.axes, seed)
         self._arrivals = arrivals(settings, seed)
         self._index = sum(1 for _ in itertools.takewhile(lambda index: index <= self._delivered, self._arrivals)) - 1
@@ -168,13 +166,11 @@ class Simulation:
         self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
         self._shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         self._frame_capture = make_frame_capture(settings, world.model, self._K, self._shake)
-        self._renderer = self._bind_renderer(
-            world, size if self._frame_capture is None else self._frame_capture.render_size
-        )
+        self._bind_renderer(world, size if self._frame_capture is None else self._frame_capture.render_size)
         self._image_size, self._black = size, np.broadcast_to(np.uint8(0), (size[1], size[0], 3))
         self._world = world
         self._sensor = Sensor(settings.sensor, settings.axes, seed, grey=settings.camera.grey)
-        self._observe(self._renderer)
+        self._observe()
         self._arrivals: Iterator[int] = arrivals(settings, seed)
         self._delivered = next(self._arrivals)
         self._index = 0
@@ -207,23 +203,23 @@ class Simulation:
         self._index += 1
         return self._take_frame()
 
-    def _observe(self, renderer: Renderer) -> None:
-        """Observe the truth with this renderer."""
+    def _observe(self) -> None:
+        """Observe the truth from now on."""
         settings, world = self.settings, self.world
         parts = TRUNK if settings.target.init == "torso" else ()
         size = (settings.camera.width_px, settings.camera.height_px)
-        self._truth = TruthObserver(world.model, world.people, renderer, self._K, size, parts)
+        self._truth = TruthObserver(world.model, world.people, self._K, size, parts)
 
-    def _bind_renderer(self, world: World, size: tuple[int, int]) -> Renderer:
-        """The renderer, bound to the new model; opened again where the size has changed."""
+    def _bind_renderer(self, world: World, size: tuple[int, int]) -> None:
+        """Draw another model, with a new renderer where the size has changed."""
+        if not self._draws:
+            return
         if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) == size:
             self._renderer.rebind(world.model)
-            return self._renderer
+            return
         if self._renderer is not None:
             self._renderer.close()
-        if not self._draws:
-            return open_id_renderer(world.model, *size)
-        return open_renderer(world.model, *size, self._backend)
+        self._renderer = open_renderer(world.model, *size, self._backend)
 
     def _advance_period(self, command: FloatArray | None, delay_s: float) -> None:
         """Advance by one camera period with a command that is given after `delay_s`, or not within this period."""
@@ -246,35 +242,34 @@ class Simulation:
     def _expose(self) -> tuple[Image, CapturedFrame | FloatArray]:
         """Render, expose and meter the camera's current frame: the image, and what `_capture` gives."""
         world = self.world
-        assert self._renderer is not None
         world.light(self._sensor.settle(world.time_s))
         captured = self._capture()
-        pinhole = not isinstance(captured, CapturedFrame)
-        rendered = self._renderer.color(world.data, captured, self._K) if pinhole else captured.image
+        if isinstance(captured, CapturedFrame):
+            rendered = captured.image
+        else:
+            assert self._renderer is not None
+            rendered = self._renderer.color(world.data, captured, self._K)
         assert rendered is not None
         return self._sensor.expose(rendered, world.time_s), captured
 
     def _capture(self) -> CapturedFrame | FloatArray:
         """What is captured; where that is an instant through a pinhole, `(4, 4)` T_world_camera."""
-        assert self._renderer is not None
-        if self._frame_capture is None:
-            return self._T_world_camera.copy()
-        return self._frame_capture.capture(self._renderer, color=self._draws)
+        return (
+            self._T_world_camera.copy() if self._frame_capture is None else self._frame_capture.capture(self._renderer)
+        )
 
     def _take_frame(self) -> Frame:
         world = self.world
         assert self._truth is not None
-        assert self._renderer is not None
-        with self._renderer.drawing():
-            if self._draws:
-                exposed, captured = self._expose()
-                image = self._sensor.read(exposed, self._delivered)
-            else:
-                image, captured = None, self._capture()
-            if isinstance(captured, CapturedFrame):
-                people = self._truth.observe_captured(captured, image, world.time_s)
-            else:
-                people = self._truth.observe(world.data, captured, image, world.time_s, world.root_poses())
+        if self._draws:
+            exposed, captured = self._expose()
+            image = self._sensor.read(exposed, self._delivered)
+        else:
+            image, captured = None, self._capture()
+        if isinstance(captured, CapturedFrame):
+            people = self._truth.observe_captured(captured, image, world.time_s)
+        else:
+            people = self._truth.observe(world.data, captured, image, world.time_s, world.root_poses())
         image = self._black if image is None else image
         image.setflags(write=False)
         self._frame = Frame(self._index, world.time_s, image, people[0], people)
@@ -293,18 +288,8 @@ class Simulation:
                 instant through a pinhole.
         """
         self._check_instantaneous("depth and flow")
-        assert self._renderer is not None
-        data, pose = self.world.data, self._T_world_camera.copy()
-        drawn = self._renderer.ids(data, pose, self._K)
-        return SceneGeometry(
-            drawn.ids.copy(),
-            self._renderer.depth_m(drawn).astype(np.float64),
-            pose,
-            self._K,
-            np.array(data.geom_xpos),
-            np.array(data.geom_xmat).reshape(-1, 3, 3),
-            self._renderer.near_m,
-        )
+        assert self._truth is not None
+        return self._truth.scene_geometry(self.world.data, self._T_world_camera.copy())
 
     def extents_m(self) -> dict[str, FloatArray]:
         """`(2, 3)` smallest and largest coordinates [m] of each person's body in its own frame, by name.
@@ -353,10 +338,8 @@ class Simulation:
 
         It is that of a pinhole camera: exposure, rolling shutter and lens distortion have no effect on it.
         """
-        renderer, camera = self._renderer, self.settings.camera
-        assert renderer is not None
-        rect = PixelRect(0, 0, camera.width_px, camera.height_px)
-        return renderer.depth_m(renderer.ids(self.world.data, self._T_world_camera.copy(), self._K, rect=rect))
+        assert self._truth is not None
+        return self._truth.scene_geometry(self.world.data, self._T_world_camera).depth_m.astype(np.float32)
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous delivered frame, or None."""
@@ -369,7 +352,7 @@ class Simulation:
 
     @property
     def graphics(self) -> str:
-        """Description of the renderer in one line; empty before the first reset."""
+        """Description of the renderer in one line; empty before the first reset and without images."""
         return self._renderer.description if self._renderer is not None else ""
 
     def close(self) -> None:

@@ -21,7 +21,7 @@ from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.backend import geoms_drawn
+from pftrack_sim.render.renderer import geoms_drawn
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.people import Item, grips_s
 from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone

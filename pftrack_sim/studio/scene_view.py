@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
-from pftrack_sim.render.backend import geoms_drawn
+from pftrack_sim.render.renderer import geoms_drawn
 from pftrack_sim.render.triangles import model_triangles
 from pftrack_sim.scene.layout import owner_name
 from pftrack_sim.studio.tracked import Moment

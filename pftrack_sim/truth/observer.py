@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, cast
 
 import cv2
@@ -19,21 +18,21 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.records import DeferredPeople, Image, State, Truth, frozen_array
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
+from pftrack_sim.render.culling import PixelRect, View
+from pftrack_sim.render.renderer import checked_poses
+from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
+from pftrack_sim.truth.geometry import SceneGeometry
 from pftrack_sim.truth.projection import project_people
-from pftrack_sim.truth.search import FrameSearch, FrameView
-from pftrack_sim.truth.silhouettes import Measured, Silhouette, SilhouetteFinder
-
-_LEAST_PELVIS_PX = 2.0  # Whatever is as large both ways, and no needle, covers the centre of a pixel
+from pftrack_sim.truth.silhouettes import PeopleInView, Silhouette, SilhouetteFinder, poses_of
 
 _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
 
 
 class _Frame(NamedTuple):
-    """What is known of everybody in one frame before silhouettes are looked at.
+    """What is known of everybody in one frame without silhouettes.
 
     Attributes:
         amodal: Amodal box [px] of a person.
@@ -62,11 +61,10 @@ class TruthObserver:
     A person is every geom of the people's group on bodies named `"<name>/..."`, one of them `"<name>/pelvis"`.
 
     Args:
-        model: The rendered model.
+        model: The model.
         people: Names, the target's first.
-        renderer: Renderer bound to the model.
         K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
-        size: Width and height of the images, where those of the renderer have a margin; None: the renderer's.
+        size: Width and height of the images.
         parts: Names of the parts that the target's boxes enclose; empty for the whole body.
 
     Raises:
@@ -77,58 +75,43 @@ class TruthObserver:
         self,
         model: mujoco.MjModel,
         people: Sequence[str],
-        renderer: Renderer,
         K: ArrayLike | float,
-        size: tuple[int, int] | None = None,
+        size: tuple[int, int],
         parts: Sequence[str] = (),
     ) -> None:
         if not people:
             raise ParameterError("truth needs the name of at least one person, the target's first")
-        self._size = size if size is not None else (renderer.width_px, renderer.height_px)
-        self._K = frozen_array(camera_matrix(K, *self._size))
+        self._size, self._K = size, frozen_array(camera_matrix(K, *size))
         self._people = tuple(people)
         owners = np.array(body_owners(model))
         geom_owners = owners[model.geom_bodyid]
         names, self._owner_ids = np.unique(geom_owners, return_inverse=True)
         self._owner_names: list[str] = names.tolist()
-        in_group = (np.asarray(model.geom_group) == PEOPLE_GROUP) & renderer.visible_geoms
+        self._segmenter = Segmenter(model)
+        in_group = (np.asarray(model.geom_group) == PEOPLE_GROUP) & self._segmenter.drawn
         geoms = [np.flatnonzero(in_group & (geom_owners == name)) for name in self._people]
         self._pelvis = np.array([_pelvis(model, name) for name in self._people], dtype=np.intp)
         for name, ids in zip(self._people, geoms, strict=True):
             if ids.size == 0:
                 raise ParameterError(f"{name!r} has no visible geoms of group {PEOPLE_GROUP}")
-        boxed = (
-            [np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))] if parts else []
-        )
-        # The size of the target's pelvis tells whether any pixel shows the target.
-        pelvis = np.flatnonzero(in_group & (model.geom_bodyid == self._pelvis[0]))
-        boxed = [*boxed, pelvis] if pelvis.size else boxed
-        self._finder = SilhouetteFinder(model, renderer, geoms, boxed)
-        self._has_pelvis, self._has_parts = bool(pelvis.size), bool(parts)
+        boxed = np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))
+        self._finder = SilhouetteFinder(model, self._segmenter, geoms, boxed)
+        self._has_parts = bool(parts)
         self._before: Callable[[int], FloatArray] | None = None
         """Amodal box of a person in the last frame; None before the first."""
-        self._view: FrameView | None = None
-        self._silhouettes: Callable[[], Mapping[int, Silhouette]] = dict[int, Silhouette]
-        self._searches: deque[weakref.ref[FrameSearch]] = deque()
+        self._silhouette: Callable[[int], Silhouette | None] = lambda _: None
+        self._unread = weakref.WeakValueDictionary[float, DeferredPeople]()
 
     @property
     def silhouettes(self) -> dict[str, Silhouette]:
         """Silhouettes in the last frame, by person, of those who may have a pixel in it."""
-        return {self._people[person]: found for person, found in self._silhouettes().items()}
+        found = {name: self._silhouette(person) for person, name in enumerate(self._people)}
+        return {name: silhouette for name, silhouette in found.items() if silhouette is not None}
 
     def finish(self) -> None:
-        """Complete the deferred truth of earlier frames that are still referenced, before the renderer is unbound."""
-        self._silhouettes = dict[int, Silhouette]
-        self._before = None
-        self._finish_but(0)
-        self._finder.release()
-
-    def _finish_but(self, count: int) -> None:
-        """Complete all searches but the last `count`, if the truth that needs them is still referenced."""
-        while len(self._searches) > count:
-            search = self._searches.popleft()()
-            if search is not None:
-                search.everybody()
+        """Find all people of frames that are still referenced, whose poses would otherwise be kept with them."""
+        for people in list(self._unread.values()):
+            _ = people.everybody
 
     def observe(
         self,
@@ -149,52 +132,31 @@ class TruthObserver:
                 x forward, z up.
 
         Returns:
-            The target, then all others with an amodal pixel in the image, in the order of the people. The others, and
-            which pixels show a target that nothing can occlude, are found when they are first asked for.
+            The target, then all others with an amodal pixel in the image, in the order of the people. The others are
+            found when they are first asked for.
 
         Raises:
             ParameterError: Poses or an image of the wrong shape.
         """
-        pose = np.asarray(T_world_camera, dtype=np.float64)
         self._check(image, T_world_people)
-        view, before = FrameView(self._finder, data, pose, self._K), self._view
-        search = FrameSearch(data, view, before)
+        pose = frozen_array(checked_poses(T_world_camera), (4, 4))
+        view = PeopleInView(self._finder, self._view(data, pose), self._size)
 
         def box(person: int) -> FloatArray:
             return view.all.boxes[person] if person else view.first.boxes[1 if self._has_parts else 0]
 
-        frame = _Frame(
-            box,
-            None,
-            self._before,
-            data.xpos[self._pelvis],
-            np.array(T_world_people, dtype=np.float64),
-            frozen_array(pose, (4, 4)),
-            _NO_DISTORTION,
-            float(time_s),
-        )
-        self._before = box
-        self._view, self._silhouettes = view, search.everybody
-        # Poses are kept for the last two frames only: the truth of older ones that are still referenced is completed.
-        self._finish_but(1)
-        self._searches.append(weakref.ref(search))
-
-        def truth(person: int) -> Truth | None:
-            return self._truth(frame, person, search.silhouette(person), image)
-
-        def target() -> Truth:
-            return cast("Truth", truth(0))
+        roots = np.array(T_world_people, dtype=np.float64)
+        known = box, None, self._before, data.xpos[self._pelvis], roots, pose, _NO_DISTORTION, float(time_s)
+        frame = _Frame(*known)
+        self._before, self._silhouette = box, view.silhouette
 
         def others() -> tuple[Truth, ...]:
-            found = (truth(person) for person in range(1, len(self._people)))
+            found = (self._truth(frame, person, view.silhouette(person), image) for person in range(1, len(roots)))
             return tuple(one for one in found if one is not None)
 
-        first = view.first
-        if self._surely_shows_target(first) and self._finder.nothing_before_first(data, pose, self._K, first):
-            known = self._known(frame, 0, *_clipped(box(0), *self._size))
-            shown = Truth.deferred(target, state="visible", visible_fraction=1.0, occluders=(), **known)
-            return DeferredPeople(shown, others)
-        return DeferredPeople(target(), others)
+        target = cast("Truth", self._truth(frame, 0, view.silhouette(0), image))
+        people = self._unread[frame.time_s] = DeferredPeople(target, others)
+        return people
 
     def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> Sequence[Truth]:
         """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
@@ -218,7 +180,7 @@ class TruthObserver:
         )
         self._before = amodal.__getitem__
         found = projection.silhouettes
-        self._silhouettes = lambda: found
+        self._silhouette = found.get
         truths = (self._truth(frame, person, found.get(person), image) for person in range(len(self._people)))
         return tuple(one for one in truths if one is not None)
 
@@ -230,7 +192,7 @@ class TruthObserver:
             T_world_people: `(P, 4, 4)` root poses, as for `observe`.
         """
         roots = np.asarray(T_world_people, dtype=np.float64)
-        positions, rotations = self._finder.poses(data)
+        positions, rotations = poses_of(data, self._finder.geoms)
         bodies, ends = self._finder.bodies, list[tuple[FloatArray, FloatArray]]()
         for person, root in enumerate(roots):
             first = int(bodies.starts[person])
@@ -240,6 +202,17 @@ class TruthObserver:
             ends.append((local.min(axis=0), local.max(axis=0)))
         return np.array(ends)
 
+    def scene_geometry(self, data: mujoco.MjData, T_world_camera: FloatArray) -> SceneGeometry:
+        """What every pixel of an image through a pinhole shows, from a `(4, 4)` camera pose, and how far it is."""
+        view = self._view(data, T_world_camera)
+        drawn = self._segmenter.segment(view, PixelRect(0, 0, *self._size))
+        rotations = view.geom_xmat.reshape(-1, 3, 3)
+        depth_m = drawn.depth_m().astype(np.float64)
+        return SceneGeometry(drawn.ids, depth_m, T_world_camera, self._K, view.geom_xpos, rotations, view.near_m)
+
+    def _view(self, data: mujoco.MjData, pose: FloatArray) -> View:
+        return View(data.geom_xpos.copy(), data.geom_xmat.copy(), pose, self._K, self._segmenter.near_m)
+
     def _check(self, image: Image | None, T_world_people: ArrayLike) -> None:
         people, shape = len(self._people), np.shape(T_world_people)
         if shape != (people, 4, 4):
@@ -247,14 +220,6 @@ class TruthObserver:
         width, height = self._size
         if image is not None and image.shape != (height, width, 3):
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
-
-    def _surely_shows_target(self, measured: Measured) -> bool:
-        """Whether a pixel shows the target unless something is before it: the pelvis is in the image, and no speck."""
-        (x, y, w, h), (nearest_m, farthest_m) = measured.boxes[-1].tolist(), measured.depths_m[-1].tolist()
-        (width, height), renderer = self._size, self._finder.renderer
-        inside = x >= 0.0 and y >= 0.0 and x + w <= width and y + h <= height
-        in_depth = nearest_m >= renderer.near_m and farthest_m <= renderer.far_m
-        return self._has_pelvis and inside and in_depth and min(w, h) >= _LEAST_PELVIS_PX
 
     def _truth(self, frame: _Frame, person: int, silhouette: Silhouette | None, image: Image | None) -> Truth | None:
         """Truth of a person; None for others than the target without an amodal pixel in the image."""

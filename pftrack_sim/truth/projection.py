@@ -16,7 +16,8 @@ from pftrack_sim.camera.pinhole import normalized_coordinates
 from pftrack_sim.camera.shutter import interpolate_pixels, solve_row_times
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.capture.frame_capture import CapturedFrame, RenderPass
-from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder, pixels_around
+from pftrack_sim.render.culling import View
+from pftrack_sim.truth.silhouettes import PeopleInView, Silhouette, SilhouetteFinder, pixels_around, poses_of
 
 _SWEEP_INSTANTS = 5  # Instants of each point's exposure whose extent is the swept box
 _MARGIN_PX = 3  # Pixels around a box that may belong to the person: rounding, and the error of bands
@@ -40,7 +41,7 @@ class Projection:
 
 
 def project_people(captured: CapturedFrame, finder: SilhouetteFinder) -> Projection:
-    """Project all people into a captured frame; the renderer of the finder of silhouettes rendered the frame."""
+    """Project all people into a captured frame."""
     amodal, swept = _boxes(captured, finder)
     silhouettes: dict[int, Silhouette] = {}
     for person, box in enumerate(amodal[: finder.people_count]):
@@ -57,8 +58,8 @@ def project_people(captured: CapturedFrame, finder: SilhouetteFinder) -> Project
 def _boxes(captured: CapturedFrame, finder: SilhouetteFinder) -> tuple[FloatArray, FloatArray]:
     """`(B, 4)` amodal and `(B, 4)` swept boxes [px]."""
     capture, trajectory, pose = captured.capture, captured.trajectory, captured.T_world_camera
-    lens, shutter, near_m = capture.lens, capture.shutter, finder.renderer.near_m
-    middle_poses = finder.poses(capture.scene_at(shutter.middle_s))
+    lens, shutter, near_m = capture.lens, capture.shutter, finder.segmenter.near_m
+    middle_poses = poses_of(capture.scene_at(shutter.middle_s), finder.geoms)
     pinhole_boxes, depths, _ = finder.bodies.boxes(*middle_poses, pose, lens.K, near_m)
     amodal = np.full((len(pinhole_boxes), 4), np.nan)
     swept = amodal.copy()
@@ -72,12 +73,11 @@ def _boxes(captured: CapturedFrame, finder: SilhouetteFinder) -> tuple[FloatArra
     def world_points(positions: FloatArray, rotations: FloatArray) -> FloatArray:
         return points @ rotations[wanted].transpose(0, 2, 1) + positions[wanted, None]
 
-    pixels = np.stack(
-        [
-            lens.to_pixels(normalized_coordinates(world_points(*finder.poses(capture.scene_at(when))), camera, near_m))
-            for when, camera in trajectory.samples()
-        ]
-    )
+    def pixels_at(when_s: float, camera: FloatArray) -> FloatArray:
+        places = world_points(*poses_of(capture.scene_at(when_s), finder.geoms))
+        return lens.to_pixels(normalized_coordinates(places, camera, near_m))
+
+    pixels = np.stack([pixels_at(*sample) for sample in trajectory.samples()])
     sample_times = trajectory.sample_times_s
     row_times = solve_row_times(shutter, sample_times, pixels)
     # The extent of the points falls short of the outline. By how much is known exactly through a pinhole.
@@ -129,11 +129,14 @@ def _remap(
             spans[person] = max(rows.start, top), min(rows.stop, bottom)
     if not spans:
         return
-    view = capture.scene_of(render_pass), render_pass.T_world_camera, render_pass.K
-    rendered = finder.find(*view, finder.measure(*view), people=spans)
+    scene = capture.scene_of(render_pass)
+    pose = scene.geom_xpos, scene.geom_xmat, render_pass.T_world_camera, render_pass.K
+    view = PeopleInView(finder, View(*pose, finder.segmenter.near_m), capture.render_size)
     (pixel_map,) = render_pass.pixel_maps
-    for person, source in rendered.items():
-        (top, bottom), target = spans[person], silhouettes[person]
+    for person, (top, bottom) in spans.items():
+        source, target = view.silhouette(person), silhouettes[person]
+        if source is None:
+            continue
         columns = slice(target.rect.left, target.rect.left + target.rect.width)
         nearest = np.rint(pixel_map[top - rows.start : bottom - rows.start, columns]).astype(np.intp)
         x, y = nearest[..., 0] - source.rect.left, nearest[..., 1] + render_pass.rows.start - source.rect.top

@@ -9,6 +9,9 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Frame
+from pftrack_sim.render.culling import PixelRect, View
+from pftrack_sim.render.segmentation import Segmenter
+from pftrack_sim.scene.build import NEAR_M
 from pftrack_sim.scene.layout import PEOPLE_GROUP
 from pftrack_sim.scene.people.person import TRUNK
 from pftrack_sim.simulation.simulation import Simulation
@@ -55,11 +58,12 @@ def test_the_torso_is_selected_scored_and_steadier_while_everything_else_stays()
 def test_the_torsos_box_is_the_extent_of_its_pixels(lens: dict[str, float]):
     with Simulation(scenario.load("easy/warehouse", {**SMALL, **lens, "target.init": "torso"})) as simulation:
         truth = simulation.reset(1).truth
-        world, renderer = simulation.world, simulation._renderer
-        assert renderer is not None
-        geoms = np.isin(world.model.geom_bodyid, [world.model.body(f"target/{part}").id for part in TRUNK])
-        shown = renderer.ids(
-            world.data, truth.T_world_camera, truth.K, geoms=geoms & (world.model.geom_group == PEOPLE_GROUP)
+        model, data = simulation.world.model, simulation.world.data
+        trunk = np.isin(model.geom_bodyid, [model.body(f"target/{part}").id for part in TRUNK])
+        view = View(data.geom_xpos, data.geom_xmat, truth.T_world_camera, truth.K, NEAR_M)
+        geoms = np.flatnonzero(trunk & (model.geom_group == PEOPLE_GROUP))
+        shown = Segmenter(model).segment(
+            view, PixelRect(0, 0, SMALL["camera.width_px"], SMALL["camera.height_px"]), geoms
         )
         rows, columns = np.nonzero(shown.ids >= 0)
     drawn = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], dtype=float)

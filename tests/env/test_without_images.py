@@ -6,6 +6,7 @@ import os
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,6 @@ from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
-from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder
 from pftrack_sim.wrappers import BoxObservation
 
 ROOT = Path(__file__).parents[2]
@@ -58,18 +58,11 @@ def test_the_truth_is_that_of_rendered_frames(name: str, more: dict[str, Any], s
         assert not frame.image.any()
         assert frame.image.shape == rendered.image.shape
         assert frame.time_s == rendered.time_s
-        theirs, ours = (
-            {one.name: one for one in seen.people if one.visible_fraction > 0.0} for seen in (rendered, frame)
-        )
-        assert theirs.keys() == ours.keys()
-        for person, truth in ours.items():
-            expected = theirs[person]
-            for box in ("box", "amodal_box", "swept_box", "visible_box"):
-                np.testing.assert_allclose(getattr(truth, box), getattr(expected, box), atol=1.0, err_msg=box)
-            assert abs(truth.visible_fraction - expected.visible_fraction) < 0.02
-            np.testing.assert_array_equal(truth.T_world_camera, expected.T_world_camera)
-            assert np.isnan(truth.luminance)
-            compared += 1
+        assert len(rendered.people) == len(frame.people)
+        for theirs, ours in zip(rendered.people, frame.people, strict=True):
+            assert np.isnan(ours.luminance)
+            assert replace(ours, luminance=0.0) == replace(theirs, luminance=0.0)
+            compared += ours.scored
     assert compared > 13
 
 
@@ -164,22 +157,3 @@ def test_others_are_those_of_their_frame_whenever_they_are_asked_for():
     assert {one.name for one in kept[-1]["people"]} == set(now.unwrapped.simulation.silhouettes) | {"target"}
     late.close()
     now.close()
-
-
-def test_the_pixels_of_a_target_that_nothing_can_occlude_are_found_when_they_are_read(monkeypatch: pytest.MonkeyPatch):
-    searches: list[object] = []
-    find = SilhouetteFinder.find
-
-    def counted(self: SilhouetteFinder, *args: Any) -> dict[int, Silhouette]:
-        searches.append(args)
-        return find(self, *args)
-
-    monkeypatch.setattr(SilhouetteFinder, "find", counted)
-    with Simulation(scenario.load("plaza-walk", SMALL), image=False) as simulation:
-        simulation.reset(1)
-        truth = simulation.advance().truth
-        assert truth.scored
-        assert truth.visible_fraction == 1.0
-        assert not searches
-        assert truth.visible_box[3] > 0.0
-        assert len(searches) == 1

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from pftrack_sim.render.selection import warp_installed
+from pftrack_sim.render.renderer import warp_installed
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation.simulation import Simulation
 

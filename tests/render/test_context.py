@@ -21,7 +21,7 @@ from pftrack_sim.core.errors import RenderError, UnknownNameError
 from pftrack_sim.render.gl import context
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
-from pftrack_sim.render.selection import open_renderer
+from pftrack_sim.render.renderer import open_renderer
 
 POSE = looking((0, 0, 1.2), (5, 0, 1))
 
@@ -227,14 +227,13 @@ def test_several_rasterisers_in_one_thread_are_independent():
     alone = []
     for stage in stages:
         with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
-            alone.append((renderer.color(stage.data, POSE, K), renderer.ids(stage.data, POSE, K).ids.copy()))
+            alone.append(renderer.color(stage.data, POSE, K))
     together = [Rasteriser(stage.model, WIDTH, HEIGHT) for stage in stages]
     for _ in range(3):
-        for stage, renderer, (image, ids) in zip(stages, together, alone, strict=True):
+        for stage, renderer, image in zip(stages, together, alone, strict=True):
             assert np.array_equal(renderer.color(stage.data, POSE, K), image)
-            assert np.array_equal(renderer.ids(stage.data, POSE, K).ids, ids)
     together[1].close()
-    assert np.array_equal(together[2].color(stages[2].data, POSE, K), alone[2][0])
+    assert np.array_equal(together[2].color(stages[2].data, POSE, K), alone[2])
     for renderer in together:
         renderer.close()
 
@@ -255,17 +254,13 @@ def test_a_rasteriser_draws_in_any_thread():
 def test_concurrent_rasterisers_are_independent():
     stage = build()
     with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
-        image, ids = renderer.color(stage.data, POSE, K), renderer.ids(stage.data, POSE, K).ids.copy()
+        image = renderer.color(stage.data, POSE, K)
     wrong: list[int] = []
 
     def work() -> None:
         stage = build()
         with Rasteriser(stage.model, WIDTH, HEIGHT) as own:
             for index in range(10):
-                some = np.arange(stage.model.ngeom) % (index + 2) > 0
-                own.ids(stage.data, POSE, K, geoms=some)
-                if not np.array_equal(own.ids(stage.data, POSE, K).ids, ids):
-                    wrong.append(index)
                 if not np.array_equal(own.color(stage.data, POSE, K), image):
                     wrong.append(index)
 
@@ -297,7 +292,6 @@ def test_opening_and_closing_does_not_leak_memory():
         with Rasteriser(stage.model if full else bare, 64, 48) as renderer:
             if full:
                 renderer.color(stage.data, POSE, 0.9)
-                renderer.ids(stage.data, POSE, 0.9)
 
     assert_memory_stays(once)
 
@@ -311,7 +305,6 @@ def test_changing_the_model_does_not_leak_memory():
         def once(index: int) -> None:
             stage = stages[index % 3]
             renderer.rebind(stage.model)
-            renderer.ids(stage.data, POSE, K)
             if index % 10 == 0:
                 renderer.color(stage.data, POSE, K)
 

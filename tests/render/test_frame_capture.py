@@ -8,7 +8,7 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
-from render_stage import HEIGHT, WIDTH, K, new_spec
+from render_stage import HEIGHT, NEAR, WIDTH, K, new_spec
 
 from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.camera.shake import CameraShake
@@ -16,7 +16,9 @@ from pftrack_sim.camera.shutter import Shutter
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Frame
 from pftrack_sim.render.capture.frame_capture import FrameCapture
+from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.scenario.axes import DistortionAxis
 from pftrack_sim.scenario.model import Jitter
 from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
@@ -68,7 +70,7 @@ class Studio:
         self.shutter = shutter
         self.capture = FrameCapture(self.model, Lens(K, lens, (WIDTH, HEIGHT)), shutter, STILL)
         self.renderer = Rasteriser(self.model, *self.capture.render_size)
-        self.truth = TruthObserver(self.model, ("target",), self.renderer, K, (WIDTH, HEIGHT))
+        self.truth = TruthObserver(self.model, ("target",), K, (WIDTH, HEIGHT))
         self.frames = 0
 
     def shoot(self, ball: tuple[float, float, float], pose: np.ndarray) -> Frame:
@@ -146,7 +148,7 @@ def test_the_box_of_a_body_that_the_near_plane_cuts_encloses_its_pixels(studio, 
     scene = studio("both", lens=DISTORTED)
     scene.model.body("pole").pos[0] = -9.0
     frame = scene.shoot(at, facing())
-    assert at[0] - 0.4 < scene.renderer.near_m < at[0]
+    assert at[0] - 0.4 < NEAR < at[0]
     left, top, right, bottom = sides(frame.truth.box) - sides(boxes.from_mask(lit(frame.image) > 0.1))
     assert max(left, top) <= 1.0
     assert min(right, bottom) >= -1.0
@@ -270,13 +272,16 @@ def test_visible_pixels_are_those_at_each_rows_mid_exposure(studio, lens, exposu
     # Row by row: the whole scene as it was just then, looked at along each pixel's ray.
     K_wide = np.array(K)
     K_wide[:2, 2] = renderer.width_px / 2, renderer.height_px / 2
+    segmenter = Segmenter(scene.model)
     visible = np.zeros((HEIGHT, WIDTH), dtype=bool)
     ball = scene.model.body("target/pelvis").geomadr[0]
     for row in range(HEIGHT):
         when = float(scene.shutter.row_s(row + 0.5))
         if not truth.amodal_box[1] - 3 < row < truth.amodal_box[1] + truth.amodal_box[3] + 3:
             continue
-        ids = renderer.ids(capture.scene_at(when), captured.trajectory.at(when), K_wide).ids
+        now = capture.scene_at(when)
+        view = View(now.geom_xpos, now.geom_xmat, captured.trajectory.at(when), K_wide, NEAR)
+        ids = segmenter.segment(view, PixelRect(0, 0, *capture.render_size)).ids
         pixels = np.column_stack([np.arange(WIDTH) + 0.5, np.full(WIDTH, row + 0.5)])
         at = np.floor(capture.lens.to_normalized(pixels) * K[(0, 1), (0, 1)] + K_wide[:2, 2]).astype(int)
         visible[row] = ids[at[:, 1], at[:, 0]] == ball

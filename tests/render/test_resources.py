@@ -55,35 +55,33 @@ def context() -> GLContext:
     return open_context(size=(WIDTH, HEIGHT))
 
 
-def pictures(renderer: Rasteriser, model: mujoco.MjModel) -> list[np.ndarray]:
+def picture(renderer: Rasteriser, model: mujoco.MjModel) -> np.ndarray:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    found = renderer.ids(data, POSE, K)
-    return [renderer.color(data, POSE, K), found.ids.copy(), found.inverse_depth.copy()]
+    return renderer.color(data, POSE, K)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_is_drawn_as_if_none_had_been_drawn_before(name: str):
     model = MODELS[name]()
     with Rasteriser(model, WIDTH, HEIGHT) as fresh:
-        expected = pictures(fresh, model)
+        expected = picture(fresh, model)
     with Rasteriser(cloth(1), WIDTH, HEIGHT) as renderer:
         for other in (cloth(1), build(3).model, cloth(1)):
             renderer.rebind(other)
-            pictures(renderer, other)
+            picture(renderer, other)
         renderer.rebind(model)
-        for ours, theirs in zip(pictures(renderer, model), expected, strict=True):
-            np.testing.assert_array_equal(ours, theirs)
+        np.testing.assert_array_equal(picture(renderer, model), expected)
 
 
 def test_a_sky_that_was_darkened_is_not_taken_over():
     model = cloth(1)
     with Rasteriser(model, WIDTH, HEIGHT) as renderer:
-        expected = pictures(renderer, model)
+        expected = picture(renderer, model)
         model.mat_emission[model.material(SKY).id] = 0.5
-        assert (pictures(renderer, model)[0] != expected[0]).any()
+        assert (picture(renderer, model) != expected).any()
         renderer.rebind(cloth(1))
-        np.testing.assert_array_equal(pictures(renderer, cloth(1))[0], expected[0])
+        np.testing.assert_array_equal(picture(renderer, cloth(1)), expected)
 
 
 def test_only_what_differs_is_uploaded(context: GLContext, monkeypatch: pytest.MonkeyPatch):

@@ -1,4 +1,4 @@
-"""The ray caster agrees with OpenGL: same truth, nearly the same pixels and colours."""
+"""The ray caster agrees with OpenGL: nearly the same colours."""
 
 from __future__ import annotations
 
@@ -11,12 +11,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import ParameterError, RenderError, UnknownNameError
-from pftrack_sim.core.records import Truth
-from pftrack_sim.render import selection as selection
-from pftrack_sim.render.backend import PixelRect
+from pftrack_sim.render import renderer as renderers
 from pftrack_sim.scenario import load, names
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.truth.observer import TruthObserver
 
 pytest.importorskip("mujoco_warp")
 
@@ -47,56 +44,13 @@ def _views(simulation: Simulation, count: int, every: int = 8):
         yield simulation.world.data, simulation.world.camera_pose()
 
 
-def test_the_truth_agrees_with_opengl(pair):
-    simulation, caster = pair
-    world, K = simulation.world, simulation._K
-    ours = TruthObserver(world.model, world.people, caster, K)
-    theirs = TruthObserver(world.model, world.people, simulation._renderer, K)
-    image = np.zeros((120, 160, 3), dtype=np.uint8)
-    for data, pose in _views(simulation, 3):
-        seen = [observer.observe(data, pose, image, world.time_s, world.root_poses()) for observer in (ours, theirs)]
-        assert [one.name for one in seen[0]] == [one.name for one in seen[1]]
-        for mine, other in zip(*seen, strict=True):
-            assert mine.state == other.state
-            np.testing.assert_allclose(mine.amodal_box, other.amodal_box, atol=1e-9)
-            _same_boxes(mine, other)
-            if other.state == "visible":
-                allowed = 0.01 + 2.0 / max(other.box[2:].prod(), 1.0)
-                assert abs(mine.visible_fraction - other.visible_fraction) <= allowed
-
-
-def _same_boxes(mine: Truth, other: Truth) -> None:
-    if other.state == "visible":
-        corners = [np.concatenate([box[:2], box[:2] + box[2:]]) for box in (mine.visible_box, other.visible_box)]
-        assert np.abs(corners[0] - corners[1]).max() <= 1.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [203, 328, 422, 503, 578])
-def test_boxes_states_and_occluders_agree_over_many_frames(pair, seed: int):
-    simulation, caster = pair
-    simulation.reset(seed)
-    world, K = simulation.world, simulation._K
-    caster.rebind(world.model)
-    observers = [TruthObserver(world.model, world.people, one, K) for one in (caster, simulation._renderer)]
-    image = np.zeros((120, 160, 3), dtype=np.uint8)
-    for data, pose in _views(simulation, 10):
-        mine, other = (
-            observer.observe(data, pose, image, world.time_s, world.root_poses())[0] for observer in observers
-        )
-        assert (mine.state, mine.occluders) == (other.state, other.occluders)
-        assert abs(mine.visible_fraction - other.visible_fraction) <= 0.01
-        _same_boxes(mine, other)
-
-
-def test_colours_and_ids_are_close_to_opengl(pair):
+def test_colours_are_close_to_opengl(pair):
     simulation, caster = pair
     gl, K = simulation._renderer, simulation._K
     for data, pose in _views(simulation, 2):
         ours, theirs = (one.color(data, pose, K).astype(float) for one in (caster, gl))
         assert np.abs(ours - theirs).mean() < 2.5
         assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 1.5
-        assert np.mean(caster.ids(data, pose, K).ids != gl.ids(data, pose, K).ids) < 0.02
 
 
 def test_bright_lights_saturate_as_in_opengl(pair):
@@ -137,28 +91,6 @@ def test_each_mip_level_halves_the_size_and_keeps_the_mean():
     np.testing.assert_allclose(levels[-1][0, 0], picture.mean(axis=(0, 1)), atol=1e-5)
 
 
-def test_a_rectangle_equals_the_crop_of_the_whole_image(pair):
-    simulation, caster = pair
-    data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
-    rect = PixelRect(31, 17, 50, 44)
-    whole, part = caster.ids(data, pose, K), caster.ids(data, pose, K, rect=rect)
-    np.testing.assert_array_equal(part.ids, whole.ids[rect.slices])
-    np.testing.assert_array_equal(part.inverse_depth, whole.inverse_depth[rect.slices])
-
-
-def test_only_the_given_geoms_are_drawn_at_unchanged_depth(pair):
-    simulation, caster = pair
-    data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
-    whole = caster.ids(data, pose, K)
-    shown = np.asarray(simulation.world.model.geom_group) == 1
-    alone = caster.ids(data, pose, K, geoms=shown)
-    assert shown[alone.ids[alone.ids >= 0]].all()
-    theirs = (whole.ids >= 0) & shown[whole.ids]
-    np.testing.assert_array_equal(alone.ids[theirs], whole.ids[theirs])
-    np.testing.assert_array_equal(alone.inverse_depth[theirs], whole.inverse_depth[theirs])
-    assert (caster.ids(data, pose, K, geoms=np.zeros_like(shown)).ids == -1).all()
-
-
 def test_dimmed_lights_darken_the_image(pair):
     simulation, caster = pair
     world, K = simulation.world, simulation._K
@@ -193,11 +125,9 @@ def test_a_schedule_of_lights_dims_both_renderers_equally():
     np.testing.assert_allclose(ours / ours[0], theirs / theirs[0], atol=0.02)
 
 
-def test_invalid_rectangles_poses_and_names_raise(pair):
+def test_invalid_poses_and_names_raise(pair):
     simulation, caster = pair
     data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
-    with pytest.raises(ParameterError, match="rectangle"):
-        caster.ids(data, pose, K, rect=PixelRect(150, 0, 20, 20))
     with pytest.raises(ParameterError, match="T_world_camera"):
         caster.color(data, pose * np.nan, K)
     with pytest.raises(UnknownNameError, match="warp"):
@@ -260,12 +190,12 @@ def test_doctor_bench_and_render_work_without_opengl(tmp_path: Path):
 
 def test_the_error_where_nothing_can_draw_lists_all_install_hints(monkeypatch: pytest.MonkeyPatch):
     def nothing(*_: object) -> None:
-        raise RenderError("no OpenGL library could draw. Install one of:\n" + selection.INSTALL_HINTS)
+        raise RenderError("no OpenGL library could draw. Install one of:\n" + renderers.INSTALL_HINTS)
 
-    monkeypatch.setattr(selection, "open_context", nothing)
-    monkeypatch.setattr(selection, "warp_installed", lambda: False)
+    monkeypatch.setattr(renderers, "open_context", nothing)
+    monkeypatch.setattr(renderers, "warp_installed", lambda: False)
     with pytest.raises(RenderError) as caught:
-        selection.open_renderer(None, 16, 16)
+        renderers.open_renderer(None, 16, 16)
     for word in ("libegl1", "mesa-libEGL", "macOS", "Windows", "pftrack-sim[warp]"):
         assert word in str(caught.value)
 

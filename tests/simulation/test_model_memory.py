@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pftrack_sim.render.selection import warp_installed
+from pftrack_sim.render.renderer import warp_installed
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation import simulation as module
 from pftrack_sim.simulation.simulation import Simulation

@@ -31,7 +31,7 @@ from pftrack_sim.benchmark.keys import digest
 from pftrack_sim.benchmark.running.rollout import Sample, Step
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.core.records import Frame, Truth
-from pftrack_sim.render.selection import open_renderer
+from pftrack_sim.render.renderer import open_renderer
 
 _MODEL = "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"
 

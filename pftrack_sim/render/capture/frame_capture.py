@@ -15,6 +15,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -28,9 +29,9 @@ from pftrack_sim.camera.trajectory import CameraTrajectory
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.backend import Renderer
 from pftrack_sim.render.capture.pass_planner import NEAREST_M, PassPlan, PassPlanner
 from pftrack_sim.render.capture.pose_history import PoseHistory
+from pftrack_sim.render.renderer import Renderer
 from pftrack_sim.scenario import ResolvedScenario
 
 _SHAKE_MARGIN_PX = 6
@@ -99,7 +100,7 @@ class FrameCapture:
         self._history = PoseHistory(shutter.window_s)
         self._instant_pass: RenderPass | None = None
 
-    @property
+    @cached_property
     def render_size(self) -> tuple[int, int]:
         """Width and height of the rendered images [px]."""
         low, high = _coordinate_range([self.rays.reproject(0, self.rays.bands, np.eye(4), np.eye(4))])
@@ -120,10 +121,10 @@ class FrameCapture:
         self._history.append(data, time_s, T_world_camera, T_world_people)
         self._scratch.light_xpos[:], self._scratch.light_xdir[:] = data.light_xpos, data.light_xdir
 
-    def capture(self, renderer: Renderer, *, color: bool = True) -> CapturedFrame:
+    def capture(self, renderer: Renderer | None) -> CapturedFrame:
         """Render and expose the frame recorded last, with a renderer of the model at `render_size`.
 
-        Without colour nothing is rendered, and the frame serves the truth alone.
+        Without a renderer, the frame serves the truth alone.
         """
         shutter, middle = self.shutter, self.shutter.middle_s
         instants = np.linspace(-shutter.window_s, 0.0, _POSES_PER_FRAME) if shutter.window_s else np.zeros(1)
@@ -135,28 +136,29 @@ class FrameCapture:
             plan = PassPlan([0, self.rays.bands], 1, 1)
         else:
             plan = self._planner.plan(self._trajectory, self._history, self.scene_at(middle))
-        size = renderer.width_px, renderer.height_px
+        size = self.render_size
         count = plan.samples * plan.rotations
         accumulator = RadianceAccumulator(count, (self.lens.size[1], self.lens.size[0], 3))
         offsets = shutter.exposure_s * ((np.arange(count) + 0.5) / count - 0.5)
         passes: list[RenderPass] = []
-        for sample_offsets in offsets.reshape(plan.samples, plan.rotations) if color else ():
-            for bands in itertools.pairwise(plan.edges):
-                render_pass = self._render_pass(bands, sample_offsets, size)
-                scene = self.scene_of(render_pass)
-                image = renderer.color(scene, render_pass.T_world_camera, render_pass.K, rows=render_pass.rows)
-                radiance = accumulator.decode(image)
-                for pixel_map in render_pass.pixel_maps:
-                    accumulator.add(self.rays.rows(*bands), resample(radiance, pixel_map))
-                passes.append(render_pass)
+        if renderer is not None:
+            for sample_offsets in offsets.reshape(plan.samples, plan.rotations):
+                for bands in itertools.pairwise(plan.edges):
+                    render_pass = self._render_pass(bands, sample_offsets, size)
+                    scene = self.scene_of(render_pass)
+                    image = renderer.color(scene, render_pass.T_world_camera, render_pass.K, rows=render_pass.rows)
+                    radiance = accumulator.decode(image)
+                    for pixel_map in render_pass.pixel_maps:
+                        accumulator.add(self.rays.rows(*bands), resample(radiance, pixel_map))
+                    passes.append(render_pass)
 
         def mid_exposure_passes() -> list[RenderPass]:
-            if color and count == 1:
+            if passes and count == 1:
                 return passes
             return [self._render_pass(bands, np.zeros(1), size) for bands in itertools.pairwise(plan.edges)]
 
         return CapturedFrame(
-            accumulator.mean() if color else None,
+            accumulator.mean() if renderer is not None else None,
             self,
             self._trajectory,
             self._trajectory.at(middle),

@@ -1,33 +1,42 @@
-"""MuJoCo's classic OpenGL renderer with any camera pose and matrix: color images and segmentations.
+"""MuJoCo's classic OpenGL renderer with any camera pose and matrix.
 
 Unlike `mujoco.Renderer`, it takes the camera as an argument instead of from the model, needs no environment variable,
-decodes ids by one table look-up, and keeps its OpenGL context when the model changes.
+leaves out what is not in view, and keeps its OpenGL context, textures and meshes when the model changes.
 """
 
 from __future__ import annotations
 
 import weakref
-from contextlib import AbstractContextManager
 
 import cv2
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.pinhole import Intrinsics, camera_matrix, focal_and_centre
+from pftrack_sim.camera.pinhole import camera_matrix, frustum
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
+from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.render.culling import Bounds, PixelRect, View
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.resources import Resources
-from pftrack_sim.render.gl.scene import ModelScene
+from pftrack_sim.render.renderer import (
+    DRAWN_GROUPS,
+    Renderer,
+    checked_poses,
+    clip_depths_m,
+    geoms_drawn,
+    sky_material,
+)
 
-_CODE_BITS = np.uint32(0xFFFFFF)
+_NEVER_DRAWN_GROUP = 5
+_STATIC_AND_DYNAMIC = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+_SPARE_GEOMS = 64
+_NO_PERTURBATION = mujoco.MjvPerturb()
 
 
 class Rasteriser(Renderer):
-    """Draws one model off-screen with OpenGL; see `pftrack_sim.render.backend.Renderer`.
+    """Draws one model off-screen with OpenGL; see `pftrack_sim.render.renderer.Renderer`.
 
     Any thread may use it, one at a time. Several can exist in one process; those of one model draw one at a time, too,
     since geoms are hidden in the model while it is drawn.
@@ -55,17 +64,12 @@ class Rasteriser(Renderer):
         self._context = context or open_context(size=(self.width_px, self.height_px))
         self.info = self._context.info
         self.description = f"{self.info.backend}: {self.info.renderer}, {self.info.vendor}, OpenGL {self.info.version}"
-        self._scene: ModelScene | None = None
+        self._scene: _Scene | None = None
         self._resources: list[Resources] = []
         """One of the last model bound; none before."""
         self._finalizer = weakref.finalize(self, _free, self._context, self._resources)
-        self._area = mujoco.MjrRect(0, 0, self.width_px, self.height_px)
         self._pixels = np.empty((self.height_px, self.width_px, 4), dtype=np.uint8)
         self.rebind(model)
-
-    def drawing(self) -> AbstractContextManager[None]:
-        """See `Renderer.drawing`; the OpenGL context is current in the block."""
-        return self._context.current()
 
     def rebind(self, model: mujoco.MjModel) -> None:
         """Draw another model from now on. It takes over the textures and meshes of the last one that equal its own."""
@@ -75,8 +79,7 @@ class Rasteriser(Renderer):
                 if self._resources:
                     self._resources.pop().free()
                 self._resources.append(Resources(model, (self.width_px, self.height_px)))
-        self._read_model(model)
-        self._scene = ModelScene(model, self.visible_geoms, (self.near_m, self.far_m))
+        self._scene = _Scene(model)
 
     def unbind(self) -> None:
         """See `Renderer.unbind`. Textures and meshes stay in OpenGL's memory until the next `rebind`."""
@@ -85,62 +88,29 @@ class Rasteriser(Renderer):
     def color(
         self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
     ) -> Image:
-        """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop).
-
-        Edges of an image of rows may differ from those of the whole image by the rounding of subpixels.
-        """
-        scene, height = self._bound_scene(), self.height_px
-        fx, fy, cx, cy = self._intrinsics(K)
+        """See `Renderer`. Edges of an image of rows may differ from the whole image by the rounding of subpixels."""
+        if self._scene is None:
+            closed = self._context.closed
+            raise RenderError("this renderer has been closed" if closed else "this renderer has no model: rebind it")
+        matrix, height = camera_matrix(K, self.width_px, self.height_px), self.height_px
         if rows is not None:
-            cy -= rows.start
+            matrix[1, 2] -= rows.start
             height = rows.stop - rows.start
-        pixels = self._pixels[:height]
-        area = self._area if rows is None else mujoco.MjrRect(0, 0, self.width_px, height)
-        drawn = scene.color_scene(data, checked_poses(T_world_camera), (fx, fy, cx, cy), (self.width_px, height))
+        pixels, area = self._pixels[:height], mujoco.MjrRect(0, 0, self.width_px, height)
+        scene = self._scene.composed(data, checked_poses(T_world_camera), matrix, (self.width_px, height))
         with self._context.current():
-            scene.sky.update(self._resources[0])
-            mujoco.mjr_render(area, drawn, self._resources[0].context)
-            mujoco.mjr_readPixels(pixels, None, area, self._resources[0].context)
+            resources = self._resources[0]
+            self._scene.update_sky(resources)
+            mujoco.mjr_render(area, scene, resources.context)
+            mujoco.mjr_readPixels(pixels, None, area, resources.context)
         # OpenGL counts rows from the bottom.
         image = cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB)
         return np.asarray(cv2.flip(image, 0, image), dtype=np.uint8)
-
-    def _ids(
-        self, data: mujoco.MjData, pose: FloatArray, K: ArrayLike | float, geoms: BoolArray, rect: PixelRect
-    ) -> Segmentation:
-        """See `Renderer`.
-
-        The whole image is drawn whatever the rectangle: clipped to a smaller view, triangles would be rounded to other
-        subpixels, and the rectangle would differ from the same pixels of the whole image.
-        """
-        scene, size = self._bound_scene(), (self.width_px, self.height_px)
-        drawn, geom_of_code = scene.ids_scene(data, pose, self._intrinsics(K), size, geoms)
-        pixels = self._pixels.reshape(-1)[: 4 * rect.width * rect.height].reshape(rect.height, rect.width, 4)
-        inverse_depth = np.empty((rect.height, rect.width), dtype=np.float32)
-        area = mujoco.MjrRect(rect.left, self.height_px - rect.top - rect.height, rect.width, rect.height)
-        with self._context.current():
-            mujoco.mjr_render(self._area, drawn, self._resources[0].context)
-            mujoco.mjr_readPixels(pixels, inverse_depth, area, self._resources[0].context)
-        codes = pixels.view("<u4")[:, :, 0] & _CODE_BITS
-        return Segmentation(rect, geom_of_code.take(codes)[::-1], inverse_depth[::-1])
-
-    def _reciprocal_depth(self, found: Segmentation) -> NDArray[np.float32]:
-        # The buffer runs from 1 at the near plane to 0 at the far one, linear in 1 / depth.
-        return 1.0 / self.far_m + found.inverse_depth * (1.0 / self.near_m - 1.0 / self.far_m)
 
     def close(self) -> None:
         """See `Renderer.close`."""
         self._scene = None
         self._finalizer()
-
-    def _bound_scene(self) -> ModelScene:
-        if self._scene is None:
-            closed = self._context.closed
-            raise RenderError("this renderer has been closed" if closed else "this renderer has no model: rebind it")
-        return self._scene
-
-    def _intrinsics(self, K: ArrayLike | float) -> Intrinsics:
-        return focal_and_centre(K if np.ndim(K) else camera_matrix(K, self.width_px, self.height_px))
 
 
 def _free(context: GLContext, resources: list[Resources]) -> None:
@@ -150,3 +120,89 @@ def _free(context: GLContext, resources: list[Resources]) -> None:
             while resources:
                 resources.pop().free()
     context.close()
+
+
+class _Scene:
+    """MuJoCo's scene of one model: geoms in view, camera, lights, and the brightness of the sky."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._geoms = np.flatnonzero(geoms_drawn(model))
+        self._groups = model.geom_group.copy()
+        self._clip_m = clip_depths_m(model)
+        self._bounds = Bounds(model)
+        self._options = _geoms_only()
+        self._scene = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = False
+        self._eyes = tuple(self._scene.camera)  # MuJoCo draws the average of two eyes: both get the same camera
+        self._sky_material = sky_material(model)
+        skies = np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+        self._sky = int(skies[0]) if self._sky_material >= 0 and skies.size else -1
+        self._sky_brightness = 1.0
+
+    def composed(
+        self, data: mujoco.MjData, T_world_camera: FloatArray, K: FloatArray, size: tuple[int, int]
+    ) -> mujoco.MjvScene:
+        """What an image of `size` width and height [px] shows.
+
+        Geoms are hidden by their group in the model, which is restored at once: MuJoCo passes all others to OpenGL, and
+        software OpenGL transforms every vertex of them.
+        """
+        model, scene = self._model, self._scene
+        view = View(data.geom_xpos, data.geom_xmat, T_world_camera, K, self._clip_m[0])
+        hidden = self._hidden(view, PixelRect(0, 0, *size))
+        # `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the tiles of an
+        # infinite plane) would come from the camera of the previous frame.
+        self._place_camera(view, size)
+        scene.ngeom = 0
+        model.geom_group[hidden] = _NEVER_DRAWN_GROUP
+        mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
+        model.geom_group[hidden] = self._groups[hidden]
+        mujoco.mjv_makeLights(model, data, scene)
+        return scene
+
+    def _hidden(self, view: View, rect: PixelRect) -> IntArray:
+        """Drawn geoms that change no pixel; none that casts a shadow, where a light casts any."""
+        model, geoms = self._model, self._geoms
+        if (model.mat_reflectance > 0.0).any():
+            return geoms[:0]
+        shown = self._bounds.in_view(view, rect, geoms)
+        if (model.light_active & model.light_castshadow).any():
+            shown |= model.geom_castshadow[geoms]
+        return geoms[~shown]
+
+    def _place_camera(self, view: View, size: tuple[int, int]) -> None:
+        pose, sides = view.T_world_camera, frustum(view.intrinsics, *size, *self._clip_m)
+        for eye in self._eyes:
+            eye.pos[:], eye.forward[:], eye.up[:] = pose[:3, 3], pose[:3, 2], -pose[:3, 1]
+            eye.frustum_center, eye.frustum_width = 0.5 * (sides.left + sides.right), 0.5 * (sides.right - sides.left)
+            eye.frustum_bottom, eye.frustum_top = sides.bottom, sides.top
+            eye.frustum_near, eye.frustum_far = sides.near, sides.far
+            eye.orthographic = 0
+
+    def update_sky(self, resources: Resources) -> None:
+        """Keep OpenGL's sky texture, which is drawn without lighting, as bright as the model's sky material.
+
+        The OpenGL context must be current.
+        """
+        model, texture = self._model, self._sky
+        if texture < 0 or (brightness := float(model.mat_emission[self._sky_material])) == self._sky_brightness:
+            return
+        start = int(model.tex_adr[texture])
+        size = int(model.tex_width[texture]) * int(model.tex_height[texture]) * int(model.tex_nchannel[texture])
+        texels = model.tex_data[start : start + size]
+        original = texels.copy()
+        levels = np.clip(np.round(np.arange(256) * brightness), 0.0, 255.0).astype(np.uint8)
+        texels[:] = cv2.LUT(original, levels).reshape(-1)
+        resources.upload_texture(model, texture)
+        texels[:] = original
+        self._sky_brightness = brightness
+
+
+def _geoms_only() -> mujoco.MjvOption:
+    """Options that draw geoms of the drawn groups, and no sites, joints or other decoration."""
+    options = mujoco.MjvOption()
+    for kind in ("geom", "site", "joint", "tendon", "actuator", "flex", "skin"):
+        getattr(options, f"{kind}group")[:] = 0
+    options.geomgroup[list(DRAWN_GROUPS)] = 1
+    return options

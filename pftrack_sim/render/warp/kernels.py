@@ -1,8 +1,4 @@
-"""Shading of rays, and the kernels: geom and inverse depth of each pixel, and its color.
-
-Texture, sky and light functions are MuJoCo Warp's own; mip levels are chosen here. All kernels are in one module,
-because Warp compiles per module: functions they share are compiled once.
-"""
+"""Shading of rays: the colour of each pixel. Texture, sky and light functions are MuJoCo Warp's own."""
 
 # Warp evaluates annotations, so that they stay unquoted; a type checker can neither read nor infer these types.
 # pyright: basic, reportInvalidTypeForm=false, reportPrivateUsage=false, reportGeneralTypeIssues=false
@@ -202,31 +198,6 @@ def color_at(
         highlight += specular_light
     color = wp.cw_mul(wp.min(color, wp.vec3(1.0)) + shadowed, texel) + highlight
     return wp.max(wp.min(color, wp.vec3(1.0)), wp.vec3(0.0))
-
-
-@wp.kernel
-def cast_ids(
-    geoms: Geoms,
-    appearance: Appearance,
-    bvh: GeomBvh,
-    camera: Camera,
-    rect: wp.vec4i,
-    ids: wp.array(dtype=int),
-    inverse_depth: wp.array(dtype=float),
-):
-    """Geom and inverse depth at each pixel of a rectangle (left, top, width, height); -1, 0 where none."""
-    pixel = wp.tid()
-    width = rect[2]
-    x = float(rect[0] + pixel % width) + 0.5
-    y = float(rect[1] + pixel // width) + 0.5
-    origin, direction, cosine = ray_of(camera, x, y)
-    geom, distance, _normal, _u, _v, _face, _mesh = first_hit(
-        geoms, appearance, bvh, origin, direction, (camera.far - camera.near) / cosine
-    )
-    ids[pixel] = geom
-    inverse_depth[pixel] = 0.0
-    if geom >= 0:
-        inverse_depth[pixel] = 1.0 / (camera.near + distance * cosine)
 
 
 @wp.kernel

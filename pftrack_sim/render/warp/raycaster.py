@@ -16,14 +16,13 @@ from numpy.typing import ArrayLike
 from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation, checked_poses
+from pftrack_sim.render.renderer import Renderer, checked_poses, clip_depths_m, geoms_drawn
 from pftrack_sim.render.warp import kernels, rays
 from pftrack_sim.render.warp.scene import SceneArrays
 
 
 class Raycaster(Renderer):
-    """Draws one model with MuJoCo Warp; see `pftrack_sim.render.backend.Renderer`.
+    """Draws one model with MuJoCo Warp; see `pftrack_sim.render.renderer.Renderer`.
 
     It draws the same geoms as OpenGL on the same pixel grid, shaded per pixel. The model's multisampling becomes n x n
     rays per pixel of a color image, n the smallest number with n x n >= the number of samples.
@@ -47,10 +46,10 @@ class Raycaster(Renderer):
     def rebind(self, model: mujoco.MjModel) -> None:
         """Draw another model from now on."""
         self.unbind()
-        self._read_model(model)
+        self._clip_m = clip_depths_m(model)
         # The fewest rays across and down a pixel that are no fewer than the samples.
         self._samples = math.isqrt(max(int(model.vis.quality.offsamples), 1) - 1) + 1
-        self._arrays = SceneArrays(model, self.visible_geoms)
+        self._arrays = SceneArrays(model, geoms_drawn(model))
 
     def unbind(self) -> None:
         """Release the model and its arrays on the device, until the next `rebind`."""
@@ -71,22 +70,6 @@ class Raycaster(Renderer):
         drawn = np.array(image.numpy(), dtype=np.uint8).reshape(self.height_px, width, 3)
         return drawn if rows is None else drawn[rows]
 
-    def _ids(
-        self, data: mujoco.MjData, pose: FloatArray, K: ArrayLike | float, geoms: BoolArray, rect: PixelRect
-    ) -> Segmentation:
-        """See `Renderer`; only the rectangle is cast, and only at the given geoms."""
-        arrays = self._bound_arrays()
-        arrays.update_poses(data)
-        shape = rect.height, rect.width
-        ids, inverse_depth = np.full(shape, -1, dtype=np.int32), np.zeros(shape, dtype=np.float32)
-        bvh, _owner = arrays.bvh(geoms)
-        if bvh.count:
-            on_device = wp.zeros(ids.size, dtype=int), wp.zeros(ids.size, dtype=float)
-            inputs = [arrays.geoms, arrays.appearance, bvh, self._camera(pose, K), wp.vec4i(*rect)]
-            wp.launch(kernels.cast_ids, dim=ids.size, inputs=inputs, outputs=on_device)
-            ids[:], inverse_depth[:] = (values.numpy().reshape(shape) for values in on_device)
-        return Segmentation(rect, ids, inverse_depth)
-
     def close(self) -> None:
         """Free everything; a second call does nothing."""
         self.unbind()
@@ -105,5 +88,5 @@ class Raycaster(Renderer):
         camera.eye, camera.rotation = wp.vec3(*pose[:3, 3].tolist()), wp.mat33(*pose[:3, :3].ravel().tolist())
         lens = focal_and_centre(camera_matrix(K, self.width_px, self.height_px))
         camera.focal_centre = wp.vec4(*(float(value) for value in lens))
-        camera.near, camera.far = float(self.near_m), float(self.far_m)
+        camera.near, camera.far = self._clip_m
         return camera

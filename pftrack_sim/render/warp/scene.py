@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.render.backend import sky_material
+from pftrack_sim.render.renderer import sky_material
 from pftrack_sim.render.warp import rays
 
 _INFINITE_PLANE_M = 1e4

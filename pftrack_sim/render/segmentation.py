@@ -1,68 +1,78 @@
-"""A renderer of segmentations alone, on the processor and without any OpenGL library."""
+"""Which geom each pixel shows and how far it is, on the processor: the source of the truth, with and without images.
+
+A pixel shows the triangle at its centre, as in OpenGL, from which it differs by the rounding of edges only.
+"""
 
 from __future__ import annotations
 
-from typing import NoReturn
+from dataclasses import dataclass
+from typing import Any
 
-import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from pftrack_sim.camera.pinhole import Intrinsics, camera_matrix, focal_and_centre
+from pftrack_sim.camera.pinhole import Intrinsics
 from pftrack_sim.core.compiled import kernel
-from pftrack_sim.core.errors import RenderError
-from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
-from pftrack_sim.render.backend import PixelRect, Renderer, Segmentation
-from pftrack_sim.render.triangles import Triangles, model_triangles
+from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.render.culling import PixelRect, View
+from pftrack_sim.render.renderer import clip_depths_m, geoms_drawn
+from pftrack_sim.render.triangles import model_triangles
 
 _SUBPIXEL = 1e-6  # Rounding of the places where a row crosses the edges of a triangle [px]
 
 
-class IdRasteriser(Renderer):
-    """Draws the ids and depths of a model's geoms, no colours; see `pftrack_sim.render.backend.Renderer`.
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """The geom at each pixel of a rectangle.
 
-    A pixel shows the triangle at its centre, as in OpenGL, from which it differs by the rounding of edges only. The
-    inverse depth is 1 / depth [1/m]. It costs by the triangles and pixels of the geoms asked for, not by the image.
+    Attributes:
+        rect: Where in the image.
+        ids: `(h, w)` int32 geom ids, -1 where there is none.
+        inverse_depth: `(h, w)` float32 1 / depth along the optical axis [1/m]; that of the far plane where there is no
+            geom. Of two geoms at equal depth, the larger id is in front.
     """
 
-    description = "ids and depths on the processor, no colours"
-    draws_color = False
+    rect: PixelRect
+    ids: NDArray[np.int32]
+    inverse_depth: NDArray[np.float32]
 
-    def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int) -> None:
-        super().__init__(width_px, height_px)
-        self.rebind(model)
+    def depth_m(self) -> NDArray[np.float32]:
+        """`(h, w)` depth along the optical axis [m]; infinite where there is no geom."""
+        return np.where(self.ids < 0, np.float32(np.inf), np.float32(1.0) / self.inverse_depth)
 
-    def rebind(self, model: mujoco.MjModel) -> None:
-        """See `Renderer.rebind`."""
-        self._read_model(model)
-        self._triangles: Triangles | None = model_triangles(model, self.visible_geoms)
 
-    def unbind(self) -> None:
-        """See `Renderer.unbind`."""
-        self._triangles = None
+class Segmenter:
+    """Segments one model; see `render.renderer.geoms_drawn` for the geoms.
 
-    close = unbind
+    It costs by the triangles of the geoms asked for and by their pixels in the rectangle, not by the image.
 
-    def color(
-        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
-    ) -> NoReturn:
-        """Raise `RenderError`: there are no colours."""
-        raise RenderError("this renderer draws no colours: it was opened for the truth without images")
+    Attributes:
+        near_m: Depth of the near plane.
+        far_m: Depth of the far plane.
+        drawn: `(ngeom,)` geoms that are drawn at all.
+        triangles: Their triangles.
+    """
 
-    def _ids(
-        self, data: mujoco.MjData, pose: FloatArray, K: ArrayLike | float, geoms: BoolArray, rect: PixelRect
-    ) -> Segmentation:
-        """See `Renderer`."""
-        if self._triangles is None:
-            raise RenderError("this renderer has no model: rebind it")
-        ids = np.full((rect.height, rect.width), -1, dtype=np.int32)
-        inverse_depth = np.zeros((rect.height, rect.width), dtype=np.float32)
-        fx, fy, cx, cy = focal_and_centre(camera_matrix(K, self.width_px, self.height_px))
-        window = fx, fy, cx - rect.left, cy - rect.top
+    def __init__(self, model: Any) -> None:
+        self.near_m, self.far_m = clip_depths_m(model)
+        self.drawn = geoms_drawn(model)
+        self.triangles = model_triangles(model, self.drawn)
+
+    def segment(self, view: View, rect: PixelRect, geoms: IntArray | None = None) -> Segmentation:
+        """Segment a rectangle of pixels, in which only the given geoms are drawn; None draws all."""
+        shape = rect.height, rect.width
+        ids = np.full(shape, -1, dtype=np.int32)
+        found = Segmentation(rect, ids, np.full(shape, 1.0 / self.far_m, dtype=np.float32))
+        self.add(found, view, np.flatnonzero(self.drawn) if geoms is None else geoms)
+        return found
+
+    def add(self, found: Segmentation, view: View, geoms: IntArray) -> None:
+        """Draw more geoms into a segmentation of the same view."""
+        fx, fy, cx, cy = view.intrinsics
+        window = fx, fy, cx - found.rect.left, cy - found.rect.top
         # A copy: for a read-only pose, the kernel would be compiled once more.
-        poses = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3), np.array(pose, order="C")
-        draw_triangles(np.flatnonzero(geoms), *self._triangles, *poses, window, self.near_m, ids, inverse_depth)
-        return Segmentation(rect, ids, inverse_depth)
+        poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")
+        draw_triangles(geoms, *self.triangles, *poses, window, self.near_m, found.ids, found.inverse_depth)
 
 
 @kernel
