@@ -143,9 +143,10 @@ def test_the_truth_of_a_partly_hidden_target_is_that_of_an_independent_segmentat
                 whole = renderer.ids(world.data, truth.T_world_camera, own) >= 0
                 visible = np.append(own, False)[renderer.ids(world.data, truth.T_world_camera)]
                 assert abs(truth.visible_fraction - visible.sum() / whole.sum()) < 0.01
-                for box, mask in ((truth.visible_box, visible), (truth.box, whole)):
+                # A tip thinner than a pixel reaches farther than any pixel that shows it.
+                for box, mask, most in ((truth.visible_box, visible, 1.0), (truth.box, whole, 2.0)):
                     off = box - boxes.from_mask(mask)
-                    assert np.abs([*off[:2], *(off[:2] + off[2:])]).max() <= 1.0
+                    assert np.abs([*off[:2], *(off[:2] + off[2:])]).max() <= most
                 compared += 0.05 < truth.visible_fraction < 0.95
                 for _ in range(2):
                     world.advance()
