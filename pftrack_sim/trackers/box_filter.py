@@ -21,7 +21,6 @@ from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
-from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 
@@ -167,7 +166,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         follows it, at the same place in the image: the likelihood decides between the two.
         """
         if self.params.camera_motion:
-            self._shift += self._camera.shift(ImagePyramid(image))
+            self._shift += self._camera.shift(image)
             states = self._filter.states
             states[: math.ceil(CARRIED_SHARE * len(states)), :2] += self._shift
 

@@ -21,7 +21,7 @@ from pftrack_sim.trackers.features.histogram import (
 from pftrack_sim.trackers.features.pixel_codes import cs_lbp_codes, hsv_codes, rgb_codes
 from pftrack_sim.trackers.papers.ko2012 import log_mixture
 
-LAYOUTS = [uniform_layout(3, 16), epanechnikov_layout(3, 128), cell_layout(4, 4, 1, 16), cell_layout(2, 3, 1, 16)]
+LAYOUTS = [uniform_layout(3, 16), epanechnikov_layout(3, 128), uniform_layout(1, 256), cell_layout()]
 RNG = np.random.default_rng(0)
 
 
@@ -58,7 +58,7 @@ def test_epanechnikov_histogram_of_whole_pixels_against_numpy():
 
 
 def test_cells_cover_their_part_of_the_box():
-    layout = cell_layout(4, 4, 1, 16)
+    layout = cell_layout()
     codes = np.zeros((ROWS, COLUMNS, 1), np.uint8)
     codes[:12, 18:] = 5  # the upper right of the 16 cells
     found = histogram(codes, np.array([0.0, 0, COLUMNS, ROWS]), layout).reshape(4, 4, 16)
@@ -137,7 +137,7 @@ def test_similarities_do_not_depend_on_the_cropped_region():
     """Only the part of the image that the boxes touch is converted."""
     image = RNG.integers(0, 256, (80, 100, 3), dtype=np.uint8)
     features = [
-        Feature(cs_lbp_codes, cell_layout(4, 4, 1, 16)),
+        Feature(cs_lbp_codes, cell_layout()),
         Feature(lambda i: hsv_codes(i, 32), uniform_layout(3, 32)),
     ]
     model = HistogramModel(features, image, np.array([30.0, 20, 20, 30]))

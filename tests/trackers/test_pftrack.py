@@ -12,10 +12,10 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
-from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
 from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, DIRECTIONS, hog_map
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 
 Scene = tuple[list[np.ndarray], np.ndarray]
@@ -36,17 +36,29 @@ def run(images: list[np.ndarray], box: Any, **given: Any) -> list[Estimate]:
 def test_a_patch_at_the_image_s_own_scale_is_the_image():
     image = texture(64, 48)
     pyramid = ImagePyramid(image)
-    assert np.array_equal(pyramid.patch(np.array([32.0, 24]), (64.0, 48.0), (64, 48)), image)
-    assert np.array_equal(pyramid.patch(np.array([20.0, 15]), (16.0, 10.0), (16, 10)), image[10:20, 12:28])
+    assert np.array_equal(pyramid.patch(np.array([20.0, 15]), 10.0, 10), image[10:20, 15:25])
+    assert np.array_equal(pyramid.patch(np.array([32.0, 24]), 48.0, 48), image[:, 8:56])
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    found = pyramid.grey_patches(np.array([20.0, 15]), np.array([[16.0, 10.0]]), (10, 16))
+    assert np.array_equal(found[0], grey[10:20, 12:28])
 
 
 @pytest.mark.parametrize("factor", [2, 4])
 def test_a_patch_at_a_coarser_scale_is_the_mean_of_blocks(factor: int):
     image = texture(64, 48)
-    shape = (64 // factor, 48 // factor)
-    patch = ImagePyramid(image).patch(np.array([32.0, 24]), (64.0, 48.0), shape)
-    means = image.reshape(shape[1], factor, shape[0], factor, 3).mean(axis=(1, 3))
+    count = 32 // factor
+    patch = ImagePyramid(image).patch(np.array([32.0, 24]), 32.0, count)
+    means = image[8:40, 16:48].reshape(count, factor, count, factor, 3).mean(axis=(1, 3))
     assert np.abs(patch - means).max() <= 1
+
+
+@pytest.mark.parametrize("side", [9.0, 37.0, 150.0])
+def test_a_patch_does_not_depend_on_those_before(side: float):
+    image, places = texture(320, 240), np.random.default_rng(0).uniform(-20, 330, (30, 2))
+    pyramid = ImagePyramid(image)
+    for place in places:
+        alone, beside = (one.patch(place, side, 16).astype(int) for one in (ImagePyramid(image), pyramid))
+        assert np.abs(alone - beside).max() <= 1
 
 
 def test_a_uniform_patch_has_no_gradients_and_an_edge_has_its_direction():
@@ -80,22 +92,22 @@ def test_the_shift_of_the_image_is_found(size: tuple[int, int], moved: tuple[flo
     x, y = (round(v) for v in moved)
     first, then = large[30 : 30 + height, 30 : 30 + width], large[30 - y : 30 - y + height, 30 - x : 30 - x + width]
     camera = CameraMotion(certainty_min=0.05)
-    assert camera.shift(ImagePyramid(np.ascontiguousarray(first))).tolist() == [0.0, 0.0]
-    found = camera.shift(ImagePyramid(np.ascontiguousarray(then)))
+    assert camera.shift(np.ascontiguousarray(first)).tolist() == [0.0, 0.0]
+    found = camera.shift(np.ascontiguousarray(then))
     assert np.abs(found - moved).max() < max(width / 128, 1.0)
 
 
 def test_an_unrelated_image_has_no_shift():
     camera = CameraMotion(certainty_min=0.3)
-    camera.shift(ImagePyramid(texture(160, 120, seed=1)))
-    assert camera.shift(ImagePyramid(texture(160, 120, seed=2))).tolist() == [0.0, 0.0]
+    camera.shift(texture(160, 120, seed=1))
+    assert camera.shift(texture(160, 120, seed=2)).tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("value", [0, 120])
 def test_a_uniform_image_has_no_shift(value: int):
     camera = CameraMotion(certainty_min=0.0)
     for _ in range(3):
-        assert camera.shift(ImagePyramid(np.full((120, 160, 3), value, np.uint8))).tolist() == [0.0, 0.0]
+        assert camera.shift(np.full((120, 160, 3), value, np.uint8)).tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("moved", [(0, 0), (3, -2), (-4, 1)])

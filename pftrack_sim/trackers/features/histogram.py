@@ -2,7 +2,7 @@
 
 Every box, whatever its size, is sampled at the same ROWS x COLUMNS points, so that cost does not depend on size and
 histograms of different boxes are comparable. They are counted from *pixel codes* (a colour's bin, a texture's pattern);
-a `BinLayout` holds the weight of each point and the part of the histogram that it counts into.
+a `BinLayout` holds the weight of each point, or divides the box into cells with a histogram each.
 """
 
 from __future__ import annotations
@@ -11,51 +11,40 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.boxes import Box
-from pftrack_sim.core.compiled import kernel
+from pftrack_sim.core.compiled import kernel, part_of_kernel
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.image_region import ImageRegion, crop
 
 Codes: TypeAlias = NDArray[np.uint8]  # `(H, W, C)` pixel codes
 ROWS, COLUMNS = 48, 24
+CELLS = 4
+"""Rows and columns of cells in a layout that has cells."""
+PATTERN_COUNT = 16
+"""Codes that such a layout counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class BinLayout:
-    """Weights and cells of the points of a box.
+    """Weights of the points of a box, or cells of points of equal weight.
 
     Attributes:
-        weights: `(rows, columns)` whole weights >= 0 whose sum fits an int32; `(ROWS, COLUMNS)` by default.
-        cells: `(rows, columns)` cell of each point, from 0.
-        cell_count: Number of cells.
-        channel_count: Codes per pixel.
-        bin_count: Bins per channel and cell; codes are below it.
+        weights: `(rows, columns)` whole weights >= 0, the same upside down and left to right, whose sum fits an int32.
+        channel_count: Codes per pixel, 1 or 3; 1 in cells.
+        bin_count: Bins per channel and cell, at most 256; `PATTERN_COUNT` in cells. Codes are below it.
+        in_cells: Whether CELLS x CELLS parts of the box have a histogram each; all weights are then 1.
     """
 
     weights: NDArray[np.int32]
-    cells: NDArray[np.int64]
-    cell_count: int
     channel_count: int
     bin_count: int
-
-    @cached_property
-    def spans(self) -> NDArray[np.uintp]:
-        """`(rows, 2)` first point of each row with a weight, and one after the last."""
-        weighty = np.greater(self.weights, 0)
-        first, last = weighty.argmax(axis=1), self.weights.shape[1] - np.flip(weighty, axis=1).argmax(axis=1)
-        empty = ~np.any(weighty, axis=1, keepdims=True)
-        return np.where(empty, 0, np.stack([first, last], axis=1)).astype(np.uintp)
-
-    @cached_property
-    def first_bins(self) -> NDArray[np.uintp]:
-        """`(rows, columns)` first bin of each point's cell."""
-        return (self.cells * (self.channel_count * self.bin_count)).astype(np.uintp)
+    in_cells: bool = False
 
     @cached_property
     def total(self) -> float:
@@ -65,19 +54,17 @@ class BinLayout:
     @property
     def size(self) -> int:
         """Bins of the whole histogram."""
-        return self.cell_count * self.channel_count * self.bin_count
+        return (CELLS * CELLS if self.in_cells else 1) * self.channel_count * self.bin_count
 
 
 def uniform_layout(channel_count: int, bin_count: int) -> BinLayout:
-    """Equal weights, one cell."""
-    return cell_layout(1, 1, channel_count, bin_count)
+    """Equal weights, one histogram."""
+    return BinLayout(np.ones((ROWS, COLUMNS), np.int32), channel_count, bin_count)
 
 
-def cell_layout(rows: int, columns: int, channel_count: int, bin_count: int) -> BinLayout:
-    """Equal weights, rows x columns cells."""
-    row, column = np.arange(ROWS) * rows // ROWS, np.arange(COLUMNS) * columns // COLUMNS
-    cells = row[:, None] * columns + column[None, :]
-    return BinLayout(np.ones((ROWS, COLUMNS), np.int32), cells, rows * columns, channel_count, bin_count)
+def cell_layout() -> BinLayout:
+    """CELLS x CELLS cells, whose histograms follow each other row by row."""
+    return BinLayout(np.ones((ROWS, COLUMNS), np.int32), 1, PATTERN_COUNT, in_cells=True)
 
 
 def epanechnikov_layout(channel_count: int, bin_count: int) -> BinLayout:
@@ -86,7 +73,7 @@ def epanechnikov_layout(channel_count: int, bin_count: int) -> BinLayout:
     v = COLUMNS * (2 * np.arange(ROWS) + 1 - ROWS)
     u = ROWS * (2 * np.arange(COLUMNS) + 1 - COLUMNS)
     squares = np.square(v)[:, None] + np.square(u)[None, :]
-    return _one_cell(np.clip((ROWS * COLUMNS) ** 2 - squares, 0, None), channel_count, bin_count)
+    return BinLayout(np.clip((ROWS * COLUMNS) ** 2 - squares, 0, None).astype(np.int32), channel_count, bin_count)
 
 
 def distance_layout(rows: int, columns: int, channel_count: int, bin_count: int) -> BinLayout:
@@ -97,11 +84,7 @@ def distance_layout(rows: int, columns: int, channel_count: int, bin_count: int)
     # Doubled distances are whole numbers.
     v, u = 2 * np.arange(rows) - (rows - 1), 2 * np.arange(columns) - (columns - 1)
     squares = np.square(v)[:, None] + np.square(u)[None, :]
-    return _one_cell(squares.max() - squares, channel_count, bin_count)
-
-
-def _one_cell(weights: NDArray[np.int64], channel_count: int, bin_count: int) -> BinLayout:
-    return BinLayout(weights.astype(np.int32), np.zeros(weights.shape, np.int64), 1, channel_count, bin_count)
+    return BinLayout((squares.max() - squares).astype(np.int32), channel_count, bin_count)
 
 
 def histogram(codes: Codes, box: Box, layout: BinLayout) -> FloatArray:
@@ -130,55 +113,110 @@ def similarities(codes: Codes, boxes: FloatArray, layout: BinLayout, model: Floa
 def _counts(codes: Codes, boxes: FloatArray, layout: BinLayout) -> NDArray[np.float32]:
     """`(N, layout.size)` weighted counts of `(N, 4)` boxes."""
     out = np.empty((len(boxes), layout.size), np.float32)
-    _count(codes, boxes, layout.weights, layout.spans, layout.first_bins, layout.bin_count, out)
+    if layout.in_cells:
+        _count_patterns(codes[..., 0], boxes, out)
+    else:
+        _count(codes, boxes, layout.weights, layout.bin_count, out)
     return out
+
+
+@part_of_kernel
+def _place(near: float, size: float, limit: int, step: int, places: NDArray[np.uintp], inside: NDArray[Any]) -> None:
+    """Fill the place of each point along an axis, times `step`, and 1 where it lies in the image, 0 where it does not.
+
+    A point outside has the place of the nearest pixel.
+    """
+    for k in range(places.size):
+        pixel = math.floor(near + (k + 0.5) * size / places.size)
+        places[k] = np.uintp(min(max(pixel, 0), limit - 1) * step)
+        inside[k] = 0 <= pixel < limit
+
+
+# Neighbours often fall into the same bin, and an addition waits for the one before it to be stored: each quarter of the
+# points has counts of its own. Unsigned indices spare a test for negative ones; constant distances need one register.
+_CODES = np.uintp(256)
+_SECOND, _THIRD, _FOURTH = np.uintp(3 * 256), np.uintp(6 * 256), np.uintp(9 * 256)
 
 
 @kernel
 def _count(
-    codes: Codes,
-    boxes: FloatArray,
-    weights: NDArray[np.int32],
-    spans: NDArray[np.uintp],
-    first_bins: NDArray[np.uintp],
-    bin_count: int,
-    out: NDArray[np.float32],
+    codes: Codes, boxes: FloatArray, weights: NDArray[np.int32], bin_count: int, out: NDArray[np.float32]
 ) -> None:
-    """Fill `out` with the counts of each box.
-
-    Neighbours often fall into the same bin, and an addition waits for the one before it to be stored: points of odd
-    columns have counts of their own. Unsigned indices spare a test for negative ones at every access.
-    """
+    """Fill `out` with the counts of each box. Four points that mirror each other have one weight."""
     height, width, channels = codes.shape
-    rows, columns = weights.shape
+    rows, columns = np.uintp(weights.shape[0]), np.uintp(weights.shape[1])
     flat = codes.reshape(-1)
-    places = np.empty(columns, np.uintp)
-    counts = np.empty(2 * out.shape[1], np.int32)
-    size, stride, one = np.uintp(out.shape[1]), np.uintp(bin_count), np.uintp(1)
+    lines, places = np.empty(rows, np.uintp), np.empty(columns, np.uintp)
+    down, across = np.empty(rows, np.int32), np.empty(columns, np.int32)
+    counts = np.empty(np.uintp(4) * _SECOND, np.int32)
+    one, two = np.uintp(1), np.uintp(2)
     for n in range(boxes.shape[0]):
+        _place(boxes[n, 0], boxes[n, 2], width, channels, places, across)
+        _place(boxes[n, 1], boxes[n, 3], height, width * channels, lines, down)
         for k in range(counts.size):
             counts[k] = 0
-        # The points are in order, so that those inside the image follow each other.
-        left, right = columns, 0
-        for j in range(columns):
-            column = math.floor(boxes[n, 0] + (j + 0.5) * boxes[n, 2] / columns)
-            if 0 <= column < width:
-                left, right = min(left, j), j + 1
-                places[j] = np.uintp(column * channels)
-        for i in range(rows):
-            line = math.floor(boxes[n, 1] + (i + 0.5) * boxes[n, 3] / rows)
-            if line < 0 or line >= height:
-                continue
-            start = np.uintp(line * width * channels)
-            for j in range(np.uintp(max(spans[i, 0], left)), np.uintp(min(spans[i, 1], right))):
-                at, weight, first = start + places[j], weights[i, j], first_bins[i, j] + size * (j & one)
-                counts[first + np.uintp(flat[at])] += weight
-                # Unrolled, as a loop over three channels takes half as long again.
-                if channels == 3:
-                    counts[first + stride + np.uintp(flat[at + one])] += weight
-                    counts[first + stride + stride + np.uintp(flat[at + one + one])] += weight
-        for k in range(size):
-            out[n, k] = counts[k] + counts[k + size]
+        for i in range(rows // two):
+            upper, lower, above, below = lines[i], lines[rows - one - i], down[i], down[rows - one - i]
+            for j in range(columns // two):
+                weight = weights[i, j]
+                if weight == 0:
+                    continue
+                left, right = places[j], places[columns - one - j]
+                near, far = weight * across[j], weight * across[columns - one - j]
+                _add(flat, upper + left, channels, above * near, counts, np.uintp(0))
+                _add(flat, upper + right, channels, above * far, counts, _SECOND)
+                _add(flat, lower + left, channels, below * near, counts, _THIRD)
+                _add(flat, lower + right, channels, below * far, counts, _FOURTH)
+        for c in range(channels):
+            for k in range(bin_count):
+                at = np.uintp(c) * _CODES + np.uintp(k)
+                total = counts[at] + counts[at + _SECOND] + counts[at + _THIRD] + counts[at + _FOURTH]
+                out[n, c * bin_count + k] = total
+
+
+@part_of_kernel
+def _add(
+    flat: Codes, at: np.uintp, channels: int, weight: np.int32, counts: NDArray[np.int32], first: np.uintp
+) -> None:
+    """Add the weight of one point to the counts from `first` on; unrolled, as a loop takes half as long again."""
+    counts[first + np.uintp(flat[at])] += weight
+    if channels == 3:
+        counts[first + _CODES + np.uintp(flat[at + np.uintp(1)])] += weight
+        counts[first + _CODES + _CODES + np.uintp(flat[at + np.uintp(2)])] += weight
+
+
+_EVEN, _BITS, _BYTE = np.uint64(0x0F0F0F0F0F0F0F0F), np.uint64(4), np.uint64(255)
+
+
+@kernel
+def _count_patterns(patterns: NDArray[np.uint8], boxes: FloatArray, out: NDArray[np.float32]) -> None:
+    """Fill `out` with the counts in each cell of each box.
+
+    A register counts two rows of a cell, 12 points, in 16 fields of 4 bits; two others the cell, 72 points, in 8 fields
+    of 8 bits each, for even and odd patterns.
+    """
+    height, width = patterns.shape
+    flat = patterns.reshape(-1)
+    lines, places = np.empty(ROWS, np.uintp), np.empty(COLUMNS, np.uintp)
+    down, across = np.empty(ROWS, np.uint64), np.empty(COLUMNS, np.uint64)
+    cell_rows, cell_columns = np.uintp(ROWS // CELLS), np.uintp(COLUMNS // CELLS)
+    one, two = np.uintp(1), np.uintp(2)
+    for n in range(boxes.shape[0]):
+        _place(boxes[n, 0], boxes[n, 2], width, 1, places, across)
+        _place(boxes[n, 1], boxes[n, 3], height, width, lines, down)
+        for cell in range(CELLS * CELLS):
+            top, left = np.uintp(cell // CELLS) * cell_rows, np.uintp(cell % CELLS) * cell_columns
+            even = odd = np.uint64(0)
+            for i in range(top, top + cell_rows, two):
+                upper, lower, both = lines[i], lines[i + one], np.uint64(0)
+                for j in range(left, left + cell_columns):
+                    both += (down[i] & across[j]) << (_BITS * np.uint64(flat[upper + places[j]]))
+                    both += (down[i + one] & across[j]) << (_BITS * np.uint64(flat[lower + places[j]]))
+                even += both & _EVEN
+                odd += (both >> _BITS) & _EVEN
+            for k in range(PATTERN_COUNT // 2):
+                shift, first = np.uint64(8 * k), PATTERN_COUNT * cell + 2 * k
+                out[n, first], out[n, first + 1] = (even >> shift) & _BYTE, (odd >> shift) & _BYTE
 
 
 @dataclass(frozen=True, eq=False)

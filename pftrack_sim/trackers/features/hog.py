@@ -18,6 +18,8 @@ CELL_ROWS = ROWS // CELL_PX
 DIRECTION_COUNT = 8
 SIZE = CELL_ROWS * CELL_COLUMNS * DIRECTION_COUNT
 
+_STRIDE = COLUMNS + 4  # Pixels of a resized box with its border, per row
+_TWO = np.uintp(2)
 _TANGENT = np.float32(math.tan(math.pi / DIRECTION_COUNT))
 _DIRECTIONS = np.array([5, 7, 3, 1, 4, 0, 4, 0, 6, 6, 2, 2])
 """Nearest of the eight directions, indexed by the sum of 1: right, 2: down, 4: nearly horizontal, 8: nearly vertical.
@@ -42,14 +44,18 @@ def hog(grey: NDArray[np.uint8], boxes: FloatArray) -> FloatArray:
 
 @kernel
 def _describe(grey: NDArray[np.float32], boxes: FloatArray, directions: NDArray[np.int64], out: FloatArray) -> None:
-    """Add gradient magnitudes to `out`. Arrays have the replicated borders that the next step reads."""
+    """Add gradient magnitudes to `out`.
+
+    Arrays have the replicated borders that the next step reads, and lie in one row: loops over all pixels at once are
+    vectorised; what they put between two rows is overwritten or never read.
+    """
     height, width = grey.shape
-    patch = np.empty((ROWS + 4, COLUMNS + 4), np.float32)
-    down = np.empty((ROWS, COLUMNS + 4), np.float32)
-    smooth = np.empty((ROWS + 2, COLUMNS + 2), np.float32)
-    lefts, rights = np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.uintp)
-    line, shares = np.empty(width, np.float32), np.empty(COLUMNS, np.float32)
-    magnitudes, sectors = np.empty((ROWS, COLUMNS), np.float32), np.empty((ROWS, COLUMNS), np.int32)
+    patch = np.empty((ROWS + 4) * _STRIDE, np.float32)
+    down = np.zeros((ROWS + 1) * _STRIDE, np.float32)
+    smooth = np.zeros((ROWS + 3) * _STRIDE, np.float32)
+    magnitudes, sectors = np.empty(ROWS * _STRIDE, np.float32), np.empty(ROWS * _STRIDE, np.int32)
+    lefts, rights, shares = np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.uintp), np.empty(COLUMNS, np.float32)
+    line = np.empty(width, np.float32)
     four, six, scale = np.float32(4.0), np.float32(6.0), np.float32(1.0 / 256.0)
     for n in range(boxes.shape[0]):
         for j in range(COLUMNS):
@@ -61,35 +67,38 @@ def _describe(grey: NDArray[np.float32], boxes: FloatArray, directions: NDArray[
             upper, lower, share = grey[int(v)], grey[min(int(v) + 1, height - 1)], np.float32(v - int(v))
             for k in range(lefts[0], rights[COLUMNS - 1] + np.uintp(1)):
                 line[k] = upper[k] + (lower[k] - upper[k]) * share
-            for j in range(COLUMNS):
-                patch[i, j + 2] = line[lefts[j]] + (line[rights[j]] - line[lefts[j]]) * shares[j]
-            patch[i, 0] = patch[i, 1] = patch[i, 2]
-            patch[i, COLUMNS + 2] = patch[i, COLUMNS + 3] = patch[i, COLUMNS + 1]
-        for i in range(ROWS):
-            for j in range(COLUMNS + 4):
-                outer = patch[i, j] + patch[i + 4, j]
-                down[i, j] = outer + four * (patch[i + 1, j] + patch[i + 3, j]) + six * patch[i + 2, j]
-        for i in range(ROWS + 2):
-            row = min(max(i - 1, 0), ROWS - 1)
-            for j in range(COLUMNS):
-                outer = down[row, j] + down[row, j + 4]
-                inner = four * (down[row, j + 1] + down[row, j + 3]) + six * down[row, j + 2]
-                smooth[i, j + 1] = (outer + inner) * scale
-            smooth[i, 0], smooth[i, COLUMNS + 1] = smooth[i, 1], smooth[i, COLUMNS]
-        # Apart from the sums over cells, so that it is vectorised.
-        for i in range(ROWS):
-            for j in range(COLUMNS):
-                gx, gy = smooth[i + 1, j + 2] - smooth[i + 1, j], smooth[i + 2, j + 1] - smooth[i, j + 1]
-                across, up = abs(gx), abs(gy)
-                magnitudes[i, j] = np.sqrt(gx * gx + gy * gy)
-                sectors[i, j] = (
-                    np.int32(gx > 0)
-                    + np.int32(2) * np.int32(gy > 0)
-                    + np.int32(4) * np.int32(up < _TANGENT * across)
-                    + np.int32(8) * np.int32(across < _TANGENT * up)
-                )
+            first = np.uintp(i * _STRIDE)
+            for j in range(np.uintp(COLUMNS)):
+                patch[first + j + _TWO] = line[lefts[j]] + (line[rights[j]] - line[lefts[j]]) * shares[j]
+            for j in range(_TWO):
+                patch[first + j] = patch[first + _TWO]
+                patch[first + np.uintp(COLUMNS + 2) + j] = patch[first + np.uintp(COLUMNS + 1)]
+        for k in range(ROWS * _STRIDE):
+            near, far = patch[k + _STRIDE] + patch[k + 3 * _STRIDE], patch[k] + patch[k + 4 * _STRIDE]
+            down[k] = far + four * near + six * patch[k + 2 * _STRIDE]
+        for k in range(ROWS * _STRIDE):
+            inner = four * (down[k + 1] + down[k + 3]) + six * down[k + 2]
+            smooth[k + _STRIDE + 1] = (down[k] + down[k + 4] + inner) * scale
+        for i in range(1, ROWS + 1):
+            smooth[i * _STRIDE] = smooth[i * _STRIDE + 1]
+            smooth[i * _STRIDE + COLUMNS + 1] = smooth[i * _STRIDE + COLUMNS]
+        for j in range(_STRIDE):
+            smooth[j] = smooth[_STRIDE + j]
+            smooth[(ROWS + 1) * _STRIDE + j] = smooth[ROWS * _STRIDE + j]
+        for k in range(ROWS * _STRIDE):
+            gx = smooth[k + _STRIDE + 2] - smooth[k + _STRIDE]
+            gy = smooth[k + 2 * _STRIDE + 1] - smooth[k + 1]
+            across, up = abs(gx), abs(gy)
+            magnitudes[k] = np.sqrt(gx * gx + gy * gy)
+            sectors[k] = (
+                np.int32(gx > 0)
+                + np.int32(2) * np.int32(gy > 0)
+                + np.int32(4) * np.int32(up < _TANGENT * across)
+                + np.int32(8) * np.int32(across < _TANGENT * up)
+            )
         for i in range(np.uintp(ROWS)):
             for j in range(np.uintp(COLUMNS)):
                 cell = i // np.uintp(CELL_PX) * np.uintp(CELL_COLUMNS) + j // np.uintp(CELL_PX)
-                direction = np.uintp(directions[np.uintp(sectors[i, j])])
-                out[n, cell * np.uintp(DIRECTION_COUNT) + direction] += magnitudes[i, j]
+                k = i * np.uintp(_STRIDE) + j
+                direction = np.uintp(directions[np.uintp(sectors[k])])
+                out[n, cell * np.uintp(DIRECTION_COUNT) + direction] += magnitudes[k]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.records import Image
-
-PATTERN_COUNT = 16
 
 
 def rgb_codes(image: Image, bin_count: int) -> NDArray[np.uint8]:
@@ -27,14 +27,17 @@ def hsv_joint_codes(image: Image, bin_counts: tuple[int, int, int]) -> NDArray[n
 
     The numbers of bins are powers of two whose product is at most 256.
     """
-    codes = _hsv(image)
-    hue, saturation, value = (codes[..., k] >> _shift(count) for k, count in enumerate(bin_counts))
+    # Channel by channel, as OpenCV splits them in a tenth of the time that NumPy takes for strides of three.
+    channels = cv2.split(_hsv(image))
+    hue, saturation, value = (np.asarray(one) >> _shift(count) for one, count in zip(channels, bin_counts, strict=True))
     return ((hue * np.uint8(bin_counts[1]) + saturation) * np.uint8(bin_counts[2]) + value)[..., None]
 
 
 def _hsv(image: Image) -> NDArray[np.uint8]:
     """`(H, W, 3)` HSV with hue in 0..255: OpenCV's usual 180 steps are not divisible into equal bins."""
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
+    # As one row: OpenCV converts the last pixels of each row, which fill no vector, one by one.
+    converted = cv2.cvtColor(image.reshape(1, -1, 3), cv2.COLOR_RGB2HSV_FULL)
+    return np.asarray(converted, dtype=np.uint8).reshape(image.shape)
 
 
 def _shift(bin_count: int) -> np.uint8:
@@ -52,8 +55,12 @@ def cs_lbp_codes(image: Image) -> NDArray[np.uint8]:
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     grey = np.asarray(cv2.copyMakeBorder(grey, 1, 1, 1, 1, cv2.BORDER_REPLICATE), dtype=np.uint8)
     above, beside, below = grey[:-2], grey[1:-1], grey[2:]
-    codes = (beside[:, 2:] > beside[:, :-2]).astype(np.uint8)
-    codes |= (above[:, 2:] > below[:, :-2]).view(np.uint8) << 1
-    codes |= (above[:, 1:-1] > below[:, 1:-1]).view(np.uint8) << 2
-    codes |= (above[:, :-2] > below[:, 2:]).view(np.uint8) << 3
-    return codes[..., None]
+    pairs = (
+        (beside[:, 2:], beside[:, :-2]),
+        (above[:, 2:], below[:, :-2]),
+        (above[:, 1:-1], below[:, 1:-1]),
+        (above[:, :-2], below[:, 2:]),
+    )
+    # OpenCV's comparison gives 255, where NumPy's takes three times as long for rows that are not contiguous.
+    bits = (np.asarray(cv2.compare(*pair, cv2.CMP_GT)) & np.uint8(1 << bit) for bit, pair in enumerate(pairs))
+    return functools.reduce(np.bitwise_or, bits)[..., None]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from pftrack_sim.core.compiled import kernel, part_of_kernel
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.patches import Patches
 from pftrack_sim.trackers.parameters import Parameters, Positive
@@ -37,10 +38,6 @@ class MixtureParameters(Parameters):
     sigma_min: Positive = 0.2
     share_min: Annotated[float, Field(ge=1e-9, le=0.3)] = 0.001
     outlier_c: Positive = 1.3
-
-
-_LEAST = np.float32(1e-30)  # Least likelihood of a pixel
-_TOGETHER = 100  # Patches compared at once, which fit a processor's cache
 
 
 class PixelMixture:
@@ -100,18 +97,11 @@ class PixelMixture:
 
         They are known up to a constant. A robust one has exp(-rho(x)) of (12) in place of exp(-x^2 / 2).
         """
-        c = np.float32(self.params.outlier_c if robust else math.inf)
-        peaks = (self.shares / self.sigmas).astype(np.float32)
-        means, inverses = self.means.astype(np.float32), (1.0 / self.sigmas).astype(np.float32)
         out = np.empty(len(patches))
-        for start in range(0, len(patches), _TOGETHER):
-            some = patches[start : start + _TOGETHER]
-            total = np.full(some.shape, _LEAST)
-            for peak, mean, inverse in zip(peaks, means, inverses, strict=True):
-                x = np.abs(some - mean) * inverse
-                inner = np.minimum(x, c)
-                total += peak * np.exp(inner * (np.float32(0.5) * inner - x))
-            out[start : start + _TOGETHER] = np.log(total).sum(axis=1, dtype=np.float64)
+        peaks, means, inverses = (
+            part.astype(np.float32) for part in (self.shares / self.sigmas, self.means, 1.0 / self.sigmas)
+        )
+        _log_likelihood(patches, peaks, means, inverses, np.float32(self.params.outlier_c if robust else math.inf), out)
         return out
 
     def prediction_error(self, patch: NDArray[np.float32]) -> float:
@@ -141,3 +131,60 @@ def huber(x: FloatArray, c: float) -> FloatArray:
     """Huber's rho (12): x^2 / 2 up to c, linear beyond."""
     size = np.abs(x)
     return np.where(size <= c, 0.5 * np.square(x), c * size - 0.5 * c * c)
+
+
+@kernel
+def _log_likelihood(
+    patches: Patches,
+    peaks: NDArray[np.float32],
+    means: NDArray[np.float32],
+    inverses: NDArray[np.float32],
+    c: np.float32,
+    out: FloatArray,
+) -> None:
+    """Fill `out` with the logarithms for each patch. The inner loops are vectorised."""
+    total, half = np.empty(patches.shape[1], np.float32), np.float32(0.5)
+    for n in range(patches.shape[0]):
+        for k in range(total.size):
+            total[k] = _LEAST
+        for i in range(3):
+            for k in range(total.size):
+                x = abs(patches[n, k] - means[i, k]) * inverses[i, k]
+                inner = min(x, c)
+                total[k] += peaks[i, k] * _exp_minus(min(inner * (x - half * inner), _FARTHEST))
+        logarithm, product = 0.0, 1.0
+        for k in range(total.size):
+            product *= total[k]
+            # One logarithm for several pixels, as it costs more than the rest.
+            if k % _TOGETHER == _TOGETHER - 1:
+                logarithm += math.log(product)
+                product = 1.0
+        out[n] = logarithm + math.log(product)
+
+
+_LEAST = np.float32(1e-30)  # Least likelihood of a pixel: a product of `_TOGETHER` is still above 0 in float64
+_TOGETHER = 8
+_FARTHEST = np.float32(80.0)  # Its exponential is far below the least likelihood
+_C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = (
+    np.float32(value)
+    for value in np.polynomial.Chebyshev.interpolate(lambda x: np.exp(-x), 7, domain=[0.0, 80 / 64])
+    .convert(kind=np.polynomial.Polynomial)
+    .coef
+)
+
+
+@part_of_kernel
+def _exp_minus(x: np.float32) -> np.float32:
+    """exp(-x) for x from 0 to `_FARTHEST`, to 1e-5 of its value: a polynomial for x / 64, squared six times.
+
+    The function of the C library cannot be vectorised.
+    """
+    t = x * np.float32(1 / 64)
+    y = _C0 + t * (_C1 + t * (_C2 + t * (_C3 + t * (_C4 + t * (_C5 + t * (_C6 + t * _C7))))))
+    y *= y
+    y *= y
+    y *= y
+    y *= y
+    y *= y
+    y *= y
+    return y

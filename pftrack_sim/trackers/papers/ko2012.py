@@ -30,7 +30,7 @@ from pftrack_sim.trackers.features.histogram import (
     epanechnikov_layout,
     uniform_layout,
 )
-from pftrack_sim.trackers.features.pixel_codes import PATTERN_COUNT, cs_lbp_codes, hsv_codes, rgb_codes
+from pftrack_sim.trackers.features.pixel_codes import cs_lbp_codes, hsv_codes, rgb_codes
 from pftrack_sim.trackers.parameters import Share
 
 COLOUR_BINS = 128
@@ -85,7 +85,7 @@ class Method:
 
 _HSV = partial(hsv_codes, bin_count=COLOUR_BINS)
 _UNIFORM, _KERNEL = uniform_layout(3, COLOUR_BINS), epanechnikov_layout(3, COLOUR_BINS)
-_TEXTURE = Feature(cs_lbp_codes, cell_layout(4, 4, 1, PATTERN_COUNT))
+_TEXTURE = Feature(cs_lbp_codes, cell_layout())
 
 METHODS = {
     "ko2012-rgb": Method(colour=Feature(partial(rgb_codes, bin_count=COLOUR_BINS), _UNIFORM)),

@@ -29,7 +29,6 @@ from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.features.patches import PatchSampler, grid_shape
 from pftrack_sim.trackers.features.pixel_mixture import MixtureParameters, OutlierRule, PixelMixture
-from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk, adaptive_velocity, fit_slopes
 from pftrack_sim.trackers.parameters import Count, Positive, Share
 
@@ -258,7 +257,7 @@ class Kwon2005(BaseTracker):
         """Move the state as the camera's motion moves the image's content."""
         if self.params.camera_motion:
             moved = self._state.copy()
-            moved[:2] += self._camera.shift(ImagePyramid(image))
+            moved[:2] += self._camera.shift(image)
             self._state = self._motion.clip(moved[None], image)[0]
 
     def _adapt(self, image: Image, sampler: PatchSampler) -> tuple[FloatArray, float, int]:

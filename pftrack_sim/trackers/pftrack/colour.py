@@ -51,8 +51,8 @@ class ColourModel:
 
 def _bins(patch: Image) -> NDArray[np.int32]:
     """`(rows, columns)` bin of each pixel's colour."""
-    red, green, blue = (patch[..., k].astype(np.int32) >> 8 - BITS for k in range(3))
-    return (red << 2 * BITS) | (green << BITS) | blue
+    red, green, blue = (np.asarray(one) >> np.uint8(8 - BITS) for one in cv2.split(patch))
+    return (red.astype(np.int32) << 2 * BITS) | ((green << np.uint8(BITS)) | blue)
 
 
 def _shares(bins: NDArray[np.int32]) -> NDArray[np.float32]:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.camera_motion import hann
-from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.correlation import vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX, CHANNELS, hog_map
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 
 FULL_ASPECT = 0.8
 """Ratio of the shorter to the longer side from which on a box is taken whole."""
@@ -96,10 +96,9 @@ class ScaleFilter:
 
     def _spectrum(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> NDArray[np.complex64]:
         """`(count, features)` spectrum over the sizes."""
-        shape = (self._columns, self._rows)
-        samples = np.empty((len(self._factors), CHANNELS, self._rows, self._columns), np.float32)
-        for sample, factor, weight in zip(samples, self._factors, self._window, strict=True):
-            width, height = (float(side) * scale * float(factor) for side in self._size)
-            patch = pyramid.grey_patch(centre, (width, height), (CELL_PX * shape[0], CELL_PX * shape[1]))
+        sizes = scale * self._factors[:, None] * self._size
+        patches = pyramid.grey_patches(centre, sizes, (CELL_PX * self._rows, CELL_PX * self._columns))
+        samples = np.empty((len(patches), CHANNELS, self._rows, self._columns), np.float32)
+        for sample, patch, weight in zip(samples, patches, self._window, strict=True):
             hog_map(patch, self._flat * weight, sample)
         return scipy.fft.fft(samples.reshape(len(samples), -1), axis=0)

@@ -15,11 +15,11 @@ from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
-from pftrack_sim.trackers.features.pyramid import ImagePyramid
 from pftrack_sim.trackers.parameters import NotNegative, Parameters, Share
 from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter, vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 
 MIN_SIZE_PX = 4.0
@@ -127,14 +127,14 @@ class Pftrack(BaseTracker):
         self._camera = CameraMotion(p.camera_certainty)
         self._usual = None
         pyramid = ImagePyramid(image)
-        self._camera_shift(pyramid)
+        self._camera_shift(image)
         self._learn(pyramid, 1.0)
 
     def _follow(self, image: Image) -> Estimate:
         p = self.params
         self._frame += 1
         pyramid = ImagePyramid(image)
-        shift = self._camera_shift(pyramid)
+        shift = self._camera_shift(image)
         found = self._search(pyramid, image, shift)
         now = np.array([found.score, found.peak, found.colour])
         usual = now if self._usual is None else self._usual
@@ -152,8 +152,8 @@ class Pftrack(BaseTracker):
         size = self._scale * self._size
         return Estimate(np.concatenate([self._centre - 0.5 * size, size]), confidence, occluded)
 
-    def _camera_shift(self, pyramid: ImagePyramid) -> FloatArray:
-        return self._camera.shift(pyramid) if self.params.camera_motion else np.zeros(2)
+    def _camera_shift(self, image: Image) -> FloatArray:
+        return self._camera.shift(image) if self.params.camera_motion else np.zeros(2)
 
     def _search(self, pyramid: ImagePyramid, image: Image, shift: FloatArray) -> Match:
         """The best match from where the camera's motion takes the target, where it was, and where it was going."""
@@ -212,8 +212,7 @@ class Pftrack(BaseTracker):
             self._scales.learn(pyramid, self._centre, self._scale, p.scale_rate * confidence)
 
     def _patch(self, pyramid: ImagePyramid, centre: FloatArray) -> Image:
-        side, pixels = self._scale * self._side, CELL_PX * self.params.cells
-        return pyramid.patch(centre, (side, side), (pixels, pixels))
+        return pyramid.patch(centre, self._scale * self._side, CELL_PX * self.params.cells)
 
     def _size_in_patch(self) -> tuple[float, float]:
         """Width and height of the target in a patch [px of the patch]."""
