@@ -51,7 +51,7 @@ class ColourModel:
 
 def _bins(patch: Image) -> NDArray[np.int32]:
     """`(rows, columns)` bin of each pixel's colour."""
-    red, green, blue = (np.asarray(one) >> np.uint8(8 - BITS) for one in cv2.split(patch))
+    red, green, blue = (np.asarray(one, dtype=np.uint8) >> np.uint8(8 - BITS) for one in cv2.split(patch))
     return (red.astype(np.int32) << 2 * BITS) | ((green << np.uint8(BITS)) | blue)
 
 

@@ -88,8 +88,8 @@ class ImagePyramid:
         x += sides[:, 0, None, None] * across
         y += sides[:, 1, None, None] * down[:, None]
         # One row for each patch: OpenCV's images have less than 32768 of them.
-        maps = [np.ascontiguousarray(one.reshape(len(sizes), -1), dtype=np.float32) for one in (x, y)]
-        out = cv2.remap(part.grey, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        across, down = (np.asarray(one.reshape(len(sizes), -1), dtype=np.float32) for one in (x, y))
+        out = cv2.remap(part.grey, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(out, dtype=np.uint8).reshape(len(sizes), rows, columns)
 
     def _level(self, step: float) -> int:
