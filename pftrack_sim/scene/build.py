@@ -10,13 +10,13 @@ import mujoco
 from pftrack_sim.core import random_streams
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.model import Occluder
-from pftrack_sim.scene import places
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.occluders.carts import CartSize, add_carts, axis_occluders, cart_names, distractor_crossings
 from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
 from pftrack_sim.scene.people.person import Person, add_person, sample_people
 from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.places.builder import add_ground_plane
+from pftrack_sim.scene.places.place import add_place
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import RobotForm, add_robot
 from pftrack_sim.scene.scene_spec import SceneSpec
@@ -46,7 +46,7 @@ def build_stage(
     rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
     patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
     lights = settings.lights.model_copy(update={"patches": patches})
-    layout = places.add_place(spec, settings.place, lights, rng, patch_rng, seats)
+    layout = add_place(spec, settings.place, lights, rng, patch_rng, seats)
     add_robot(spec, RobotForm.of(settings.robot, settings.camera))
     return spec, layout
 

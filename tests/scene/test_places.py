@@ -12,9 +12,9 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
-from pftrack_sim.scene import places
 from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
+from pftrack_sim.scene.places.place import add_place
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 KINDS = get_args(Place.model_fields["kind"].annotation)
@@ -26,7 +26,7 @@ def built_place(
     kind: str, seed: int = 0, clutter: float = 1.0, shadows: bool = True
 ) -> tuple[mujoco.MjModel, WalkableArea]:
     spec = SceneSpec()
-    area = places.add_place(spec, Place(kind=kind, clutter=clutter), Lights(shadows=shadows), stream(seed, "place"))
+    area = add_place(spec, Place(kind=kind, clutter=clutter), Lights(shadows=shadows), stream(seed, "place"))
     return spec.compile(), area
 
 
@@ -90,7 +90,7 @@ def test_same_seed_gives_the_same_model_whatever_was_built_in_between(kind: str)
     first, _ = built_place(kind, 3)
     for seed, patches in ((4, 0.3), (3, 0.0)):
         spec = SceneSpec()
-        places.add_place(spec, Place(kind=kind), Lights(patches=patches), stream(seed, "place"))
+        add_place(spec, Place(kind=kind), Lights(patches=patches), stream(seed, "place"))
     second = spec.compile()
     fields = ("geom_pos", "geom_quat", "geom_rgba", "body_pos", "body_quat")
     for field in (*fields, "mesh_vert", "mesh_normal", "mesh_texcoord", "mesh_face", "tex_data"):
@@ -168,7 +168,7 @@ def test_the_target_of_every_scenario_keeps_its_shoulders_clear(name: str) -> No
     for seed in (0, 1):
         settings = scenario.load(name).resolve(seed)
         target, place = settings.target, settings.place.model_copy(update={"clutter": 1.0})
-        area = places.add_place(SceneSpec(), place, settings.lights, stream(seed, "place"))
+        area = add_place(SceneSpec(), place, settings.lights, stream(seed, "place"))
         walked = resampled(np.array(target.path_m))[: int(10 * target.speed_m_s * settings.duration_s)]
         nearest = min(walked, key=lambda point: clearance_m(area, point))
         assert clearance_m(area, nearest) > 0.25, (seed, nearest)
@@ -251,7 +251,7 @@ def test_number_of_lights_and_shadows(kind: str) -> None:
 def test_sun_direction_follows_the_scenario() -> None:
     spec = SceneSpec()
     lights = Lights(sun_azimuth_deg=90.0, sun_elevation_deg=30.0)
-    places.add_place(spec, Place(kind="plaza"), lights, stream(0, "place"))
+    add_place(spec, Place(kind="plaza"), lights, stream(0, "place"))
     model = spec.compile()
     towards_sun = -model.light("light/sun").dir
     np.testing.assert_allclose(towards_sun, [0.0, np.cos(np.pi / 6), 0.5], rtol=0, atol=1e-9)

@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.materials import texture, tiling
+from pftrack_sim.scene.places.materials import texture
 from pftrack_sim.scene.places.meshes import TexturedMesh, box, cylinder, loft, quad, rough_ellipsoid
 
 CATALOGUE = (assets_dir() / "props.toml").read_text(encoding="utf-8")
@@ -43,7 +43,7 @@ def test_every_prop_of_the_catalogue_is_valid(name: str) -> None:
         cylinder(texture("steel"), (0.0, 0.0, 0.0), 0.5, 2.0, 8, 0.2),
         rough_ellipsoid(texture("hedge"), (0.0, 0.0, 1.0), (0.5, 0.6, 0.7), np.random.default_rng(0), 0.0),
         loft(texture("steel"), [(-1.0, 0.0, 1.0, 0.5, 0.4), (0.0, 0.0, 1.2, 0.6, 0.4), (1.0, 0.0, 1.0, 0.5, 0.3)]),
-        quad(tiling("brick"), (0.0, 1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 0.0, 1.0), (3, 2)),
+        quad(texture("brick"), (0.0, 1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 0.0, 1.0), (3, 2)),
     ],
     ids=["box", "cylinder", "ellipsoid", "loft", "quad"],
 )
@@ -58,7 +58,7 @@ def test_triangles_are_wound_the_way_their_normals_point(mesh: TexturedMesh) -> 
 
 def test_tiling_textures_keep_their_size_and_regions_stretch() -> None:
     edges = ((0.0, 0.0, 0.0), (3.8, 0.0, 0.0), (0.0, 0.0, 1.9))
-    np.testing.assert_allclose(quad(tiling("brick"), *edges).uv.max(axis=0), [2.0, 1.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(quad(texture("brick"), *edges).uv.max(axis=0), [2.0, 1.0], rtol=0, atol=1e-12)
     column, row = 4, 0  # "steel" in an atlas of 8 x 8 cells
     inside = quad(texture("steel"), *edges).uv * 8.0 - [column, 7 - row]
     np.testing.assert_allclose([inside.min(axis=0), inside.max(axis=0)], [[0.03] * 2, [0.97] * 2], rtol=0, atol=1e-12)

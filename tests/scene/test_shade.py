@@ -11,8 +11,8 @@ from pftrack_sim import scenario
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario.model import Lights, Place
-from pftrack_sim.scene.places import add_place
 from pftrack_sim.scene.places.meshes import TexturedMesh
+from pftrack_sim.scene.places.place import add_place
 from pftrack_sim.scene.places.shade import foliage, roof_with_windows
 from pftrack_sim.scene.scene_spec import SceneSpec
 from pftrack_sim.simulation.simulation import Simulation

@@ -117,5 +117,5 @@ def test_seeds_differ():
 
 
 def test_a_robot_that_would_start_in_furniture_is_an_error_before_the_first_frame():
-    with pytest.raises(ScenarioError, match=r"robot\.route: the robot would run into 'plant-7' at -5\.5"):
+    with pytest.raises(ScenarioError, match=r"robot\.route: the robot would run into 'plant-4' at -5\.5"):
         world({"robot.route.distance_m": 5.5}, 0, "easy/corridor")

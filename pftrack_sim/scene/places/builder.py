@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Bounds, Footprint, WalkableArea
-from pftrack_sim.scene.places.fixed import Collider, Section, fixed_props
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
 from pftrack_sim.scene.places.shade import foliage, roof_with_windows
@@ -22,24 +21,31 @@ from pftrack_sim.scene.scene_spec import SceneSpec, add_box
 _LEAST_WINDOW_SUN_DEG = 40.0  # A lower sun would meet the walls, not the floor
 _FOLIAGE_M = 7.0  # Height of the foliage that is not seen and casts shadows
 
+Collider: TypeAlias = tuple[float, float, float]
+"""Half width along x, half width along y, height [m] of a box that stands on the ground."""
+
 ShadowArea: TypeAlias = tuple[float, float, float]
 """x, y of the centre of the area with shadows, and half its width [m]."""
 
 
-class LooseProp(NamedTuple):
-    """A prop that is displaced at random and left out at random.
+class Item(NamedTuple):
+    """Something that stands in a place.
 
     Attributes:
-        kind: Name of the body without its number.
-        pose: x, y [m], yaw [rad] before the displacement.
-        prop: Meshes in the frame of the body.
-        collider: None is the bounding box of the prop.
+        name: Of its body.
+        prop: Meshes in the frame of the body, whose origin lies on the ground.
+        position_m: x, y, z.
+        yaw_rad: Counter-clockwise.
+        collider: A box that the robot collides with and people avoid; None for what hangs or lies flat.
+        shadow: Whether it casts one; `"front"` if the sun is behind it.
     """
 
-    kind: str
-    pose: tuple[float, float, float]
+    name: str
     prop: Prop
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
     collider: Collider | None = None
+    shadow: bool | Literal["front"] = True
 
 
 @dataclass(eq=False)
@@ -47,105 +53,84 @@ class PlaceBuilder:
     """A place under construction.
 
     Attributes:
-        clutter: Share of the loose props that is put out.
+        bounds: Of the walkable area.
         lights: Light of the place.
         patch_rng: Draws the patches of light.
     """
 
     spec: SceneSpec
     rng: np.random.Generator
-    clutter: float = 1.0
-    lights: Lights = field(default_factory=Lights)
-    patch_rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    bounds: Bounds
+    lights: Lights
+    patch_rng: np.random.Generator
     _footprints: list[Footprint] = field(default_factory=list[Footprint])
 
-    def add(
-        self,
-        name: str,
-        prop: Sequence[TexturedMesh],
-        position: Sequence[float] = (0.0, 0.0),
-        yaw_rad: float = 0.0,
-        collider: Collider | None = None,
-        casts_shadow: bool = True,
-    ) -> None:
-        """Add a prop as a body with one drawn geom per material.
-
-        The origin of the prop lies on the ground; `position` is x, y and optionally z [m]. The collider is a box that
-        the robot collides with and people avoid; None for what hangs or lies flat.
-        """
-        x, y, z = (*position, 0.0)[:3]
+    def add(self, item: Item) -> None:
+        """Add a body with one drawn geom per material."""
+        name, prop, (x, y, z), yaw_rad, collider, shadow = item
+        if shadow == "front":
+            # Every triangle costs time in the shadow pass, and what has the sun before it casts its shadow outwards.
+            shadow = float(sun_direction(self.lights)[:2] @ (np.sin(yaw_rad), -np.cos(yaw_rad))) > 1e-9
         quaternion = [np.cos(0.5 * yaw_rad), 0.0, 0.0, np.sin(0.5 * yaw_rad)]
         body = self.spec.worldbody.add_body(name=name, pos=[x, y, z], quat=quaternion)
         for mesh in merged_by_material(prop):
-            self._add_mesh(body, f"{name}/{mesh.material}", mesh, casts_shadow)
+            self._add_mesh(body, f"{name}/{mesh.material}", mesh, shadow)
         if collider is not None:
             half_x, half_y, height = collider
             _add_collider(body, name, collider, 0.5 * height - z)
             self._footprints.append(Footprint(name, (float(x), float(y)), (half_x, half_y), float(yaw_rad), height))
 
-    def add_fixed(self, section: Section, *variant: bool) -> None:
-        """Add what a section of the place adds, which is the same for every seed."""
-        for fixed in fixed_props(section, *variant):
-            self.add(*fixed)
+    def add_loose(self, items: Sequence[Item], share: float, displacement: Sequence[float]) -> None:
+        """Add a random share of some items.
 
-    def add_loose(self, items: Sequence[LooseProp], displacement: Sequence[float]) -> None:
-        """Add a random share `clutter` of the loose props of the place; item k is named `<kind>-<k + 1>`.
-
-        They are displaced at random, at most by `displacement` in x, y [m] and optionally yaw [rad].
+        They are displaced at random, at most by `displacement` in x, y [m] and optionally yaw [deg].
         """
-        offsets = self.rng.uniform(-1.0, 1.0, (len(items), len(displacement))) * displacement
+        reach = np.array(displacement, dtype=np.float64)
+        reach[2:] = np.deg2rad(reach[2:])
+        offsets = self.rng.uniform(-1.0, 1.0, (len(items), len(reach))) * reach
         order = self.rng.permutation(len(items))
-        for index in sorted(int(k) for k in order[: round(self.clutter * len(items))]):
-            kind, (x, y, yaw), prop, collider = items[index]
-            dx, dy, turn = (*offsets[index], 0.0)[:3]
-            self.add(f"{kind}-{index + 1}", prop, (x + dx, y + dy), yaw + turn, collider or bounding_box(prop))
+        for index in sorted(int(k) for k in order[: round(share * len(items))]):
+            item, (dx, dy, turn) = items[index], (*offsets[index], 0.0)[:3]
+            x, y, z = item.position_m
+            self.add(item._replace(position_m=(x + dx, y + dy, z), yaw_rad=item.yaw_rad + turn))
 
-    def set_ambient_light(self, rgb: ArrayLike) -> None:
-        """Set light that reaches everything equally: the ambient part of the headlight, whose other parts are off."""
+    def add_ambient(self, rgb: ArrayLike, patches_take: float = 0.0) -> None:
+        """Add light that reaches everything equally: the ambient part of the headlight, whose other parts are off."""
         headlight = self.spec.visual.headlight
-        headlight.ambient = np.asarray(rgb, dtype=np.float64)
+        headlight.ambient = self._shaded(rgb, patches_take)
         headlight.diffuse = headlight.specular = [0.0, 0.0, 0.0]
         headlight.active = 1
 
-    def add_daylight(
-        self, bounds: Bounds, sun_rgb: ArrayLike, shadow_area: ShadowArea, sky_rgb: ArrayLike, ambient_rgb: ArrayLike
-    ) -> None:
-        """Add the sun, partly behind the foliage of trees over an area, and the light of the sky."""
-        lights = self.lights
-        sun = sun_direction(lights)
-        self.add_main_light("sun", sun, sun_rgb, shadow_area)
+    def add_daylight(self, sun: ArrayLike, shadow_area: ShadowArea, sky: ArrayLike) -> None:
+        """Add sun, partly behind the foliage of trees over the area, and sky, by their colours."""
+        lights, direction = self.lights, sun_direction(self.lights)
+        self._add_main_light("sun", direction, sun, shadow_area)
         if lights.patches:
-            crowns = foliage(bounds, lights.patches, lights.patch_m, _FOLIAGE_M, self.patch_rng)
+            crowns = foliage(self.bounds, lights.patches, lights.patch_m, _FOLIAGE_M, self.patch_rng)
             if len(crowns.faces):
-                self.add("foliage", (crowns,))
+                self.add(Item("foliage", (crowns,)))
         # Light from the sky has a direction: without it all shaded fronts would look flat.
-        self.add_fill_light("sky", (-0.75 * sun[0], -0.75 * sun[1], -0.5), sky_rgb)
-        self.set_ambient_light(ambient_rgb)
+        self.add_fill("sky", (-0.75 * direction[0], -0.75 * direction[1], -0.5), sky)
 
-    def add_ceiling_light(
-        self,
-        bounds: Bounds,
-        height_m: float,
-        shadow_area: ShadowArea,
-        sun_rgb: ArrayLike,
-        direction: ArrayLike,
-        lamps_rgb: ArrayLike,
+    def add_ceiling(
+        self, height: float, shadow_area: ShadowArea, sun: ArrayLike, direction: ArrayLike, lamps: ArrayLike
     ) -> None:
         """Add light from above: of the sun through windows in the roof if it has patches, else the sum of all lamps.
 
-        `lamps_rgb` is what reaches the floor from all lamps together, in a mean `direction`.
+        `height` is that of the roof [m], `sun` a colour, and `lamps` the colour of what reaches the floor from all
+        lamps together, in a mean `direction`.
         """
         lights = self.lights
         if not lights.patches:
-            self.add_main_light("lamp-above", direction, lamps_rgb, shadow_area)
+            self._add_main_light("lamp-above", direction, lamps, shadow_area)
             return
         elevation_deg = max(lights.sun_elevation_deg, _LEAST_WINDOW_SUN_DEG)
-        sun = sun_direction(lights.model_copy(update={"sun_elevation_deg": elevation_deg}))
-        roof = roof_with_windows(bounds, lights.patches, lights.patch_m, height_m, self.patch_rng)
-        self.add("windowed-roof", (roof,))
-        self.add_main_light("lamp-above", sun, sun_rgb, shadow_area)
+        above = sun_direction(lights.model_copy(update={"sun_elevation_deg": elevation_deg}))
+        roof = roof_with_windows(self.bounds, lights.patches, lights.patch_m, height, self.patch_rng)
+        self.add(Item("windowed-roof", (roof,)))
+        self._add_main_light("lamp-above", above, sun, shadow_area)
 
-    def add_main_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike, shadow_area: ShadowArea) -> None:
+    def _add_main_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike, shadow_area: ShadowArea) -> None:
         """Add the directional light that casts the shadows of the place; it travels in `direction` `(3,)`."""
         unit = np.asarray(direction, dtype=np.float64)
         unit = unit / np.linalg.norm(unit)
@@ -155,39 +140,51 @@ class PlaceBuilder:
         light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, unit, diffuse, self.lights.shadows)
         light.pos = np.array([x, y, 0.0]) - 40.0 * unit
 
-    def add_fill_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike) -> None:
+    def add_fill(self, name: str, direction: ArrayLike, rgb: ArrayLike, patches_take: float = 0.0) -> None:
         """Add a weak directional light without shadows: light from the sky or reflected by walls."""
-        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, direction, diffuse, False)
+        colour = self._shaded(rgb, patches_take)
+        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, direction, colour, False)
         light.pos = [0.0, 0.0, 8.0]
 
     def add_lamps(
         self,
-        positions: Sequence[tuple[float, float, float]],
-        diffuse: ArrayLike,
+        at: Sequence[Sequence[float]],
+        rgb: ArrayLike,
         cutoff_deg: float,
         attenuation: Sequence[float],
         exponent: float,
         shadow_of: int | None = None,
+        other_rgb: ArrayLike | None = None,
     ) -> None:
         """Add spotlights `lamp-1`.. that shine straight down.
 
-        `diffuse`, `(3,)` or `(N, 3)`, is the colour on the axis at distance 0, `cutoff_deg` half the angle of the cone,
-        `attenuation` `(3,)` constant, linear and quadratic, and `exponent` that of the cosine fall-off towards the edge
-        of the cone. The lamp `shadow_of` casts the shadows of the place.
+        `rgb` is the colour on the axis at distance 0, `cutoff_deg` half the angle of the cone, `attenuation` `(3,)`
+        constant, linear and quadratic, and `exponent` that of the cosine fall-off towards the edge of the cone. The
+        lamp `shadow_of` casts the shadows of the place. Where the light has patches, lamps with an `other_rgb` light
+        smaller pools, differ in brightness, and every other one turns to that colour.
         """
+        colours, patches = np.tile(np.asarray(rgb, dtype=np.float64), (len(at), 1)), self.lights.patches
+        if other_rgb is not None:
+            brightness = 1.0 + patches * self.patch_rng.uniform(-0.4, 1.4, (len(at), 1))
+            turned = patches * ((np.arange(len(at)) + self.patch_rng.integers(2)) % 2)
+            colours = brightness * (colours + turned[:, None] * (np.asarray(other_rgb) - colours))
+            exponent *= 1.0 + 2.0 * patches
         down, spot = (0.0, 0.0, -1.0), mujoco.mjtLightType.mjLIGHT_SPOT
-        for index, position in enumerate(positions):
-            colour = np.broadcast_to(diffuse, (len(positions), 3))[index]
+        for index, position in enumerate(at):
             shadow = index == shadow_of and self.lights.shadows
-            light = self._add_light(f"lamp-{index + 1}", spot, down, colour, shadow)
+            light = self._add_light(f"lamp-{index + 1}", spot, down, colours[index], shadow)
             light.pos, light.attenuation = list(position), list(attenuation)
             light.cutoff, light.exponent = cutoff_deg, exponent
         if shadow_of is not None:
             self.spec.visual.map.shadowscale = 1.0
 
-    def finish(self, bounds: Bounds, goals: Sequence[tuple[float, float]]) -> WalkableArea:
+    def _shaded(self, rgb: ArrayLike, patches_take: float) -> FloatArray:
+        """A colour less the share that patches take from it."""
+        return (1.0 - patches_take * self.lights.patches) * np.asarray(rgb, dtype=np.float64)
+
+    def finish(self, goals: Sequence[tuple[float, float]]) -> WalkableArea:
         """Add colliders along the edges of the walkable area, set the model's statistics and return the area."""
-        left, low, right, high = bounds
+        left, low, right, high = self.bounds
         x, y = 0.5 * (left + right), 0.5 * (low + high)
         half_x, half_y = 0.5 * (right - left) + 0.4, 0.5 * (high - low) + 0.4
         for name, centre, collider in (
@@ -199,7 +196,7 @@ class PlaceBuilder:
             _add_collider(self.spec.worldbody.add_body(name=name, pos=[*centre, 1.5]), name, collider, 0.0)
         self.spec.stat.extent = 1.0
         self.spec.stat.center = [x, y, 1.0]
-        return WalkableArea(bounds, tuple(self._footprints), tuple(goals))
+        return WalkableArea(self.bounds, tuple(self._footprints), tuple(goals))
 
     def _add_mesh(self, body: mujoco.MjsBody, name: str, mesh: TexturedMesh, casts_shadow: bool) -> None:
         add_material(self.spec, mesh.material)

@@ -1,4 +1,4 @@
-"""House fronts with awnings, balconies and lit windows."""
+"""House fronts with awnings, balconies and lit windows, and the fronts of a station hall."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ _STOREY_HEIGHT_M = 3.0
 
 
 def house(
+    rng: np.random.Generator,
     kind: str,
     shop: int,
-    awning: str | None = None,
+    awning: str = "",
     balconies: bool = False,
     storeys: int = 3,
-    lit_windows: np.random.Generator | None = None,
+    lit: bool = False,
     fine: bool = False,
 ) -> Prop:
     """A front of three shops and upper floors, 12 m wide from x = 0, that faces -y at y = 0.
 
     `kind` is that of the upper floors: `"brick"`, `"cream"`, `"rose"` or `"office"`; `shop` the image of the shops, 0
-    to 3; `storeys` the floors above them, 1 to 3. At night, `lit_windows` draws which windows are lit. `fine`
-    subdivides the walls for street lamps: light is computed per vertex.
+    to 3; `awning` the cloth of their awnings, if they have any; `storeys` the floors above them, 1 to 3. If `lit`, some
+    windows emit light. `fine` subdivides the walls for street lamps: light is computed per vertex.
     """
     stone = texture("stone")
     height = _STOREY_HEIGHT_M * storeys
@@ -48,14 +49,14 @@ def house(
         quad(texture("concrete"), (0, 10.0, 0), (0, -10.0, 0), (0, 0, top)),
         quad(texture("concrete"), (_WIDTH_M, 0, 0), (0, 10.0, 0), (0, 0, top)),
     ]
-    if awning is not None:
+    if awning:
         for index in range(3):
             meshes += _awning(awning, index * _WIDTH_M / 3.0 + 0.2, _WIDTH_M / 3.0 - 0.4)
     if balconies:
         for index in range(4):
             meshes += _balcony((index + 0.5) * _WIDTH_M / 4.0, _SHOP_HEIGHT_M + 0.55)
-    if lit_windows is not None:
-        meshes += _lit_windows(lit_windows, storeys)
+    if lit:
+        meshes += _lit_windows(rng, storeys)
     return tuple(meshes)
 
 
@@ -101,3 +102,24 @@ def _lit_windows(rng: np.random.Generator, storeys: int) -> Prop:
                 window = texture(f"window-{rng.integers(4)}")
                 meshes.append(quad(window, (x - 0.55, -0.03, z), (1.1, 0, 0), (0, 0, 1.5)))
     return tuple(meshes)
+
+
+def station_front(length: float, first: int) -> Prop:
+    """Shops up to 3.6 m, from image `first` on, a ledge, and windows up to a roof at 7 m; at y = 0, facing -y."""
+    count, start, upper = max(2, round(length / 12.0)), -0.5 * length, 7.0 - _SHOP_HEIGHT_M
+    step, windows = length / count, max(2, round(length / 3.0))
+    pane, sill = length / windows, _SHOP_HEIGHT_M + 0.8
+    shops = [
+        quad(texture(f"shops-{(first + k) % 4}"), (start + k * step, 0, 0), (step, 0, 0), (0, 0, 3.6), (10, 3))
+        for k in range(count)
+    ]
+    lights = [
+        quad(texture("lamp-cold"), (start + (k + 0.12) * pane, -0.03, sill), (0.76 * pane, 0, 0), (0, 0, 2))
+        for k in range(windows)
+    ]
+    return (
+        *shops,
+        quad(texture("cladding"), (start, 0, _SHOP_HEIGHT_M), (length, 0, 0), (0, 0, upper), (windows, 3)),
+        box(texture("stone"), (0, -0.15, _SHOP_HEIGHT_M + 0.1), (length, 0.4, 0.3), ALL_FACES),
+        *lights,
+    )

@@ -1,14 +1,16 @@
-"""Props with fixed dimensions, described in `assets/props.toml`."""
+"""Props described in TOML: those of `assets/props.toml`, which says how, and those of a single place."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
+from typing import Any, ParamSpec, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.scene.places.fixed import built_once
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.places.materials import Texture, texture
 from pftrack_sim.scene.places.meshes import (
     ALL_FACES,
@@ -22,38 +24,64 @@ from pftrack_sim.scene.places.meshes import (
     merged_by_material,
     quad,
     rotated,
+    rough_ellipsoid,
     translated,
 )
 
-_FACES = {"all": ALL_FACES, "sides": SIDES, "wall": ("-y", "+x", "-x", "+z")}
+_Arguments = ParamSpec("_Arguments")
+
+_FACES = {"all": ALL_FACES, "sides": SIDES, "wall": ("-y", "+x", "-x", "+z"), "ends": ("+x", "-x")}
+
+
+def built_once(build: Callable[_Arguments, Prop]) -> Callable[_Arguments, Prop]:
+    """Keep the props of a function without randomness by its arguments, with one mesh per material; read-only."""
+
+    @lru_cache(maxsize=128)
+    def build_once(*arguments: _Arguments.args, **named: _Arguments.kwargs) -> Prop:
+        return merged_by_material(build(*arguments, **named), frozen=True)
+
+    return cast(Callable[_Arguments, Prop], build_once)
 
 
 @built_once
 def load_prop(name: str, **textures: str) -> Prop:
-    """Build a prop of the catalogue, once per set of textures.
-
-    `textures` are those of the parts that the catalogue marks with `$`.
-    """
-    return tuple(mesh for primitive in asset_table("props")[name] for mesh in _meshes(primitive, textures))
+    """Build a prop of the catalogue, once per set of textures, which are those that it marks with `$`."""
+    return tuple(described_meshes(asset_table("props")[name], textures))
 
 
-def _meshes(primitive: dict[str, Any], textures: dict[str, str]) -> list[TexturedMesh]:
-    """One mesh per position of a primitive."""
-    arguments = dict(primitive)
-    shape = next(iter(arguments))
-    name: str = arguments.pop(shape)
-    surface = texture(textures[name[1:]] if name.startswith("$") else name)
-    if shape == "loft":
-        return [loft(surface, **arguments)]
-    if "faces" in arguments:
-        arguments["faces"] = _FACES[arguments["faces"]]
-    build = {"box": box, "quad": quad, "cylinder": cylinder, "wheel": _wheel}[shape]
-    return [build(surface, position, **arguments) for position in arguments.pop("at")]
+def described_meshes(primitives: Sequence[dict[str, Any]], textures: dict[str, str]) -> Iterator[TexturedMesh]:
+    """The meshes of a description: one per position of each of its primitives."""
+    for primitive in primitives:
+        arguments: dict[str, Any] = {
+            key: textures[value[1:]] if isinstance(value, str) and value.startswith("$") else value
+            for key, value in primitive.items()
+        }
+        shape = next(iter(arguments))
+        name: str = arguments.pop(shape)
+        if shape == "loft":
+            yield loft(texture(name), **arguments)
+            continue
+        positions = _positions(arguments.pop("at"), *arguments.pop("repeat", (1, 0, 0, 0)))
+        if shape == "prop":
+            prop = load_prop(name, **arguments)
+            for x, y, z in positions.tolist():
+                yield from translated(prop, x, y, z)
+            continue
+        if "faces" in arguments:
+            arguments["faces"] = _FACES[arguments["faces"]]
+        for position in positions:
+            yield _SHAPES[shape](texture(name), position, **arguments)
 
 
-def _wheel(tread: Texture, hub: ArrayLike, radius: float, width: float) -> TexturedMesh:
+def _positions(at: ArrayLike, count: int, *step: float) -> FloatArray:
+    """`(N, 3)` positions, each repeated `count` times in steps."""
+    steps = np.arange(count)[:, None] * np.array(step, dtype=np.float64)
+    return (np.asarray(at, dtype=np.float64)[:, None] + steps).reshape(-1, 3)
+
+
+def _wheel(tread: Texture, hub: FloatArray, radius: float, width: float) -> TexturedMesh:
     """A wheel that rolls along x; its disc faces away from y = 0."""
-    x, y, z = np.asarray(hub, dtype=np.float64).tolist()
+    x, y, z = hub.tolist()
     wheel = laid_on_side(
         (
             cylinder(tread, (0, 0, -0.5 * width), radius, width, 12),
@@ -62,3 +90,16 @@ def _wheel(tread: Texture, hub: ArrayLike, radius: float, width: float) -> Textu
     )
     outwards = rotated(wheel, np.pi) if y > 0.0 else wheel
     return merged_by_material(translated(outwards, x, y, z))[0]
+
+
+def _blob(surface: Texture, centre: FloatArray, radii: ArrayLike) -> TexturedMesh:
+    return rough_ellipsoid(surface, centre, radii, np.random.default_rng(0), 0.05, 8)
+
+
+_SHAPES: dict[str, Callable[..., TexturedMesh]] = {
+    "box": box,
+    "quad": quad,
+    "cylinder": cylinder,
+    "wheel": _wheel,
+    "blob": _blob,
+}

@@ -1,6 +1,6 @@
 """Textures and materials of the places, by name.
 
-A face shows a tiling texture (`tiling("paving")`) or one region of a texture atlas (`texture("steel")`).
+A face shows a texture that repeats or one region of a texture atlas.
 `assets/materials.toml` names them, `assets/draw_textures.py` draws the images.
 """
 
@@ -61,28 +61,22 @@ class AtlasRegion:
 Texture: TypeAlias = TilingTexture | AtlasRegion
 
 _TABLE = asset_table("materials")
-_TILINGS = {name: TilingTexture(*values) for name, values in _TABLE["tilings"].items()}
-_REGIONS = {
+_TEXTURES: dict[str, Texture] = {name: TilingTexture(*values) for name, values in _TABLE["tilings"].items()} | {
     name: AtlasRegion("glow-lamp" if name.startswith("lamp") else atlas, k % columns, k // columns, columns, rows)
     for atlas, (columns, rows, names) in _TABLE["atlases"].items()
     for k, name in enumerate(names)
 }
-CARTONS = (*(name for name in _REGIONS if name.startswith("carton")), "wrapped")
+CARTONS = (*(name for name in _TEXTURES if name.startswith("carton")), "wrapped")
 
 
-def tiling(name: str) -> TilingTexture:
-    """A repeating texture: `"paving"`, `"brick"`, ..."""
-    return _TILINGS[name]
+def texture(name: str) -> Texture:
+    """A texture that repeats (`"paving"`, `"brick"`, ...), or one region of an atlas.
 
-
-def texture(name: str) -> AtlasRegion:
-    """A texture from an atlas.
-
-    Surfaces of props (`"steel"`, `"carton-label"`, ...), 16 posters (`"poster-3"`; 7 and 15 are notice boards), house
-    fronts (`"facade-brick"`: 12 m x 9 m of upper floors; `"shops-2"`: 12 m x 3.6 m of ground floor) and what emits
-    light (`"window-1"`, `"display-0"`, `"neon-3"`, `"lamp-warm"`, `"rear-light"`).
+    Regions are surfaces of props (`"steel"`, `"carton-label"`, ...), 16 posters (`"poster-3"`; 7 and 15 are notice
+    boards), house fronts (`"facade-brick"`: 12 m x 9 m of upper floors; `"shops-2"`: 12 m x 3.6 m of ground floor) and
+    what emits light (`"window-1"`, `"display-0"`, `"neon-3"`, `"lamp-warm"`, `"rear-light"`).
     """
-    return _REGIONS[name]
+    return _TEXTURES[name]
 
 
 def add_material(spec: SceneSpec, name: str) -> None:

@@ -267,12 +267,16 @@ def _rotated(prop: Iterable[TexturedMesh], matrix: FloatArray) -> Prop:
     return tuple(TexturedMesh(m.material, m.vertices @ turn, m.normals @ turn, m.uv, m.faces) for m in prop)
 
 
-def merged_by_material(meshes: Iterable[TexturedMesh]) -> Prop:
-    """One mesh per material, in the order in which materials first appear."""
+def merged_by_material(meshes: Iterable[TexturedMesh], *, frozen: bool = False) -> Prop:
+    """One mesh per material, in the order in which materials first appear; read-only if `frozen`, to be shared."""
     groups: dict[str, list[TexturedMesh]] = {}
     for mesh in meshes:
         groups.setdefault(mesh.material, []).append(mesh)
-    return tuple(_merged(group) for group in groups.values())
+    merged = tuple(_merged(group) for group in groups.values())
+    if frozen:
+        for array in (array for mesh in merged for array in (mesh.vertices, mesh.normals, mesh.uv, mesh.faces)):
+            array.setflags(write=False)
+    return merged
 
 
 def _merged(group: Sequence[TexturedMesh]) -> TexturedMesh:

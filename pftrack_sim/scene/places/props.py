@@ -1,7 +1,8 @@
-"""Props that are not fixed in the catalogue. The origin is on the ground in the middle, unless stated otherwise."""
+"""Props with random or computed shapes. The origin is on the ground in the middle, unless stated otherwise."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 
@@ -9,9 +10,8 @@ import numpy as np
 
 from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scene.places.builder import LooseProp, bounding_box
-from pftrack_sim.scene.places.catalogue import load_prop
-from pftrack_sim.scene.places.fixed import built_once
+from pftrack_sim.scene.places.buildings import house, station_front
+from pftrack_sim.scene.places.catalogue import built_once, load_prop
 from pftrack_sim.scene.places.materials import CARTONS, texture
 from pftrack_sim.scene.places.meshes import (
     ALL_FACES,
@@ -57,13 +57,12 @@ def tree(
 
 
 def planter(rng: np.random.Generator, plants: str) -> Prop:
-    """A concrete trough with three plants, 1.6 m along x."""
+    """A trough with three plants, 1.6 m along x."""
     heads = [
         rough_ellipsoid(texture(plants), ((k + 0.5) * 1.6 / 3 - 0.8, 0, 0.58), (0.36, 0.3, 0.24), rng, 0.16, 6)
         for k in range(3)
     ]
-    soil = quad(texture("soil"), (-0.8, -0.3, 0.521), (1.6, 0, 0), (0, 0.6, 0))
-    return (box(texture("concrete"), (0, 0, 0.26), (1.6, 0.62, 0.52), SIDES), soil, *heads)
+    return (*load_prop("trough"), *heads)
 
 
 @built_once
@@ -142,20 +141,6 @@ def lamp_post(reach: float) -> Prop:
 
 
 @built_once
-def fountain() -> Prop:
-    """A round basin with water and a column."""
-    stone, water = texture("stone"), texture("paint-blue")
-    return (
-        cylinder(stone, (0, 0, 0), 1.7, 0.55, 16, 1.65),
-        cylinder(water, (0, 0, 0.551), 1.45, 0.004, 16),
-        cylinder(stone, (0, 0, 0.5), 0.3, 1.1, 10, 0.18),
-        cylinder(stone, (0, 0, 1.6), 0.35, 0.14, 12, 0.75),
-        cylinder(water, (0, 0, 1.741), 0.62, 0.004, 12),
-        rough_ellipsoid(stone, (0, 0, 2.0), (0.2, 0.2, 0.3), np.random.default_rng(0), 0.05, 8),
-    )
-
-
-@built_once
 def bicycle(paint: str) -> Prop:
     """A bicycle. Its tyres are rings: the background is visible through the wheels."""
     frame, chrome = texture(paint), texture("chrome")
@@ -214,32 +199,26 @@ def signboard(index: int) -> Prop:
 
 
 @built_once
-def numbered_door(leaf: str, number: int) -> Prop:
-    """A door with a number plate in a wall at y = 0, facing -y."""
-    return (*load_prop("door", leaf=leaf), *load_prop("number-plate", plate="sign-aisle" if number % 2 else "white"))
-
-
-@built_once
-def lockers(paint: str) -> Prop:
-    """A row of six lockers along x with their backs to +y."""
-    carcass = box(texture("steel-dark"), (0, 0.02, 0.95), (0.36 * 6 + 0.04, 0.32, 1.9))
-    fronts = (translated(load_prop("locker", paint=paint), 0.36 * (k - 2.5), 0.0) for k in range(6))
-    return (carcass, *(mesh for front in fronts for mesh in front))
-
-
-@built_once
-def framed_poster(index: int, width: float, height: float, z: float) -> Prop:
-    """A poster or notice board on a wall at y = 0, facing -y, with its lower edge at `z`."""
+def framed_poster(index: int, width: float, height: float, bottom: float) -> Prop:
+    """A poster or notice board on a wall at y = 0, facing -y, with its lower edge at the height `bottom`."""
     frame = texture("wood-dark" if index % 8 == 7 else "steel-dark")
     return (
-        quad(texture(f"poster-{index}"), (-0.5 * width, -0.012, z), (width, 0, 0), (0, 0, height)),
-        *(box(frame, (0, -0.02, z + h), (width + 0.08, 0.04, 0.04), ALL_FACES) for h in (0.0, height)),
-        *(box(frame, (s * 0.5 * width, -0.02, z + 0.5 * height), (0.04, 0.04, height), SIDES) for s in (-1, 1)),
+        quad(texture(f"poster-{index}"), (-0.5 * width, -0.012, bottom), (width, 0, 0), (0, 0, height)),
+        *(box(frame, (0, -0.02, bottom + h), (width + 0.08, 0.04, 0.04), ALL_FACES) for h in (0.0, height)),
+        *(box(frame, (s * 0.5 * width, -0.02, bottom + 0.5 * height), (0.04, 0.04, height), SIDES) for s in (-1, 1)),
     )
 
 
-def potted_plant(rng: np.random.Generator, x: float, y: float, height: float) -> LooseProp:
-    """A plant in a pot at x, y [m]; people brush past leaves that reach farther than 0.3 m."""
+def wall_picture(rng: np.random.Generator) -> Prop:
+    """A poster of random size or a notice board on a wall at y = 0, facing -y, somewhat beside its place."""
+    picture = pick(rng, (7, 15)) if rng.random() < 0.3 else int(rng.integers(16))
+    width = 1.5 if picture % 8 == 7 else pick(rng, (0.7, 0.8, 0.95))
+    poster = framed_poster(index=picture, width=width, height=1.0 if width > 1.0 else 1.3 * width, bottom=1.2)
+    return translated(poster, float(rng.uniform(-0.35, 0.35)), 0.0)
+
+
+def potted_plant(rng: np.random.Generator, height: float) -> Prop:
+    """A plant in a pot."""
     leaves = [
         rough_ellipsoid(
             texture("leaves-light" if k % 2 else "leaves-dark"),
@@ -252,9 +231,7 @@ def potted_plant(rng: np.random.Generator, x: float, y: float, height: float) ->
         for k in range(3)
     ]
     pot = cylinder(texture("terracotta"), (0, 0, 0), 0.18, 0.36, 10, 0.25)
-    plant = (pot, cylinder(texture("bark"), (0, 0, 0.3), 0.03, 0.5 * height, 6), *leaves)
-    half_x, half_y, top = bounding_box(plant)
-    return LooseProp("plant", (x, y, 0.0), plant, (min(half_x, 0.3), min(half_y, 0.3), top))
+    return (pot, cylinder(texture("bark"), (0, 0, 0.3), 0.03, 0.5 * height, 6), *leaves)
 
 
 def rack(rng: np.random.Generator) -> Prop:
@@ -353,3 +330,61 @@ def trolley(rng: np.random.Generator) -> Prop:
         *(box(blue, (-0.58, y, 0.6), (0.04, 0.04, 0.9), SIDES) for y in (-0.26, 0.26)),
         box(blue, (-0.58, 0, 1.05), (0.04, 0.56, 0.04), ALL_FACES),
     )
+
+
+def gravel_walk(points: Sequence[Sequence[float]]) -> Prop:
+    """A walk of gravel, 3.2 m wide, with stone edges along a smooth curve through points x, y [m]."""
+    curve = _smooth(np.array(points, dtype=np.float64))
+    along = np.asarray(np.gradient(curve, axis=0), dtype=np.float64)
+    left = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(along[:, 0], along[:, 1])[:, None]
+    meshes: list[TexturedMesh] = []
+    for name, low, high in (("stone", -1.7, -1.6), ("gravel", -1.6, 1.6), ("stone", 1.6, 1.7)):
+        vertices = np.stack([curve + low * left, curve + high * left], axis=1).reshape(-1, 2)
+        vertices = np.column_stack([vertices, np.zeros(len(vertices))])
+        first = 2 * np.arange(len(curve) - 1)[:, None]
+        faces = np.concatenate([first + np.array(corners) for corners in ((0, 3, 1), (0, 2, 3))]).astype(np.int32)
+        normals = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
+        surface = texture(name)
+        # Gravel repeats with the ground; the stone of an edge has one shade.
+        unit = vertices[:, :2] if name == "gravel" else np.full((len(vertices), 2), 0.5)
+        meshes.append(TexturedMesh(surface.material, vertices, normals, surface.coordinates(unit, 1.0), faces))
+    return tuple(meshes)
+
+
+def _smooth(points: FloatArray) -> FloatArray:
+    """`(N, 2)` points on a Catmull-Rom spline through `(K, 2)` points, eight per piece."""
+    padded = np.vstack([2 * points[0] - points[1], points, 2 * points[-1] - points[-2]])
+    share = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None]
+    pieces = [
+        0.5 * (2 * b + (c - a) * share + (2 * a - 5 * b + 4 * c - d) * share**2 + (3 * b - a - 3 * c + d) * share**3)
+        for a, b, c, d in zip(padded, padded[1:], padded[2:], padded[3:], strict=False)
+    ]
+    return np.vstack([*pieces, points[-1:]])
+
+
+RANDOM: dict[str, Callable[..., Prop]] = {
+    "bicycle-stand": bicycle_stand,
+    "carton-stack": carton_stack,
+    "drums": drums,
+    "house": house,
+    "parasol-table": parasol_table,
+    "planter": planter,
+    "potted-plant": potted_plant,
+    "rack": rack,
+    "tree": tree,
+    "trolley": trolley,
+    "wall-picture": wall_picture,
+}
+"""Props that take a random generator before their arguments."""
+
+BUILT: dict[str, Callable[..., Prop]] = {
+    "advertising-column": advertising_column,
+    "framed-poster": framed_poster,
+    "gravel-walk": gravel_walk,
+    "hedge": hedge,
+    "lamp-post": lamp_post,
+    "pallet-pile": pallet_pile,
+    "signboard": signboard,
+    "station-front": station_front,
+}
+"""Props of one shape for the same arguments."""

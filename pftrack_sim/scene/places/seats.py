@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pftrack_sim.scene.places.builder import Collider, PlaceBuilder
+from pftrack_sim.scene.places.builder import Collider, Item, PlaceBuilder
 from pftrack_sim.scene.places.catalogue import load_prop
 
 SEAT_M = 0.46  # Height of a seat's top
@@ -48,4 +48,5 @@ def add_seats(builder: PlaceBuilder, seats: Sequence[Seat]) -> None:
     for number, seat in enumerate(seats, start=1):
         textures, collider = _PROPS[seat.kind]
         yaw_rad = seat.heading_rad + 0.5 * math.pi  # The props face -y.
-        builder.add(f"seat-{number}", load_prop(seat.kind, **textures), seat.centre_m, yaw_rad, collider)
+        position = (*seat.centre_m, 0.0)
+        builder.add(Item(f"seat-{number}", load_prop(seat.kind, **textures), position, yaw_rad, collider))
