@@ -11,8 +11,15 @@ from pftrack_sim.core import random_streams
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.model import Occluder
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.occluders.carts import CartSize, add_carts, axis_occluders, cart_names, distractor_crossings
-from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
+from pftrack_sim.scene.occluders import (
+    CartSize,
+    Placement,
+    add_carts,
+    add_static_occluders,
+    axis_occluders,
+    cart_names,
+    distractor_crossings,
+)
 from pftrack_sim.scene.people.person import Person, add_person, sample_people
 from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.places.builder import add_ground_plane

@@ -18,8 +18,14 @@ from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.occluders.carts import CartSize, axis_occluders, cart_names, distractor_crossings
-from pftrack_sim.scene.occluders.static import Placement, occluder_names
+from pftrack_sim.scene.occluders import (
+    CartSize,
+    Placement,
+    axis_occluders,
+    cart_names,
+    distractor_crossings,
+    occluder_names,
+)
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.feasibility import meeting_problems

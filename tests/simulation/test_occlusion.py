@@ -17,8 +17,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import model, people
 from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scene.layout import Footprint, WalkableArea, owner_name
-from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M
-from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
+from pftrack_sim.scene.occluders import CART_HALF_THICKNESS_M, Placement, add_static_occluders
 from pftrack_sim.scene.scene_spec import SceneSpec
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion import static
@@ -285,7 +284,7 @@ def test_a_low_cart_hides_the_same_part_of_the_target_at_any_depth() -> None:
     for depth in (0.35, 0.5, 0.65):
         crossing = Crossing(3.0, 1.0, depth, 1, (0.0, 3.0), 1.0)
         drop = cart_height_m(OcclusionAxis(kind="wall", share=0.5), crossing, run) - CAMERA_Z_M
-        faces = (6.0 * depth - HALF_THICKNESS_M, 6.0 * depth + HALF_THICKNESS_M)
+        faces = (6.0 * depth - CART_HALF_THICKNESS_M, 6.0 * depth + CART_HALF_THICKNESS_M)
         hidden_m.append(max(CAMERA_Z_M + drop * 6.0 / face for face in faces))
     assert np.ptp(hidden_m) < 1e-9
     assert 0.4 < hidden_m[0] / HEIGHT_M < 0.6

@@ -19,7 +19,7 @@ from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.occluders.carts import HALF_THICKNESS_M, cart_names
+from pftrack_sim.scene.occluders import CART_HALF_THICKNESS_M, cart_names
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.static import check_times
 
@@ -112,7 +112,7 @@ def plan_axis_crossing(
     if cart_names(axis):
         half_width = float(np.clip(0.5 * EDGE_M_S * occluder.duration_s, *CART_HALF_WIDTH_M))
         asides = (1.3, 0.9, 1.9, 0.65, 2.6)
-        mover = Mover("cart", EDGE_M_S, half_width, HALF_THICKNESS_M + 0.02, depth_shifts, asides)
+        mover = Mover("cart", EDGE_M_S, half_width, CART_HALF_THICKNESS_M + 0.02, depth_shifts, asides)
     return plan_crossing(occluder, run, layout, name, mover)
 
 
@@ -130,7 +130,7 @@ def cart_height_m(axis: OcclusionAxis, crossing: Crossing, run: DryRun) -> float
     top = float(np.interp(axis.share, area_below, _HEIGHTS)) * run.target_height_m
     middle = min(max(crossing.depth * distance, 0.75), distance - 0.65)
     # The line of sight to the top of the hidden part passes the cart at its front and back: the lower one decides.
-    faces = (middle - HALF_THICKNESS_M, middle + HALF_THICKNESS_M)
+    faces = (middle - CART_HALF_THICKNESS_M, middle + CART_HALF_THICKNESS_M)
     camera_z = float(camera[0, 2])
     return max(min(camera_z + (top - camera_z) * face / distance for face in faces), _MIN_CART_HEIGHT_M)
 

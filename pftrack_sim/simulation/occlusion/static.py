@@ -17,7 +17,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scenario import model
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.scene.occluders.static import Placement
+from pftrack_sim.scene.occluders import Placement
 from pftrack_sim.simulation.dry_run import DryRun
 
 TARGET_GAP_M = 0.45  # Least distance from the box to the path of the target

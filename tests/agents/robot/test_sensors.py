@@ -10,8 +10,7 @@ from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.robot import Robot, StillRoute
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
-from pftrack_sim.scene.occluders.carts import CartSize, add_carts
-from pftrack_sim.scene.occluders.static import Placement, add_static_occluders
+from pftrack_sim.scene.occluders import CartSize, Placement, add_carts, add_static_occluders
 from pftrack_sim.scene.robot import TRACK_M, WHEEL_RADIUS_M
 
 

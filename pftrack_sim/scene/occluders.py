@@ -1,4 +1,7 @@
-"""Static occluders: pillars, walls and stacks of crates, each a body made of boxes in its planned size."""
+"""Bodies that occlude, made of boxes in their planned size: pillars, walls, stacks of crates, and carts that move.
+
+A cart is a cabinet as tall as people, or a low cart.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,14 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario import model as scenario
+from pftrack_sim.scenario.axes import DistractorsAxis, OcclusionAxis
+from pftrack_sim.scenario.model import Occluder
 from pftrack_sim.scene.layout import Footprint
 from pftrack_sim.scene.places.materials import image_file, read_image
 from pftrack_sim.scene.scene_spec import SceneSpec, add_box
 
 MAX_CRATES = 16  # Largest number of crates in one stack
+CART_HALF_THICKNESS_M = 0.24
 _CRATE_M = 0.62
 _SKIN_M = 0.002
 _QUARTER = float(np.sqrt(0.5))
@@ -28,8 +33,18 @@ _MATERIAL = {"shaft": "concrete", "shaft-sides": "concrete", "slab": "brick"} | 
     ("plinth", "capital", "coping"), "stone"
 )
 
+
+_CHASSIS_M = 0.20
+_HIDDEN_Z_M = -6.0
+_STEEL, _DARK, _DOOR = (0.55, 0.60, 0.63, 1.0), (0.13, 0.14, 0.16, 1.0), (0.36, 0.50, 0.58, 1.0)
+_PLATE = (0.86, 0.86, 0.80, 1.0)
+_YELLOW, _BLACK = (0.85, 0.68, 0.12, 1.0), (0.05, 0.05, 0.05, 1.0)
+
 Boxes: TypeAlias = dict[str, tuple[FloatArray, FloatArray]]
 """Centre `(3,)` and half sizes `(3,)` [m] of each named box, along the axes of its body."""
+
+Colour: TypeAlias = tuple[float, float, float, float]
+Corner: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -56,11 +71,43 @@ class Placement:
         return Footprint(name, self.centre_m, self.half_m, self.yaw_rad, self.height_m)
 
 
-def occluder_names(occluders: Sequence[scenario.Occluder]) -> tuple[str | None, ...]:
+@dataclass(frozen=True)
+class CartSize:
+    """Half of the broad side of a cart, and the height of its top."""
+
+    half_width_m: float
+    height_m: float
+
+
+def occluder_names(occluders: Sequence[Occluder]) -> tuple[str | None, ...]:
     """Body name of each occluder, such as "occluder-pillar-1"; None for walkers, which are pedestrians."""
     return tuple(
         None if occluder.kind == "walker" else f"occluder-{occluder.kind}-{index + 1}"
         for index, occluder in enumerate(occluders)
+    )
+
+
+def cart_names(axis: OcclusionAxis) -> tuple[str, ...]:
+    """Body names of the carts of an axis, such as "cabinet-1" or "cart-1"; empty where pedestrians cross instead."""
+    if axis.kind not in ("pillar", "wall"):
+        return ()
+    word = "cabinet" if axis.kind == "pillar" else "cart"
+    return tuple(f"{word}-{number + 1}" for number in range(len(axis.spans_s)))
+
+
+def axis_occluders(axis: OcclusionAxis) -> tuple[Occluder, ...]:
+    """Each occlusion of an axis as a request for a walker."""
+    return tuple(
+        Occluder(kind="walker", at_s=at_s, duration_s=length_s, depth=axis.depth, similarity=axis.likeness)
+        for at_s, length_s in axis.spans_s
+    )
+
+
+def distractor_crossings(axis: DistractorsAxis) -> tuple[Occluder, ...]:
+    """Each look-alike that crosses, as a request for a walker."""
+    return tuple(
+        Occluder(kind="walker", at_s=at_s, duration_s=length_s, similarity=axis.similarity)
+        for at_s, length_s in axis.crossings_s
     )
 
 
@@ -144,3 +191,45 @@ def _add_materials(spec: SceneSpec, kinds: set[str]) -> None:
         spec.add_material(name=name, textures=roles, **properties)
     if kinds & {"pillar", "wall"}:
         spec.add_material(name="occluder/stone", rgba=[0.62, 0.61, 0.58, 1.0], specular=0.1, shininess=0.1)
+
+
+def add_carts(spec: mujoco.MjSpec, sizes: Mapping[str, CartSize]) -> None:
+    """Add a mocap body for every cart, by name; its x axis points away from the camera."""
+    for name, size in sizes.items():
+        body = spec.worldbody.add_body(name=name, mocap=True, pos=[0.0, 0.0, _HIDDEN_Z_M])
+        for part, (rgba, low, high) in _cart_boxes(size).items():
+            half, centre = 0.5 * np.subtract(high, low), 0.5 * np.add(high, low)
+            add_box(body, f"{name}/{part}", half, centre, solid=part == "solid", rgba=list(rgba), density=0.0)
+
+
+def _cart_boxes(size: CartSize) -> dict[str, tuple[Colour, Corner, Corner]]:
+    """Colour, lowest and highest corner of each part; `solid` collides, the others are drawn."""
+    thick, wide, base, height = CART_HALF_THICKNESS_M, size.half_width_m, _CHASSIS_M, size.height_m
+    boxes: dict[str, tuple[Colour, Corner, Corner]] = {
+        "solid": (_STEEL, (-thick, -wide, 0.07), (thick, wide, height)),
+        "body": (_STEEL, (-thick + 0.004, -wide, base), (thick - 0.004, wide, height - 0.03)),
+        "chassis": (_DARK, (-thick, -wide, 0.07), (thick, wide, base)),
+        "bumper": (_YELLOW, (-thick - 0.01, -wide, 0.11), (thick + 0.01, wide, 0.14)),
+        "rim": (_DARK, (-thick, -wide, height - 0.03), (thick, wide, height)),
+    }
+    skin, proud, paint = (thick - 0.006, thick), (thick, thick + 0.015), (thick, thick + 0.008)
+    door, grip = (base + 0.03, height - 0.06), base + 0.5 * (height - base)
+    slot, plate = base + 0.82 * (height - base), base + 0.72 * (height - base)
+    # What both faces have: name, colour, and its extent outwards, across and upwards.
+    for name, colour, (inner, outer), (right, left), (low, high) in (
+        ("door-left", _DOOR, skin, (0.012, wide - 0.02), door),
+        ("door-right", _DOOR, skin, (0.02 - wide, -0.012), door),
+        ("handle-left", _BLACK, proud, (0.04, 0.052), (grip, grip + 0.10)),
+        ("handle-right", _BLACK, proud, (-0.052, -0.04), (grip, grip + 0.10)),
+        *(
+            (f"slot-{n}", _BLACK, paint, (-0.8 * wide, -0.2 * wide), (slot - 0.035 * n, slot - 0.035 * n + 0.012))
+            for n in range(3)
+        ),
+        ("plate", _PLATE, paint, (0.25 * wide, 0.75 * wide), (plate, plate + 0.07)),
+    ):
+        boxes[f"{name}-front"] = (colour, (-outer, right, low), (-inner, left, high))
+        boxes[f"{name}-back"] = (colour, (inner, right, low), (outer, left, high))
+    for number, (sx, sy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+        x, y = sx * (thick - 0.08), sy * (wide - 0.06)
+        boxes[f"wheel-{number}"] = (_BLACK, (x - 0.05, y - 0.02, 0.0), (x + 0.05, y + 0.02, 0.10))
+    return boxes
