@@ -40,15 +40,11 @@ class CarriedItems:
         self._mocap_ids = [int(model.body_mocapid[model.body(one.item).id]) for one in target.carries]
         self._hand = np.array([0.0, 0.0, -anatomy.forearm_m - 0.55 * anatomy.hand_m])
         self._torso_m = anatomy.torso_m
-        self._first_rests = {
+        # Where each thing lies, or would lie if it were let go now.
+        self._rests = {
             item: (*(np.array([x, y]) + _rotation(heading)[:2, :2] @ _REACH_M[item]).tolist(), heading)
             for item, (x, y, heading) in places.items()
         }
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the start of the episode."""
-        self._rests = dict(self._first_rests)
 
     def write(self, data: mujoco.MjData, time_s: float, positions: FloatArray, rotations: FloatArray) -> None:
         """Set the mocap poses at a time from the target's `(13, 3)` positions [m] and `(13, 3, 3)` rotations."""
@@ -58,7 +54,6 @@ class CarriedItems:
             height_m = RESTING_HEIGHT_M[one.item]
             place[2] = max(place[2], height_m)
             if share == 1.0:
-                # Where it will lie if it is let go now.
                 self._rests[one.item] = (place[0], place[1], _yaw(rotation))
             else:
                 x, y, yaw = self._rests[one.item]

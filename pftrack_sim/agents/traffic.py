@@ -41,20 +41,19 @@ class Traffic:
         self._cart_ids = [int(model.body_mocapid[model.body(name).id]) for name in cart_names]
         self._carried = carried
 
-    def reset(self, data: mujoco.MjData) -> None:
+    def start(self, data: mujoco.MjData) -> None:
         """Everybody at the start."""
-        self.crowd.reset()
-        if self._carried is not None:
-            self._carried.reset()
-        self._reset_gait(data)
+        self._time_s = 0.0
+        self._gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s, self.crowd.postures)
+        self.write(data)
 
     def start_in_mid_stride(self, data: mujoco.MjData, T_world_camera: FloatArray) -> None:
-        """Right after `reset`: let the target's box have its median width over a stride in a `(4, 4)` camera pose."""
+        """Right after `start`: let the target's box have its median width over a stride in a `(4, 4)` camera pose."""
         crowd = self.crowd
         start = crowd.positions_m[0], float(crowd.headings_rad[0]), float(crowd.speeds_m_s[0])
         gait = self._gait_of([self._target], len(PHASES))
         self._gait.start_phase[0] = median_width_phase(self._target, gait, *start, T_world_camera)
-        self._reset_gait(data)
+        self.start(data)
 
     def update(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
         """Move by a tick that ends at `time_s`, with robot and camera (without vibration) at these places."""
@@ -71,11 +70,6 @@ class Traffic:
         for mocap, cart in zip(self._cart_ids, self.crowd.carts, strict=True):
             data.mocap_pos[mocap] = (*cart.position_m, 0.0)
             data.mocap_quat[mocap] = (math.cos(0.5 * cart.yaw_rad), 0.0, 0.0, math.sin(0.5 * cart.yaw_rad))
-
-    def _reset_gait(self, data: mujoco.MjData) -> None:
-        self._time_s = 0.0
-        self._gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s, self.crowd.postures)
-        self.write(data)
 
     def _gait_of(self, people: Sequence[Person], copies: int = 1) -> Gait:
         rngs = [random_streams.stream(self._seed, "gait", person.name) for person in people]

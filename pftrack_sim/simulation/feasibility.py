@@ -14,8 +14,7 @@ import numpy as np
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.target import places_alone
-from pftrack_sim.agents.pedestrians.target_actions import SEAT_FACING_RAD, SITTING_FROM_S
+from pftrack_sim.agents.pedestrians.target import SEAT_FACING_RAD, SITTING_FROM_S, places_alone
 from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.types import FloatArray

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.crossing import Crossing
+from pftrack_sim.agents.pedestrians.goals import positions_away_from
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing
-from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, plan_oncoming_pass, positions_away_from
+from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, plan_oncoming_pass
 from pftrack_sim.agents.pedestrians.target import impossible_actions
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core import random_streams

@@ -77,7 +77,7 @@ class World:
         self._ticks = 0
         self._collision: str | None = None
         self.robot.reset(self.data)
-        self.traffic.reset(self.data)
+        self.traffic.start(self.data)
         self._state = self.robot.scene_state(self.data, 0.0)
         if settings.target.start_stride == "median":
             self.traffic.start_in_mid_stride(self.data, self._state.T_world_camera)

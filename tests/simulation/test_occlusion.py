@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.crossing import Crossing
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import model, people
 from pftrack_sim.scenario.axes import OcclusionAxis

@@ -23,13 +23,18 @@ from pftrack_sim.agents.pedestrians.avoidance import (
     accelerate,
     move,
 )
-from pftrack_sim.agents.pedestrians.goal_manager import GoalManager, PaceChanges
-from pftrack_sim.agents.pedestrians.goal_sampler import PREDICTION_TIMES_S, GoalSampler
+from pftrack_sim.agents.pedestrians.crossing import (
+    Cart,
+    Crossing,
+    CrossingPedestrian,
+    Phase,
+    Surroundings,
+    at_different_depths,
+)
+from pftrack_sim.agents.pedestrians.goals import PREDICTION_TIMES_S, GoalManager, GoalSampler, PaceChanges
 from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph, Xy
-from pftrack_sim.agents.pedestrians.occlusion_trajectory import Crossing, at_different_depths
-from pftrack_sim.agents.pedestrians.oncoming import OncomingPass
-from pftrack_sim.agents.pedestrians.scripted import Cart, CrossingPedestrian, OncomingPedestrian, Phase, Surroundings
+from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, OncomingPedestrian
 from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
@@ -71,19 +76,50 @@ class Crowd:
         self._obstacles = obstacles = ObstacleMap(layout)
         self._graph = VisibilityGraph(obstacles)
         self._sampler = GoalSampler(layout, self._graph, target_path)
-        self._seed, self._robot_start_m, self._distractors = seed, robot_start_m, distractors
+        self._distractors = distractors
         self._target = TargetWalk(target_path, target, target_axis or TargetAxis())
-        scripted: list[_Scripted] = [CrossingPedestrian(one, obstacles) for one in at_different_depths(crossings)]
-        scripted += [OncomingPedestrian(one, target_path, obstacles) for one in oncoming]
-        self._scripted = dict(enumerate(scripted, start=1 + distractors.count))
-        self.carts = tuple(Cart(one, obstacles) for one in carts)
-        self._counts = {"distractor": distractors.count, "crosser": len(crossings), "passer": len(oncoming)}
-        self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in self._counts.items() for i in range(count)))
-        self._members = dict(enumerate(group_members(groups, target_path), start=len(self.names)))
-        self.names += tuple(f"member-{i + 1}" for i in range(len(self._members)))
+        counts = {"distractor": distractors.count, "crosser": len(crossings), "passer": len(oncoming)}
+        self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in counts.items() for i in range(count)))
+        members = group_members(groups, target_path)
+        self._members = dict(enumerate(members, start=len(self.names)))
+        self.names += tuple(f"member-{i + 1}" for i in range(len(members)))
+        # Pedestrians, robot, carts; of each x, y, vx, vy as a row of the state.
         self._robot = len(self.names)
-        self._at_start = False
-        self.reset()
+        self._movers = np.zeros(self._robot + 1 + len(carts), MOVER)
+        self._state = self._movers.view(np.float64).reshape(len(self._movers), -1)[:, :4]
+        self._headings = self._movers["heading"][: self._robot]
+        self._movers["pace"] = 1.0
+        self._movers["turns"][1 : self._robot - len(members)] = 1.0
+        self._movers["extra_m"][self._robot :] = VEHICLE_EXTRA_M
+        self._state[self._robot, :2] = FAR_M
+        rngs = [stream(seed, f"{kind}s", i) for kind, count in counts.items() for i in range(count)]
+        self._goals = GoalManager(self._movers, self._graph, self._sampler, rngs, distractors.count)
+        rngs_of_pace = [stream(seed, "distractors", "pace", i) for i in range(distractors.count)]
+        factors = self._movers["pace"][1 : 1 + distractors.count]
+        self._pace = PaceChanges(rngs_of_pace, distractors.changes_per_minute, factors)
+
+        self._store_target()
+        occupied = [self._state[0, :2].copy()]
+        for person, member in self._members.items():
+            self._headings[person] = member.reset(self._state[person], self.target_s_m, self._state[0, :2])
+            occupied.append(self._state[person, :2].copy())
+        if robot_start_m is not None:
+            occupied.append(np.asarray(robot_start_m, dtype=np.float64))
+        for person in range(1, 1 + distractors.count):
+            self._start_distractor(person, rngs[person - 1], occupied)
+        self._scripted: dict[int, _Scripted] = {}
+        for person, crossing in enumerate(at_different_depths(crossings), start=1 + distractors.count):
+            self._start_crossing(person, crossing, occupied)
+        for person, one in enumerate(oncoming, start=1 + distractors.count + len(crossings)):
+            self._scripted[person] = passer = OncomingPedestrian(one, target_path, obstacles, self._state[person])
+            self._headings[person] = passer.heading_rad
+            self._goals.walking_speed_m_s[person] = passer.speed_m_s
+        for person, pedestrian in self._scripted.items():
+            if pedestrian.phase is Phase.WAITING:
+                self._goals.wait_at(person, self._state[person, :2].copy())
+        columns = self._state[self._robot + 1 :]
+        self.carts = tuple(Cart(one, obstacles, column) for one, column in zip(carts, columns, strict=True))
+        self._group()
 
     @property
     def positions_m(self) -> FloatArray:
@@ -116,42 +152,7 @@ class Crowd:
         others = len(self.names) - 1 - len(self._members)
         return (self._target.posture, *[PLAIN] * others, *(member.posture for member in self._members.values()))
 
-    def reset(self) -> None:
-        """Return everything to the start of the episode, unless it is there."""
-        if self._at_start:
-            return
-        # Pedestrians, robot, carts; of each x, y, vx, vy as a row of the state.
-        self._movers = np.zeros(self._robot + 1 + len(self.carts), MOVER)
-        self._state = self._movers.view(np.float64).reshape(len(self._movers), -1)[:, :4]
-        self._headings = self._movers["heading"][: self._robot]
-        self._movers["pace"] = 1.0
-        self._movers["turns"][1 : self._robot - len(self._members)] = 1.0
-        self._movers["extra_m"][self._robot :] = VEHICLE_EXTRA_M
-        self._state[self._robot, :2] = FAR_M
-        rngs = [stream(self._seed, f"{kind}s", i) for kind, count in self._counts.items() for i in range(count)]
-        self._goals = GoalManager(self._movers, self._graph, self._sampler, rngs, self._distractors.count)
-        distractors = self._distractors
-        rngs_of_pace = [stream(self._seed, "distractors", "pace", i) for i in range(distractors.count)]
-        factors = self._movers["pace"][1 : 1 + distractors.count]
-        self._pace = PaceChanges(rngs_of_pace, distractors.changes_per_minute, factors)
-        self._target.reset()
-        self._store_target()
-        occupied = [self._state[0, :2].copy()]
-        for person, member in self._members.items():
-            self._headings[person] = member.reset(self._state[person], self.target_s_m, self._state[0, :2])
-            occupied.append(self._state[person, :2].copy())
-        if self._robot_start_m is not None:
-            occupied.append(np.asarray(self._robot_start_m, dtype=np.float64))
-        for person in range(1, 1 + self._distractors.count):
-            self._reset_distractor(person, rngs[person - 1], occupied)
-        for person, pedestrian in self._scripted.items():
-            self._reset_scripted(person, pedestrian, rngs[person - 1], occupied)
-        for column, cart in enumerate(self.carts, start=self._robot + 1):
-            cart.reset(self._state[column])
-        self._group()
-        self._at_start = True
-
-    def _reset_distractor(self, person: int, rng: np.random.Generator, occupied: list[FloatArray]) -> None:
+    def _start_distractor(self, person: int, rng: np.random.Generator, occupied: list[FloatArray]) -> None:
         walking_speed = self._distractors.speed_m_s * float(np.clip(rng.normal(1.0, 0.12), 0.75, 1.25))
         self._goals.walking_speed_m_s[person] = walking_speed
         position = self._sampler.start_position(rng, occupied)
@@ -165,27 +166,17 @@ class Crowd:
         self._state[person] = (*position, speed * math.cos(heading), speed * math.sin(heading))
         self._headings[person] = heading
 
-    def _reset_scripted(
-        self, person: int, pedestrian: _Scripted, rng: np.random.Generator, occupied: list[FloatArray]
-    ) -> None:
+    def _start_crossing(self, person: int, crossing: Crossing, occupied: list[FloatArray]) -> None:
         state = self._state[person]
-        if isinstance(pedestrian, OncomingPedestrian):
-            self._headings[person] = pedestrian.reset(state)
-            self._goals.walking_speed_m_s[person] = pedestrian.speed_m_s
-        else:
-            rng.random()  # Unused: keeps the later draws of this stream as they were.
-            state[:2] = self._sampler.waiting_position(np.array(pedestrian.crossing.waiting_m), occupied)
-            pedestrian.reset(state)
-            occupied.append(state[:2].copy())
-            self._goals.walking_speed_m_s[person] = _CROSSING_WALKING_SPEED_M_S
-            x, y = self._target.predicted(pedestrian.crossing.at_s)
-            self._headings[person] = math.atan2(y - state[1], x - state[0])
-        if pedestrian.phase is Phase.WAITING:
-            self._goals.wait_at(person, state[:2].copy())
+        state[:2] = self._sampler.waiting_position(np.array(crossing.waiting_m), occupied)
+        occupied.append(state[:2].copy())
+        self._scripted[person] = CrossingPedestrian(crossing, self._obstacles, state)
+        self._goals.walking_speed_m_s[person] = _CROSSING_WALKING_SPEED_M_S
+        x, y = self._target.predicted(crossing.at_s)
+        self._headings[person] = math.atan2(y - state[1], x - state[0])
 
     def tick(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
         """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at these places."""
-        self._at_start = False
         self._target.update(dt_s, self._moved_robot(dt_s, robot_m), camera_m)
         self._store_target()
         for person, member in self._members.items():

@@ -10,7 +10,7 @@ import numpy as np
 
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.target_actions import hands_on_thighs
+from pftrack_sim.agents.pedestrians.target import hands_on_thighs
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.people import Companions, Group, Seated, Standing, Walking
 

@@ -7,8 +7,6 @@ with A*. The edges of a corner are computed, and kept, when the search first exp
 from __future__ import annotations
 
 import heapq
-import math
-from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -161,21 +159,3 @@ class VisibilityGraph:
         """`(F,)` clearances [m], reduced where one of the points is nearer to a rectangle, so that it can get away."""
         margins = self.obstacles.margins_reaching(np.array(points)).min(axis=0)
         return np.clip(margins - 0.01, 0.0, ROUTE_CLEARANCE_M)
-
-
-def outside_circle(point_m: Xy, centre_m: Sequence[float], radius_m: float) -> Xy:
-    """The point, or the nearest point on the circle if it is inside."""
-    dx, dy = point_m[0] - centre_m[0], point_m[1] - centre_m[1]
-    length = math.hypot(dx, dy)
-    if length >= radius_m or length < 1e-9:
-        return point_m
-    return centre_m[0] + dx * radius_m / length, centre_m[1] + dy * radius_m / length
-
-
-def limited_step(start_m: Xy, end_m: Xy, length_m: float) -> Xy:
-    """The end, or the point at `length_m` on the way to it if it is farther."""
-    dx, dy = end_m[0] - start_m[0], end_m[1] - start_m[1]
-    length = math.hypot(dx, dy)
-    if length <= length_m:
-        return end_m
-    return start_m[0] + dx * length_m / length, start_m[1] + dy * length_m / length

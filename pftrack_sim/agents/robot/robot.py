@@ -98,7 +98,6 @@ class Robot:
     def reset(self, data: mujoco.MjData) -> None:
         """Stand at the start of the route."""
         self.script.reset()
-        self._delay.reset()
         self.drive.reset(data, *self.script.start_pose())
 
     def scene_state(self, data: mujoco.MjData, time_s: float, *, posed_next: bool = False) -> SceneState:
@@ -153,15 +152,11 @@ class Robot:
 
 
 class CommandDelay:
-    """Delays commands by a constant latency, rounded to physics steps."""
+    """Delays commands by a constant latency, rounded to physics steps; until the first one arrives, speeds are zero."""
 
     def __init__(self, clock: Clock, latency_ms: float) -> None:
         self._clock = clock
         self._latency_steps = round(1e-3 * latency_ms / clock.step_s)
-        self.reset()
-
-    def reset(self) -> None:
-        """Command zero speeds until the first command arrives."""
         self._last = _AT_REST
         self._queue: deque[tuple[int, Speeds]] = deque()
         self._append(self._latency_steps, _AT_REST)

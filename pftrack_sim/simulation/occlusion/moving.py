@@ -12,8 +12,8 @@ from typing import Literal
 
 import numpy as np
 
+from pftrack_sim.agents.pedestrians.crossing import WALKER_HALF_WIDTH_M, Crossing, crossing_track
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.pedestrians.occlusion_trajectory import WALKER_HALF_WIDTH_M, Crossing, crossing_track
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scenario import model

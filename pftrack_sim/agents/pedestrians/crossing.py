@@ -1,8 +1,11 @@
-"""Trajectory of a pedestrian or a cart that covers the line of sight from the camera to the target at a given time.
+"""Pedestrians and carts that cover the line of sight from the camera to the target at a given time.
 
-It is defined in the frame of the line of sight, which is known only while the episode runs: during the cover, the mover
-stays at a share of the distance and moves across the line of sight, from one half width on one side to one half width
-on the other. Approach and exit join this part with continuous position, velocity and acceleration.
+Their trajectory is defined in the frame of the line of sight, which is known only while the episode runs: during the
+cover, the mover stays at a share of the distance and moves across the line of sight, from one half width on one side to
+one half width on the other. Approach and exit join this part with continuous position, velocity and acceleration.
+
+Movers read and write `(4,)` columns x, y [m], vx, vy [m/s] of the crowd's state. In all phases except `SCRIPTED`,
+pedestrians are moved as reactive ones.
 """
 
 from __future__ import annotations
@@ -10,12 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum, auto
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pftrack_sim.agents.pedestrians.obstacle_map import Xy
+from pftrack_sim.agents.pedestrians.avoidance import BARRIER_RATE_S, WALL_DISTANCE_M
+from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.core.types import FloatArray
 
 WALKER_HALF_WIDTH_M = 0.22  # Effective half width of a person, averaged over viewing directions.
@@ -26,6 +31,17 @@ _EXIT_MARGIN_M = 0.9
 _EXIT_LIMIT_S = 3.0
 _WALKING_SPEED_M_S = 1.25
 _LINEAR_SHARE = 0.15  # Share of the way across at constant speed where the edges pass faster than the middle.
+
+# Crossing pedestrians and carts; the distances hold before and after the cover.
+_CROSSING_SPEED_LIMIT_M_S = 2.8
+_CROSSING_TARGET_DISTANCE_M = 0.55
+_CROSSING_ROBOT_DISTANCE_M = 0.7
+_CART_SPEED_LIMIT_M_S = 3.2
+_CART_BRAKING_M_S2 = 1.2
+_CART_WALL_DISTANCE_M = 0.5
+_CART_TARGET_DISTANCE_M = 0.85
+_CART_ROBOT_DISTANCE_M = 0.9
+_CART_YAW_TIME_CONSTANT_S = 0.25
 
 
 @dataclass(frozen=True)
@@ -178,6 +194,122 @@ def _point_on_sight(depth: float, camera_m: Xy, target_m: Xy) -> tuple[float, fl
     return dx / distance, dy / distance, min(max(depth * distance, CAMERA_DISTANCE_M), farthest)
 
 
+class Phase(Enum):
+    """Phases in their order: at the waiting position, on the way to the script (oncoming only), in it, after it."""
+
+    WAITING = auto()
+    APPROACHING = auto()
+    SCRIPTED = auto()
+    RELEASED = auto()
+
+
+class Surroundings(NamedTuple):
+    """Positions x, y [m] on the ground at the end of a tick."""
+
+    camera_m: Xy
+    target_m: Xy
+    robot_m: Xy
+
+
+class _Crosser:
+    """What covers the line of sight from the camera to the target once."""
+
+    def __init__(self, crossing: Crossing, obstacles: ObstacleMap, state: FloatArray) -> None:
+        self.crossing, self._obstacles = crossing, obstacles
+        self.state, self.phase = state, Phase.WAITING
+        self._trajectory, self._updates = OcclusionTrajectory(crossing), 0
+
+
+class CrossingPedestrian(_Crosser):
+    """A pedestrian that crosses; it is released as soon as the target is uncovered and anything is in its way."""
+
+    def update(self, dt_s: float, time_s: float, around: Surroundings) -> None:
+        """Advance phase and state by one tick that ends at `time_s`."""
+        if self.phase is Phase.RELEASED:
+            return
+        self._updates += 1
+        crossing, trajectory = self.crossing, self._trajectory
+        if self.phase is Phase.WAITING and time_s + 2.0 * dt_s < crossing.start_s:
+            return  # The start needs the trajectory of the last two ticks.
+        x, y, vx, vy = self.state.tolist()
+        trajectory.update(dt_s, time_s, around.camera_m, around.target_m)
+        if self.phase is Phase.WAITING:
+            if time_s < crossing.start_s:
+                return
+            # A pedestrian that starts with the episode is already walking.
+            trajectory.begin(dt_s, time_s, (x, y), None if self._updates <= 2 else (vx, vy))
+            self.phase = Phase.SCRIPTED
+        desired = trajectory.position(time_s)
+        if not crossing.at_s <= time_s <= crossing.until_s:
+            detour = outside_circle(desired, around.target_m, _CROSSING_TARGET_DISTANCE_M)
+            detour = outside_circle(detour, around.robot_m, _CROSSING_ROBOT_DISTANCE_M)
+            # After the cover, timing does not matter: the pedestrian is released as soon as anything is in its way.
+            if trajectory.finished(time_s) or (time_s > crossing.until_s and self._blocked(dt_s, desired, detour)):
+                self.phase = Phase.RELEASED
+                return
+            desired = self._obstacles.pushed_out(detour, WALL_DISTANCE_M)
+        step_towards(self.state, dt_s, desired, _CROSSING_SPEED_LIMIT_M_S)
+
+    def _blocked(self, dt_s: float, desired: Xy, detour: Xy) -> bool:
+        """Whether the target, the robot or an obstacle is in the way to the desired position."""
+        if detour != desired:
+            return True
+        position = self.state[:2, None]
+        vx, vy = (np.array(desired)[:, None] - position) / dt_s
+        distance, (away_x, away_y) = self._obstacles.distances(position), self._obstacles.directions(position)
+        opening = away_x * vx + away_y * vy
+        return bool((opening < -BARRIER_RATE_S * (distance - WALL_DISTANCE_M)).any())
+
+
+class Cart(_Crosser):
+    """An omnidirectional cart that covers the line of sight once, keeps its broad side towards the camera, and stops.
+
+    Attributes:
+        yaw_rad: Direction of the line of sight on which it faces the camera.
+    """
+
+    def __init__(self, crossing: Crossing, obstacles: ObstacleMap, state: FloatArray) -> None:
+        super().__init__(crossing, obstacles, state)
+        self.yaw_rad = 0.0
+        state[:] = (*crossing.waiting_m, 0.0, 0.0)
+
+    @property
+    def position_m(self) -> Xy:
+        """x, y [m], world frame."""
+        return float(self.state[0]), float(self.state[1])
+
+    def update(self, dt_s: float, time_s: float, around: Surroundings) -> None:
+        """Advance phase and state by one tick that ends at `time_s`."""
+        crossing, trajectory = self.crossing, self._trajectory
+        x, y, vx, vy = self.state.tolist()
+        trajectory.update(dt_s, time_s, around.camera_m, around.target_m)
+        if self.phase is Phase.WAITING and time_s >= crossing.start_s:
+            trajectory.begin(dt_s, time_s, (x, y), None if self._updates == 0 else (vx, vy))
+            self.phase = Phase.SCRIPTED
+        (camera_x, camera_y), (target_x, target_y) = around.camera_m, around.target_m
+        sight_rad = math.atan2(target_y - camera_y, target_x - camera_x)
+        if self._updates == 0:
+            self.yaw_rad = sight_rad
+        self._updates += 1
+        if self.phase is Phase.WAITING:
+            return
+        if self.phase is Phase.SCRIPTED:
+            desired = trajectory.position(time_s)
+            turn_rad = math.remainder(sight_rad - self.yaw_rad, 2.0 * math.pi)
+            self.yaw_rad += min(dt_s / _CART_YAW_TIME_CONSTANT_S, 1.0) * turn_rad
+        else:
+            speed = math.hypot(vx, vy)
+            share = max(speed - _CART_BRAKING_M_S2 * dt_s, 0.0) / speed if speed > 0.0 else 0.0
+            desired = x + share * vx * dt_s, y + share * vy * dt_s
+        if not crossing.at_s <= time_s <= crossing.until_s:
+            desired = outside_circle(desired, around.target_m, _CART_TARGET_DISTANCE_M)
+            desired = outside_circle(desired, around.robot_m, _CART_ROBOT_DISTANCE_M)
+            desired = self._obstacles.pushed_out(desired, _CART_WALL_DISTANCE_M)
+        step_towards(self.state, dt_s, desired, _CART_SPEED_LIMIT_M_S)
+        if trajectory.finished(time_s):
+            self.phase = Phase.RELEASED
+
+
 def crossing_track(
     crossing: Crossing, start_s: float, dt_s: float, camera_m: FloatArray, target_m: FloatArray
 ) -> FloatArray:
@@ -210,3 +342,20 @@ def at_different_depths(crossings: Sequence[Crossing]) -> tuple[Crossing, ...]:
             depth = float(min(options, key=lambda d: abs(d - crossing.depth))) if options else depth
         kept.append(replace(crossing, depth=depth))
     return tuple(kept)
+
+
+def outside_circle(point_m: Xy, centre_m: Sequence[float], radius_m: float) -> Xy:
+    """The point, or the nearest point on the circle if it is inside."""
+    dx, dy = point_m[0] - centre_m[0], point_m[1] - centre_m[1]
+    length = math.hypot(dx, dy)
+    if length >= radius_m or length < 1e-9:
+        return point_m
+    return centre_m[0] + dx * radius_m / length, centre_m[1] + dy * radius_m / length
+
+
+def step_towards(state: FloatArray, dt_s: float, desired: Xy, speed_limit_m_s: float) -> None:
+    """Step towards a position, within a speed limit."""
+    x, y = state[:2].tolist()
+    dx, dy = desired[0] - x, desired[1] - y
+    share = min(speed_limit_m_s * dt_s / max(math.hypot(dx, dy), 1e-9), 1.0)
+    state[:] = x + share * dx, y + share * dy, share * dx / dt_s, share * dy / dt_s
