@@ -13,6 +13,8 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes
 
+PRESETS = ("default", "paper")  # `paper`: the printed values only; `default`: the best values found since
+
 
 @runtime_checkable
 class NeedsTruth(Protocol):

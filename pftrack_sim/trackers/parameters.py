@@ -13,8 +13,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from pftrack_sim.core.errors import ParameterError, did_you_mean
-
-PRESETS = ("default", "paper")  # `paper`: the printed values only; `default`: the best values found since
+from pftrack_sim.trackers.base import PRESETS
 
 Count: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
 Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]

@@ -1,6 +1,7 @@
 """A tracker's process is kept between episodes: it loads once, and an episode knows nothing of earlier ones."""
 
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,48 @@ def test_the_same_seed_gives_the_same_bits_after_any_episodes(tmp_path: Path, fa
     assert alone[5] != alone[9]
     words = [line.split()[0] for line in (tmp_path / "log").read_text().splitlines()]
     assert {word: words.count(word) for word in words} == log
+
+
+MODULE = """
+import os, pathlib, threading
+from tests.trackers.kept_trackers import Leaky
+with pathlib.Path({log!r}).open("a") as file:
+    file.write(f"{{os.getpid()}}\\n")
+class Numbered(Leaky):
+    def update(self, image):
+        return type(super().update(image))([os.getpid(), 1, 2, 3])
+def make(*, seed, **_):
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+    return Numbered(seed)
+"""
+
+
+@linux
+def test_the_next_process_of_a_tracker_that_cannot_be_forked_imports_it_early(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(process, "namespace_command", tuple)  # one numbering of processes
+    log = tmp_path / "log"
+    (tmp_path / "numbered_module.py").write_text(MODULE.format(log=str(log)))
+    with TrackerProcesses() as processes:
+
+        def serving(seed: int) -> float:
+            tracker = IsolatedTracker(TrackerCode("numbered_module:make"), seed=seed, processes=processes)
+            tracker.init(IMAGE, [1, 2, 3, 4])
+            number = tracker.update(IMAGE).box[0]
+            tracker.close()
+            return number
+
+        first, second = serving(1), serving(2)
+        until_s = time.monotonic() + 60.0
+        while len(log.read_text().splitlines()) < 3 and time.monotonic() < until_s:
+            time.sleep(0.01)
+        imported = [float(line) for line in log.read_text().splitlines()]
+        assert set(imported[:3]) >= {first, second}
+        ready = next(one for one in imported if one not in (first, second))
+        assert serving(3) == ready
+    assert not Path(f"/proc/{ready:.0f}").exists()
 
 
 @linux

@@ -10,7 +10,8 @@ Same seed, same bits, whatever ran before: an episode begins in one of three way
   every episode in this process.
 - `"fork"`: each episode runs in a fork of this process, which is left as it was after loading, with modules and
   module-level caches loaded; the fork calls the factory with the episode's seed.
-- `"once"`: the loaded code has threads or a GPU open and cannot be forked: the parent replaces the process.
+- `"once"`: the loaded code has threads or a GPU open and cannot be forked: the parent replaces the process, and starts
+  the next one early, which imports the tracker's code before its episode begins.
 """
 
 from __future__ import annotations
@@ -70,9 +71,10 @@ class _Server:
 
     def run_episode(self) -> None:
         """Serve one episode; returns when this process can serve another."""
-        request, _ = self._read()
         if self._way is None and not self._answer(self._load):
-            return
+            while True:
+                self._read()  # until the parent has read the fault and closes the connection
+        request, _ = self._read()
         if self._way == "fork" and (pid := os.fork()):
             code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
             self._end_others()
@@ -95,10 +97,13 @@ class _Server:
         )
 
     def _load(self) -> None:
-        """Import the tracker and make it, unless this process serves one episode only."""
+        """Import the tracker and make it; only import it if this process serves one episode only."""
         # A program of its own is started anew for every sequence anyway.
         if self._settings["once"] or self._settings["name"].startswith(TRAX):
             self._way = "once"
+            if not self._settings["name"].startswith(TRAX):
+                _seed_generators(0)
+                trackers.factory(self._settings["name"])
             return
         tracker = self._make(0)
         if _has_reset(tracker):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.core.errors import BoxError, ParameterError, TrackerError
+from pftrack_sim.core.errors import BoxError, ParameterError, RunError, TrackerError
 from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.trackers.isolation.process import TrackerCode, TrackerFault, TrackerProcess
@@ -25,6 +25,7 @@ class TrackerProcesses:
         self._lock = threading.Lock()
         self._idle: defaultdict[str, list[TrackerProcess]] = defaultdict(list)
         self._serve_once: set[str] = set()
+        self._next: dict[str, TrackerProcess] = {}
 
     def take(self, code: TrackerCode) -> TrackerProcess:
         """A process that has loaded the tracker, or a new one that begins to; errors are those of `TrackerProcess`."""
@@ -33,8 +34,13 @@ class TrackerProcesses:
                 process = self._idle[repr(code)].pop()
                 process.listen()
                 return process
-            once = repr(code) in self._serve_once
-        return TrackerProcess(code, once=once)
+            if repr(code) not in self._serve_once:
+                return TrackerProcess(code, once=False)
+            process = self._next.pop(repr(code), None) or TrackerProcess(code, once=True)
+            # That of the next episode imports the tracker's code while this one runs.
+            with contextlib.suppress(RunError):  # the next episode will say so
+                self._next[repr(code)] = TrackerProcess(code, once=True)
+            return process
 
     def give_back(self, process: TrackerProcess) -> None:
         """Keep a process that can serve another episode."""
@@ -53,8 +59,9 @@ class TrackerProcesses:
     def close(self) -> None:
         """End the processes that are kept. May be called twice."""
         with self._lock:
-            kept = sum(self._idle.values(), list[TrackerProcess]())
+            kept = [*sum(self._idle.values(), list[TrackerProcess]()), *self._next.values()]
             self._idle.clear()
+            self._next.clear()
         for process in kept:
             process.close()
 

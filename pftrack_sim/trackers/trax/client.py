@@ -27,8 +27,7 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.core.inputs import environment_of_programs
 from pftrack_sim.core.records import Estimate, Image
-from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.parameters import PRESETS
+from pftrack_sim.trackers.base import PRESETS, BaseTracker
 from pftrack_sim.trackers.trax import PREFIX
 from pftrack_sim.trackers.trax.protocol import (
     MAX_LINE_BYTES,
