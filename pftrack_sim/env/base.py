@@ -81,6 +81,8 @@ class CameraEnv(gym.Env[Observation, Any]):
         self.scenario = scenarios.load(scenario, overrides)
         camera = self.scenario.resolve(0).camera
         self.metadata = {**type(self).metadata, "render_fps": round(camera.rate_hz)}
+        if not image:
+            self.metadata["render_modes"] = []
         self.image_size_px = (camera.width_px, camera.height_px)
         far = float(max(self.image_size_px))
         pixels = gym.spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)

@@ -1,7 +1,6 @@
 """The public contract of the environments, checked on every one of them."""
 
 import ctypes
-import importlib.util
 import math
 import pickle
 import subprocess
@@ -45,15 +44,17 @@ def env():
     made.close()
 
 
+@pytest.mark.parametrize("given", [{"render_mode": "rgb_array"}, {"image": False}], ids=["images", "without"])
 @pytest.mark.parametrize("env_id", IDS)
-def test_gymnasium_checker_passes_without_warnings(env_id: str, monkeypatch: pytest.MonkeyPatch):
+def test_gymnasium_checker_passes_without_warnings(env_id: str, given: dict[str, Any], monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # it opens a window
-    env = make(env_id, "corridor", render_mode="rgb_array")
+    env = make(env_id, "corridor", **given)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         # The boxes of actions are in pixels; `RescaleAction` normalises them for those who learn.
         warnings.filterwarnings("ignore", message=".*symmetric and normalized space.*")
-        check_env(env.unwrapped, skip_render_check=importlib.util.find_spec("pygame") is None)
+        check_env(env.unwrapped)
 
 
 @pytest.mark.parametrize("name", NAMES)
