@@ -71,7 +71,8 @@ class Controls:
         """Show the state of the player, the span of its history, and the settings if they changed."""
         player, session, settings = self._player, self._player.session, self._player.session.settings
         lines = [one_line(line) for line in (player.status, *session.errors) if line]
-        self._status.content = "\n\n".join(lines) or "Drag to orbit; click a person to track that person."
+        lines = lines or ["Drag to orbit; click a person to track that person."]
+        self._status.content = "\n\n".join(map(_plain, lines))
         self._play.label = "Pause" if player.playing else "Play"
         if session.simulated:
             self._person.value = session.person
@@ -313,7 +314,7 @@ class Controls:
         event.client.send_file_download("studio.toml", text.encode(), save_immediately=True)
 
     def _show_command(self) -> None:
-        self._player.status = f"`{self._player.session.settings.command_line()}`"
+        self._player.status = self._player.session.settings.command_line()
 
 
 def _when(register: Any, action: Callable[[], object]) -> None:
@@ -324,6 +325,14 @@ def _when(register: Any, action: Callable[[], object]) -> None:
             action()
 
     register(happened)
+
+
+def _plain(text: str) -> str:
+    """Text as Markdown that shows it word for word: a reference to a character is never markup.
+
+    Errors and names are those of third-party code, and the page would render their HTML, scripts included.
+    """
+    return "".join(one if one.isalnum() or one == " " else f"&#{ord(one)};" for one in text)
 
 
 def _by_hand(session: Session) -> str:

@@ -31,6 +31,11 @@ _OFFERED = ("oracle", "stay", "ko2012", "lee2012", "kwon2005", "pftrack", "ncc",
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 _COOKIE = "pftrack-sim-studio"
+_POLICY = (
+    "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; frame-src 'none'; object-src 'none'; "
+    "base-uri 'none'; form-action 'none'"
+)
+"""The page reaches its own server only; viser unpacks its program in the page and evaluates text."""
 
 
 def import_viser() -> Any:
@@ -156,6 +161,8 @@ def _checked(process_request: Any, gate: Gate) -> Callable[[Any, Any], Any]:
             return connection.respond(refusal[0], f"{refusal[1]}\n")
         response = process_request(connection, request)
         cookie = gate.cookie(request.path)
+        if response is not None:
+            response.headers["Content-Security-Policy"] = _POLICY
         if response is not None and cookie is not None:
             response.headers["Set-Cookie"] = cookie
         return response

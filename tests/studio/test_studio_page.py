@@ -16,6 +16,7 @@ from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.studio import Settings, Studio
+from pftrack_sim.trackers import registry
 
 pytest.importorskip("viser", reason="the extra studio is not installed")
 
@@ -208,3 +209,31 @@ def test_a_game_pad_drives_the_robot_that_is_driven_by_hand(studio: Studio, monk
     until(lambda: np.array_equal(studio.player.session.hand, command), "the command")
     assert "forward +0.50, turn +0.00, pan -1.00" in studio.player.status
     studio.player.ask(lambda session: session.change(before))
+
+
+TAKE = "parent.document.title='taken'"
+HOSTILE = f'<img src=x onerror="{TAKE}"><iframe srcdoc="<script>{TAKE}</script>"></iframe> **bold** `code`'
+
+
+@pytest.mark.slow
+def test_texts_from_outside_are_shown_as_they_are_and_run_nothing(
+    launch_chromium: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setitem(registry._REGISTRY.builtin, HOSTILE, registry._REGISTRY.builtin["stay"])
+    settings = replace(PLAIN, trackers=(TrackerSpec(name=HOSTILE),))
+    with Studio(settings, port=0, playing=False, isolation="never") as opened:
+        browser = launch_chromium(*DRAWS)
+        page = browser.new_page()
+        page.set_default_timeout(120_000)
+        answer = page.goto(opened.address)
+        opened.player.request(lambda session: HOSTILE)
+        for _ in range(3):
+            opened.player.ask(lambda session: session.advance())
+        until(lambda: page.locator(".uplot").count() > 0, "the plots")
+        page.wait_for_timeout(1000)
+        assert page.title() != "taken"
+        assert page.locator("iframe").count() == 0
+        assert HOSTILE in page.locator("body").inner_text(), "the status, word for word"
+        assert page.locator('img[src="x"]').count() == 0
+        assert "frame-src 'none'" in answer.headers["content-security-policy"]
+        browser.close()
