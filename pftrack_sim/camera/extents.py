@@ -83,14 +83,18 @@ class Bodies:
         )
         return found[:, :4], found[:, 4:6], found[:, 6]
 
-    def some(self, bodies: Sequence[int]) -> Bodies:
-        """Some of the bodies, by their indices."""
-        ends = self._ends.tolist()
-        return Bodies([self.vertices[ends[body] : ends[body + 1]] for body in bodies])
-
     @cached_property
     def _stacks(self) -> list[tuple[IntArray, FloatArray]]:
-        return _stack(self.vertices)
+        """Indices and vertices of parts of similar size, with vertices repeated up to the largest number."""
+        groups: dict[int, list[int]] = {}
+        for part, points in enumerate(self.vertices):
+            groups.setdefault(-(-len(points) // _STACK_STEP), []).append(part)
+        stacks: list[tuple[IntArray, FloatArray]] = []
+        for parts in groups.values():
+            shapes = [self.vertices[part] for part in parts]
+            index = np.arange(max(map(len, shapes)))
+            stacks.append((np.array(parts, dtype=np.intp), np.stack([shape[index % len(shape)] for shape in shapes])))
+        return stacks
 
     def outlines(
         self, positions: FloatArray, rotations: FloatArray, T_world_camera: FloatArray, near_m: float, wanted: BoolArray
@@ -118,19 +122,6 @@ class Bodies:
             # Sizes are named, since a stack may have no wanted part.
             outlines[parts] = chords.reshape(len(parts), outlines.shape[1], 3)
         return outlines[wanted]
-
-
-def _stack(vertices: Sequence[FloatArray]) -> list[tuple[IntArray, FloatArray]]:
-    """Stack parts of similar size, with vertices repeated up to the largest number."""
-    groups: dict[int, list[int]] = {}
-    for part, points in enumerate(vertices):
-        groups.setdefault(-(-len(points) // _STACK_STEP), []).append(part)
-    stacks: list[tuple[IntArray, FloatArray]] = []
-    for parts in groups.values():
-        index = np.arange(max(len(vertices[part]) for part in parts))
-        stacked = np.stack([vertices[part][index % len(vertices[part])] for part in parts])
-        stacks.append((np.array(parts, dtype=np.intp), stacked))
-    return stacks
 
 
 @kernel
