@@ -61,7 +61,7 @@ def new_spec(*, slices: int = 12, samples: int = 0) -> mujoco.MjSpec:
     """A spec with the visual settings of the simulation."""
     spec = mujoco.MjSpec()
     spec.stat.extent = 1.0
-    spec.visual.map.znear, spec.visual.map.zfar = NEAR, FAR
+    spec.visual.map.znear, spec.visual.map.zfar, spec.visual.map.shadowclip = NEAR, FAR, 8.0
     quality = spec.visual.quality
     quality.numslices, quality.numstacks, quality.offsamples, quality.shadowsize = slices, slices, samples, 512
     spec.visual.headlight.active = 0

@@ -62,6 +62,24 @@ class View(NamedTuple):
         return focal_and_centre(self.K)
 
 
+class ShadowMap(NamedTuple):
+    """The square, across a distant light, in which it casts shadows.
+
+    Attributes:
+        direction: `(3,)` unit vector in which the light travels.
+        right: `(3,)` unit vector along its rows.
+        up: `(3,)` unit vector along its columns.
+        centre: `(3,)` a point on the axis of the light through its middle [m].
+        half_width_m: Half its width.
+    """
+
+    direction: FloatArray
+    right: FloatArray
+    up: FloatArray
+    centre: FloatArray
+    half_width_m: float
+
+
 class Bounds:
     """Oriented bounding boxes of a model's geoms."""
 
@@ -75,6 +93,18 @@ class Bounds:
     def in_view(self, view: View, rect: PixelRect, geoms: IntArray) -> BoolArray:
         """`(N,)` which geoms may be visible in a rectangle of the image."""
         return self.unbounded[geoms] | self._inside(view, geoms, *_planes(view, rect))
+
+    def may_shade(self, view: View, rect: PixelRect, geoms: IntArray, shadows: ShadowMap) -> BoolArray:
+        """`(N,)` which geoms may shade what is visible in a rectangle of the image, by the shadows of one light.
+
+        A geom that the light sweeps away from a side of the view, or past the map, shades nothing in it.
+        """
+        normals, offsets = _planes(view, rect)
+        away = normals @ shadows.direction <= 0.0
+        across = np.stack([shadows.right, -shadows.right, shadows.up, -shadows.up])
+        ends = shadows.half_width_m - across @ shadows.centre
+        normals, offsets = np.concatenate([normals[away], across]), np.concatenate([offsets[away], ends])
+        return self.unbounded[geoms] | self._inside(view, geoms, normals, offsets)
 
     def may_occlude(
         self, view: View, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float

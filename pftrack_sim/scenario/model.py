@@ -98,6 +98,12 @@ class Lights(Section):
     """Sun, sky and lamps of the place, and how they change."""
 
     shadows: bool = setting(True, "Whether the main light casts shadows.")
+    shadow_pixels: int = number(
+        1024, 16, 8192, "Width of the map of shadows; their edges are as soft as one of its pixels is wide."
+    )
+    shadow_reach_m: float = number(
+        14.0, 2, 200, "Half the width of the ground before the camera on which the sun casts shadows."
+    )
     ev: float = number(0.0, -10, 5, "All light, in stops; -1 halves it.")
     sun_azimuth_deg: Angle = setting(40.0, "Azimuth of the sun; 0 is +x, counter-clockwise.")
     sun_elevation_deg: float = number(48.0, 5, 90, "Sun's elevation.")

@@ -29,7 +29,6 @@ from pftrack_sim.scene.robot import RobotForm, add_robot
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
-SHADOW_PIXELS = 2048
 _MAX_SHADE = 0.9
 
 
@@ -133,7 +132,9 @@ def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:
     spec.visual.map.zfar = FAR_M
     quality = spec.visual.quality
     quality.offsamples = settings.sensor.multisamples
-    quality.shadowsize = SHADOW_PIXELS if settings.lights.shadows else 0
+    quality.shadowsize = settings.lights.shadow_pixels if settings.lights.shadows else 0
+    # MuJoCo multiplies it by the extent.
+    spec.visual.map.shadowclip = settings.lights.shadow_reach_m
     # Software rasterisers pay for every vertex.
     quality.numslices, quality.numstacks = 12, 8
     spec.visual.global_.offwidth = settings.camera.width_px

@@ -8,16 +8,18 @@ import mujoco
 import numpy as np
 import pytest
 from observing import Drawing, mujocos_renderer
-from render_stage import HEIGHT, WIDTH, K, build, looking, new_spec, random_view
+from render_stage import HEIGHT, WIDTH, K, Stage, build, looking, new_spec, random_view
 
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.render.culling import Bounds
-from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.render.gl import rasteriser
+from pftrack_sim.render.gl.rasteriser import Rasteriser, shadow_map
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_images_agree_with_the_renderer_of_mujoco(seed: int, drawing: Drawing):
+def test_images_without_shadows_agree_with_the_renderer_of_mujoco(seed: int, drawing: Drawing):
     stage = build(seed)
+    stage.model.light_castshadow[:] = False
     ours, rng = drawing(stage), np.random.default_rng(seed)
     with mujocos_renderer(stage.model) as theirs:
         for _ in range(3):
@@ -128,6 +130,7 @@ def test_culling_geoms_out_of_view_changes_no_pixel(shadows: bool, drawing: Draw
             np.testing.assert_array_equal(stage.model.geom_group, group)
             with monkeypatch.context() as patch:
                 patch.setattr(Bounds, "in_view", lambda *arguments: np.ones(len(arguments[-1]), dtype=bool))
+                patch.setattr(Bounds, "may_shade", lambda *arguments: np.ones(len(arguments[-2]), dtype=bool))
                 assert np.array_equal(picture, renderer.color(stage.data, pose, K))
             left_out += scene.ngeom - culled
     assert left_out > 20
@@ -148,3 +151,29 @@ def test_nothing_is_culled_where_a_material_reflects():
             renderer.color(data, looking((0.0, 0.0, 1.0), (1.0, 0.0, 1.0)), K)
             shown.append(renderer._scene._scene.ngeom)
     assert shown == [2, 1]
+
+
+def shadows_only(monkeypatch: pytest.MonkeyPatch, stage: Stage, pose: np.ndarray, fitted_to: np.ndarray) -> np.ndarray:
+    """`(H, W)` light that the shadows take, where the map of shadows is that of another camera pose."""
+    with monkeypatch.context() as patch:
+        patch.setattr(rasteriser, "shadow_map", lambda model, direction, _: shadow_map(model, direction, fitted_to))
+        images = []
+        for casts in (True, False):
+            stage.model.light_castshadow[:] = casts
+            with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
+                images.append(renderer.color(stage.data, pose, K).astype(int).sum(axis=2))
+    return images[1] - images[0]
+
+
+def test_shadows_have_soft_edges_and_do_not_swim_with_the_camera(monkeypatch: pytest.MonkeyPatch):
+    stage, pose = build(2, people=1, pillars=4), looking((0.0, 0.0, 1.6), (5.0, 0.0, 0.0))
+    stage.model.geom_castshadow[stage.model.body("ground").geomadr[0]] = False
+    still = shadows_only(monkeypatch, stage, pose, pose)
+    deepest = np.quantile(still[still > 0], 0.9)
+    assert (still > 0.8 * deepest).sum() > 300
+    assert ((still > 0.2 * deepest) & (still < 0.8 * deepest)).sum() > 20
+    for step in ((0.013, 0.0, 0.0), (0.4, 0.25, 0.0), (0.77, -0.5, 0.1)):
+        moved = pose.copy()
+        moved[:3, 3] += step
+        differ = np.abs(shadows_only(monkeypatch, stage, pose, moved) - still) > 0.2 * deepest
+        assert differ.mean() < 2e-3

@@ -17,7 +17,8 @@ from pftrack_sim.simulation.simulation import Simulation
 
 pytest.importorskip("mujoco_warp")
 
-SIZE = {"camera.width_px": 160, "camera.height_px": 120}
+# Finer and farther shadows of OpenGL, as the ray caster has them.
+SIZE = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadow_reach_m": 20.0, "lights.shadow_pixels": 2048}
 
 
 # One scenario for each place: those of the suites, `plaza-dock` and `hall-wait` are the same places again, and
@@ -62,7 +63,7 @@ def test_bright_lights_saturate_as_in_opengl(pair):
         one.color(world.data, world.camera_pose(), K).astype(float) for one in (caster, simulation._renderer)
     )
     world.model.light_diffuse[:] = kept
-    assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 2.0
+    assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 2.5
 
 
 def test_texture_gradients_interpolate_the_coordinates_of_the_corners(pair):

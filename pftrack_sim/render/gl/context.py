@@ -14,7 +14,7 @@ import importlib
 import os
 import sys
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
@@ -257,8 +257,12 @@ def _backend_module(backend: str) -> Any:
     return importlib.import_module(module)
 
 
-def _gl_string(name: int) -> str:
-    """Result of `glGetString` in the current context, without PyOpenGL's own, whose import takes 0.15 s."""
+def gl_function(name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
+    """A function of OpenGL in the current context, without PyOpenGL's own, whose import takes 0.15 s."""
     library = importlib.import_module("OpenGL.platform").PLATFORM.GL
-    text = ctypes.CFUNCTYPE(ctypes.c_char_p, ctypes.c_uint)(("glGetString", library))(name)
+    return ctypes.CFUNCTYPE(result, *arguments)((name, library))
+
+
+def _gl_string(name: int) -> str:
+    text = gl_function("glGetString", ctypes.c_char_p, ctypes.c_uint)(name)
     return text.decode(errors="replace") if text else "unknown"

@@ -17,7 +17,7 @@ from pftrack_sim.camera.pinhole import camera_matrix, frustum
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray, IntArray
-from pftrack_sim.render.culling import Bounds, PixelRect, View
+from pftrack_sim.render.culling import Bounds, PixelRect, ShadowMap, View
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.resources import Resources
 from pftrack_sim.render.renderer import (
@@ -32,6 +32,9 @@ from pftrack_sim.render.renderer import (
 _NEVER_DRAWN_GROUP = 5
 _STATIC_AND_DYNAMIC = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
 _SPARE_GEOMS = 64
+_DIRECTIONAL = int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
+_LIGHT_M = 40.0  # Distance of a directional light from what it shines on: nothing that casts shadows is beyond it
+_AHEAD = 0.95  # Middle of a shadow map before the camera, as a share of half its width
 _NO_PERTURBATION = mujoco.MjvPerturb()
 
 
@@ -150,7 +153,10 @@ class _Scene:
         """
         model, scene = self._model, self._scene
         view = View(data.geom_xpos, data.geom_xmat, T_world_camera, K, self._clip_m[0])
-        hidden = self._hidden(view, PixelRect(0, 0, *size))
+        lights = np.flatnonzero(model.light_active & model.light_castshadow)
+        maps = {int(light): shadow_map(model, data.light_xdir[light], T_world_camera)
+                for light in lights if model.light_type[light] == _DIRECTIONAL}  # fmt: skip
+        hidden = self._hidden(view, PixelRect(0, 0, *size), lights, maps)
         # `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the tiles of an
         # infinite plane) would come from the camera of the previous frame.
         self._place_camera(view, size)
@@ -159,16 +165,23 @@ class _Scene:
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
         model.geom_group[hidden] = self._groups[hidden]
         mujoco.mjv_makeLights(model, data, scene)
+        for light in scene.lights[: scene.nlight]:
+            if light.id in maps:
+                light.pos[:] = maps[light.id].centre - _LIGHT_M * maps[light.id].direction
         return scene
 
-    def _hidden(self, view: View, rect: PixelRect) -> IntArray:
-        """Drawn geoms that change no pixel; none that casts a shadow, where a light casts any."""
+    def _hidden(self, view: View, rect: PixelRect, lights: IntArray, maps: dict[int, ShadowMap]) -> IntArray:
+        """Drawn geoms that change no pixel, where some lights cast shadows: those of the lamps without a map in all."""
         model, geoms = self._model, self._geoms
         if (model.mat_reflectance > 0.0).any():
             return geoms[:0]
         shown = self._bounds.in_view(view, rect, geoms)
-        if (model.light_active & model.light_castshadow).any():
-            shown |= model.geom_castshadow[geoms]
+        if lights.size:
+            casters = np.flatnonzero(~shown & model.geom_castshadow[geoms])
+            if len(maps) == len(lights):
+                reaching = [self._bounds.may_shade(view, rect, geoms[casters], one) for one in maps.values()]
+                casters = casters[np.logical_or.reduce(reaching)]
+            shown[casters] = True
         return geoms[~shown]
 
     def _place_camera(self, view: View, size: tuple[int, int]) -> None:
@@ -197,6 +210,26 @@ class _Scene:
         resources.upload_texture(model, texture)
         texels[:] = original
         self._sky_brightness = brightness
+
+
+def shadow_map(model: mujoco.MjModel, direction: FloatArray, T_world_camera: FloatArray) -> ShadowMap:
+    """Where a distant light casts shadows: on the ground before the camera, in whole pixels of the map.
+
+    `direction` is the `(3,)` unit vector in which the light travels, `T_world_camera` the `(4, 4)` camera pose. The
+    size is that of the model's `vis.map.shadowclip`: edges of shadows would swim if it changed, or if the map moved by
+    fractions of its pixels.
+    """
+    half_width_m = float(model.vis.map.shadowclip) * float(model.stat.extent)
+    pixel_m = 2.0 * half_width_m / max(int(model.vis.quality.shadowsize), 1)
+    up = np.cross((1.0, 0.0, 0.0), direction)  # MuJoCo's axes of the map
+    up /= max(float(np.linalg.norm(up)), 1e-9)
+    right = np.cross(direction, up)
+    ahead = T_world_camera[:3, 2] * (1.0, 1.0, 0.0)
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    middle = T_world_camera[:3, 3] * (1.0, 1.0, 0.0) + _AHEAD * half_width_m * ahead
+    across, along = (pixel_m * round(float(middle @ axis) / pixel_m) for axis in (right, up))
+    centre = across * right + along * up + float(middle @ direction) * direction
+    return ShadowMap(direction, right, up, centre, half_width_m)
 
 
 def _geoms_only() -> mujoco.MjvOption:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
 
+from pftrack_sim.render.gl.context import gl_function
+
 _GL_RGBA = 0x1908
+_GL_TEXTURE_2D = 0x0DE1
+_SOFT_SHADOWS = {
+    0x2800: 0x2601,  # GL_TEXTURE_MAG_FILTER: GL_LINEAR
+    0x2801: 0x2601,  # GL_TEXTURE_MIN_FILTER: GL_LINEAR
+    0x884B: 0x1909,  # GL_DEPTH_TEXTURE_MODE: GL_LUMINANCE, where MuJoCo has GL_INTENSITY, which is opacity, too
+}
 _PLANE, _SKYBOX = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
 _GRAPHICS = ("global_", "quality", "map", "rgba")
 """The parts of MuJoCo's `mjVisual` that resources are made by: all but the headlight and the sizes of decoration."""
@@ -35,6 +44,8 @@ class Resources:
             mujoco.mjr_resizeOffscreen(*size, self.context)
         self.context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # the buffer's own values, not converted
         self.context.readPixelFormat = _GL_RGBA  # the buffer's own format: ten times quicker to read than RGB
+        if self.context.shadowTex:
+            _soften_shadows(int(self.context.shadowTex))
         self._settings = _settings(model)
         self._textures: list[object] = _texture_digests(model)
         self._meshes = _mesh_digests(model)
@@ -77,6 +88,19 @@ class Resources:
     def free(self) -> None:
         """Free OpenGL's memory."""
         self.context.free()
+
+
+def _soften_shadows(texture: int) -> None:
+    """Blend the four nearest pixels of the shadow map, and let a share of shadow take that share of the light.
+
+    MuJoCo takes the nearest pixel, and draws nothing of the light where the shadow is more than 1 %.
+    """
+    bind = gl_function("glBindTexture", None, ctypes.c_uint, ctypes.c_uint)
+    set_parameter = gl_function("glTexParameteri", None, ctypes.c_uint, ctypes.c_uint, ctypes.c_int)
+    bind(_GL_TEXTURE_2D, texture)
+    for name, value in _SOFT_SHADOWS.items():
+        set_parameter(_GL_TEXTURE_2D, name, value)
+    bind(_GL_TEXTURE_2D, 0)
 
 
 def _settings(model: mujoco.MjModel) -> Settings:

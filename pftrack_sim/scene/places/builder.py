@@ -24,9 +24,6 @@ _FOLIAGE_M = 7.0  # Height of the foliage that is not seen and casts shadows
 Collider: TypeAlias = tuple[float, float, float]
 """Half width along x, half width along y, height [m] of a box that stands on the ground."""
 
-ShadowArea: TypeAlias = tuple[float, float, float]
-"""x, y of the centre of the area with shadows, and half its width [m]."""
-
 
 class Item(NamedTuple):
     """Something that stands in a place.
@@ -101,10 +98,10 @@ class PlaceBuilder:
         headlight.diffuse = headlight.specular = [0.0, 0.0, 0.0]
         headlight.active = 1
 
-    def add_daylight(self, sun: ArrayLike, shadow_area: ShadowArea, sky: ArrayLike) -> None:
+    def add_daylight(self, sun: ArrayLike, sky: ArrayLike) -> None:
         """Add sun, partly behind the foliage of trees over the area, and sky, by their colours."""
         lights, direction = self.lights, sun_direction(self.lights)
-        self._add_main_light("sun", direction, sun, shadow_area)
+        self._add_main_light("sun", direction, sun)
         if lights.patches:
             crowns = foliage(self.bounds, lights.patches, lights.patch_m, _FOLIAGE_M, self.patch_rng)
             if len(crowns.faces):
@@ -112,9 +109,7 @@ class PlaceBuilder:
         # Light from the sky has a direction: without it all shaded fronts would look flat.
         self.add_fill("sky", (-0.75 * direction[0], -0.75 * direction[1], -0.5), sky)
 
-    def add_ceiling(
-        self, height: float, shadow_area: ShadowArea, sun: ArrayLike, direction: ArrayLike, lamps: ArrayLike
-    ) -> None:
+    def add_ceiling(self, height: float, sun: ArrayLike, direction: ArrayLike, lamps: ArrayLike) -> None:
         """Add light from above: of the sun through windows in the roof if it has patches, else the sum of all lamps.
 
         `height` is that of the roof [m], `sun` a colour, and `lamps` the colour of what reaches the floor from all
@@ -122,23 +117,20 @@ class PlaceBuilder:
         """
         lights = self.lights
         if not lights.patches:
-            self._add_main_light("lamp-above", direction, lamps, shadow_area)
+            self._add_main_light("lamp-above", direction, lamps)
             return
         elevation_deg = max(lights.sun_elevation_deg, _LEAST_WINDOW_SUN_DEG)
         above = sun_direction(lights.model_copy(update={"sun_elevation_deg": elevation_deg}))
         roof = roof_with_windows(self.bounds, lights.patches, lights.patch_m, height, self.patch_rng)
         self.add(Item("windowed-roof", (roof,)))
-        self._add_main_light("lamp-above", above, sun, shadow_area)
+        self._add_main_light("lamp-above", above, sun)
 
-    def _add_main_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike, shadow_area: ShadowArea) -> None:
+    def _add_main_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike) -> None:
         """Add the directional light that casts the shadows of the place; it travels in `direction` `(3,)`."""
         unit = np.asarray(direction, dtype=np.float64)
         unit = unit / np.linalg.norm(unit)
-        x, y, half_width = shadow_area
-        # MuJoCo multiplies the clip distance by stat.extent, which `finish` sets to 1.
-        self.spec.visual.map.shadowclip = half_width
         light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, unit, diffuse, self.lights.shadows)
-        light.pos = np.array([x, y, 0.0]) - 40.0 * unit
+        light.pos = -40.0 * unit
 
     def add_fill(self, name: str, direction: ArrayLike, rgb: ArrayLike, patches_take: float = 0.0) -> None:
         """Add a weak directional light without shadows: light from the sky or reflected by walls."""
