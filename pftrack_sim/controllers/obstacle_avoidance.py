@@ -75,14 +75,18 @@ class ObstacleAvoidance:
         pan = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
         target = self._inner.distance_m
         reach = HORIZON_M if target is None else min(HORIZON_M, max(target - TARGET_CLEAR_M, HULL_M + MARGIN_M))
+        goal = pan
+        if self._inner.goal_m is not None:
+            goal, goal_m = _polar(self._inner.goal_m, proprio)
+            reach = min(HORIZON_M, max(goal_m, HULL_M + MARGIN_M))
         self._mark_trail(proprio, pan, target)
         if self._on_trail:
             forward = max(forward, self._inner.wanted_m_s)
         if forward > 0.02:
-            direction = self._choose_direction(pan, ranges, reach, self._trail_ahead(proprio))
+            direction = self._choose_direction(goal, ranges, reach, self._trail_ahead(proprio))
             if direction is None:
                 forward, turn = 0.0, math.copysign(0.5, turn if self._detour_rad is None else self._detour_rad)
-            elif abs(math.remainder(direction - pan, 2.0 * math.pi)) > 1e-9:
+            elif abs(math.remainder(direction - goal, 2.0 * math.pi)) > 1e-9:
                 turn = direction / TURN_S
                 forward = max(math.cos(direction), 0.0) * forward
             ahead, aside = ranges * np.cos(RANGE_ANGLES_RAD), np.abs(ranges * np.sin(RANGE_ANGLES_RAD))
@@ -137,9 +141,7 @@ class ObstacleAvoidance:
 
     def _trail_ahead(self, proprio: NDArray[Any]) -> list[tuple[float, float]]:
         """Direction [rad] and distance [m] of the points of the trail, the latest first."""
-        x, y, heading = (float(value) for value in proprio[:3])
-        offsets = [(float(px) - x, float(py) - y) for px, py in reversed(self._trail)]
-        return [(math.remainder(math.atan2(dy, dx) - heading, 2.0 * math.pi), math.hypot(dx, dy)) for dx, dy in offsets]
+        return [_polar(point, proprio) for point in reversed(self._trail)]
 
     def _remember(self, proprio: NDArray[Any], ranges: FloatArray, pan_rad: float) -> None:
         """Store the end points of the beams in the odometry frame, without the target: it walks on."""
@@ -181,6 +183,13 @@ class _Scan:
         """Whether the robot has hardly moved between the two."""
         turned = math.remainder(self.heading_rad - other.heading_rad, 2.0 * math.pi)
         return abs(self.driven_m - other.driven_m) < _SCAN_M and abs(turned) < _SCAN_RAD
+
+
+def _polar(point_m: FloatArray, proprio: NDArray[Any]) -> tuple[float, float]:
+    """Direction [rad] in the frame of the chassis, and distance [m], of a point of the odometry frame."""
+    x, y, heading = (float(value) for value in proprio[:3])
+    dx, dy = float(point_m[0]) - x, float(point_m[1]) - y
+    return math.remainder(math.atan2(dy, dx) - heading, 2.0 * math.pi), math.hypot(dx, dy)
 
 
 def _open(directions_rad: FloatArray, ranges: FloatArray, reach_m: float) -> BoolArray:

@@ -41,7 +41,8 @@ def _servo(*, distance_m: float | None = None, person_m: float = 1.72, least_con
 def _servo_avoid(
     *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2
 ) -> ObstacleAvoidance:
-    return ObstacleAvoidance(_servo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence))
+    servo = VisualServo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence)
+    return ObstacleAvoidance(TargetSearch(servo, drives=True))
 
 
 _REGISTRY = Registry[Controller](

@@ -1,15 +1,16 @@
-"""Search for a lost target: look to the side where it left, then sweep."""
+"""Search for a lost target: drive to where it was last seen, look to the side where it left, then sweep."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.controllers.base import RobotParameters, is_lost
-from pftrack_sim.controllers.visual_servo import GAZE_S, TURN_S, VisualServo, box_direction
+from pftrack_sim.controllers.visual_servo import DISTANCE_S, GAZE_S, TURN_S, VisualServo, box_direction
 from pftrack_sim.core.proprioception import PROPRIO_INDEX
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import FloatArray
@@ -19,6 +20,12 @@ PATIENCE_S = 0.5  # Time during which the last motion decays before the search: 
 OVERSHOOT_RAD = math.radians(35.0)
 """First angle past the last direction, to the side where the target left: half a usual field of view."""
 
+MOTION_S = 1.0  # Time over which the target's motion on the ground is measured
+LEAD_S = 1.2  # The target is assumed to have walked on for this time: past the edge that hid it
+ARRIVED_M = 0.5  # The place is reached this far before it
+STUCK_S, STUCK_M_S = 1.5, 0.15
+"""The search goes on from where the robot stands after it has been slower than this for this time."""
+
 LOOK_S = 1.5  # Time at that angle before the sweep
 SWEEP_S = 6.0  # Period of the sweep: at an amplitude of 60 degrees the view moves at most 63 degrees/s
 
@@ -27,16 +34,23 @@ MAX_AMPLITUDE_RAD = math.pi
 
 
 class TargetSearch:
-    """Follows by visual servoing; while the target is lost, turns to where it left, then sweeps.
+    """Follows by visual servoing; while the target is lost, drives to where it was last seen, then looks around.
 
-    The target's last direction is stored in the odometry frame, with the side to which it was moving. For `PATIENCE_S`
-    the last motion decays; then the head looks `OVERSHOOT_RAD` past that direction, the base turning after it; after
-    `LOOK_S` the view sweeps about that direction with growing amplitude, until the target is visible again. The inner
-    controller estimates the distance and defines when the target is lost.
+    The target's last places are stored in the odometry frame. For `PATIENCE_S` the last motion decays. A robot that
+    `drives` then goes to the last place and `LEAD_S` of the target's motion beyond, looking there, until it has arrived
+    or cannot get nearer. There, or at once without `drives`, the head looks `OVERSHOOT_RAD` past the target's last
+    direction to the side to which it was moving, the base turning after it; after `LOOK_S` the view sweeps about that
+    direction with growing amplitude, until the target is visible again. The inner controller estimates the distance
+    and defines when the target is lost.
+
+    Args:
+        inner: Follows the target while it is visible.
+        drives: Whether the robot drives while it searches: only under a controller that avoids obstacles.
     """
 
-    def __init__(self, inner: VisualServo) -> None:
+    def __init__(self, inner: VisualServo, *, drives: bool = False) -> None:
         self._inner = inner
+        self._drives = drives
         self.reset(RobotParameters())
 
     @property
@@ -44,40 +58,73 @@ class TargetSearch:
         """Distance by the last box; None while the target is lost."""
         return self._inner.distance_m
 
-    @property
-    def wanted_m_s(self) -> float:
-        """Forward speed for a target straight ahead; 0 while the target is lost."""
-        return self._inner.wanted_m_s
-
     def reset(self, robot: RobotParameters) -> None:
         """See `Controller.reset`."""
         self._inner.reset(robot)
         self._robot = robot
-        self._lost_s = 0.0
+        self._lost_s = self._searching_s = self._stuck_s = 0.0
         self._direction_rad: float | None = None
         self._side = 1.0
+        self._places: deque[FloatArray] = deque(maxlen=1 + round(MOTION_S * robot.rate_hz))
+        self.goal_m: FloatArray | None = None
+        """`(2,)` where the robot drives to while it searches, in the odometry frame."""
+        self.wanted_m_s = 0.0
+        """Forward speed for a target, or a place where it may be, straight ahead."""
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> FloatArray:
         """See `Controller.act`."""
         command = self._inner.act(estimate, proprio)
-        heading = float(proprio[PROPRIO_INDEX["odometry_heading_rad"]])
+        self.wanted_m_s = self._inner.wanted_m_s
+        position, heading = (
+            np.array(proprio[:2], dtype=np.float64),
+            float(proprio[PROPRIO_INDEX["odometry_heading_rad"]]),
+        )
         pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
         if not is_lost(estimate, self._inner.least_confidence):
-            self._remember(heading + pan + box_direction(estimate, self._robot)[0], heading + pan)
-            self._lost_s = 0.0
+            direction = heading + pan + box_direction(estimate, self._robot)[0]
+            self._remember(direction, heading + pan)
+            if self.distance_m is not None:
+                self._places.append(position + self.distance_m * np.array([math.cos(direction), math.sin(direction)]))
+            self._lost_s = self._searching_s = self._stuck_s = 0.0
+            self.goal_m = None
             return command
         self._lost_s += self._robot.frame_s
         if self._lost_s <= PATIENCE_S:
             return command
         if self._direction_rad is None:
             self._direction_rad = heading + pan
-        look = self._direction_rad + self._side * self.sweep_rad(self._lost_s - PATIENCE_S)
-        # In the direction of the sweep, not by the shorter turn: a look backwards does not jump from side to side.
-        error = math.remainder(look - heading - pan, 2.0 * math.pi)
+        way = self._way(proprio, position)
+        if way is not None:
+            ahead_m, direction = way
+            bearing = math.remainder(direction - heading, 2.0 * math.pi)
+            self.wanted_m_s = min(max(ahead_m / DISTANCE_S, STUCK_M_S), float(self._robot.limits[0]))
+            forward, turn = self.wanted_m_s * max(math.cos(bearing), 0.0), bearing / TURN_S
+            error = math.remainder(bearing - pan, 2.0 * math.pi)
+        else:
+            look = self._direction_rad + self._side * self.sweep_rad(self._searching_s)
+            self._searching_s += self._robot.frame_s
+            # In the direction of the sweep, not by the shorter turn: a look backwards does not jump from side to side.
+            forward, turn, error = 0.0, pan / TURN_S, math.remainder(look - heading - pan, 2.0 * math.pi)
         yaw_rate = float(proprio[PROPRIO_INDEX["gyro_z_rad_s"]])
         tilt = float(proprio[PROPRIO_INDEX["tilt_rad"]])
-        rates = np.array([0.0, pan / TURN_S, error / GAZE_S - yaw_rate, -tilt / (4.0 * GAZE_S)])
+        rates = np.array([forward, turn, error / GAZE_S - yaw_rate, -tilt / (4.0 * GAZE_S)])
         return np.clip(rates / self._robot.limits, -1.0, 1.0)
+
+    def _way(self, proprio: NDArray[Any], position_m: FloatArray) -> tuple[float, float] | None:
+        """Distance [m] and direction [rad] of the way to the target's last place; None once there, or stuck."""
+        if self._drives and self._places:
+            self.goal_m = self._places[-1] + LEAD_S / MOTION_S * (self._places[-1] - self._places[0])
+            self._places.clear()
+        wheels = proprio[PROPRIO_INDEX["wheel_left_m_s"]], proprio[PROPRIO_INDEX["wheel_right_m_s"]]
+        self._stuck_s = self._stuck_s + self._robot.frame_s if abs(0.5 * float(sum(wheels))) < STUCK_M_S else 0.0
+        if self.goal_m is None:
+            return None
+        dx, dy = (self.goal_m - position_m).tolist()
+        ahead_m = math.hypot(dx, dy) - ARRIVED_M
+        if ahead_m <= 0.0 or self._stuck_s > STUCK_S:
+            self.goal_m = None
+            return None
+        return ahead_m, math.atan2(dy, dx)
 
     @staticmethod
     def sweep_rad(searching_s: float) -> float:

@@ -140,7 +140,7 @@ class Follow(Section):
     distance_m: Positive = setting(3.0, "Wanted distance to the target.")
     distance_limit_m: Positive = setting(3.0, "Error of distance at which the reward reaches 0.")
     bearing_limit_deg: float = setting(45.0, "Error of bearing at which the reward reaches 0.", gt=0, le=180)
-    lost_after_s: Positive = setting(3.0, "The episode ends when the target is out of view this long.")
+    lost_after_s: Positive = setting(8.0, "The episode ends when the target is out of view this long.")
 
 
 class ResolvedScenario(Section):

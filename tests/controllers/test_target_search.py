@@ -6,11 +6,12 @@ from playground import SIZE, Playground
 
 from pftrack_sim import controllers
 from pftrack_sim.controllers import Controller, RobotParameters
-from pftrack_sim.controllers.target_search import LOOK_S, OVERSHOOT_RAD, PATIENCE_S, TargetSearch
+from pftrack_sim.controllers.obstacle_avoidance import HULL_M
+from pftrack_sim.controllers.target_search import ARRIVED_M, LEAD_S, LOOK_S, OVERSHOOT_RAD, PATIENCE_S, TargetSearch
 
 
-def servo() -> Controller:
-    controller = controllers.make("servo")
+def servo(name: str = "servo") -> Controller:
+    controller = controllers.make(name)
     controller.reset(RobotParameters(SIZE))
     return controller
 
@@ -50,10 +51,52 @@ def test_the_sweep_covers_all_directions_at_a_bounded_rate():
     assert abs(TargetSearch.sweep_rad(LOOK_S) - OVERSHOOT_RAD) < 1e-9
 
 
-def test_it_never_drives_without_a_target():
+def test_servo_never_drives_without_a_target():
     world, controller = Playground((3.0, 0.0)), servo()
     world.play(controller, 3.0, (1.0, 0.0))
     world.play(controller, PATIENCE_S + 0.1, sure=False)
     world.commands.clear()
     world.play(controller, 10.0, sure=False)
+    assert max(abs(command[0]) for command in world.commands) == 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_drives_to_the_last_place_and_on_along_the_last_motion(side: float):
+    world, controller = Playground((3.0, 0.0)), servo("servo-avoid")
+    world.play(controller, 4.0, (0.8, 0.6 * side))
+    last, velocity = world.target.copy(), np.array([0.8, 0.6 * side])
+    world.play(controller, 8.0, sure=False)
+    robot = np.array([world.x, world.y])
+    assert np.hypot(*(robot - (last + LEAD_S * velocity))) < ARRIVED_M + 0.4
+    assert np.hypot(*(robot - last)) > 0.5  # beyond where it was seen
+    world.commands.clear()
+    world.play(controller, 4.0, sure=False)
+    assert max(abs(command[0]) for command in world.commands) == 0.0  # there it looks around
+
+
+def test_a_person_behind_a_corner_is_found_again():
+    # A wall beside the way: the person turns round its end, where the line of sight crosses it.
+    wall = [(x, 0.6, 0.15) for x in np.arange(-1.0, 4.01, 0.25)]
+    found = {}
+    for name in ("servo", "servo-avoid"):
+        world, controller = Playground((3.0, 0.0), posts=wall), servo(name)
+        world.play(controller, 2.0, (0.8, 0.0))
+        world.play(controller, 2.0, (0.0, 1.0), sure=False)
+        for _ in range(200):
+            line = np.array([world.target[0] - world.x, world.target[1] - world.y])
+            crossing = world.x + line[0] * (0.6 - world.y) / line[1]
+            world.play(controller, 0.1, sure=not crossing < 4.15)
+        found[name] = not crossing < 4.15
+        assert world.nearest_m > HULL_M or name == "servo"
+    assert found == {"servo": False, "servo-avoid": True}
+
+
+def test_it_looks_around_where_the_way_to_the_last_place_is_closed():
+    ring = [(2.0 * math.cos(angle), 2.0 * math.sin(angle), 0.3) for angle in np.arange(0.0, 6.3, 0.2)]
+    world, controller = Playground((4.0, 0.0), posts=ring), servo("servo-avoid")
+    world.play(controller, 1.0)
+    world.play(controller, 20.0, sure=False)
+    assert world.nearest_m > HULL_M
+    world.commands.clear()
+    world.play(controller, 3.0, sure=False)
     assert max(abs(command[0]) for command in world.commands) == 0.0

@@ -40,13 +40,13 @@ BACKWARDS = {"camera.mount": "back", "robot.gaze": "forward"}
 
 
 def test_a_target_behind_a_camera_that_does_not_turn_is_lost():
-    info = follow(make(BACKWARDS), "still")
+    info = follow(make({**BACKWARDS, "follow.lost_after_s": 3.0}), "still")
     assert info["outcome"] == "lost"
     assert info["steps"] == 91  # lost_after_s and one frame
 
 
 def test_a_target_that_starts_out_of_view_is_selected_when_first_visible():
-    env = make({**BACKWARDS, "follow.lost_after_s": 8.0})
+    env = make(BACKWARDS)
     observation, info = env.reset(seed=3)
     assert observation["first"] == 0
     assert not observation["init_box"].any()
@@ -63,7 +63,7 @@ def test_a_target_that_starts_out_of_view_is_selected_when_first_visible():
 
 
 def test_a_searching_controller_finds_a_target_that_starts_out_of_view():
-    info = follow(make({**BACKWARDS, "follow.lost_after_s": 8.0}), "servo")
+    info = follow(make(BACKWARDS), "servo")
     assert info["outcome"] == "finished"
 
 
