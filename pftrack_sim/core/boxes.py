@@ -28,9 +28,12 @@ def checked(box: ArrayLike, *, what: str = "box") -> Box:
         BoxError: Wrong shape, not numbers, NaN, infinite, or a negative size.
     """
     try:
-        array = np.array(box, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise BoxError(f"{what} must be four numbers x, y, w, h in pixels, got {box!r}") from error
+        given = np.asarray(box)
+        array = np.array(given, dtype=np.float64) if given.dtype.kind in "biuf" else None
+    except (TypeError, ValueError):
+        array = None
+    if array is None or isinstance(box, np.ma.MaskedArray):
+        raise BoxError(f"{what} must be four numbers x, y, w, h in pixels, got {box!r}")
     if array.shape != (4,):
         raise BoxError(f"{what} must have shape (4,) (x, y, w, h in pixels), got shape {array.shape}")
     numbers = array.tolist()

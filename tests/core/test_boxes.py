@@ -88,9 +88,13 @@ def test_checked_gives_a_copy():
         ([[1, 2, 3, 4]], "shape"),
         ("box", "four numbers"),
         ([1, 2, "w", 4], "four numbers"),
-        (None, "shape"),
+        (None, "four numbers"),
         ([1, 2, np.nan, 4], "finite"),
         ([1, 2, -3, 4], "w=-3"),
+        ([1 + 2j, 2, 3, 4], "four numbers"),
+        (np.array([1 + 2j, 2, 3, 4]), "four numbers"),
+        (["1", "2", "3", "4"], "four numbers"),
+        (np.ma.masked_array([1.0, 2.0, 3.0, 4.0], [False, True, False, False]), "four numbers"),
     ],
 )
 def test_checked_refuses_what_is_no_box(bad: Any, words: str):
