@@ -1,4 +1,4 @@
-"""Poses of body parts: the pelvis above the feet, legs by inverse, trunk, head and arms by forward kinematics.
+"""Postures and poses of body parts: the pelvis above the feet, legs by inverse, the rest by forward kinematics.
 
 Rotations of pelvis and trunk are those of Murray, Drought and Kory, Journal of Bone and Joint Surgery 46-A:335 (1964),
 and Saunders, Inman and Eberhart, ibid. 35-A:543 (1953). Axes of parts are x forward, y left, z up.
@@ -7,7 +7,8 @@ and Saunders, Inman and Eberhart, ibid. 35-A:543 (1953). Axes of parts are x for
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,47 @@ from numpy.typing import NDArray
 from pftrack_sim.agents.gait.trajectories import MAX_EXTENSION, RUN_STANCE_FRACTION
 from pftrack_sim.core.compiled import kernel, part_of_kernel, record_type
 from pftrack_sim.core.types import FloatArray
+
+
+class Arm(NamedTuple):
+    """Pose of an arm [rad], blended with its swing by `share` from 0 to 1.
+
+    Attributes:
+        shoulder: Flexion: 0 hangs along the trunk, positive forward.
+        elbow: Flexion.
+        outward: Abduction of the upper arm.
+        forearm: Roll of the forearm outward.
+    """
+
+    share: float
+    shoulder: float
+    elbow: float
+    outward: float = 0.0
+    forearm: float = 0.0
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Posture of one person.
+
+    Attributes:
+        crouch: 0 upright, 1 a full squat.
+        bend: 0 upright, 1 bent forward at the hips, hands towards the ground.
+        sit: 0 upright, 1 seated on a bench.
+        running: Whether the person runs instead of walking.
+        look_rad: Turn of the head to the left; the trunk follows by a part of it.
+        arms: Left and right arm; None swings.
+    """
+
+    crouch: float = 0.0
+    bend: float = 0.0
+    sit: float = 0.0
+    running: bool = False
+    look_rad: float = 0.0
+    arms: tuple[Arm | None, Arm | None] = (None, None)
+
+
+PLAIN = Posture()
 
 BODY = record_type(
     [

@@ -76,13 +76,21 @@ _SHIFT_SWEEPS = 6
 
 
 @kernel
-def accelerate(movers: Movers, rectangles: Rectangles) -> None:
-    """Write the accelerations of the movers that react: to their waypoints, away from others and from walls.
+def avoid(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
+    """Move those that react by a tick: to their waypoints, away from others and from walls, with all distances kept.
 
     Args:
-        movers: `(C,)` everything that moves.
+        movers: `(C,)` everything that moves; what does not react has moved already.
         rectangles: `(F,)` obstacles.
+        tick_s: Length of the tick.
     """
+    _accelerate(movers, rectangles)
+    _move(movers, rectangles, tick_s)
+
+
+@part_of_kernel
+def _accelerate(movers: Movers, rectangles: Rectangles) -> None:
+    """Write the accelerations of the movers that react: to their waypoints, away from others and from walls."""
     for index in range(len(movers)):
         person = movers[index]
         if person.reaction == 0.0:
@@ -129,17 +137,12 @@ def accelerate(movers: Movers, rectangles: Rectangles) -> None:
         person.ax, person.ay = share * ax, share * ay
 
 
-@kernel
-def move(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
+@part_of_kernel
+def _move(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
     """Move those that react by a tick of their accelerations, as far as all distances are kept; and turn people.
 
     Velocities are changed pair by pair, as little as the barriers ask. Where that could not keep the least distances,
     positions are shifted apart, and the velocities with them.
-
-    Args:
-        movers: `(C,)` everything that moves; what does not react has moved already.
-        rectangles: `(F,)` obstacles.
-        tick_s: Length of the tick.
     """
     for index in range(len(movers)):
         person = movers[index]

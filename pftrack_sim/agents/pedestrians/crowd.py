@@ -13,16 +13,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.agents.gait.posture import PLAIN, Posture
+from pftrack_sim.agents.gait.body import PLAIN, Posture
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.avoidance import (
-    FAR_M,
-    MOVER,
-    VEHICLE_EXTRA_M,
-    WAITING_REACTION,
-    accelerate,
-    move,
-)
+from pftrack_sim.agents.pedestrians.avoidance import FAR_M, MOVER, VEHICLE_EXTRA_M, WAITING_REACTION, avoid
 from pftrack_sim.agents.pedestrians.crossing import (
     Cart,
     Crossing,
@@ -233,8 +226,7 @@ class Crowd:
             return
         self._pace.update(time_s)
         self._goals.update(dt_s, time_s, self.target_s_m)
-        accelerate(self._movers, self._obstacles.rectangles)
-        move(self._movers, self._obstacles.rectangles, dt_s)
+        avoid(self._movers, self._obstacles.rectangles, dt_s)
 
     def _group(self) -> None:
         """Divide the pedestrians into reactive and scripted ones, after a phase has changed."""

@@ -23,7 +23,7 @@ from pftrack_sim.scene.occluders import CART_HALF_THICKNESS_M, cart_names
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion.static import check_times
 
-STEP_S = 1.0 / 30.0
+STEP_S = 1.0 / 20.0
 MAX_SPEED_M_S = 2.2
 WALL_GAP_M = 0.42  # Preferred distance of the mover's centre to walls and obstacles
 _PREFERRED_SPEED_M_S = 1.2

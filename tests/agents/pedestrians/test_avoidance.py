@@ -11,8 +11,7 @@ from pftrack_sim.agents.pedestrians.avoidance import (
     PERSON_DISTANCE_M,
     RECTANGLE,
     WALL_DISTANCE_M,
-    accelerate,
-    move,
+    avoid,
 )
 
 TICK_S = 1.0 / 60.0
@@ -55,8 +54,7 @@ def test_a_distance_shrinks_at_most_at_a_rate_in_proportion_to_the_room_left(ext
     least_m = PERSON_DISTANCE_M + extra_m
     for _ in range(180):
         before_m = apart_m(people)
-        accelerate(people, NO_WALLS)
-        move(people, NO_WALLS, TICK_S)
+        avoid(people, NO_WALLS, TICK_S)
         assert apart_m(people) >= before_m - BARRIER_RATE_S * (before_m - least_m) * TICK_S - 1e-3
     assert least_m - 0.01 < apart_m(people)
 
@@ -64,8 +62,7 @@ def test_a_distance_shrinks_at_most_at_a_rate_in_proportion_to_the_room_left(ext
 def test_a_person_who_walks_at_a_wall_stays_off_it():
     people, house = movers((0.0, 0.3), (9.0, 0.3)), wall(3.0, 0.0)
     for _ in range(180):
-        accelerate(people, house)
-        move(people, house, TICK_S)
+        avoid(people, house, TICK_S)
         over = np.maximum(np.abs([people["x"][0] - 3.0, people["y"][0]]) - 1.0, 0.0)
         assert np.hypot(*over) > WALL_DISTANCE_M - 0.01
 
@@ -73,14 +70,13 @@ def test_a_person_who_walks_at_a_wall_stays_off_it():
 def test_people_who_stand_in_each_other_or_in_a_wall_are_shifted_apart():
     people, house = movers((0.0, 0.0), (0.2, 0.0), (-1.9, 0.3)), wall(-3.0, 0.0)
     people["vx"] = people["vy"] = 0.0
-    move(people, house, TICK_S)
+    avoid(people, house, TICK_S)
     assert apart_m(people) > 0.46
     assert people["x"][2] > -2.0 + 0.26
 
 
 def test_what_does_not_react_is_not_moved():
     people = movers((0.0, 0.0), (0.4, 0.0), others_react=False)
-    accelerate(people, NO_WALLS)
-    move(people, NO_WALLS, TICK_S)
+    avoid(people, NO_WALLS, TICK_S)
     assert (people["x"][1], people["y"][1]) == (0.4, 0.0)
     assert people["x"][0] < 0.0
