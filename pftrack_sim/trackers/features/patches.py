@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, whole_block_size
@@ -76,53 +75,21 @@ def sample_patches(grey: NDArray[np.uint8], placements: FloatArray, shape: tuple
     Sampled bilinearly in an `(H, W)` uint8 image; border pixels are replicated. `shape` is rows and columns of the
     template.
     """
-    out = np.empty((len(placements), shape[0] * shape[1]), np.float32)
-    _sample(grey, placements, shape[0], shape[1], out)
+    down, across = (((np.arange(count) + 0.5) / count - 0.5) for count in shape)
+    v, u = np.meshgrid(down, across, indexing="ij")
+    points = np.stack([np.ones(u.size), u.ravel(), v.ravel()])
+    # OpenCV has pixel centres at whole numbers.
+    x, y = (np.asarray(placements[:, axis::2] @ points - 0.5, dtype=np.float32) for axis in (0, 1))
+    values, out = grey.astype(np.float32), np.empty(x.shape, np.float32)
+    for start in range(0, len(out), _TOGETHER):
+        some = slice(start, start + _TOGETHER)
+        out[some] = cv2.remap(values, x[some], y[some], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    out -= out.mean(axis=1, keepdims=True, dtype=np.float64)
+    variance = np.einsum("ij,ij->i", out, out) / out.shape[1]
+    scales = np.divide(1.0, np.sqrt(variance), out=np.zeros_like(variance), where=variance > _FLAT)
+    out *= scales[:, None]
     return out
 
 
-@kernel
-def _sample(
-    grey: NDArray[np.uint8], placements: NDArray[np.float64], rows: int, columns: int, out: NDArray[np.float32]
-) -> None:
-    """Fill `out` with normalised patches."""
-    height, width = grey.shape
-    max_x, max_y = np.float32(width - 1), np.float32(height - 1)
-    count = rows * columns
-    for n in range(placements.shape[0]):
-        # Pixel centres lie at half pixels: position 0.5 is the centre of pixel 0.
-        cx, cy = placements[n, 0] - 0.5, placements[n, 1] - 0.5
-        ux, uy, vx, vy = placements[n, 2], placements[n, 3], placements[n, 4], placements[n, 5]
-        reach_x, reach_y = 0.5 * (abs(ux) + abs(vx)), 0.5 * (abs(uy) + abs(vy))
-        inside = cx - reach_x >= 0 and cy - reach_y >= 0 and cx + reach_x < width - 1 and cy + reach_y < height - 1
-        step_x, step_y = np.float32(ux / columns), np.float32(uy / columns)
-        for i in range(rows):
-            v, u = (i + 0.5) / rows - 0.5, 0.5 / columns - 0.5
-            x0, y0 = np.float32(cx + v * vx + u * ux), np.float32(cy + v * vy + u * uy)
-            for j in range(columns):
-                x, y = x0 + np.float32(j) * step_x, y0 + np.float32(j) * step_y
-                if not inside:
-                    x = min(max(x, np.float32(0.0)), max_x)
-                    y = min(max(y, np.float32(0.0)), max_y)
-                left, top = np.int32(x), np.int32(y)
-                right = left + 1 if inside else min(left + 1, width - 1)
-                bottom = top + 1 if inside else min(top + 1, height - 1)
-                fx, fy = x - np.float32(left), y - np.float32(top)
-                corner_top, corner_bottom = np.float32(grey[top, left]), np.float32(grey[bottom, left])
-                above = corner_top + (np.float32(grey[top, right]) - corner_top) * fx
-                below = corner_bottom + (np.float32(grey[bottom, right]) - corner_bottom) * fx
-                out[n, i * columns + j] = above + (below - above) * fy
-        total, squares = np.float64(0.0), np.float64(0.0)
-        for k in range(count):
-            total += out[n, k]
-        mean = np.float32(total / count)
-        for k in range(count):
-            out[n, k] -= mean
-            squares += out[n, k] * out[n, k]
-        variance = squares / count
-        scale = np.float32(1.0 / math.sqrt(variance)) if variance > _FLAT else np.float32(0.0)
-        for k in range(count):
-            out[n, k] *= scale
-
-
+_TOGETHER = 10_000  # Rows of one image: OpenCV allows less than 32768
 _FLAT = 1e-3  # Variances below this [grey levels squared] are rounding errors of a uniform patch
