@@ -57,16 +57,12 @@ class WalkParameters(Parameters):
         return centre, centre, self.sigma_size * width, self.sigma_size * height
 
 
+TUNED_WALK: Mapping[str, Any] = MappingProxyType(
+    {"sigma_centre": 0.2, "sigma_size": 0.025, "size_correlation": 1.0, "sigma_unit": "box"}
+)
+"""The random walk in the preset `default`: in shares of the box, whose shape it keeps."""
 TUNED_FILTER: Mapping[str, Any] = MappingProxyType(
-    {
-        "sigma_centre": 0.2,
-        "sigma_size": 0.025,
-        "size_correlation": 1.0,
-        "sigma_unit": "box",
-        "top_count": 20,
-        "hold_distance": 0.6,
-        "redraw": "estimate",
-    }
+    {**TUNED_WALK, "top_count": 20, "hold_distance": 0.6, "redraw": "estimate"}
 )
 """The filter of `ko2012` in the preset `default`, which others share."""
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pftrack_sim.trackers.features.boosting import train
+from pftrack_sim.trackers.relatives.klein2010 import train
 
 
 def samples(count: int = 60, features: int = 20, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pftrack_sim.trackers.features.saliency import spectral_residual
+from pftrack_sim.trackers.relatives.sidibe2010 import spectral_residual
 
 SIZE, BLUR_PX = (64, 48), 1.5
 

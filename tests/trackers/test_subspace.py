@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pftrack_sim.trackers.features.subspace import Subspace, residuals
+from pftrack_sim.trackers.features.online_feature import Subspace, residuals
 
 
 def stream(kind: str, dimension: int, count: int, seed: int = 0) -> np.ndarray:

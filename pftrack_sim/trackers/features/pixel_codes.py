@@ -20,16 +20,15 @@ def hsv_codes(image: Image, bin_count: int) -> NDArray[np.uint8]:
     return np.right_shift(codes, _shift(bin_count), out=codes)
 
 
-def hsv_joint_codes(image: Image, bin_counts: tuple[int, int, int]) -> NDArray[np.uint8]:
-    """`(H, W, 1)` bins of a joint histogram of hue, saturation and value (Lee et al. 2012, section III.1).
+JOINT_COUNT = 256
+"""Codes of `hsv_joint_codes`."""
 
-    The numbers of bins are powers of two whose product is at most 256.
-    """
-    channels = cv2.split(_hsv(image))  # NumPy takes twice as long for strides of three
-    hue, saturation, value = (
-        np.asarray(one, dtype=np.uint8) >> _shift(count) for one, count in zip(channels, bin_counts, strict=True)
-    )
-    return ((hue * np.uint8(bin_counts[1]) + saturation) * np.uint8(bin_counts[2]) + value)[..., None]
+
+def hsv_joint_codes(image: Image) -> NDArray[np.uint8]:
+    """`(H, W, 1)` bins of a joint histogram of 8 hues, 8 saturations and 4 values (Lee et al. 2012, section III.1)."""
+    # NumPy takes twice as long for strides of three.
+    hue, saturation, value = (np.asarray(one, dtype=np.uint8) for one in cv2.split(_hsv(image)))
+    return (hue & np.uint8(0b11100000) | saturation >> np.uint8(5) << np.uint8(2) | value >> np.uint8(6))[..., None]
 
 
 def _hsv(image: Image) -> NDArray[np.uint8]:

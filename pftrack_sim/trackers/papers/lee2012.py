@@ -9,7 +9,6 @@ and 13).
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,14 +29,13 @@ from pftrack_sim.trackers.features.histogram import distance_layout, histograms
 from pftrack_sim.trackers.features.hog import COLUMNS, ROWS, hog
 from pftrack_sim.trackers.features.image_region import block_means, block_size
 from pftrack_sim.trackers.features.online_feature import OnlineFeatureModel, OnlineFeatureParameters
-from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
+from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
 from pftrack_sim.trackers.filters import ConstantVelocity, ParticleFilter
 from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, Share
 
-COLOUR_BINS = (8, 8, 4)
 MIN_SIZE_SHARE = 0.1
 """Least size of a particle as a share of the first box, which does not depend on the image's resolution."""
-_LAYOUT = distance_layout(ROWS, COLUMNS, 1, math.prod(COLOUR_BINS))
+_LAYOUT = distance_layout(ROWS, COLUMNS, 1, JOINT_COUNT)
 
 
 class Lee2012Parameters(OnlineFeatureParameters):
@@ -209,7 +207,7 @@ class _FeatureRegion:
 
     def __init__(self, image: Image, near: FloatArray, block: tuple[float, float], uses_hog: bool) -> None:
         self._region = block_means(image, near, block)
-        self._codes = hsv_joint_codes(self._region.pixels, COLOUR_BINS)
+        self._codes = hsv_joint_codes(self._region.pixels)
         grey = cv2.cvtColor(self._region.pixels, cv2.COLOR_RGB2GRAY) if uses_hog else None
         self._grey = None if grey is None else np.asarray(grey, dtype=np.uint8)
 

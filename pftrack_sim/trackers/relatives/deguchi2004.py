@@ -22,16 +22,15 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, USUAL_RATE, WalkParameters, clip_states, state_of
+from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, TUNED_WALK, USUAL_RATE, WalkParameters, clip_states, state_of
 from pftrack_sim.trackers.features.histogram import COLUMNS, ROWS, epanechnikov_layout, histogram, similarities
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
-from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
+from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, Positive, Share
 
-COLOUR_BINS = (8, 8, 4)
-_LAYOUT, _WHOLE = epanechnikov_layout(1, 256), Partition()
+_LAYOUT, _WHOLE = epanechnikov_layout(1, JOINT_COUNT), Partition()
 
 
 class Deguchi2004Parameters(WalkParameters):
@@ -53,9 +52,7 @@ class Deguchi2004Parameters(WalkParameters):
     """
 
     # docs/papers/relatives.md states what was tried on which recorded sequences.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {"sigma_centre": 0.2, "sigma_size": 0.025, "sigma_unit": "box", "top_count": 10}
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType({**TUNED_WALK, "top_count": 10})
 
     iteration_count: Annotated[int, Field(ge=1, le=1000)] = 20
     size_step: Share = 0.1
@@ -125,7 +122,7 @@ class Deguchi2004(BaseTracker):
     def _encode(self, image: Image, near: FloatArray) -> tuple[ImageRegion, NDArray[np.uint8]]:
         """Colour codes of the region that `(N, 4)` boxes [px] touch, in blocks of about the points of a box."""
         region = block_means(image, near, block_size(self._first_size, self._state[2:4], (COLUMNS, ROWS)))
-        return region, hsv_joint_codes(region.pixels, COLOUR_BINS)
+        return region, hsv_joint_codes(region.pixels)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,17 +22,16 @@ from pydantic import Field
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
+from pftrack_sim.trackers.box_filter import TUNED_WALK, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.histogram import epanechnikov_layout, histogram, similarities
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.patches import sample_patches
-from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
+from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
 from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, Share
 
-COLOUR_BINS = (8, 8, 4)
 SHAPE = (32, 16)
 """Rows and columns of the template."""
-_LAYOUT = epanechnikov_layout(1, 256)
+_LAYOUT = epanechnikov_layout(1, JOINT_COUNT)
 
 
 class Islam2009Parameters(BoxFilterParameters):
@@ -54,10 +53,7 @@ class Islam2009Parameters(BoxFilterParameters):
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
             "particle_count": 200,
-            "sigma_centre": 0.2,
-            "sigma_size": 0.025,
-            "size_correlation": 1.0,
-            "sigma_unit": "box",
+            **TUNED_WALK,
             "top_count": 10,
             "redraw": "estimate",
             "colour_share": 0.7,
@@ -157,7 +153,7 @@ class Islam2009(BoxFilterTracker[Islam2009Parameters, ShapeAndColour]):
         block = block_size(self._first_size, self._state[2:4], (SHAPE[1], SHAPE[0]))
         region = block_means(image, near, block)
         distances = edge_distances(region.pixels, (p.edge_low, p.edge_high), p.cap_share * min(SHAPE))
-        return EdgeRegion(region, distances, hsv_joint_codes(region.pixels, COLOUR_BINS))
+        return EdgeRegion(region, distances, hsv_joint_codes(region.pixels))
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Islam2009:

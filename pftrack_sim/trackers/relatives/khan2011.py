@@ -24,15 +24,13 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, USUAL_RATE, WalkParameters, clip_states, state_of
+from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, TUNED_WALK, USUAL_RATE, WalkParameters, clip_states, state_of
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import SIDE, Partition, area_histograms, mean_shift
-from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
+from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
 from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, Share
 
-COLOUR_BINS = (8, 8, 4)
-_BIN_COUNT = math.prod(COLOUR_BINS)
 _REACH = 1.0  # Mean shift may leave the particles behind by as much as this share of a box
 
 
@@ -56,10 +54,7 @@ class Khan2011Parameters(WalkParameters):
     # Chosen on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David): docs/papers/relatives.md.
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
-            "sigma_centre": 0.2,
-            "sigma_size": 0.025,
-            "size_correlation": 1.0,
-            "sigma_unit": "box",
+            **TUNED_WALK,
             "shape_gain": 0.2,
             "learning_rate": 0.005,
             "learn_above": 0.95,
@@ -110,7 +105,7 @@ class Khan2011(BaseTracker):
         states = np.tile(self._state, (self.params.particle_count, 1))
         self._filter = ParticleFilter(states, random_streams.stream(self._seed, "tracker"))
         region, codes = self._encode(image, self._state[None])
-        found = area_histograms(codes, _to_region(self._state[None], region), self._partition, _BIN_COUNT)[0]
+        found = area_histograms(codes, _to_region(self._state[None], region), self._partition, JOINT_COUNT)[0]
         totals = found.sum(axis=1, keepdims=True)
         self._model = np.divide(found, totals, out=np.zeros_like(found), where=totals > 0.0)
         self._usual = 1.0
@@ -139,7 +134,7 @@ class Khan2011(BaseTracker):
 
     def _compare(self, codes: NDArray[np.uint8], local: FloatArray) -> tuple[FloatArray, FloatArray]:
         """`(N,)` mean similarities in [0, 1] of the areas of `(N, 5)` states [px of the region], and the histograms."""
-        histograms = area_histograms(codes, local, self._partition, _BIN_COUNT)
+        histograms = area_histograms(codes, local, self._partition, JOINT_COUNT)
         return np.minimum(np.sqrt(histograms * self._model).sum(axis=2).mean(axis=1), 1.0), histograms
 
     def _encode(self, image: Image, states: FloatArray) -> tuple[ImageRegion, NDArray[np.uint8]]:
@@ -151,7 +146,7 @@ class Khan2011(BaseTracker):
         block, _ = block_size(first, now, (SIDE, SIDE))
         block = min(block, float(min(image.shape[:2])))
         region = block_means(image, hull, (block, block))
-        return region, hsv_joint_codes(region.pixels, COLOUR_BINS)
+        return region, hsv_joint_codes(region.pixels)
 
 
 def upright(states: FloatArray) -> FloatArray:

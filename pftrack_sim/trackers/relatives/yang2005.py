@@ -24,7 +24,7 @@ from scipy.stats import qmc
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.box_filter import BoxFilterParameters, BoxFilterTracker
+from pftrack_sim.trackers.box_filter import TUNED_WALK, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.hog import hog
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.integral import integral_image, rectangle_means
@@ -64,10 +64,7 @@ class Yang2005Parameters(BoxFilterParameters):
     # docs/papers/relatives.md states what was tried on which recorded sequences.
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
-            "sigma_centre": 0.2,
-            "sigma_size": 0.025,
-            "size_correlation": 1.0,
-            "sigma_unit": "box",
+            **TUNED_WALK,
             "top_count": 10,
             "redraw": "estimate",
             "hold_below": 0.4,
