@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import mujoco
+import numpy as np
 
 from pftrack_sim.core import random_streams
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.model import Occluder
-from pftrack_sim.scene.layout import WalkableArea
+from pftrack_sim.scene.layout import CONTACT, WalkableArea
 from pftrack_sim.scene.occluders import (
     CartSize,
     Placement,
@@ -26,10 +27,11 @@ from pftrack_sim.scene.places.builder import add_ground_plane
 from pftrack_sim.scene.places.place import add_place
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import RobotForm, add_robot
-from pftrack_sim.scene.scene_spec import SceneSpec
+from pftrack_sim.scene.scene_spec import BLANK, SceneSpec
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 _MAX_SHADE = 0.9
+_CONTACT_PX = 64
 
 
 def build_stage(
@@ -49,6 +51,7 @@ def build_stage(
     """
     spec = _empty(step_s, draws=draws)
     _set_graphics(spec, settings)
+    _add_contact_material(spec)
     rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
     patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
     lights = settings.lights.model_copy(update={"patches": patches})
@@ -139,3 +142,19 @@ def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:
     quality.numslices, quality.numstacks = 12, 8
     spec.visual.global_.offwidth = settings.camera.width_px
     spec.visual.global_.offheight = settings.camera.height_px
+
+
+def _add_contact_material(spec: SceneSpec) -> None:
+    """Add the material of the darkness under feet: opaque in its middle, and clear at its edge."""
+    across = np.linspace(-1.0, 1.0, _CONTACT_PX)
+    depth = np.clip(1.0 - np.hypot(across[:, None], across), 0.0, 1.0)
+    image = np.full((_CONTACT_PX, _CONTACT_PX, 4), 255, dtype=np.uint8)
+    image[..., 3] = np.round(255.0 * depth**2 * (3.0 - 2.0 * depth))
+    if spec.draws:
+        size = {"width": _CONTACT_PX, "height": _CONTACT_PX, "nchannel": 4}
+        texture = spec.add_texture(name=CONTACT, type=mujoco.mjtTexture.mjTEXTURE_2D, **size)
+        texture.data = image.tobytes()
+    else:
+        spec.add_image(CONTACT, BLANK)
+    material = spec.add_material(name=CONTACT, specular=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = CONTACT

@@ -13,6 +13,7 @@ HIDDEN_ROBOT_GROUP = 4
 """MuJoCo geom groups. Hidden geoms collide and are not drawn; those of the robot are ignored by its range finder."""
 
 Bounds: TypeAlias = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
+CONTACT = "contact"  # Name of the material of the darkness under feet
 SKY = "sky"  # Name of the material whose emission is the brightness of the sky's texture
 
 

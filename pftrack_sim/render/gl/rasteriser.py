@@ -18,6 +18,7 @@ from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.culling import Bounds, PixelRect, ShadowMap, View
+from pftrack_sim.render.gl.contact import ContactShadows
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.resources import Resources
 from pftrack_sim.render.renderer import (
@@ -135,7 +136,8 @@ class _Scene:
         self._clip_m = clip_depths_m(model)
         self._bounds = Bounds(model)
         self._options = _geoms_only()
-        self._scene = mujoco.MjvScene(model, model.ngeom + _SPARE_GEOMS)
+        self._contact = ContactShadows(model)
+        self._scene = mujoco.MjvScene(model, model.ngeom + len(self._contact.feet) + _SPARE_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = False
         self._eyes = tuple(self._scene.camera)  # MuJoCo draws the average of two eyes: both get the same camera
         self._sky_material = sky_material(model)
@@ -164,6 +166,7 @@ class _Scene:
         model.geom_group[hidden] = _NEVER_DRAWN_GROUP
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
         model.geom_group[hidden] = self._groups[hidden]
+        self._contact.add(data, scene, ~np.isin(self._contact.feet, hidden))
         mujoco.mjv_makeLights(model, data, scene)
         for light in scene.lights[: scene.nlight]:
             if light.id in maps:

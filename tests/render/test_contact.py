@@ -1,0 +1,36 @@
+"""Darkness under feet: on the ground around them, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.render.gl.contact import ContactShadows
+from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.simulation.simulation import Simulation
+
+SIZE = {"camera.width_px": 320, "camera.height_px": 240, "lights.shadows": False, "distractors.count": 0}
+
+
+def test_the_ground_is_darker_under_feet_and_nowhere_else(monkeypatch: pytest.MonkeyPatch):
+    with Simulation(scenario.load("corridor", SIZE)) as simulation:
+        truth = simulation.reset(3).truth
+        world = simulation.world
+        silhouettes = simulation.silhouettes
+        view = world.data, truth.T_world_camera, truth.K
+        with Rasteriser(world.model, 320, 240) as renderer:
+            dark = renderer.color(*view).astype(int)
+            monkeypatch.setattr(ContactShadows, "add", lambda *_: None)
+            plain = renderer.color(*view).astype(int)
+    change = (dark - plain).sum(axis=2)
+    assert change.max() == 0
+    assert change.min() < -100
+    x, y, width, height = truth.box
+    rows, columns = np.nonzero(change < 0)
+    own = (columns > x - 0.5 * width) & (columns < x + 1.5 * width)
+    assert (rows[own] > y + 0.85 * height).all()
+    assert (rows[own] < y + 1.15 * height).all()
+    target = silhouettes["target"]
+    on_target = change[target.rect.slices][target.visible] < 0
+    assert on_target.mean() < 0.01
