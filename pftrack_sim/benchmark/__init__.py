@@ -2,7 +2,7 @@
 
 from pftrack_sim.benchmark.asked.from_names import join_plans, make_plan, parse_seeds, plan_all
 from pftrack_sim.benchmark.asked.plan import Condition, Episode, Plan, TrackerSpec
-from pftrack_sim.benchmark.kept.store import RunStore
+from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.benchmark.running.run import Interrupted, new_run_path, run
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, TypeAlias, cast
 
 from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.data_files import assets_dir
@@ -34,7 +34,6 @@ _ROOMS: Mapping[str, tuple[Path, ...]] = {
 _VERSIONS = ("mujoco", "mujoco-warp", "numpy", "opencv-python-headless", "opencv-contrib-python-headless", "numba")
 
 Environment: TypeAlias = Mapping[str, str]
-_Value = TypeVar("_Value")
 
 
 def digest(*parts: object) -> str:
@@ -47,9 +46,9 @@ def short(key: str) -> str:
     return key[:16]
 
 
-def key_of(file: Path) -> str:
+def key_of(file: str) -> str:
     """The short key at the end of a file's name: `seed-0003-stay-0123456789abcdef.parquet`."""
-    return file.stem.rpartition("-")[2]
+    return Path(file).stem.rpartition("-")[2]
 
 
 @cache
@@ -85,16 +84,6 @@ def _code_digest(roots: tuple[Path, ...]) -> str:
         for path in (path for path in files if path.parent.name != "__pycache__"):
             found.update(f"{path.relative_to(root.parent)}\0{file_digest(path)}".encode())
     return found.hexdigest()
-
-
-def missing(asked: Mapping[str, _Value], kept: Collection[str]) -> dict[str, _Value]:
-    """What is asked for and not there."""
-    return {key: one for key, one in asked.items() if key not in kept}
-
-
-def present(asked: Mapping[str, _Value], kept: Collection[str]) -> dict[str, _Value]:
-    """What is asked for and there, in the order in which it is asked for."""
-    return {key: one for key, one in asked.items() if key in kept}
 
 
 def differences(asked: Mapping[str, Any], stored: Mapping[str, Any], path: str = "") -> Iterator[str]:

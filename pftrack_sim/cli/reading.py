@@ -19,7 +19,7 @@ from pftrack_sim.cli.values import parse_labels
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark.kept.store import QueryResult
+    from pftrack_sim.benchmark.reading.store import QueryResult
 
 
 def merge(
@@ -27,14 +27,14 @@ def merge(
     folders: Annotated[list[Path], typer.Argument(help="Run folders.")],
 ) -> None:
     """Merge run folders, for example parts of a plan."""
-    from pftrack_sim.benchmark.kept.merge import merge as merge_runs
+    from pftrack_sim.benchmark.reading.merge import merge as merge_runs
 
     tables.print_lines(merge_runs(out, folders).lines())
 
 
 def check(folder: Annotated[Path, typer.Argument(help="Run folder.")]) -> None:
     """Verify that a run folder is complete and undamaged."""
-    from pftrack_sim.benchmark.kept.check import check as check_run
+    from pftrack_sim.benchmark.reading.check import check as check_run
 
     found = check_run(folder)
     tables.print_lines(found.lines())

@@ -60,7 +60,7 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
     from pftrack_sim.benchmark import RunStore, new_run_path, run
     from pftrack_sim.benchmark.asked.from_names import late_events
     from pftrack_sim.benchmark.asked.union import held_besides
-    from pftrack_sim.benchmark.kept.store import is_run
+    from pftrack_sim.benchmark.kept.folder import is_run
 
     tables.print_warnings(late_events(plan, None if options.verbose else options.changed))
     path = options.out if options.out is not None else new_run_path(plan)

@@ -15,7 +15,7 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.datasets.results import Scored
-from pftrack_sim.benchmark.kept.checksums import update_sum
+from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
 from pftrack_sim.benchmark.said.claims import evaluate_claims
 from pftrack_sim.core.errors import RunError
@@ -46,7 +46,7 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
     page = _page(store, contents(store, on_episode))
     target = path / "report.html"
     write_bytes(target, page.encode())
-    update_sum(path, target.name)
+    Checksums(path).update(target.name)
     return target
 
 
@@ -110,9 +110,9 @@ def _render(title: str, data: Mapping[str, Any], **values: Any) -> str:
 
 def _provenance(store: RunStore) -> list[tuple[str, str]]:
     """The record of the last session, and the renderers of all."""
-    session = next(reversed(store.record["sessions"]), dict[str, Any]())
+    session = store.record.sessions[-1].model_dump() if store.record.sessions else {}
     entries = [(name, _words(session[name])) for name in _SESSION_KEYS if session.get(name)]
-    entries.insert(0, ("checksums", "not verified: no SHA256SUMS" if store.sums is None else "verified"))
+    entries.insert(0, ("checksums", "not verified: no SHA256SUMS" if store.checksums.known is None else "verified"))
     graphics = dict.fromkeys(str(result.values["graphics"]) for result in store.results)
     seeds = sorted({result.seed for result in store.results})
     state = "all episodes" if store.finished else "not finished: these are the episodes so far"

@@ -13,7 +13,7 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
-from pftrack_sim.benchmark.kept.checksums import update_sum
+from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.reading.losses import TAGS, loss_shares, tag_title
 from pftrack_sim.benchmark.said.comparison import Difference, EpisodeDifference, RunComparison
@@ -71,7 +71,7 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     )
     write_bytes(target, page.encode())
     if target.parent.resolve() in (first.path.resolve(), second.path.resolve()):
-        update_sum(target.parent, target.name)
+        Checksums(target.parent).update(target.name)
     return target
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pftrack_sim.benchmark import run
-from pftrack_sim.benchmark.kept.check import check
+from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.report import write_report
 from tests.attack.deadline import deadline

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pftrack_sim.benchmark import RunStore, run
-from pftrack_sim.benchmark.kept.check import check
+from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.report import write_report
 from pftrack_sim.trackers.isolation import Limits
 from tests.attack.hostile import MARK

@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-from pftrack_sim.benchmark.kept.check import check
+from pftrack_sim.benchmark.reading.check import check
 from tests.benchmark.small import SMALL, contents
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import RunStore, run
-from pftrack_sim.benchmark.kept.check import check
-from pftrack_sim.benchmark.kept.merge import merge
+from pftrack_sim.benchmark.reading.check import check
+from pftrack_sim.benchmark.reading.merge import merge
 from tests.benchmark.small import SMALL, small_plan
 from tests.cli.test_cli import pftrack_sim
 

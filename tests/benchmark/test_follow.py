@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import Interrupted, Plan, RunStore, TrackerSpec, make_plan, plan_all, run
-from pftrack_sim.benchmark.kept.check import check
+from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.running.latency import measure_ms, resolve_latencies
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
@@ -136,7 +136,7 @@ def test_two_workers_and_another_order_give_the_same_bits(one: RunStore, tmp_pat
 def test_a_resumed_run_runs_only_missing_episodes(one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)
-    lost, *kept = RunStore(begun).result_files()
+    lost, *kept = RunStore(begun).present
     half = lost.with_name(f".{lost.name}.0badcafe.part")
     half.write_bytes(lost.read_bytes()[:1000])
     lost.unlink()

@@ -15,7 +15,7 @@ import pytest
 from pftrack_sim.benchmark import run
 from pftrack_sim.benchmark.datasets.export import export
 from pftrack_sim.benchmark.datasets.results import export_results
-from pftrack_sim.benchmark.kept.check import check
+from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.formats.results import RESULT_FORMATS

@@ -13,8 +13,8 @@ import tomli_w
 import pftrack_sim
 from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec, keys, make_plan, parse_seeds, run
 from pftrack_sim.benchmark.asked.union import held_besides, united
-from pftrack_sim.benchmark.kept.check import check
-from pftrack_sim.benchmark.kept.merge import merge
+from pftrack_sim.benchmark.reading.check import check
+from pftrack_sim.benchmark.reading.merge import merge
 from pftrack_sim.benchmark.running.filming import film, worst
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.scenario import load

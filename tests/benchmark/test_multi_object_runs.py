@@ -10,8 +10,8 @@ from pftrack_sim.benchmark import RunStore, TrackerSpec, make_plan, run
 from pftrack_sim.benchmark.datasets.export import export
 from pftrack_sim.benchmark.datasets.recorded import evaluate
 from pftrack_sim.benchmark.datasets.results import export_results, score_results
-from pftrack_sim.benchmark.kept.check import check
-from pftrack_sim.benchmark.running.people_scores import SCORES
+from pftrack_sim.benchmark.reading.check import check
+from pftrack_sim.benchmark.reading.summary import SCORES
 from pftrack_sim.core.errors import ParameterError, SequenceError, TrackerError
 from pftrack_sim.formats import read_sequence
 from tests.benchmark.small import SMALL

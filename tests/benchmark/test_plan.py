@@ -42,13 +42,12 @@ def test_a_plan_goes_through_json_unchanged_and_any_change_shows():
     plan = make_plan(["plaza-walk", "corridor"], trackers, [0, 5], axes={"jitter": [0, 1.5]})
     again = Plan.model_validate_json(plan.model_dump_json())
     assert again == plan
-    assert again.digest == plan.digest
     assert again.asked == plan.asked
     assert list(again.episodes())[3].scenario.tree == list(plan.episodes())[3].scenario.tree
     longer = make_plan(
         ["plaza-walk", "corridor"], trackers, [0, 5], axes={"jitter": [0, 1.5]}, overrides={"duration_s": 3}
     )
-    assert longer.digest != plan.digest
+    assert longer.asked.keys().isdisjoint(plan.asked)
     with pytest.raises(ValidationError, match="format"):
         Plan.model_validate({**plan.model_dump(mode="json"), "format": 7})
 

@@ -11,9 +11,9 @@ import duckdb
 import pytest
 
 from pftrack_sim.benchmark import Plan, RunStore, run
-from pftrack_sim.benchmark.kept import store
-from pftrack_sim.benchmark.kept.check import check
-from pftrack_sim.benchmark.kept.merge import merge
+from pftrack_sim.benchmark.kept import folder
+from pftrack_sim.benchmark.reading.check import check
+from pftrack_sim.benchmark.reading.merge import merge
 from pftrack_sim.benchmark.running.executor import LocalExecutor
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -61,10 +61,10 @@ def test_two_workers_that_are_killed_give_the_same_bits(
 def test_a_resumed_run_runs_only_missing_episodes(plan: Plan, one: RunStore, tmp_path: Path):
     begun = tmp_path / "run"
     shutil.copytree(one.path, begun)
-    files = list(RunStore(begun).result_files())
+    files = list(RunStore(begun).present)
     for lost in (files[1], files[3]):
         lost.unlink()
-    kept = {file: file.stat().st_mtime_ns for file in RunStore(begun).result_files()}
+    kept = {file: file.stat().st_mtime_ns for file in RunStore(begun).present}
     half = files[1].with_name(f".{files[1].name}.0badcafe.part")
     half.write_bytes(files[0].read_bytes()[:1000])
     seen: list[RunProgress] = []
@@ -108,11 +108,11 @@ def test_check_finds_what_is_wrong(one: RunStore, tmp_path: Path):
         shutil.copytree(one.path, tmp_path / name)
         return tmp_path / name
 
-    first = next(RunStore(one.path).result_files()).relative_to(one.path)
+    first = next(iter(RunStore(one.path).present)).relative_to(one.path)
     cut = harmed("cut")
     (cut / first).write_bytes((one.path / first).read_bytes()[:-100])
     swapped = harmed("swapped")
-    second = list(RunStore(one.path).result_files())[2].relative_to(one.path)
+    second = list(RunStore(one.path).present)[2].relative_to(one.path)
     shutil.copy(swapped / second, swapped / first)
     added = harmed("added")
     foreign = first.with_name("seed-0099-0123456789abcdef.parquet")
@@ -125,14 +125,13 @@ def test_check_finds_what_is_wrong(one: RunStore, tmp_path: Path):
     record = (edited / "run.json").read_text()
     (edited / "run.json").write_text(record.replace('"duration_s": 0.4', '"duration_s": 0.5'))
     assert check(one.path).good
-    for folder in (cut, swapped, flipped):
-        (problem,) = check(folder).problems
-        assert problem == f"{first.as_posix()}: changed since the run was finished"
-        # Without checksums to compare with, the rows speak for themselves.
-        (folder / "SHA256SUMS").unlink()
-        assert any(problem.startswith(first.as_posix()) for problem in check(folder).problems), folder
+    for harmed_run in (cut, swapped, flipped):
+        (problem,) = check(harmed_run).problems
+        assert problem == f"{first.as_posix()}: changed since it was written"
+        (harmed_run / "SHA256SUMS").unlink()
+        assert "SHA256SUMS: missing" in check(harmed_run).problems
     assert check(added).problems == (f"not in the plan: {foreign.as_posix()}",)
-    with pytest.raises(RunError, match="was edited"):
+    with pytest.raises(RunError, match=r"run\.json: changed since"):
         check(edited)
 
 
@@ -264,13 +263,13 @@ def _state(pid: int) -> str:
 def test_a_run_begun_by_another_process_meanwhile_is_not_overwritten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The other process begins, and ends, just before this one gets the lock."""
     first, second = small_plan(range(1), ["stay"]), small_plan(range(2), ["stay"])
-    lock = store.lock_folder
+    lock = folder.lock_folder
 
     def late_lock(path: Path) -> int:
-        monkeypatch.setattr(store, "lock_folder", lock)
+        monkeypatch.setattr(folder, "lock_folder", lock)
         RunStore.begin(path, first).close()
         return lock(path)
 
-    monkeypatch.setattr(store, "lock_folder", late_lock)
+    monkeypatch.setattr(folder, "lock_folder", late_lock)
     RunStore.begin(tmp_path / "run", second).close()
-    assert len(RunStore(tmp_path / "run").record["sessions"]) == 2
+    assert len(RunStore(tmp_path / "run").record.sessions) == 2

@@ -104,8 +104,9 @@ def _own_times(contents: Mapping[str, bytes]) -> float:
     import duckdb
 
     with tempfile.TemporaryDirectory() as folder, duckdb.connect() as database:
-        for place, table in enumerate(contents.values()):
-            Path(folder, f"{place}.parquet").write_bytes(table)
+        for place, (name, table) in enumerate(contents.items()):
+            if name.startswith("episodes/"):
+                Path(folder, f"{place}.parquet").write_bytes(table)
         (row,) = database.execute(f"SELECT sum(ms) FROM '{folder}/*.parquet'").fetchall()
         return float(row[0]) / 1e3
 
@@ -187,7 +188,8 @@ def throughput(folder: Path) -> None:
             rate = 60 / (time.perf_counter() - began)
         done = run(plan, folder / f"{width}", videos="all")
         rows = 2 * plan.frame_count
-        table = sum(file.stat().st_size for file in done.result_files()) / rows
+        tables = [file for name in ("frames", "episodes") for file in (done.path / name).rglob("*.parquet")]
+        table = sum(file.stat().st_size for file in tables) / rows
         video = sum(file.stat().st_size for file in (done.path / "videos").rglob("*.mp4")) / plan.frame_count
         print(f"{width:>5}x{height:<3} {rate:>9.1f} {reset_s:>8.2f} {table:>24.0f} {video:>18.0f}")
 

@@ -13,7 +13,7 @@ from small_report import HOSTILE, SMALL
 from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore, make_plan, run
 from pftrack_sim.benchmark.asked.from_names import join_plans
-from pftrack_sim.benchmark.kept.checksums import write_sums
+from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.report.contents import contents
 
@@ -87,7 +87,7 @@ def test_a_summary_cannot_name_files_elsewhere(finished: Path, tmp_path: Path):
         f"TO '{path}/summary.parquet' (FORMAT parquet)"
     )
     assert report.write_report(path).is_file()  # made anew from the episodes
-    write_sums(path)
+    Checksums(path).end()
     with pytest.raises(RunError, match="not in the run folder"):
         report.write_report(path)
 

@@ -1,7 +1,6 @@
 """The plan of a run, as data: scenarios x conditions x seeds, and the trackers.
 
-A plan is frozen, survives a round trip through JSON, and has a digest; it is stored with the run. `from_names` makes
-one.
+A plan is frozen, survives a round trip through JSON, and is stored with the run. `from_names` makes one.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from pftrack_sim.benchmark.kept.files import slug
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario
-from pftrack_sim.scenario.ranges import is_range
 from pftrack_sim.scenario.section import NotNegative, Section
 
 MAX_EPISODES = 1_000_000
@@ -44,10 +42,8 @@ class TrackerSpec(Section):
 
     Attributes:
         name: Its name, or `package.module:factory`.
-        preset: Its preset.
-        params: Its parameters.
-        controller: Controller that drives the robot with its estimates; None in open loop.
         latency_ms: Simulated time charged for every frame that it takes, unless the condition sets another.
+        controller: Controller that drives the robot with its estimates; None in open loop.
         code: Digests of the code of tracker and controller, and of files named in the parameters.
     """
 
@@ -104,23 +100,18 @@ class Condition(Section):
         return dict(self.levels).get(LATENCY)
 
     @cached_property
-    def digest(self) -> str:
-        """SHA-256 of levels and variant."""
-        return keys.digest(self.levels, self.variant)
-
-    @cached_property
     def overrides(self) -> dict[str, float]:
         """The dotted keys that the levels set in a scenario."""
         with_severity = {axis for axis, _ in self.levels if "." not in axis}
-        keys: dict[str, float] = {}
+        dotted: dict[str, float] = {}
         for axis, level in self.levels:
             name, _, parameter = axis.partition(".")
             if name == LATENCY:
                 continue
-            keys[f"axes.{name}.{parameter or 'severity'}"] = level
+            dotted[f"axes.{name}.{parameter or 'severity'}"] = level
             if parameter and name not in with_severity:
-                keys[f"axes.{name}.severity"] = 1.0
-        return keys
+                dotted[f"axes.{name}.severity"] = 1.0
+        return dotted
 
 
 class ScenarioSpec(Section):
@@ -195,32 +186,35 @@ class Episode:
 
     @cached_property
     def frames_key(self) -> str:
-        """Key of the frames of open loop; in closed loop they depend on the driver too."""
+        """Key of the frames: in open loop of what is drawn, in closed loop the result's, as the tracker steers."""
+        return self._drawn_key if self.kind == "open" else self.results[0].key
+
+    @cached_property
+    def _drawn_key(self) -> str:
         drawn_by = keys.environment_digest(self.environment, scoring=False)
         return keys.digest(self.spec.digest, self.condition.overrides, self.seed, drawn_by)
 
     @cached_property
-    def result_keys(self) -> tuple[str, ...]:
-        """Key of each tracker's result."""
-        made_by = keys.environment_digest(self.environment, scoring=True)
-        common = keys.digest(self.frames_key, self.spec.name, self.condition.digest, self.truth, made_by)
-        return tuple(keys.digest(common, tracker.digest) for tracker in self.trackers)
+    def results(self) -> tuple[AskedResult, ...]:
+        """The result of each tracker."""
+        scored_by = keys.environment_digest(self.environment, scoring=True)
+        condition = self.condition.levels, self.condition.variant
+        common = keys.digest(self._drawn_key, self.spec.name, condition, self.truth, scored_by)
+        return tuple(AskedResult(self, one, keys.digest(common, one.digest)) for one in self.trackers)
 
     @property
-    def files(self) -> dict[str, str]:
-        """Path of each tracker's files within their folders, without a suffix, by the short key that it ends in."""
-        return {
-            keys.short(key): f"{self._stem}-{slug(label)}-{keys.short(key)}"
-            for key, label in zip(self.result_keys, self.labels, strict=True)
-        }
+    def frames_file(self) -> str:
+        """Path of the table of the frames within its folder, without a suffix."""
+        return f"{self.stem}-{keys.short(self.frames_key)}"
 
     @property
     def path(self) -> str:
         """Path of the files that show all its trackers, without a suffix: videos and logs."""
-        return f"{self._stem}-{keys.short(keys.digest(*self.result_keys))}"
+        return f"{self.stem}-{keys.short(keys.digest(*(one.key for one in self.results)))}"
 
     @property
-    def _stem(self) -> str:
+    def stem(self) -> str:
+        """Path of its files within their folders, as far as all of them share it."""
         return f"{slug(self.spec.name)}/{slug(self.condition.name)}/seed-{self.seed:04d}"
 
     @property
@@ -233,19 +227,16 @@ class Episode:
 
 @dataclass(frozen=True)
 class AskedResult:
-    """A tracker's result in an episode that is asked for.
-
-    Attributes:
-        episode: The episode.
-        key: Key of the result.
-        file: Path of its files within their folders, without a suffix.
-        tracker: The tracker.
-    """
+    """A tracker's result in an episode that is asked for, with its key."""
 
     episode: Episode
-    key: str
-    file: str
     tracker: TrackerSpec
+    key: str
+
+    @property
+    def file(self) -> str:
+        """Path of its files within their folders, without a suffix; it ends in the short key."""
+        return f"{self.episode.stem}-{slug(self.tracker.label)}-{keys.short(self.key)}"
 
 
 def _kind(trackers: tuple[TrackerSpec, ...]) -> EpisodeKind:
@@ -263,7 +254,6 @@ class Plan(Section):
         environment: Code and versions that it is run with.
     """
 
-    format: Literal[4] = 4
     sweeps: tuple[Sweep, ...]
     trackers: tuple[TrackerSpec, ...]
     suites: tuple[Suite, ...] = ()
@@ -278,26 +268,19 @@ class Plan(Section):
         cells = [
             (scenario.name, condition.name, seed)
             for sweep in self.sweeps
-            for scenario in sweep.scenarios
-            for condition in sweep.conditions
-            for seed in sweep.seeds
+            for scenario, condition, seed in itertools.product(sweep.scenarios, sweep.conditions, sweep.seeds)
         ]
-        seeds = [str(seed) for sweep in self.sweeps for seed, count in Counter(sweep.seeds).items() if count > 1]
-        repeated = {
-            "seed": seeds,
-            "scenario": [] if seeds else [name for (name, _, _), count in Counter(cells).items() if count > 1],
-            "tracker": [label for label, count in Counter(self.labels).items() if count > 1],
+        seeds = [_repeated(sweep.seeds) for sweep in self.sweeps]
+        given = {
+            "seed": ([seed for sweep in self.sweeps for seed in sweep.seeds], list(itertools.chain(*seeds))),
+            "scenario": (cells, [name for name, _, _ in _repeated(cells)]),
+            "tracker": (self.labels, _repeated(self.labels)),
         }
-        empty = {
-            "seed": not any(sweep.seeds for sweep in self.sweeps),
-            "scenario": not cells,
-            "tracker": not self.trackers,
-        }
-        for kind, names in repeated.items():
-            if empty[kind]:
+        for kind, (all_of_them, repeated) in given.items():
+            if not all_of_them:
                 raise ValueError(f"a plan needs at least one {kind}")
-            if names:
-                raise ValueError(f"{kind} given twice: {', '.join(dict.fromkeys(names))}")
+            if repeated:
+                raise ValueError(f"{kind} given twice: {', '.join(map(str, dict.fromkeys(repeated)))}")
         if len({tracker.controller is None for tracker in self.trackers}) > 1:
             raise ValueError("either every tracker needs a controller, or none may have one")
         latencies = [condition.latency_ms for sweep in self.sweeps for condition in sweep.conditions]
@@ -310,11 +293,6 @@ class Plan(Section):
     def kind(self) -> EpisodeKind:
         """Open or closed loop."""
         return _kind(self.trackers)
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the plan's canonical JSON."""
-        return keys.digest(self.model_dump(mode="json"))
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -339,19 +317,10 @@ class Plan(Section):
 
     @cached_property
     def frame_count(self) -> int:
-        """Number of frames; an estimate from the first seed where many seeds have different lengths."""
-        total = 0
-        by_setting: dict[tuple[int, Condition], list[Episode]] = {}
-        for episode in self._episodes:
-            by_setting.setdefault((id(episode.spec), episode.condition), []).append(episode)
-        for episodes in by_setting.values():
-            first = episodes[0].scenario
-            varies = is_range(first.tree["duration_s"]) or is_range(first.tree["camera"]["rate_hz"])
-            varies = varies or first.resolve(episodes[0].seed).axes.stream.on
-            seeds = list(dict.fromkeys(episode.seed for episode in episodes))
-            counted = seeds if varies and len(seeds) <= 100 else seeds[:1]
-            total += sum(first.frame_count(seed) for seed in counted) * len(episodes) // len(counted)
-        return total
+        """Number of frames, if every seed of a scenario and condition had as many as the first one."""
+        counts = Counter((one.spec.name, one.condition.name) for one in self._episodes)
+        firsts = {(one.spec.name, one.condition.name): one for one in reversed(self._episodes)}
+        return sum(one.scenario.frame_count(one.seed) * counts[cell] for cell, one in firsts.items())
 
     def episodes(self, *, part: tuple[int, int] = (1, 1), shuffle: int | None = None) -> Sequence[Episode]:
         """Every episode in the plan's order.
@@ -374,23 +343,20 @@ class Plan(Section):
         groups = [self.trackers] if self.kind == "open" else [(tracker,) for tracker in self.trackers]
         made: list[Episode] = []
         for sweep in self.sweeps:
-            for scenario, condition in itertools.product(sweep.scenarios, sweep.conditions):
-                for seed, trackers in itertools.product(sweep.seeds, groups):
-                    first = seed == sweep.seeds[0]
-                    given = (scenario, condition, seed, trackers, self.environment)
-                    made.append(Episode(*given, number=len(made), is_first_seed=first, truth=self.truth))
+            for cell in itertools.product(sweep.scenarios, sweep.conditions, sweep.seeds):
+                for trackers in groups:
+                    first = cell[2] == sweep.seeds[0]
+                    made.append(Episode(*cell, trackers, self.environment, len(made), first, self.truth))
         return tuple(made)
 
     @cached_property
     def asked(self) -> dict[str, AskedResult]:
         """Every result by its short key, in the plan's order."""
-        return {
-            short: AskedResult(episode, key, file, tracker)
-            for episode in self._episodes
-            for key, (short, file), tracker in zip(
-                episode.result_keys, episode.files.items(), episode.trackers, strict=True
-            )
-        }
+        return {keys.short(one.key): one for episode in self._episodes for one in episode.results}
+
+
+def _repeated(values: Sequence[Any]) -> list[Any]:
+    return [value for value, count in Counter(values).items() if count > 1]
 
 
 def make_checked_plan(

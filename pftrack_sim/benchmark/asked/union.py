@@ -32,16 +32,13 @@ def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
         seeds = cells[key][2] if key in cells else dict[int, None]()
         seeds[one.seed] = None
         cells[key] = one.spec, one.condition, seeds
-    # As few sweeps as possible: conditions with the same seeds share one, and scenarios with the same of both.
-    rows: dict[tuple[str, str, tuple[int, ...]], tuple[ScenarioSpec, list[Condition]]] = {}
+    # Conditions of a scenario with the same seeds share a sweep: each holds the scenario's whole content.
+    rows: dict[tuple[str, tuple[int, ...]], tuple[ScenarioSpec, list[Condition]]] = {}
     for spec, condition, seeds in cells.values():
-        rows.setdefault((spec.name, spec.digest, tuple(seeds)), (spec, []))[1].append(condition)
-    grids: dict[tuple[tuple[Condition, ...], tuple[int, ...]], list[ScenarioSpec]] = {}
-    for (_, _, known), (spec, conditions) in rows.items():
-        grids.setdefault((tuple(conditions), known), []).append(spec)
+        rows.setdefault((spec.name + spec.digest, tuple(seeds)), (spec, []))[1].append(condition)
     sweeps = tuple(
-        Sweep(scenarios=tuple(specs), conditions=conditions, seeds=known)
-        for (conditions, known), specs in grids.items()
+        Sweep(scenarios=(spec,), conditions=tuple(conditions), seeds=seeds)
+        for (_, seeds), (spec, conditions) in rows.items()
     )
     today = {tracker.label: tracker for tracker in asked.trackers}
     trackers = [
@@ -56,17 +53,14 @@ def contradictions(asked: Plan, stored: Plan) -> list[str]:
     """What has the same name in both and is not the same, one line each."""
     mine, theirs = _determinants(asked), _determinants(stored)
     for kind in ("scenarios", "conditions", "trackers"):
-        both = mine[kind].keys() & theirs[kind].keys()
-        for one in (mine, theirs):
-            one[kind] = {name: value for name, value in one[kind].items() if name in both}
+        for name in mine[kind].keys() ^ theirs[kind].keys():
+            mine[kind].pop(name, None)
+            theirs[kind].pop(name, None)
     lines = list(keys.differences(mine, theirs))
     return lines[:_MOST_LINES] + ([f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else [])
 
 
 def _determinants(plan: Plan) -> dict[str, dict[str, Any]]:
-    def levels(condition: Condition) -> str:
-        return ", ".join(f"{axis}={level!r}" for axis, level in condition.levels)
-
     return {
         "scored": {"box": plan.truth},
         "scenarios": {
@@ -75,12 +69,14 @@ def _determinants(plan: Plan) -> dict[str, dict[str, Any]]:
             for spec in sweep.scenarios
             for condition in sweep.conditions
         },
-        "conditions": {name: levels(condition) for name, condition in plan.conditions.items()},
-        "trackers": {
-            one.label: {"code": {name: value[:12] for name, value in one.code.items()}} for one in plan.trackers
-        },
-        "run with": {name: value[:12] for name, value in plan.environment.items()},
+        "conditions": {name: dict(condition.levels) for name, condition in plan.conditions.items()},
+        "trackers": {one.label: {"code": _beginnings(one.code)} for one in plan.trackers},
+        "run with": _beginnings(plan.environment),
     }
+
+
+def _beginnings(digests: keys.Environment) -> dict[str, str]:
+    return {name: value[:12] for name, value in digests.items()}
 
 
 def held_besides(stored: Plan, asked: Plan) -> str:

@@ -15,8 +15,8 @@ from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.benchmark.datasets.export import sequence_names
 from pftrack_sim.benchmark.datasets.recorded import RecordedResult, rate_of
 from pftrack_sim.benchmark.kept.files import distinct_slugs, write_bytes
-from pftrack_sim.benchmark.kept.store import RunStore
-from pftrack_sim.benchmark.running.people_scores import table_of
+from pftrack_sim.benchmark.reading.store import RunStore
+from pftrack_sim.benchmark.running.results import track_table, tracks_of
 from pftrack_sim.core.boxes import pairwise_iou
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError
 from pftrack_sim.core.types import FloatArray
@@ -101,7 +101,7 @@ def _tracker_result(table: Mapping[str, Any]) -> TrackerResult:
     first = statuses.index("init") if "init" in statuses else len(statuses) - 1
     ms = np.asarray(table["ms"], dtype=np.float64)
     tracks = _objects(table["tracks"])
-    people = table_of(tracks) if any(row is not None for row in tracks) else None
+    people = track_table(tracks) if any(row is not None for row in tracks) else None
     return TrackerResult(np.array(rows, dtype=np.float64).reshape(-1, 4), ms, confidence, first, people)
 
 
@@ -232,7 +232,7 @@ def _single_track(boxes: FloatArray) -> FloatArray:
 
 def _tracks(rows: FloatArray, file: ResultFile) -> Tracks:
     try:
-        return Tracks(rows[:, 0].astype(np.int64), rows[:, 1].astype(np.int64), rows[:, 2:])
+        return tracks_of(rows)
     except ParameterError as error:
         raise SequenceError(f"{file.path}: {error}") from None
 

@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import cv2
-import duckdb
 import numpy as np
 import scipy  # it imports its packages at first use
 from numpy.typing import NDArray
 
 from pftrack_sim.benchmark.asked.plan import Episode
-from pftrack_sim.benchmark.kept.episode_file import truth_columns
-from pftrack_sim.benchmark.kept.files import sql_text
+from pftrack_sim.benchmark.kept.tables import table_writer, truth_columns
 from pftrack_sim.benchmark.running.rollout import Step, detected, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.core.errors import RunError
@@ -218,16 +216,11 @@ class _SequenceWriter:
         columns["frame"] = np.array([frame.index for frame, _ in people])
         columns["identity"] = np.array([self._identity(person.name) for _, person in people])
         columns["person"] = np.array([person.name for _, person in people], dtype=object)
-        with duckdb.connect(config={"threads": 1}) as database:
-            database.register("people", columns)
-            path = sql_text(self.folder / TRUTH)
-            try:
-                database.execute(
-                    "COPY (SELECT frame, identity, person, * EXCLUDE (frame, identity, person) FROM people "
-                    f"ORDER BY frame, identity) TO {path} (FORMAT parquet, COMPRESSION zstd)"
-                )
-            except duckdb.Error as error:
-                raise RunError(f"cannot write {self.folder / TRUTH}: {error}") from None
+        query = (
+            "SELECT frame, identity, person, * EXCLUDE (frame, identity, person) FROM people ORDER BY frame, identity"
+        )
+        with table_writer(people=columns) as write:
+            write(self.folder / TRUTH, query)
 
     def _annotations(self) -> Annotations:
         settings = self.job.episode.scenario.resolve(self.job.episode.seed)

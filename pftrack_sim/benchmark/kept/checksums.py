@@ -1,98 +1,139 @@
 """Checksums of a run folder: `SHA256SUMS`, in the form that `sha256sum --check` reads.
 
-They are written at the end of a session and removed when the next one begins. They find accidents, not attacks:
-write access to the folder includes them.
+A file of a result gets its line before it is written, so that a file without a line is none of the run's; of several
+lines about one file, which an interrupted session leaves, the last one counts. At its end a session writes the list
+whole, with `run.json` and all that was derived from the results. Checksums find accidents, not attacks: write access to
+the folder includes them.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, read_bytes
 
 SUMS = "SHA256SUMS"
-_SINGLE = ("run.json", "summary.parquet", "report.html")
-_FOLDERS = ("episodes", "tables", "videos", "logs", "errors")
+RECORD = "run.json"
+TABLES_OF_RESULTS = ("episodes/", "frames/")
+
+_DERIVED = (RECORD, "summary.parquet", "report.html", "tables/")
+_FOLDERS = ("episodes", "frames", "tables", "videos", "logs", "errors")
 _MAX_SUMS_BYTES = 1 << 30
 _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)")
 
 
-def sha256_of(path: Path) -> str:
-    """SHA-256 of a file's bytes; raises OSError."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+class Checksums:
+    """Checksums of a run folder.
 
-
-def write_sums(folder: Path) -> None:
-    """Write the checksums of all files of a run.
+    Attributes:
+        known: SHA-256 of files by their paths within the folder; None in a folder without checksums.
 
     Raises:
-        RunError: A file cannot be read, or the checksums cannot be written.
+        RunError: The list is damaged.
     """
-    try:
-        _write(folder, {name: sha256_of(folder / name) for name in _names(folder)})
-    except OSError as error:
-        raise RunError(f"{folder} cannot be read: {error.strerror}") from None
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.known: dict[str, str] | None = None
+        if not os.path.lexists(folder / SUMS):
+            return
+        try:
+            lines = read_bytes(folder / SUMS, _MAX_SUMS_BYTES).decode().split("\n")
+        except (OSError, UnicodeDecodeError):
+            raise RunError(f"{folder / SUMS} cannot be read") from None
+        # What stands after the last end of a line was being written when its session was killed.
+        matches = [_LINE.fullmatch(line) for line in lines[:-1]]
+        if None in matches:
+            raise RunError(f"{folder / SUMS}: line {matches.index(None) + 1} is damaged")
+        self.known = {match[2]: match[1] for match in matches if match}
+
+    @property
+    def complete(self) -> bool:
+        """Whether a session has ended, so that every file has a line."""
+        return self.known is not None and RECORD in self.known
+
+    def names(self) -> Collection[str]:
+        """Files that have a line; in a folder without a list those that are there."""
+        return self.known if self.known is not None else self.there()
+
+    def begin(self) -> None:
+        """Write the list as a session begins: of results and what shows them, also where there was no list."""
+        names = (name for name in self.names() if not name.startswith(_DERIVED) and self._is_file(name))
+        known = self.known or {}
+        self._write({name: known.get(name) or file_digest(self._folder / name) for name in names})
+
+    def add(self, contents: Mapping[str, bytes]) -> None:
+        """Add lines about files that are written next; raises RunError."""
+        added = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
+        try:
+            with open(self._folder / SUMS, "ab") as opened:
+                opened.write(_text(added))
+                opened.flush()
+                os.fsync(opened.fileno())
+        except OSError as error:
+            raise RunError(f"cannot write {self._folder / SUMS}: {error.strerror}") from None
+        self.known = self.known if self.known is not None else {}
+        self.known |= added
+
+    def end(self) -> None:
+        """Write the list of all files at the end of a session; tables of results without a line get none.
+
+        Raises:
+            RunError: A file cannot be read, or the list cannot be written.
+        """
+        known = {name: one for name, one in (self.known or {}).items() if not name.startswith(_DERIVED)}
+        names = [name for name in self.there() if name in known or not name.startswith(TABLES_OF_RESULTS)]
+        try:
+            self._write({name: known.get(name) or file_digest(self._folder / name) for name in names})
+        except OSError as error:
+            raise RunError(f"{self._folder} cannot be read: {error.strerror}") from None
+
+    def update(self, name: str) -> None:
+        """Note a file that was written anew; nothing while a session writes."""
+        if self.known is not None and self.complete:
+            self._write({**self.known, name: file_digest(self._folder / name)})
+
+    def changes(self, names: Iterable[str] | None = None) -> dict[str, str]:
+        """What is wrong with each of these files, or with all; nothing in a folder without a list.
+
+        In a list that is not complete, a line may be about a file that has not been written.
+        """
+        known = self.known or {}
+        if names is None:
+            names = sorted({*known, *self.there()} if self.complete else filter(self._is_file, known))
+        found: dict[str, str] = {}
+        for name in names if self.known is not None else ():
+            if name not in known:
+                found[name] = "added since the run was finished"
+            elif not self._is_file(name):
+                found[name] = "missing"
+            elif file_digest(self._folder / name) != known[name]:
+                found[name] = "changed since it was written"
+        return found
+
+    def _is_file(self, name: str) -> bool:
+        return is_file(self._folder / name)
+
+    def there(self) -> list[str]:
+        """Files of a run that are there."""
+        found = [name for name in _DERIVED if self._is_file(name)]
+        for top in _FOLDERS:
+            for path in (self._folder / top).rglob("*"):
+                if not path.name.startswith(".") and is_file(path):
+                    found.append(path.relative_to(self._folder).as_posix())
+        return found
+
+    def _write(self, sums: dict[str, str]) -> None:
+        write_bytes(self._folder / SUMS, _text({name: sums[name] for name in sorted(sums)}))
+        self.known = sums
 
 
-def update_sum(folder: Path, name: str) -> None:
-    """Note a file that was written anew; nothing where the folder has no checksums."""
-    known = read_sums(folder)
-    if known is not None:
-        _write(folder, {**known, name: sha256_of(folder / name)})
-
-
-def read_sums(folder: Path) -> dict[str, str] | None:
-    """The checksums by the files' paths within the folder; None without any.
-
-    Raises:
-        RunError: The file is damaged.
-    """
-    if not is_file(folder / SUMS):
-        return None
-    try:
-        lines = read_bytes(folder / SUMS, _MAX_SUMS_BYTES).decode().splitlines()
-    except (OSError, UnicodeDecodeError):
-        raise RunError(f"{folder / SUMS} cannot be read") from None
-    matches = [_LINE.fullmatch(line) for line in lines]
-    if None in matches:
-        raise RunError(f"{folder / SUMS}: line {matches.index(None) + 1} is damaged")
-    return {match[2]: match[1] for match in matches if match}
-
-
-def changed(folder: Path, names: Iterable[str] | None, known: Mapping[str, str] | None) -> Iterator[str]:
-    """Files that are not what they were when the checksums were written: a line for each.
-
-    Args:
-        folder: The run folder.
-        names: Paths within it that are compared; None: all.
-        known: From `read_sums`; nothing is compared with None.
-    """
-    if known is None:
-        return
-    for name in {*known, *_names(folder)} if names is None else names:
-        path = folder / name
-        if name not in known:
-            yield f"{name}: added since the run was finished"
-        elif not is_file(path):
-            yield f"{name}: missing"
-        elif sha256_of(path) != known[name]:
-            yield f"{name}: changed since the run was finished"
-
-
-def _names(folder: Path) -> list[str]:
-    found = [name for name in _SINGLE if is_file(folder / name)]
-    for top in _FOLDERS:
-        for path in (folder / top).rglob("*"):
-            if not path.name.startswith(".") and is_file(path):
-                found.append(path.relative_to(folder).as_posix())
-    return sorted(found)
-
-
-def _write(folder: Path, sums: dict[str, str]) -> None:
-    write_bytes(folder / SUMS, "".join(f"{sums[name]}  {name}\n" for name in sorted(sums)).encode())
+def _text(sums: Mapping[str, str]) -> bytes:
+    return "".join(f"{one}  {name}\n" for name, one in sums.items()).encode()

@@ -13,7 +13,7 @@ import duckdb
 from pftrack_sim.core.errors import RunError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark.kept.store import RunStore
+    from pftrack_sim.benchmark.reading.store import RunStore
 
 TRACKED = 0.3
 """Overlap from which the target counts as tracked: a loss begins with the last such frame before an overlap of 0."""
@@ -95,13 +95,9 @@ def tag_title(tag: str) -> str:
 
 def create_loss_views(database: duckdb.DuckDBPyConnection) -> None:
     """Create `moments` and `losses` from `frames`."""
-    known = {row[0] for row in database.execute("DESCRIBE frames").fetchall()}
-    # Runs of earlier versions do not hold it.
-    numbers = ["visible_fraction", "truncation", "image_motion_px", "nearest_look_alike"]
     # DuckDB orders NaN above all numbers.
-    sources = {name: f"CASE WHEN NOT isnan({name}) THEN {name} END" if name in known else "NULL::DOUBLE"
-               for name in numbers}  # fmt: skip
-    values = ", ".join(f"{source} AS {name}" for name, source in sources.items())
+    numbers = ["visible_fraction", "truncation", "image_motion_px", "nearest_look_alike"]
+    values = ", ".join(f"CASE WHEN NOT isnan({name}) THEN {name} END AS {name}" for name in numbers)
     tags = ", ".join(f"coalesce({sql}, false) AS {name}" for name, (_, sql) in TAGS.items())
     database.execute(
         f"""

@@ -12,14 +12,15 @@ from typing import Any
 import duckdb
 
 from pftrack_sim.benchmark.asked.plan import AskedResult, Condition, Plan, TrackerSpec
-from pftrack_sim.benchmark.kept.checksums import sha256_of
-from pftrack_sim.benchmark.kept.episode_file import MAX_BYTES, column, read_metadata
-from pftrack_sim.benchmark.kept.files import atomic_write, csv_text, query_deadline, sql_text, write_bytes
-from pftrack_sim.benchmark.running.people_scores import SCORES
+from pftrack_sim.benchmark.kept.files import atomic_write, csv_text, sql_text, write_bytes
+from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
+from pftrack_sim.benchmark.kept.tables import column, read_metadata
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.core.inputs import is_file, read_bytes
 from pftrack_sim.score import Measures
 from pftrack_sim.score.following import Following
+
+SCORES = ("hota", "deta", "assa", "idf1", "mota", "switches")
+"""Columns of everybody in view, for multi-object trackers; see `score.multi_object`."""
 
 _CHUNK = 500
 
@@ -55,8 +56,6 @@ _TABLES: Mapping[str, str] = {
     'success, success_30, centre_inside, ceiling, "precision", error FROM summary ORDER BY number, place',
 }
 _LATEX_TABLES = ("trackers", "conditions")
-TABLE_FILES = (*(f"{name}.csv" for name in _TABLES), *(f"{name}.tex" for name in _LATEX_TABLES))
-"""Names of the tables that are written."""
 
 _LATEX_ESCAPES = {
     "\\": r"\textbackslash{}",
@@ -130,25 +129,26 @@ def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Resu
         yield Result(tracker, values["scenario"], condition, int(values["seed"]), values)
 
 
-def load_summary(
-    database: duckdb.DuckDBPyConnection,
-    path: Path,
-    plan: Plan,
-    files: Mapping[Path, AskedResult],
-    *,
-    hashes: bool = False,
-) -> None:
-    """Fill a table `summary` of results, with the files' hashes if asked; they are read a few hundred at a time."""
-    labels, waiting, made = list(plan.labels), iter(files.items()), False
+def load_summary(database: duckdb.DuckDBPyConnection, folder: RunFolder, files: Mapping[Path, AskedResult]) -> None:
+    """Fill a table `summary` of results of a run folder; they are read a few hundred at a time."""
+    places = {label: place for place, label in enumerate(folder.plan.labels)}
+    waiting, made = iter(files.items()), False
     while chunk := dict(islice(waiting, _CHUNK)):
         rows = [
-            _row(chunk[file], labels, file, path, metadata, sha256_of(file) if hashes else "")
+            {
+                "number": chunk[file].episode.number,
+                "place": places[chunk[file].tracker.label],
+                **dict.fromkeys(SCORES),
+                **metadata,
+                "level_names": list(metadata["levels"]),
+                "level_values": list(metadata["levels"].values()),
+                "file": file.relative_to(folder.path).as_posix(),
+            }
             for file, metadata in read_metadata(database, chunk)
         ]
-        names = dict.fromkeys(name for row in rows for name in row)
-        columns = {name: column([row.get(name) for row in rows]) for name in names}
-        database.register("chunk", columns)
-        chosen = ", ".join(f"{name}::{_CASTS[name]} AS {name}" if name in _CASTS else name for name in columns)
+        names = [name for name in dict.fromkeys(name for row in rows for name in row) if name != "levels"]
+        database.register("chunk", {name: column([row.get(name) for row in rows]) for name in names})
+        chosen = ", ".join(f"{name}::{_CASTS[name]} AS {name}" if name in _CASTS else name for name in names)
         select = (
             "SELECT * EXCLUDE (level_names, level_values), map(level_names, level_values) AS levels "
             f"FROM (SELECT {chosen} FROM chunk)"
@@ -158,82 +158,33 @@ def load_summary(
         made = True
 
 
-def _row(
-    asked: AskedResult, labels: Sequence[str], file: Path, path: Path, metadata: dict[str, Any], sha256: str
-) -> dict[str, Any]:
-    copied = ("rate_hz", "frames_key", "frames_digest", "content_sha256", "extras_sha256", "graphics", "version")
-    return {
-        "number": asked.episode.number,
-        "place": labels.index(asked.tracker.label),
-        **dict.fromkeys(SCORES),
-        **metadata["scores"],
-        "level_names": list(metadata["levels"]),
-        "level_values": list(metadata["levels"].values()),
-        "episode_frames": metadata["frames"],
-        **{key: metadata[key] for key in copied},
-        "key": asked.key,
-        "file": file.relative_to(path).as_posix(),
-        "file_sha256": sha256,
-    }
-
-
-def write_summary(path: Path, plan: Plan, files: Mapping[Path, AskedResult]) -> int:
-    """Write the summary and the tables of these results of a run folder, if there are any; returns their number.
+def write_summary(folder: RunFolder, files: Mapping[Path, AskedResult]) -> None:
+    """Write the summary and the tables of these results of a run folder, if there are any.
 
     Raises:
         RunError: They cannot be written.
     """
     if not files:
-        return 0
+        return
     with duckdb.connect() as database:
         try:
-            load_summary(database, path, plan, files, hashes=True)
-            with atomic_write(path / "summary.parquet") as part:
+            load_summary(database, folder, files)
+            with atomic_write(folder.path / SUMMARY) as part:
                 database.execute(f"COPY (FROM summary ORDER BY number, place) TO {sql_text(part)} (FORMAT parquet)")
             for name, content in tables_of(database):
-                write_bytes(path / "tables" / name, content)
+                write_bytes(folder.path / name, content)
         except duckdb.Error as error:
-            raise RunError(f"cannot write the summary of {path}: {error}") from None
-    return len(files)
+            raise RunError(f"cannot write the summary of {folder.path}: {error}") from None
 
 
 def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]]:
-    """Names and contents of the tables that are made of the table `summary`."""
+    """Paths within the run folder and contents of the tables that are made of the table `summary`."""
     for name, query in _TABLES.items():
         table = database.execute(query)
         heads, rows = [str(one[0]) for one in table.description or ()], table.fetchall()
-        yield f"{name}.csv", csv_text(heads, rows).encode()
+        yield f"tables/{name}.csv", csv_text(heads, rows).encode()
         if name in _LATEX_TABLES:
-            yield f"{name}.tex", latex(heads, rows).encode()
-
-
-def summary_problem(
-    database: duckdb.DuckDBPyConnection, path: Path, plan: Plan, files: Mapping[Path, AskedResult]
-) -> str | None:
-    """The first file among the summary and the tables that the results do not lead to, or None."""
-    if not is_file(path / "summary.parquet"):
-        return "summary.parquet: is not a regular file"
-    stored = f"read_parquet({sql_text(path / 'summary.parquet')}, hive_partitioning = false)"
-    load_summary(database, path, plan, files, hashes=True)
-    try:
-        with query_deadline(database):
-            same = all(
-                str(database.execute(query.format(stored)).fetchall())
-                == str(database.execute(query.format("summary")).fetchall())
-                for query in ("DESCRIBE FROM {}", "FROM {} ORDER BY number, place")
-            )
-    except duckdb.Error:
-        same = False
-    if not same:
-        return "summary.parquet: is not what the episodes lead to"
-    for name, content in tables_of(database):
-        try:
-            found = read_bytes(path / "tables" / name, MAX_BYTES)
-        except OSError as error:
-            return f"tables/{name}: cannot be read: {error.strerror}"
-        if found != content:
-            return f"tables/{name}: is not what the summary leads to"
-    return None
+            yield f"tables/{name}.tex", latex(heads, rows).encode()
 
 
 def latex(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

@@ -8,28 +8,19 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import pftrack_sim
-from pftrack_sim import controllers, policies, score
+from pftrack_sim import controllers, policies
 from pftrack_sim.benchmark.asked.plan import Episode
-from pftrack_sim.benchmark.kept.episode_file import (
-    Columns,
-    estimate_columns,
-    identity_columns,
-    truth_columns,
-    write_result,
-)
 from pftrack_sim.benchmark.keys import differences, environment
 from pftrack_sim.benchmark.running.frame_cache import DamagedEntry, EntryWriter, FrameCache
-from pftrack_sim.benchmark.running.people_scores import has_tracks, people_scores
+from pftrack_sim.benchmark.running.results import write_results
 from pftrack_sim.benchmark.running.rollout import Driver, Sample, Sink, detected, drive, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import ErrorLog, FollowLog, TruthLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
@@ -144,7 +135,7 @@ def _run(
         following: dict[str, Any] = {}
         errors = ErrorLog(runners, job.labels)
         sinks: list[Sink] = [log, errors]
-        table, video = folder / "episode.parquet", folder / "episode.mp4"
+        video = folder / "episode.mp4"
         with ExitStack() as open_files:
             if job.video:
                 add = open_files.enter_context(video_writer(video, settings.camera.rate_hz))
@@ -163,14 +154,21 @@ def _run(
                 graphics = env.simulation.graphics
             else:
                 graphics = _show(job, runners, sinks, log)
-        contents = {f"errors/{name}": content for name, content in errors.files(episode.files.values()).items()}
+        metadata = {
+            **following,
+            "frames_digest": log.frames_digest,
+            "episode_frames": len(log.truths),
+            "rate_hz": settings.camera.rate_hz,
+            "levels": dict(episode.condition.levels),
+            "graphics": graphics,
+            "version": pftrack_sim.__version__,
+        }
+        contents, rows = write_results(folder, episode, log, runners, course.columns(), metadata)
+        files = [one.file for one in episode.results]
+        contents |= {f"errors/{name}": content for name, content in errors.files(files).items()}
         contents |= {f"logs/{episode.path}{path.suffix}": path.read_bytes() for path in logs.values()}
         contents |= {f"videos/{episode.path}.mp4": video.read_bytes()} if job.video else {}
-        rows = list(_write(table, episode, settings, log, runners, course.columns(), following, graphics))
-        contents |= {
-            f"episodes/{file}.parquet": content for file, (content, _) in zip(episode.files.values(), rows, strict=True)
-        }
-        return EpisodeFiles(contents, len(log.truths), tuple(row for _, row in rows))
+        return EpisodeFiles(contents, len(log.truths), tuple(rows))
 
 
 def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log: TruthLog) -> str:
@@ -215,50 +213,3 @@ def _driver(runner: TrackerRunner, settings: ResolvedScenario, latency_ms: float
     controller = controllers.make(runner.spec.controller)
     robot = policies.robot_parameters(settings, latency_ms)
     return Driver(runner, controller, robot, latency_ms, settings.camera.rate_hz)
-
-
-def _write(
-    path: Path,
-    episode: Episode,
-    settings: ResolvedScenario,
-    log: TruthLog,
-    runners: list[TrackerRunner],
-    course: Columns,
-    following: Mapping[str, Any],
-    graphics: str,
-) -> Iterator[tuple[bytes, dict[str, Any]]]:
-    """Score every tracker; gives the file of each result and its row of the summary."""
-    truths = log.truths
-    names: dict[str, str | int] = {
-        "kind": episode.kind,
-        "scenario": episode.spec.name,
-        "condition": episode.condition.name,
-        "seed": episode.seed,
-    }
-    true_boxes = np.array([getattr(truth, episode.truth) for truth in truths])
-    scored = np.array([truth.scored for truth in truths])
-    visible = np.array([truth.visible_fraction for truth in truths])
-    times = np.array([truth.time_s for truth in truths])
-    truth = {**truth_columns(truths), "nearest_look_alike": np.array(log.nearest_look_alike), **course}
-    people = log.people.columns()
-    metadata = {
-        **names,
-        "frames_key": episode.frames_key,
-        "truth": episode.truth,
-        "levels": dict(episode.condition.levels),
-        "frames": len(truths),
-        "rate_hz": settings.camera.rate_hz,
-        "frames_digest": log.frames_digest,
-        "graphics": graphics,
-        "version": pftrack_sim.__version__,
-    }
-    for key, runner in zip(episode.result_keys, runners, strict=True):
-        frames = score.frame_scores(runner.boxes, true_boxes)
-        measures = score.measure(frames, scored, visible, np.array(runner.ms), times)
-        identity = {**names, **identity_columns(runner.spec, episode.latency_ms)}
-        estimates = estimate_columns(runner, frames.overlap, frames.centre_error_px)
-        of_people = people_scores(log.true_tracks.frames, runner) if has_tracks(runner) else {}
-        errors = {"error": runner.error, "printed": runner.printed}
-        row = {**identity, **measures.as_dict(), **following, **of_people, **errors}
-        write_result(path, identity, truth, people, estimates, {**metadata, "key": key, "scores": row})
-        yield path.read_bytes(), row

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.benchmark.asked.plan import Episode
-from pftrack_sim.benchmark.kept.store import RunStore
+from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, Step, drive, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import TruthLog, picture, video_writer

@@ -10,7 +10,7 @@ import numpy as np
 
 from pftrack_sim.benchmark.asked.from_names import match_trackers
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
-from pftrack_sim.benchmark.kept.store import RunStore, is_run
+from pftrack_sim.benchmark.kept.folder import RunFolder, is_run
 from pftrack_sim.benchmark.running.rollout import rollout, simulated
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, make_runners
 from pftrack_sim.core.errors import RunError
@@ -47,7 +47,7 @@ def resolve_latencies(
     """
     stored: dict[str, float] = {}
     if run_folder is not None and is_run(run_folder):
-        stored = {spec.base_label: spec.latency_ms for spec in RunStore(run_folder).plan.trackers}
+        stored = {spec.base_label: spec.latency_ms for spec in RunFolder(run_folder).plan.trackers}
     latencies: dict[str, float] = {}
     for key, spec in match_trackers(given, trackers):
         value = given[key]

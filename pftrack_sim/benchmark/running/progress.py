@@ -7,18 +7,14 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 import duckdb
 
-from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import Episode
-from pftrack_sim.benchmark.kept.episode_file import read_metadata
-from pftrack_sim.benchmark.kept.store import RunStore
+from pftrack_sim.benchmark.kept.tables import read_metadata
+from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.running.episode import EpisodeFiles
-
-_CHUNK = 500
 
 
 @dataclass(frozen=True)
@@ -60,9 +56,8 @@ class ProgressCounter:
         plan = store.plan
         episodes = plan.episodes(part=part)
         mine = {episode.number for episode in episodes}
-        missing = keys.missing(plan.asked, store.kept)
         self.total = len(episodes)
-        self.done = len(mine - {one.episode.number for one in missing.values()})
+        self.done = len(mine - {one.episode.number for one in store.missing})
         self._frames_per_episode = plan.frame_count / plan.episode_count
         self._sums = dict.fromkeys(plan.labels, 0.0)
         self._counts: Counter[str] = Counter()
@@ -70,11 +65,10 @@ class ProgressCounter:
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
-        present = ((file, one) for file, one in store.present.items() if one.episode.number in mine)
+        present = {file: one for file, one in store.present.items() if one.episode.number in mine}
         with duckdb.connect() as database:
-            while chunk := dict(islice(present, _CHUNK)):
-                for _, metadata in read_metadata(database, chunk):
-                    self._count(metadata["scores"])
+            for _, row in read_metadata(database, present):
+                self._count(row)
         self._before = self.done
 
     def add(self, episode: Episode, files: EpisodeFiles) -> None:

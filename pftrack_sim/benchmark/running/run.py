@@ -12,10 +12,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from pftrack_sim import trackers
-from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import Episode, Plan, TrackerSpec
 from pftrack_sim.benchmark.kept.files import slug
-from pftrack_sim.benchmark.kept.store import SCRATCH, RunStore
+from pftrack_sim.benchmark.kept.folder import SCRATCH
+from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.running.episode import WITHOUT_IMAGES, EpisodeJob
 from pftrack_sim.benchmark.running.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor
 from pftrack_sim.benchmark.running.filming import film, worst
@@ -136,7 +136,7 @@ def run(
 
     def jobs() -> Iterator[EpisodeJob]:
         lacking: dict[int, list[TrackerSpec]] = {}
-        for one in keys.missing(plan.asked, store.kept).values():
+        for one in store.missing:
             lacking.setdefault(one.episode.number, []).append(one.tracker)
         for episode in plan.episodes(part=part, shuffle=shuffle):
             if episode.number in lacking:

@@ -15,14 +15,13 @@ import cv2
 import numpy as np
 from av.error import FFmpegError
 
-from pftrack_sim.benchmark.kept.episode_file import SENSORS, Column, PeopleLog, column
 from pftrack_sim.benchmark.kept.files import atomic_write
-from pftrack_sim.benchmark.running.people_scores import TrueTracks
+from pftrack_sim.benchmark.kept.tables import Column, column
 from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.palette import colours_of
-from pftrack_sim.core.proprioception import RANGES
+from pftrack_sim.core.proprioception import PROPRIO_NAMES, RANGES
 from pftrack_sim.core.records import Frame, Image, Truth
 from pftrack_sim.core.text import one_line
 from pftrack_sim.logs import LogFrame, LogInfo, log_format, log_writer
@@ -72,18 +71,17 @@ class TruthLog:
 
     def __init__(self) -> None:
         self.truths: list[Truth] = []
-        self.people = PeopleLog()
+        self.people: list[Sequence[Truth]] = []
         self.nearest_look_alike: list[float] = []
-        self.true_tracks = TrueTracks()
         self._images = hashlib.blake2b(digest_size=16)
 
     def __call__(self, step: Step) -> None:
         """Add a frame."""
-        assert step.sample.frame is not None
-        self.people.add(len(self.truths), step.sample.frame.people)
-        self.truths.append(step.sample.frame.truth)
-        self.true_tracks.add(step.sample.frame)
-        self.nearest_look_alike.append(nearest_look_alike(step.sample.frame))
+        frame = step.sample.frame
+        assert frame is not None
+        self.truths.append(frame.truth)
+        self.people.append(frame.people)
+        self.nearest_look_alike.append(nearest_look_alike(frame))
         self._images.update(np.ascontiguousarray(step.sample.image).data)
 
     @property
@@ -178,7 +176,7 @@ class FollowLog:
             "after_bearing_rad": after["bearing_rad"],
             "after_seen": after["truth"].scored,
             "following": after["following"],
-            **dict(zip(SENSORS, [*sample.observation["proprio"][: RANGES.start]], strict=False)),
+            **dict(zip(PROPRIO_NAMES, sample.observation["proprio"][: RANGES.start], strict=False)),
             "ranges_m": sample.observation["proprio"][RANGES].tolist(),
         }
         for name, value in row.items():

@@ -15,8 +15,8 @@ import scipy  # it imports its packages at first use
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.suite import Measure
-from pftrack_sim.benchmark.kept.store import RunStore
 from pftrack_sim.benchmark.reading.losses import overlaps_by_tag
+from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError

@@ -17,7 +17,7 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import LATENCY, Condition
-from pftrack_sim.benchmark.kept.store import RunStore
+from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import duckdb
 
-from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import AskedResult
 from pftrack_sim.benchmark.asked.union import contradictions, united
-from pftrack_sim.benchmark.kept.episode_file import MAX_BYTES, read_metadata
-from pftrack_sim.benchmark.kept.store import RunStore, names_of_episode, names_of_result
+from pftrack_sim.benchmark.kept.folder import names_of_episode, names_of_result
+from pftrack_sim.benchmark.kept.tables import MAX_BYTES, read_metadata
+from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.core.errors import ParameterError, RunError
-from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.core.inputs import is_file, read_bytes
 
 
 @dataclass(frozen=True)
@@ -55,24 +54,26 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
             plan, before = united(plan, store.plan), plan
         except ParameterError as error:
             raise RunError(f"{store.path} holds another plan than {folders[0]}\n  {error}") from None
-        if keys.missing({**before.asked, **store.plan.asked}, plan.asked.keys()):
+        if (before.asked.keys() | store.plan.asked.keys()) - plan.asked.keys():
             lines = "\n".join(f"  {line}" for line in contradictions(store.plan, before))
             raise RunError(f"{store.path} holds another plan than {folders[0]}\n{lines}")
     added = shared = 0
     with RunStore.begin(out, plan) as merged, duckdb.connect() as database:
         for source in (store for store in stores if store.path.resolve() != out.resolve()):
-            kept, found = merged.kept, source.present
+            there, found = merged.present, source.present
+            source.verify(dict.fromkeys(name for one in found.values() for name in source.names_of_tables(one)))
             for file, one in found.items():
-                if keys.short(one.key) in kept:
-                    _check_equal(database, one, merged.result_file(one), file)
+                if (mine := merged.result_file(one)) in there:
+                    _check_equal(database, one, mine, file)
                     shared += 1
-                    continue
-                list(read_metadata(database, {file: one}))  # raises unless it is this result's file
-                merged.add(_contents(source.path, names_of_result(one.file)))
-                added += 1
+                else:
+                    list(read_metadata(database, {file: one}))  # raises unless it is this result's file
+                    merged.add(_contents(source.path, [*names_of_result(one), *source.names_of_tables(one)]))
+                    added += 1
             for episode in {one.episode.number: one.episode for one in found.values()}.values():
-                merged.add(_contents(source.path, names_of_episode(episode.path)))
-            merged.add_sessions(source.record["sessions"])
+                merged.add(_contents(source.path, names_of_episode(episode)))
+            known = merged.record.sessions
+            merged.note(sessions=(*known, *(one for one in source.record.sessions if one not in known)))
         done = len(merged.present)
         merged.write_summary()
     return MergeReport(out, added, shared, done, len(merged.plan.asked))
@@ -81,14 +82,14 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
 def _contents(folder: Path, names: Sequence[str]) -> dict[str, bytes]:
     """Contents of the files that are there."""
     try:
-        return {name: read_bytes(folder / name, MAX_BYTES) for name in names if os.path.lexists(folder / name)}
+        return {name: read_bytes(folder / name, MAX_BYTES) for name in names if is_file(folder / name)}
     except OSError as error:
         raise RunError(f"{folder} cannot be read: {error.strerror}") from None
 
 
 def _check_equal(database: duckdb.DuckDBPyConnection, asked: AskedResult, merged: Path, other: Path) -> None:
     (_, one), (_, two) = read_metadata(database, {merged: asked, other: asked})
-    if one["content_sha256"] != two["content_sha256"]:
+    if (one["content_sha256"], one["frames_digest"]) != (two["content_sha256"], two["frames_digest"]):
         frames = "; their frames differ" if one["frames_digest"] != two["frames_digest"] else ""
         raise RunError(
             f"{merged} and {other} have different content for {asked.episode.name}, {asked.tracker.label}{frames} "

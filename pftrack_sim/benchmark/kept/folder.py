@@ -1,0 +1,244 @@
+"""The run folder: written result by result, read at any time, also unfinished.
+
+run.json                                    what is asked for, and every session that worked on it
+frames/<scenario>/<condition>/seed-N-<key>.parquet                  truth of an episode, for all trackers that saw it
+episodes/<scenario>/<condition>/seed-N-<tracker>-<key>.parquet      a tracker's result in an episode
+errors/<scenario>/<condition>/seed-N-<tracker>-<key>.png and .txt   of trackers that ended with an error
+videos/<scenario>/<condition>/seed-N-<key>.mp4                      of all trackers that share the frames
+logs/<scenario>/<condition>/seed-N-<key>.rrd and .mcap
+summary.parquet  tables/*.csv  tables/*.tex     made from the results at the end of a session
+SHA256SUMS                                      of all of these
+.scratch                                        what workers are writing; swept when a session begins
+
+What is missing, stale or foreign is set arithmetic on the keys that file names end in.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Self
+
+from pftrack_sim.benchmark.asked.plan import AskedResult, Episode, Plan
+from pftrack_sim.benchmark.asked.union import contradictions, united
+from pftrack_sim.benchmark.kept.checksums import RECORD, TABLES_OF_RESULTS, Checksums
+from pftrack_sim.benchmark.kept.files import LOCK, lock_folder, remove_parts, write_bytes
+from pftrack_sim.benchmark.kept.record import Record, read_record, session, write_record
+from pftrack_sim.benchmark.keys import key_of
+from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.inputs import is_file
+from pftrack_sim.logs import FORMATS
+
+SCRATCH = ".scratch"
+"""Folder of a run for the temporary files of its workers."""
+
+SUMMARY = "summary.parquet"
+TABLES = ("tables/trackers.csv", "tables/trackers.tex", "tables/conditions.csv", "tables/conditions.tex",
+          "tables/episodes.csv")  # fmt: skip
+
+
+class RunFolder:
+    """A run folder to read; `begin` opens one to write.
+
+    Attributes:
+        path: The folder.
+        record: What is asked for, and its sessions.
+        checksums: Of its files.
+
+    Raises:
+        RunError: It is no run folder, one of another format, or its record was edited.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.record = read_record(path)
+        self.checksums = Checksums(path)
+        self._lock: int | None = None
+        if self.checksums.complete:
+            self.verify([RECORD])
+
+    @classmethod
+    def begin(cls, path: Path, plan: Plan, *, refresh: bool = False, running: bool = False) -> Self:
+        """Open a run folder to write. It is locked until `close`, or until this process ends in any way.
+
+        Args:
+            path: Absent, empty, or a run folder.
+            plan: What is asked for; `store.plan` then has what is there already, too.
+            refresh: Remove results that have the same name and another key, instead of an error.
+            running: Whether results will be run: all trackers of the folder count with the code of today.
+
+        Raises:
+            RunError: It holds something else, results of the same name with another key, or has another writer, or
+                cannot be written.
+        """
+        lock: int | None = None
+        try:
+            _check_usable(path)
+            path.mkdir(parents=True, exist_ok=True)
+            lock = lock_folder(path)
+            # Only under the lock is it certain what the folder holds: another process may have begun it just now.
+            _check_usable(path)
+            known = cls(path) if is_run(path) else None
+            record = Record(finished=None, sessions=(), plan=plan) if known is None else known.record
+            if known is not None:
+                wanted, stale = _wanted(known, plan, refresh, running)
+                for name in stale:
+                    (path / name).unlink(missing_ok=True)
+                if wanted is not record.plan:
+                    record = record.model_copy(update={"finished": None, "plan": wanted})
+            # The record comes last: interrupted before it, the folder still asks to be refreshed.
+            Checksums(path).begin()
+            remove_parts(path)
+            shutil.rmtree(path / SCRATCH, ignore_errors=True)
+            (path / SCRATCH).mkdir(exist_ok=True)
+            write_record(path, record.model_copy(update={"sessions": (*record.sessions, session())}))
+            folder = cls(path)
+        except BaseException as error:
+            if lock is not None:
+                os.close(lock)
+            if isinstance(error, OSError):
+                raise RunError(f"cannot make the run folder {path}: {error.strerror}") from None
+            raise
+        folder._lock = lock
+        return folder
+
+    @property
+    def plan(self) -> Plan:
+        """What is asked for."""
+        return self.record.plan
+
+    @property
+    def finished(self) -> bool:
+        """Whether every episode is there."""
+        return self.record.finished is not None
+
+    def verify(self, names: Iterable[str]) -> None:
+        """Raise RunError where one of these files, in paths within the folder, is not what was written."""
+        for name, problem in self.checksums.changes(names).items():
+            raise RunError(f"{self.path}/{name}: {problem}; pftrack-sim check lists all problems")
+
+    @property
+    def kept(self) -> set[str]:
+        """Short keys of the results that are there, asked for or not."""
+        return {key_of(name) for name in self._tables() if name.startswith("episodes/")}
+
+    @property
+    def present(self) -> dict[Path, AskedResult]:
+        """The results that are asked for and there with their frames, by their files, in the plan's order."""
+        there = set(self._tables())
+        asked = (one for one in self.plan.asked.values() if there.issuperset(self.names_of_tables(one)))
+        return {self.result_file(one): one for one in asked}
+
+    @property
+    def missing(self) -> list[AskedResult]:
+        """The results that are asked for and not there, in the plan's order."""
+        present = self.present
+        return [one for one in self.plan.asked.values() if self.result_file(one) not in present]
+
+    def _tables(self) -> list[str]:
+        """Paths within the folder of the tables of results and of frames that are there."""
+        names = (name for name in self.checksums.names() if name.startswith(TABLES_OF_RESULTS))
+        return [name for name in names if is_file(self.path / name)]
+
+    def names_of_tables(self, asked: AskedResult) -> tuple[str, str]:
+        """Paths within the folder of a result's table and of that of its frames."""
+        return f"episodes/{asked.file}.parquet", f"frames/{asked.episode.frames_file}.parquet"
+
+    def result_file(self, asked: AskedResult) -> Path:
+        """Path of a result's table."""
+        return self.path / "episodes" / f"{asked.file}.parquet"
+
+    def frames_file(self, episode: Episode) -> Path:
+        """Path of the table of an episode's frames."""
+        return self.path / "frames" / f"{episode.frames_file}.parquet"
+
+    def video_file(self, episode: Episode) -> Path:
+        """Path of an episode's video."""
+        return self.path / "videos" / f"{episode.path}.mp4"
+
+    def add(self, files: Mapping[str, bytes]) -> None:
+        """Write files, by their paths within the folder; a table of frames that is there already stays.
+
+        Raises:
+            RunError: They cannot be written.
+        """
+        for name in (SUMMARY, *TABLES):  # they would speak of fewer episodes
+            (self.path / name).unlink(missing_ok=True)
+        known = self.checksums.names()
+        new = {
+            name: content
+            for name, content in files.items()
+            if not (name.startswith("frames/") and name in known and is_file(self.path / name))
+        }
+        self.checksums.add(new)
+        # The results come last: one that is there is complete.
+        for name in sorted(new, key=lambda name: name.startswith("episodes/")):
+            write_bytes(self.path / name, new[name])
+
+    def note(self, **changes: Any) -> None:
+        """Change fields of the record."""
+        self.record = self.record.model_copy(update=changes)
+        write_record(self.path, self.record)
+
+    def close(self) -> None:
+        """Unlock the folder. Closing twice is fine."""
+        if self._lock is not None:
+            shutil.rmtree(self.path / SCRATCH, ignore_errors=True)
+            os.close(self._lock)
+            self._lock = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def is_run(path: Path) -> bool:
+    """Whether a folder holds a run."""
+    return is_file(path / RECORD)
+
+
+def _check_usable(path: Path) -> None:
+    """Raise RunError where a folder holds anything but a run or what is left of one killed before it had begun."""
+    if not path.exists() or is_run(path):
+        return
+    if not path.is_dir() or any(one.name != LOCK and not one.name.startswith(".run.json.") for one in path.iterdir()):
+        raise RunError(f"{path} exists and is not an empty folder: choose another with --out")
+
+
+def _wanted(folder: RunFolder, plan: Plan, refresh: bool, running: bool) -> tuple[Plan, set[str]]:
+    """The plan of a folder when this one is asked for, and the files that are stale then; see `RunFolder.begin`."""
+    path, stored = folder.path, folder.plan
+    try:
+        wanted = united(stored, plan, running=running)
+    except ParameterError as error:
+        raise RunError(f"{path} holds another plan: choose another folder with --out\n  {error}") from None
+    if folder.kept & (stored.asked.keys() - wanted.asked.keys()) and not refresh:
+        lines = contradictions(wanted, stored)
+        coded = any(line.startswith(("trackers.", "run with.")) for line in lines)
+        found = "was begun with other code" if coded else "holds another plan"
+        raise RunError(
+            f"{path} {found}: its results have the same names and other keys; run them again with --refresh, or choose "
+            "another folder with --out\n" + "\n".join(f"  {line}" for line in lines)
+        )
+    return wanted, set() if wanted is stored else _names(stored) - _names(wanted)
+
+
+def _names(plan: Plan) -> set[str]:
+    """Paths within a run folder of all files that results and episodes of a plan may have."""
+    found = {name for one in plan.asked.values() for name in names_of_result(one)}
+    return found | {name for episode in plan.episodes() for name in names_of_episode(episode)}
+
+
+def names_of_result(asked: AskedResult) -> list[str]:
+    """Paths within a run folder of all files that a result may have."""
+    return [f"episodes/{asked.file}.parquet", f"errors/{asked.file}.png", f"errors/{asked.file}.txt"]
+
+
+def names_of_episode(episode: Episode) -> list[str]:
+    """Paths within a run folder of all files that an episode may have besides its results."""
+    logs = [f"logs/{episode.path}{form.suffix}" for form in FORMATS.values()]
+    return [f"frames/{episode.frames_file}.parquet", f"videos/{episode.path}.mp4", *logs]

@@ -1,0 +1,111 @@
+"""Verify a run folder: every result that is asked for is there, unchanged, and the summary is what they lead to."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import duckdb
+
+from pftrack_sim.benchmark.asked.plan import AskedResult
+from pftrack_sim.benchmark.kept.checksums import SUMS, TABLES_OF_RESULTS
+from pftrack_sim.benchmark.kept.files import query_deadline
+from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
+from pftrack_sim.benchmark.kept.tables import MAX_BYTES, parquet
+from pftrack_sim.benchmark.reading.summary import load_summary, tables_of
+from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.inputs import is_file, read_bytes
+
+_MOST_MISSING = 1000
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """Result of a check: how many episodes of the plan are intact, and one line for each problem."""
+
+    path: Path
+    episodes: int
+    total: int
+    problems: tuple[str, ...]
+
+    @property
+    def good(self) -> bool:
+        """Whether every episode is intact and there is no problem."""
+        return not self.problems and self.episodes == self.total
+
+    def lines(self) -> Iterator[str]:
+        """The report as text."""
+        yield from self.problems
+        verdict = "the run is complete" if self.good else "the run is not complete"
+        yield f"{self.path}: {self.episodes} of {self.total} episodes are intact; {verdict}"
+
+
+def check(path: Path) -> CheckReport:
+    """Verify a run folder: every file's checksum, every result's key, and what was derived from the results.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        RunError: It is no run folder, or its plan or its checksums are damaged.
+    """
+    folder = RunFolder(path)
+    plan, present, changes = folder.plan, folder.present, folder.checksums.changes()
+    missing = [one for one in plan.asked.values() if folder.result_file(one) not in present]
+    tables = {one.key: set(folder.names_of_tables(one)) for one in plan.asked.values()}
+    foreign = {name for name in folder.checksums.there() if name.startswith(TABLES_OF_RESULTS)}.difference(
+        *tables.values()
+    )
+    # These are named by their episodes, or as foreign.
+    named = foreign.union(*(tables[one.key] for one in missing))
+    problems = [f"{name}: {problem}" for name, problem in changes.items() if name not in named]
+    if folder.checksums.known is None:
+        problems.append(f"{SUMS}: missing")
+    damaged = [one for one in plan.asked.values() if tables[one.key] & changes.keys()]
+    if present and not damaged and not (folder.finished and missing):
+        problems += [one for one in _derived_problems(folder, present) if one.partition(":")[0] not in changes]
+    lacking: dict[int, list[AskedResult]] = {}
+    for one in missing:
+        lacking.setdefault(one.episode.number, []).append(one)
+    for results in list(lacking.values())[:_MOST_MISSING]:
+        episode = results[0].episode
+        labels = f", {', '.join(one.tracker.label for one in results)}" if len(results) < len(episode.trackers) else ""
+        problems.append(f"missing: {episode.name}{labels}")
+    if len(lacking) > _MOST_MISSING:
+        problems.append(f"missing: {len(lacking) - _MOST_MISSING} episodes more")
+    problems += [f"not in the plan: {name}" for name in sorted(foreign)]
+    harmed = {one.episode.number for one in (*missing, *damaged)}
+    return CheckReport(path, plan.episode_count - len(harmed), plan.episode_count, tuple(problems))
+
+
+def _derived_problems(folder: RunFolder, present: Mapping[Path, AskedResult]) -> Iterator[str]:
+    """A result that is of another episode; the summary or a table if it is not what the results lead to."""
+    path = folder.path / SUMMARY
+    with duckdb.connect() as database:
+        try:
+            load_summary(database, folder, present)
+        except RunError as error:
+            yield str(error).removeprefix(f"{folder.path}/")
+            return
+        if not folder.finished and not os.path.lexists(path):
+            return
+        if not is_file(path):
+            yield f"{SUMMARY}: is not a regular file"
+            return
+        try:
+            with query_deadline(database):
+                same = all(
+                    str(database.execute(query.format(parquet([path]))).fetchall())
+                    == str(database.execute(query.format("summary")).fetchall())
+                    for query in ("DESCRIBE FROM {}", "FROM {} ORDER BY number, place")
+                )
+        except duckdb.Error:
+            same = False
+        if not same:
+            yield f"{SUMMARY}: is not what the episodes lead to"
+            return
+        for name, content in tables_of(database):
+            if not is_file(folder.path / name) or read_bytes(folder.path / name, MAX_BYTES) != content:
+                yield f"{name}: is not what the summary leads to"

@@ -1,0 +1,154 @@
+"""A run folder with what its results say: SQL views, the summary, and the frames of a result."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, cast
+
+import duckdb
+
+from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
+from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
+from pftrack_sim.benchmark.kept.record import now
+from pftrack_sim.benchmark.kept.tables import parquet
+from pftrack_sim.benchmark.reading.losses import create_loss_views
+from pftrack_sim.benchmark.reading.summary import Result, load_summary, results_of, write_summary
+from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.inputs import is_file
+from pftrack_sim.core.text import one_line
+
+_FRAMES = """
+CREATE VIEW frames AS
+SELECT results.*, drawn.* EXCLUDE (kind, scenario, condition, seed, label, frames_key, frame, time_s, people)
+FROM {results} AS results JOIN {drawn} AS drawn USING (frames_key, frame)
+"""
+_PEOPLE = """
+CREATE VIEW people AS
+SELECT kind, scenario, condition, seed, label, frame, time_s, unnest(people, max_depth := 2) FROM {drawn}
+"""
+_EPISODES = """
+CREATE VIEW episodes AS
+SELECT DISTINCT ON (number) number, kind, scenario, condition, levels, seed, episode_frames, rate_hz, frames_key,
+    frames_digest, graphics, version
+FROM summary ORDER BY number
+"""
+
+
+@dataclass(frozen=True)
+class QueryResult:
+    """Rows that SQL returned, and the names of their columns."""
+
+    columns: tuple[str, ...]
+    rows: list[tuple[Any, ...]]
+
+
+class RunStore(RunFolder):
+    """A run folder to read; `RunStore.begin` opens one to write."""
+
+    def write_summary(self) -> None:
+        """Write the summary and the tables of the results that are there; mark the run finished if all are."""
+        present = self.present
+        write_summary(self, present)
+        if len(present) == len(self.plan.asked) and not self.finished:
+            self.note(finished=now())
+        self.checksums.end()
+
+    def database(self) -> duckdb.DuckDBPyConnection:
+        """A database with views; the caller closes it.
+
+        `frames` has a row per tracker and frame, `summary` per tracker and episode, `episodes` per episode, `losses`
+        per loss of the target with what happened then, `moments` per tracker and frame with what happens there,
+        `people` per person in view and frame; in closed loop with `label`, since each tracker leads elsewhere.
+
+        Raises:
+            RunError: There is no finished episode, or a file cannot be read.
+        """
+        files = self.present
+        if not files:
+            raise RunError(f"{self.path} has no finished episode yet")
+        missing = self.missing if self.finished else []
+        for file in filter(is_file, map(self.result_file, missing)):
+            raise RunError(f"{file}: has no checksum, or its frames are missing; pftrack-sim check lists all problems")
+        drawn = dict.fromkeys(self.frames_file(one.episode) for one in files.values())
+        self.verify(file.relative_to(self.path).as_posix() for file in (*files, *drawn))
+        database = duckdb.connect()
+        try:
+            if self.checksums.complete and self.finished and not missing and not self.checksums.changes([SUMMARY]):
+                database.execute(f"CREATE VIEW summary AS FROM {parquet([self.path / SUMMARY])}")
+            else:
+                load_summary(database, self, files)
+            for view in (_FRAMES, _PEOPLE, _EPISODES):
+                database.execute(view.format(results=parquet(files), drawn=parquet(drawn)))
+            create_loss_views(database)
+        except duckdb.Error as error:
+            database.close()
+            raise RunError(f"{self.path} cannot be read: {one_line(str(error))}") from None
+        except BaseException:
+            database.close()
+            raise
+        return database
+
+    def query(self, sql: str) -> QueryResult:
+        """Run a SELECT over the views of `database`; nothing outside the run folder is read.
+
+        Raises:
+            RunError: Nothing is there yet, or the SQL is wrong or does more than select.
+        """
+        with self.database() as database:
+            try:
+                statements = database.extract_statements(sql)
+                kinds = [statement.type.name for statement in statements]
+                if kinds not in (["SELECT"], ["EXPLAIN"]):
+                    raise RunError(f"a query is one SELECT statement, got {' and '.join(kinds) or 'none'}")
+                folder = sql_text(self.path.resolve())
+                database.execute(f"SET allowed_directories = [{folder}, {sql_text(self.path)}]")
+                database.execute("SET enable_external_access = false")
+                table = database.execute(statements[0])
+                return QueryResult(tuple(one[0] for one in table.description or ()), table.fetchall())
+            except duckdb.Error as error:
+                raise RunError(f"the query failed: {error}") from None
+
+    @cached_property
+    def results(self) -> tuple[Result, ...]:
+        """Scores of each tracker in each finished episode, in the plan's order.
+
+        Raises:
+            RunError: There is none, or a file cannot be read.
+        """
+        with self.database() as database:
+            return tuple(results_of(database, self.plan))
+
+    def frame_columns(self, result: Result, names: Sequence[str]) -> dict[str, Any]:
+        """Columns of a result and of its frames, `(N,)` each, a row per frame.
+
+        Raises:
+            RunError: A file is missing, broken, or outside the run folder.
+        """
+        # Path.resolve raises RuntimeError where a link leads to itself (before Python 3.13).
+        file = Path(os.path.realpath(self.path / result.file))
+        if not file.is_relative_to(os.path.realpath(self.path)) or not is_file(file):
+            raise RunError(f"{self.path}: the summary names a file that is not in the run folder: {result.file!r}")
+        drawn = self.frames_file(self.plan.episode(int(result.values["number"])))
+        self.verify([result.file, drawn.relative_to(self.path).as_posix()])
+        try:
+            with duckdb.connect() as database, query_deadline(database):
+                database.execute(_FRAMES.format(results=parquet([file]), drawn=parquet([drawn])))
+                table = database.execute(f"SELECT {', '.join(names)} FROM frames ORDER BY frame")
+                return cast("Any", table).fetchnumpy()
+        except duckdb.Error as error:
+            raise RunError(f"{file} cannot be read: {one_line(str(error).splitlines()[0])}") from None
+
+    def video_of(self, result: Result) -> Path | None:
+        """The video of a result's episode, if there is one."""
+        path = self.video_file(self.plan.episode(int(result.values["number"])))
+        return path if is_file(path) else None
+
+    def error_picture(self, result: Result) -> Path | None:
+        """The picture of a result's error, if it was kept; its text, of the same name, is beside it."""
+        below = Path(result.file).relative_to("episodes")
+        picture = self.path / "errors" / below.with_suffix(".png")
+        return picture if is_file(picture) and is_file(picture.with_suffix(".txt")) else None
