@@ -21,7 +21,7 @@ from pftrack_sim.benchmark.asked.plan import (
     TrackerSpec,
     make_checked_plan,
 )
-from pftrack_sim.benchmark.asked.suite import Suite, is_suite, load_suite, suite_names
+from pftrack_sim.benchmark.asked.suite import Block, Suite, is_suite, load_suite, suite_names
 from pftrack_sim.controllers import code_digest as controller_code
 from pftrack_sim.controllers import make as make_controller
 from pftrack_sim.core.code_digest import file_digest
@@ -84,20 +84,14 @@ def make_plan(
     scenario_specs = tuple(ScenarioSpec(name=one.name, tree=one.with_defaults().tree) for one in loaded)
     sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=tuple(seeds))
     plan = make_checked_plan((sweep,), _with_controllers(specs, controllers, latency_ms or {}))
-    for scenario in loaded:
-        for condition in conditions:
-            changed = scenarios.load(scenario, condition.overrides)  # wrong levels are reported now
-            _check_effect(changed, condition, plan.sweeps[0].seeds[0])
+    for episode in plan.first_episodes:
+        scenario = episode.scenario  # wrong levels are reported now
+        axes_on = [axis.partition(".")[0] for axis, level in episode.condition.levels if level and axis != LATENCY]
+        settings = scenario.resolve(episode.seed) if axes_on else None
+        problems = [scenarios.axis_without_effect(settings, name) for name in dict.fromkeys(axes_on) if settings]
+        if any(problems):
+            raise ScenarioError(f"{scenario.name} {episode.condition.name}", [line for line in problems if line])
     return plan
-
-
-def _check_effect(scenario: scenarios.Scenario, condition: Condition, seed: int) -> None:
-    """Raise ScenarioError where an axis is on whose events all come after the end of the episode."""
-    names = dict.fromkeys(axis.partition(".")[0] for axis, level in condition.levels if level and axis != LATENCY)
-    settings = scenario.resolve(seed) if names else None
-    problems = [scenarios.axis_without_effect(settings, name) for name in names] if settings is not None else []
-    if any(problems):
-        raise ScenarioError(f"{scenario.name} {condition.name}", [line for line in problems if line is not None])
 
 
 def late_events(plan: Plan, changed: Collection[str] | None = None) -> list[str]:
@@ -107,21 +101,15 @@ def late_events(plan: Plan, changed: Collection[str] | None = None) -> list[str]
         plan: The plan.
         changed: Keys of scenarios: only what these can have cut off; None: all.
     """
-    lines: dict[str, str] = {}
-    for sweep in plan.sweeps:
-        for spec in sweep.scenarios:
-            for condition in sweep.conditions:
-                loaded = scenarios.load(scenarios.Scenario(spec.name, spec.tree), condition.overrides)
-                settings = loaded.resolve(sweep.seeds[0])
-                late = ", ".join(
-                    title
-                    for title in scenarios.late_events(settings)
-                    if changed is None or any(_can_cut(key, title) for key in changed)
-                )
-                if late:
-                    said = f"{spec.name} lasts {settings.duration_s:g} s, so that these never happen: {late}"
-                    lines.setdefault(said, said)
-    return list(lines)
+    lines: list[str] = []
+    for episode in plan.first_episodes:
+        settings = episode.scenario.resolve(episode.seed)
+        titles = scenarios.late_events(settings)
+        late = [one for one in titles if changed is None or any(_can_cut(key, one) for key in changed)]
+        if late:
+            lasts = f"{episode.spec.name} lasts {settings.duration_s:g} s"
+            lines.append(f"{lasts}, so that these never happen: {', '.join(late)}")
+    return list(dict.fromkeys(lines))
 
 
 def _can_cut(key: str, title: str) -> bool:
@@ -230,45 +218,35 @@ def plan_all(
     """
     if truth not in get_args(ScoredBox):
         raise UnknownNameError("box of the truth", truth, get_args(ScoredBox))
-    fallback = CONTROLLERS if closed_loop else ()
     suites = [load_suite(name) for name in names if is_suite(name)]
     if not closed_loop and controllers is None:
         suites = [suite.open_loop() for suite in suites]
-    alone = [name for name in names if not is_suite(name)]
-    plans: list[Plan] = []
-    for suite in suites:
-        blocks = [
-            make_plan(
-                block.scenarios,
-                trackers if trackers is not None else suite.trackers,
-                seeds if seeds is not None else parse_seeds(suite.seeds),
-                axes={**block.axes, **(axes or {})},
-                overrides={**block.changes, **(overrides or {})},
-                preset=preset or suite.preset,
-                controllers=controllers or suite.controllers or fallback,
-                latency_ms=latency_ms,
-                variant=block.variant,
-            )
-            for block in suite.run
-        ]
-        plans.append(join_plans(blocks, suites=(suite,)))
-    if alone or not plans:
-        unknown = [name for name in alone if name not in scenarios.names() and not name.endswith(".toml")]
-        if unknown:
-            raise UnknownNameError("suite or scenario", unknown[0], [*suite_names(), *scenarios.names()])
-        plans.append(
-            make_plan(
-                alone,
-                trackers if trackers is not None else CLOSED_LOOP_TRACKERS if controllers or fallback else TRACKERS,
-                seeds if seeds is not None else SEEDS,
-                axes=axes,
-                overrides=overrides,
-                preset=preset or "default",
-                controllers=controllers or fallback,
-                latency_ms=latency_ms,
-            )
+    fallback = CONTROLLERS if closed_loop else ()
+    alone = tuple(name for name in names if not is_suite(name))
+    unknown = [name for name in alone if name not in scenarios.names() and not name.endswith(".toml")]
+    if unknown:
+        raise UnknownNameError("suite or scenario", unknown[0], [*suite_names(), *scenarios.names()])
+    if alone or not suites:
+        usual = CLOSED_LOOP_TRACKERS if controllers or fallback else TRACKERS
+        block = Block.model_construct(scenarios=alone)
+        suites.append(Suite.model_construct(name="", seeds=seeds_text(SEEDS), trackers=usual, run=(block,)))
+    plans = [
+        make_plan(
+            block.scenarios,
+            trackers if trackers is not None else suite.trackers,
+            seeds if seeds is not None else parse_seeds(suite.seeds),
+            axes={**block.axes, **(axes or {})},
+            overrides={**block.changes, **(overrides or {})},
+            preset=preset or suite.preset,
+            controllers=controllers or suite.controllers or fallback,
+            latency_ms=latency_ms,
+            variant=block.variant,
         )
-    return join_plans(plans, truth=cast("ScoredBox", truth))
+        for suite in suites
+        for block in suite.run
+    ]
+    named = tuple(suite for suite in suites if suite.name)
+    return join_plans(plans, suites=named, truth=cast("ScoredBox", truth))
 
 
 def parse_seeds(text: str) -> list[int]:
@@ -285,9 +263,9 @@ def parse_seeds(text: str) -> list[int]:
         match = re.fullmatch(r"\s*(\d+)\s*(?::\s*(\d+)\s*)?", part)
         if match and max(len(number) for number in match.groups() if number) > _MAX_DIGITS:
             raise ParameterError(f"a seed has at most {_MAX_DIGITS} digits")
-        if not match or (match[2] is not None and int(match[2]) <= int(match[1])):
+        span = range(int(match[1]), int(match[2] or int(match[1]) + 1)) if match else range(0)
+        if not span:
             raise ParameterError(f"seeds are written 3, 0:20 (20 excluded) or 1,5,9; got {one_line(text, 60)!r}")
-        span = range(int(match[1]), int(match[2] or int(match[1]) + 1))
         if len(seeds) + len(span) > MAX_SEEDS:
             raise ParameterError(f"at most {MAX_SEEDS} seeds are run, got {len(seeds) + len(span)}")
         seeds += span

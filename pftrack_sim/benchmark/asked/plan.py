@@ -315,12 +315,19 @@ class Plan(Section):
         groups = 1 if self.kind == "open" else len(self.trackers)
         return groups * sum(sweep.episode_count for sweep in self.sweeps)
 
+    @property
+    def first_episodes(self) -> list[Episode]:
+        """The first episode of each scenario and condition."""
+        return list({(one.spec.name, one.condition.name): one for one in reversed(self._episodes)}.values())[::-1]
+
     @cached_property
     def frame_count(self) -> int:
         """Number of frames, if every seed of a scenario and condition had as many as the first one."""
         counts = Counter((one.spec.name, one.condition.name) for one in self._episodes)
-        firsts = {(one.spec.name, one.condition.name): one for one in reversed(self._episodes)}
-        return sum(one.scenario.frame_count(one.seed) * counts[cell] for cell, one in firsts.items())
+        return sum(
+            one.scenario.frame_count(one.seed) * counts[one.spec.name, one.condition.name]
+            for one in self.first_episodes
+        )
 
     def episodes(self, *, part: tuple[int, int] = (1, 1), shuffle: int | None = None) -> Sequence[Episode]:
         """Every episode in the plan's order.

@@ -7,8 +7,7 @@ import json
 import multiprocessing
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
-from itertools import islice
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, get_args
 
@@ -114,8 +113,8 @@ def export(
 def _check_effects(plan: Plan, needs: Sequence[str]) -> None:
     """Refuse what has no definition in a scenario, before anything is written: it is known from the settings."""
     exact = [one for one in needs if one != "masks"]
-    for episode in plan.episodes() if exact else ():
-        if episode.is_first_seed and not is_instantaneous(episode.scenario.resolve(episode.seed)):
+    for episode in plan.first_episodes if exact else ():
+        if not is_instantaneous(episode.scenario.resolve(episode.seed)):
             what = "3D boxes" if exact == ["solids"] else " and ".join(one for one in exact if one != "solids")
             words = f"no {what} under blur, rolling_shutter or distortion: set their severities to 0, or leave it out"
             raise ScenarioError(episode.scenario.name, [words])
@@ -130,7 +129,7 @@ def _image_format(name: str) -> ImageFormat:
 
 def _check_sizes(plan: Plan) -> None:
     """Refuse images of which H.264 with its usual pixel format would lose a row or column."""
-    for episode in (one for one in plan.episodes() if one.is_first_seed):
+    for episode in plan.first_episodes:
         camera = episode.scenario.resolve(episode.seed).camera
         if camera.width_px % 2 or camera.height_px % 2:
             size = f"{camera.width_px} x {camera.height_px}"
@@ -181,30 +180,17 @@ def _remove_parts(folder: Path) -> None:
             shutil.rmtree(part, ignore_errors=True)
 
 
-def _run_all(jobs: Iterator[ExportJob], workers: int) -> Iterator[ExportJob]:
-    """Write all sequences; yields each when it is there."""
+def _run_all(jobs: Iterator[ExportJob], workers: int) -> Iterator[None]:
+    """Write all sequences; yields when one more is there."""
     if workers == 0:
-        for job in jobs:
-            export_sequence(job)
-            yield job
+        yield from map(export_sequence, jobs)
         return
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, context, initializer=prepare_worker)
-    running: dict[Future[None], ExportJob] = {}
     try:
-        while True:
-            for job in islice(jobs, workers + 1 - len(running)):
-                running[pool.submit(export_sequence, job)] = job
-            if not running:
-                return
-            finished, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in finished:
-                future.result()
-                yield running.pop(future)
+        with ProcessPoolExecutor(workers, context, initializer=prepare_worker) as pool:
+            yield from pool.map(export_sequence, jobs)
     except BrokenExecutor:
         raise RunError("a process ended while it wrote a sequence; the same command goes on") from None
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def sequence_count(plan: Plan) -> int:

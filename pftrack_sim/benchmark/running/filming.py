@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from pftrack_sim import trackers
 from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, Step, drive, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Action, Sink, Step, drive, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import TruthLog, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
-from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
-from pftrack_sim.core.records import Estimate, Image
+from pftrack_sim.core.records import Estimate
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.simulation.simulation import Simulation
 
@@ -74,31 +74,26 @@ def film(
         RunError: The frames that are drawn now are not those that the trackers saw, or a video cannot be written.
         RenderError: No renderer works.
     """
-    numbers = dict.fromkeys(int(one.values["number"]) for one in results)
     videos: list[Path] = []
-    for number in numbers:
+    for number in dict.fromkeys(int(one.values["number"]) for one in results):
         episode = store.plan.episode(number)
-        video = store.video_file(episode)
-        if not video.is_file():
-            _film(store, number, episode, video, backend)
-        videos.append(video)
+        videos.append(store.video_file(episode))
+        if not videos[-1].is_file():
+            _film(store, episode, videos[-1], backend)
         on_episode()
     return videos
 
 
-def _film(store: RunStore, number: int, episode: Episode, video: Path, backend: str | None) -> None:
-    shown = [one for one in store.results if one.values["number"] == number]
+def _film(store: RunStore, episode: Episode, video: Path, backend: str | None) -> None:
+    shown = [one for one in store.results if one.values["number"] == episode.number]
     tables = [store.frame_columns(one, (*_COLUMNS, *(_COMMAND if episode.kind == "follow" else ()))) for one in shown]
-    stored = {one.label: list(_estimates(columns)) for one, columns in zip(shown, tables, strict=True)}
-    runners = [TrackerRunner(one.tracker, _StoredTracker()) for one in shown]
+    stored = [_estimates(episode, columns) for columns in tables]
+    runners = [TrackerRunner(one.tracker, trackers.make("stay")) for one in shown]  # never called: all is stored
     log, labels = TruthLog(), store.plan.labels
 
     def record(step: Step) -> None:
-        for runner in runners:
-            estimates = stored[runner.spec.label]
-            if len(runner.estimates) == len(estimates):
-                raise _other_frames(episode)
-            runner.record(estimates[len(runner.estimates)], "ok")
+        for runner, estimates in zip(runners, stored, strict=True):
+            runner.record(next(estimates), "ok")
 
     rate_hz = episode.scenario.resolve(episode.seed).camera.rate_hz
     with contextlib.ExitStack() as opened:
@@ -106,7 +101,8 @@ def _film(store: RunStore, number: int, episode: Episode, video: Path, backend: 
         sinks: list[Sink] = [log, record, lambda step: add(picture(step.sample, runners, labels), step.sample.time_s)]
         if episode.kind == "follow":
             env = opened.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=backend)))
-            drive(env, episode.seed, _StoredCommands(episode, tables[0]), sinks)
+            commands = _commands(episode, tables[0])
+            drive(env, episode.seed, lambda sample: next(commands), sinks)
         else:
             simulation = opened.enter_context(Simulation(episode.scenario, backend=backend))
             rollout(simulated(simulation, episode.seed), (), sinks)
@@ -121,35 +117,17 @@ def _other_frames(episode: Episode) -> RunError:
     )
 
 
-def _estimates(columns: Mapping[str, Any]) -> Iterator[Estimate | None]:
+def _estimates(episode: Episode, columns: Mapping[str, Any]) -> Iterator[Estimate | None]:
     """Estimates of a tracker, one for each frame; None where it did not answer."""
     rows = zip(*(np.ma.getdata(columns[name]) for name in _COLUMNS), strict=True)
     for box, confidence, occluded, answered in rows:
         yield Estimate(box, confidence=float(confidence), occluded=bool(occluded)) if answered else None
+    raise _other_frames(episode)
 
 
-class _StoredTracker:
-    """Stands for a tracker whose estimates are stored."""
-
-    def init(self, image: Image, box: Box) -> None:
-        raise NotImplementedError
-
-    def update(self, image: Image) -> Estimate:
-        raise NotImplementedError
-
-
-class _StoredCommands:
-    """Drives the robot with the commands that were in force."""
-
-    def __init__(self, episode: Episode, columns: Mapping[str, Any]) -> None:
-        self._episode = episode
-        self._commands = np.stack([columns[name] for name in _COMMAND[:4]], axis=1)
-        self._late_s = columns["late_s"]
-        self._next = 0
-
-    def act(self, sample: Sample) -> Action:
-        """The stored command of a frame."""
-        if self._next == len(self._commands):
-            raise _other_frames(self._episode)
-        place, self._next = self._next, self._next + 1
-        return {"box": np.zeros(4), "command": self._commands[place], "late_s": float(self._late_s[place])}
+def _commands(episode: Episode, columns: Mapping[str, Any]) -> Iterator[Action]:
+    """The commands that were in force."""
+    commands = np.stack([columns[name] for name in _COMMAND[:4]], axis=1)
+    for command, late_s in zip(commands, columns["late_s"], strict=True):
+        yield {"box": np.zeros(4), "command": command, "late_s": float(late_s)}
+    raise _other_frames(episode)

@@ -1,28 +1,27 @@
 """Cache of rendered frames with their truth, so that a changed tracker costs only the tracker.
 
 <folder>/<digest>/frames.raw    every frame, `(N, H, W, 3)` uint8 RGB, not compressed: decoding would cost more
-<folder>/<digest>/truth.npz     truth of everybody in every frame
-<folder>/<digest>/entry.json    shape of the frames, digests of all frames and of the truth; written last
+<folder>/<digest>/truth.npz     truth of everybody in every frame, shape and digest of the frames
 
-The digest is of the key of the frames, see `keys`, and of what draws here.
-
-Entries appear whole, and any number of workers may read and write.
+The digest is of the key of the frames, see `keys`, and of what draws here. Entries appear whole, and any number of
+workers may read and write.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import io
 import json
 import os
 import shutil
 import tempfile
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
+from itertools import islice
 from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, Self
+from zipfile import BadZipFile
 
 import mujoco
 import numpy as np
@@ -33,6 +32,7 @@ from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.render.renderer import open_renderer
 
+_FIELDS = [one for one in fields(Truth) if one.name != "occluders"]  # these are arrays as they are
 _MODEL = "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"
 
 
@@ -76,7 +76,7 @@ class FrameCache:
             found = CachedEpisode(entry)
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, KeyError, TypeError, EOFError):
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
             self.remove(entry)
             return None
         with contextlib.suppress(OSError):
@@ -114,24 +114,26 @@ class CachedEpisode:
 
     Raises:
         OSError: It is absent or cannot be read.
-        ValueError: It is damaged.
+        ValueError, KeyError, BadZipFile: It is damaged.
     """
 
     def __init__(self, entry: Path) -> None:
-        record = json.loads((entry / "entry.json").read_bytes())
-        truth = (entry / "truth.npz").read_bytes()
-        if hashlib.sha256(truth).hexdigest() != record["truth_sha256"]:
-            raise ValueError("its truth does not have the digest it was written with")
-        self.frames_digest: str = record["frames_digest"]
-        self.graphics: str = record["graphics"]
-        self._times_s: list[float] = record["times_s"]
-        self._images: Any = np.memmap(entry / "frames.raw", np.uint8, "r", shape=tuple(record["shape"]))
-        with np.load(io.BytesIO(truth), allow_pickle=False) as arrays:
-            self._people = list(_truths({name: arrays[name] for name in arrays.files}, record["counts"]))
+        with np.load(entry / "truth.npz", allow_pickle=False) as arrays:
+            self._truth: dict[str, Any] = {name: arrays[name] for name in arrays.files}
+        self.frames_digest = str(self._truth.pop("frames_digest"))
+        self.graphics = str(self._truth.pop("graphics"))
+        shape = tuple(self._truth.pop("shape").tolist())
+        self._times_s: list[float] = self._truth.pop("times_s").tolist()
+        self._counts: list[int] = self._truth.pop("counts").tolist()
+        self._images: Any = np.memmap(entry / "frames.raw", np.uint8, "r", shape=shape)
 
     def samples(self) -> Iterator[Sample]:
         """The frames as they were drawn. They are not verified here: compare their digest with `frames_digest`."""
-        for index, (time_s, people) in enumerate(zip(self._times_s, self._people, strict=True)):
+        rows = {name: array.tolist() if array.ndim == 1 else list(array) for name, array in self._truth.items()}
+        rows["occluders"] = [tuple(json.loads(text)) for text in rows["occluders"]]
+        truths = (Truth(**dict(zip(rows, values, strict=True))) for values in zip(*rows.values(), strict=True))
+        for index, (time_s, count) in enumerate(zip(self._times_s, self._counts, strict=True)):
+            people = tuple(islice(truths, count))
             frame = Frame(index, time_s, np.asarray(self._images[index]), people[0], people)
             yield Sample(time_s, frame.image, frame.truth.box, frame.truth.scored, frame)
 
@@ -166,24 +168,22 @@ class EntryWriter:
         with contextlib.suppress(OSError):  # a full disk, or another worker wrote the same episode
             self._file.close()
             if self._whole:
-                self._write_record(frames_digest, graphics)
+                people = [one for there in self._people for one in there]
+                arrays: dict[str, Any] = {
+                    one.name: np.array([getattr(truth, one.name) for truth in people]) for one in _FIELDS
+                }
+                np.savez_compressed(
+                    self._part / "truth.npz",
+                    **arrays,
+                    occluders=np.array([json.dumps(truth.occluders) for truth in people]),
+                    times_s=np.array(self._times_s),
+                    counts=np.array([len(there) for there in self._people]),
+                    shape=np.array([len(self._people), *self._shape]),
+                    frames_digest=np.array(frames_digest),
+                    graphics=np.array(graphics),
+                )
                 self._part.rename(self._entry)
         self._cache.evict()
-
-    def _write_record(self, frames_digest: str, graphics: str) -> None:
-        packed = io.BytesIO()
-        np.savez_compressed(packed, **cast("Any", _arrays([one for people in self._people for one in people])))
-        truth = packed.getvalue()
-        (self._part / "truth.npz").write_bytes(truth)
-        record = {
-            "shape": [len(self._people), *self._shape],
-            "times_s": self._times_s,
-            "counts": [len(people) for people in self._people],
-            "frames_digest": frames_digest,
-            "graphics": graphics,
-            "truth_sha256": hashlib.sha256(truth).hexdigest(),
-        }
-        (self._part / "entry.json").write_text(json.dumps(record))
 
     def close(self) -> None:
         """Remove what was not finished."""
@@ -196,23 +196,6 @@ class EntryWriter:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _arrays(people: list[Truth]) -> dict[str, Any]:
-    """Fields of truths as arrays, one row per person and frame; text without pickling."""
-    arrays = {one.name: np.array([getattr(truth, one.name) for truth in people]) for one in fields(Truth)
-              if one.name != "occluders"}  # fmt: skip
-    arrays["occluders"] = np.array([json.dumps(truth.occluders) for truth in people])
-    return arrays
-
-
-def _truths(arrays: dict[str, Any], counts: list[int]) -> Iterator[tuple[Truth, ...]]:
-    names = [one.name for one in fields(Truth)]
-    numbers = {name: array.tolist() if array.ndim == 1 else list(array) for name, array in arrays.items()}
-    numbers["occluders"] = [tuple(json.loads(text)) for text in numbers["occluders"]]
-    made = (Truth(*values) for values in zip(*(numbers[name] for name in names), strict=True))
-    for count in counts:
-        yield tuple(next(made) for _ in range(count))
 
 
 @cache

@@ -54,10 +54,9 @@ class ProgressCounter:
 
     def __init__(self, store: RunStore, part: tuple[int, int]) -> None:
         plan = store.plan
-        episodes = plan.episodes(part=part)
-        mine = {episode.number for episode in episodes}
-        self.total = len(episodes)
-        self.done = len(mine - {one.episode.number for one in store.missing})
+        mine = {episode.number for episode in plan.episodes(part=part)}
+        self.total = len(mine)
+        self.done = self._before = len(mine - {one.episode.number for one in store.missing})
         self._frames_per_episode = plan.frame_count / plan.episode_count
         self._sums = dict.fromkeys(plan.labels, 0.0)
         self._counts: Counter[str] = Counter()
@@ -65,11 +64,10 @@ class ProgressCounter:
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
-        present = {file: one for file, one in store.present.items() if one.episode.number in mine}
         with duckdb.connect() as database:
+            present = {file: one for file, one in store.present.items() if one.episode.number in mine}
             for _, row in read_metadata(database, present):
                 self._count(row)
-        self._before = self.done
 
     def add(self, episode: Episode, files: EpisodeFiles) -> None:
         """Count a finished episode."""
@@ -90,11 +88,7 @@ class ProgressCounter:
         frames = max(frames_done or 0, self._frames)
         elapsed_s = time.monotonic() - self._start_s
         missing = self.total - self._before
-        finished = self.done >= self.total
-        share = 1.0 if finished else min(frames / max(missing * self._frames_per_episode, 1.0), 1.0)
-        left_s = 0.0 if finished else elapsed_s / share - elapsed_s if share > 0 else math.nan
-        means = {label: self._sums[label] / self._counts[label] if self._counts[label] else math.nan
-                 for label in self._sums}  # fmt: skip
+        share = min(frames / max(missing * self._frames_per_episode, 1.0), 1.0) if self.done < self.total else 1.0
         last, self._last = self._last, None
         return RunProgress(
             done=self.done,
@@ -102,11 +96,12 @@ class ProgressCounter:
             frames=frames,
             share=(self._before + share * missing) / self.total if self.total else 1.0,
             elapsed_s=elapsed_s,
-            left_s=left_s,
-            means=means,
+            left_s=elapsed_s / share - elapsed_s if share > 0 else math.nan,
+            means={label: total / self._counts[label] if self._counts[label] else math.nan
+                   for label, total in self._sums.items()},
             errors={label: count for label, count in self._errors.items() if count},
             episode=last,
-        )
+        )  # fmt: skip
 
     def __str__(self) -> str:
         """`"3 of 40 episodes are finished"`."""

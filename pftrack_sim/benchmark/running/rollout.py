@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,21 +89,13 @@ def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: 
             sink(Step(sample, None, None))
 
 
-class Acting(Protocol):
-    """Gives the action for each frame of an episode."""
-
-    def act(self, sample: Sample) -> Action:
-        """The action that answers a frame."""
-        ...
-
-
-def drive(env: TrackAndFollowEnv, seed: int, driver: Acting, sinks: Sequence[Sink] = ()) -> None:
-    """Let a driver's actions move the robot until the environment ends the episode.
+def drive(env: TrackAndFollowEnv, seed: int, act: Callable[[Sample], Action], sinks: Sequence[Sink] = ()) -> None:
+    """Let actions move the robot until the environment ends the episode.
 
     Args:
         env: The environment.
         seed: Root seed of the episode.
-        driver: Gives the actions; it calls its tracker itself.
+        act: Gives the action that answers a frame; it calls its tracker itself.
         sinks: Called after every frame, in this order.
     """
 
@@ -114,7 +106,7 @@ def drive(env: TrackAndFollowEnv, seed: int, driver: Acting, sinks: Sequence[Sin
     info = posed(given)
     while info.get("outcome") is None:
         sample = _sample(env.simulation.frame, observation=observation, info=info)
-        action = driver.act(sample)
+        action = act(sample)
         observation, _, _, _, given = env.step(dict(action))
         info = posed(given)
         for sink in sinks:
@@ -198,7 +190,7 @@ class Driver:
         policy = policies.TrackAndFollowPolicy(self._adapter, controller, robot)
         self._policy = policies.LatencyWrapper(policy, latency_ms, rate_hz)
 
-    def act(self, sample: Sample) -> Action:
+    def __call__(self, sample: Sample) -> Action:
         """Return the action for a frame, and record the estimate that counts for it."""
         runner, self._adapter.called = self._runner, False
         if runner.error is not None:

@@ -118,29 +118,27 @@ def run(
     def filmed(episode: Episode) -> bool:
         return videos == "all" or (videos == "first" and episode.is_first_seed)
 
-    def job(episode: Episode, lacking: tuple[TrackerSpec, ...]) -> EpisodeJob:
-        # Trackers that are added to an episode are filmed with the others, afterwards.
-        whole = lacking == episode.trackers
-        logged = whole and (episode.is_first_seed or videos == "all")
-        return EpisodeJob(
-            replace(episode, trackers=lacking),
-            whole and filmed(episode),
-            backend,
-            isolated,
-            limits,
-            logs=tuple(logs) if logged else (),
-            scratch=path.resolve() / SCRATCH,
-            labels=plan.labels,
-            cache=cache,
-        )
-
     def jobs() -> Iterator[EpisodeJob]:
         lacking: dict[int, list[TrackerSpec]] = {}
         for one in store.missing:
             lacking.setdefault(one.episode.number, []).append(one.tracker)
         for episode in plan.episodes(part=part, shuffle=shuffle):
-            if episode.number in lacking:
-                yield job(episode, tuple(lacking[episode.number]))
+            specs = tuple(lacking.get(episode.number, ()))
+            whole = (
+                specs == episode.trackers
+            )  # those that are added to an episode are filmed with the others, afterwards
+            if specs:
+                yield EpisodeJob(
+                    replace(episode, trackers=specs),
+                    whole and filmed(episode),
+                    backend,
+                    isolated,
+                    limits,
+                    logs=tuple(logs) if whole and (episode.is_first_seed or videos == "all") else (),
+                    scratch=path.resolve() / SCRATCH,
+                    labels=plan.labels,
+                    cache=cache,
+                )
 
     with (
         contextlib.closing(make_executor(plan, workers, scheduler, processes)) as executor,

@@ -97,17 +97,35 @@ class TrackerRunner:
         Raises:
             TrackerFault: The tracker raised, crashed, timed out, or returned no valid estimate. It is closed then.
         """
-        first, self.started = not self.started, True
+        tracker, first, self.started = self.tracker, not self.started, True
+        isolated = isinstance(tracker, IsolatedTracker)
         self.announce(True)
         try:
             if self.needs_detections:
                 if detections is None:
                     raise TrackerFault("it follows detections, and there are none")
-                if isinstance(self.tracker, (IsolatedTracker, trackers.NeedsDetections)):
-                    self.tracker.receive_detections(detections)
-            if isinstance(self.tracker, IsolatedTracker):
-                return self._call_isolated(self.tracker, image, true_box, first)
-            return self._call(self.tracker, image, true_box, first)
+                cast("trackers.NeedsDetections", tracker).receive_detections(detections)
+            if (
+                tracker.needs_truth
+                if isinstance(tracker, IsolatedTracker)
+                else isinstance(tracker, trackers.NeedsTruth)
+            ):
+                cast("trackers.NeedsTruth", tracker).receive_truth(true_box)
+            shown = image if isolated else image.copy()
+            start_s = time.perf_counter()
+            if first:
+                estimate = Estimate(self.start_from(true_box))
+                tracker.init(shown, np.array(estimate.box))
+            else:
+                estimate = tracker.update(shown)
+            if isinstance(tracker, IsolatedTracker):  # its process has checked the image, and the clock
+                self.took_ms = tracker.took_ms
+                return estimate
+            self.took_ms = (time.perf_counter() - start_s) * 1e3
+            if first:
+                check_unmodified(shown, image)
+                return estimate
+            return checked_estimate(estimate, shown, image)
         except TrackerFault:
             self.close()
             raise
@@ -116,32 +134,6 @@ class TrackerRunner:
             raise fault_of(error) from error
         finally:
             self.announce(False)
-
-    def _call_isolated(self, tracker: IsolatedTracker, image: Image, true_box: Box, first: bool) -> Estimate:
-        if tracker.needs_truth:
-            tracker.receive_truth(true_box)
-        if first:
-            estimate = Estimate(self.start_from(true_box))
-            tracker.init(image, estimate.box)
-        else:
-            estimate = tracker.update(image)
-        self.took_ms = tracker.took_ms
-        return estimate
-
-    def _call(self, tracker: Tracker, image: Image, true_box: Box, first: bool) -> Estimate:
-        copied = image.copy()
-        if isinstance(tracker, trackers.NeedsTruth):
-            tracker.receive_truth(true_box)
-        start_s = time.perf_counter()
-        if first:
-            start = self.start_from(true_box)
-            tracker.init(copied, np.array(start))
-            self.took_ms = (time.perf_counter() - start_s) * 1e3
-            check_unmodified(copied, image)
-            return Estimate(start)
-        estimate = tracker.update(copied)
-        self.took_ms = (time.perf_counter() - start_s) * 1e3
-        return checked_estimate(estimate, copied, image)
 
     @property
     def needs_detections(self) -> bool:
