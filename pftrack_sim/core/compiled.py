@@ -28,12 +28,12 @@ class _Notice(numba_event.Listener):
     def __init__(self) -> None:
         self._depth = 0
         self._began_s = self._spent_s = 0.0
-        self._said = False
+        self.said = False
 
     def on_start(self, event: Any) -> None:
         """A function is going to be compiled."""
-        if not self._said and self._spent_s > _PATIENCE_S and _is_own(event):
-            self._said = True
+        if not self.said and self._spent_s > _PATIENCE_S and _is_own(event):
+            self.said = True
             print("pftrack_sim: compiling for this machine, once: about 10 s", file=sys.stderr, flush=True)  # noqa: T201
         if not self._depth:
             self._began_s = time.monotonic()
@@ -50,7 +50,13 @@ def _is_own(event: Any) -> bool:
     return str(event.data["dispatcher"].py_func.__module__).startswith("pftrack_sim.")
 
 
-cast("Any", numba_event).register("numba:compile", _Notice())
+_notice = _Notice()
+cast("Any", numba_event).register("numba:compile", _notice)
+
+
+def compile_in_silence() -> None:
+    """Say nothing of compiling in this process: another one does."""
+    _notice.said = True
 
 
 _njit = cast("Any", njit)

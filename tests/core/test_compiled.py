@@ -18,11 +18,12 @@ print(ratio(1.0, 0.0), ratio(1, 2))
 """
 
 
-def test_a_kernel_divides_by_zero_and_says_once_that_it_compiles(tmp_path):
-    (tmp_path / "code.py").write_text(CODE)
+@pytest.mark.parametrize(("before", "times"), [("", 1), ("compiled.compile_in_silence()\n", 0)])
+def test_a_kernel_divides_by_zero_and_says_once_that_it_compiles(tmp_path, before: str, times: int):
+    (tmp_path / "code.py").write_text(CODE.replace("print(", f"{before}print("))
     done = subprocess.run([sys.executable, tmp_path / "code.py"], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["inf", "0.5"]
-    assert done.stderr.count("compiling for this machine") == 1
+    assert done.stderr.count("compiling for this machine") == times
 
 
 WHOLE = """

@@ -23,6 +23,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
 from pftrack_sim.benchmark.running.episode import EpisodeFiles, EpisodeJob, run_episode
+from pftrack_sim.core.compiled import compile_in_silence
 from pftrack_sim.core.errors import RunError, ScenarioError
 from pftrack_sim.trackers.isolation import TrackerProcesses
 
@@ -309,6 +310,8 @@ def _initialise(shared: Any, index: int) -> None:
     """Prepare a worker process that counts its frames."""
     global _count_frame, _note_tracker
     prepare_worker()
+    if index:  # one of several says that it compiles
+        compile_in_silence()
 
     def count() -> None:
         shared[_SLOTS * index] += 1
