@@ -178,6 +178,30 @@ def test_queries(one: RunStore):
         one.query("SELECT nonsense FROM frames")
 
 
+def test_a_query_writes_nothing_and_ends(one: RunStore, monkeypatch: pytest.MonkeyPatch):
+    before = {path: path.read_bytes() for path in one.path.rglob("*") if path.is_file()}
+    summary = one.path / "summary.parquet"
+    for sql in (
+        f"COPY (SELECT 1) TO '{summary}'",
+        f"EXPLAIN ANALYZE COPY (SELECT 1) TO '{summary}'",
+        f"/* */ EXPLAIN ANALYZE COPY (SELECT 1) TO '{summary}'",
+        f"EXPLAIN (ANALYZE, FORMAT json) COPY (SELECT 1) TO '{summary}'",
+        "EXPLAIN EXPLAIN SELECT 1",
+        "SET memory_limit = '9GB'",
+        "SELECT '\udcff'",
+    ):
+        with pytest.raises(RunError):
+            one.query(sql)
+    assert {path: path.read_bytes() for path in one.path.rglob("*") if path.is_file()} == before
+    for sql in ("DESCRIBE frames", "SUMMARIZE summary", "explain SELECT 1", "EXPLAIN ANALYZE FROM summary"):
+        assert one.query(sql).rows
+    with pytest.raises(RunError, match="Out of Memory"):
+        one.query("SELECT list(range) FROM range(1000000000)")
+    monkeypatch.setattr("pftrack_sim.benchmark.reading.store.QUERY_LIMIT_S", 0.2)
+    with pytest.raises(RunError, match="Interrupted"):
+        one.query("SELECT sum(a.range * b.range) FROM range(1000000) AS a, range(1000000) AS b")
+
+
 def test_options_that_are_not_allowed(plan: Plan, tmp_path: Path):
     for options in ({"part": (3, 2)}, {"part": (0, 2)}, {"isolation": "some"}, {"workers": -1}):
         with pytest.raises(ParameterError, match=next(iter(options))):

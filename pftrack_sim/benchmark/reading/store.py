@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +22,10 @@ from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file
 from pftrack_sim.core.text import one_line
 
+QUERY_MEMORY, QUERY_LIMIT_S = "4GB", 120.0
+"""Memory and time that a query may take."""
+
+_EXPLAIN = re.compile(r"\s*EXPLAIN(\s+ANALYZE)?\b", re.IGNORECASE)
 _FRAMES = """
 CREATE VIEW frames AS
 SELECT results.*, drawn.* EXCLUDE (kind, scenario, condition, seed, label, frames_key, frame, time_s, people)
@@ -93,23 +98,28 @@ class RunStore(RunFolder):
         return database
 
     def query(self, sql: str) -> QueryResult:
-        """Run a SELECT over the views of `database`; nothing outside the run folder is read.
+        """Run a SELECT, DESCRIBE or SUMMARIZE over the views of `database`, or an EXPLAIN of one.
+
+        Nothing is written, and nothing outside the run folder is read; time and memory are limited.
 
         Raises:
-            RunError: Nothing is there yet, or the SQL is wrong or does more than select.
+            RunError: Nothing is there yet, or the SQL is wrong, does more than select, or reaches a limit.
         """
         with self.database() as database:
             try:
-                statements = database.extract_statements(sql)
-                kinds = [statement.type.name for statement in statements]
-                if kinds not in (["SELECT"], ["EXPLAIN"]):
+                sql.encode()  # a lone surrogate is no text
+                asked = _EXPLAIN.sub("", sql, count=1)  # what is explained may be more than a SELECT
+                kinds = [statement.type.name for statement in database.extract_statements(asked)]
+                if kinds != ["SELECT"]:
                     raise RunError(f"a query is one SELECT statement, got {' and '.join(kinds) or 'none'}")
                 folder = sql_text(self.path.resolve())
                 database.execute(f"SET allowed_directories = [{folder}, {sql_text(self.path)}]")
-                database.execute("SET enable_external_access = false")
-                table = database.execute(statements[0])
-                return QueryResult(tuple(one[0] for one in table.description or ()), table.fetchall())
-            except duckdb.Error as error:
+                database.execute(f"SET memory_limit = '{QUERY_MEMORY}'; SET temp_directory = ''")
+                database.execute("SET enable_external_access = false; SET lock_configuration = true")
+                with query_deadline(database, QUERY_LIMIT_S):
+                    table = database.execute(sql)
+                    return QueryResult(tuple(one[0] for one in table.description or ()), table.fetchall())
+            except (duckdb.Error, UnicodeEncodeError) as error:
                 raise RunError(f"the query failed: {error}") from None
 
     @cached_property
