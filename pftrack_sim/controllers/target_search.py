@@ -75,10 +75,8 @@ class TargetSearch:
         """See `Controller.act`."""
         command = self._inner.act(estimate, proprio)
         self.wanted_m_s = self._inner.wanted_m_s
-        position, heading = (
-            np.array(proprio[:2], dtype=np.float64),
-            float(proprio[PROPRIO_INDEX["odometry_heading_rad"]]),
-        )
+        position = np.array(proprio[:2], dtype=np.float64)
+        heading = float(proprio[PROPRIO_INDEX["odometry_heading_rad"]])
         pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
         if not is_lost(estimate, self._inner.least_confidence):
             direction = heading + pan + box_direction(estimate, self._robot)[0]
