@@ -32,12 +32,14 @@ class DryRun:
         times_s: `(T,)` times of the samples; the last one is the first after the end.
         camera_m: `(T, 3)` optical centre without vibration, world frame.
         target_m: `(T, 2)` centre line of the target on the ground.
+        target_s_m: `(T,)` arc length of the target on its path.
         robot_m: `(T, 2)` centre of the robot on the ground.
     """
 
     times_s: FloatArray
     camera_m: FloatArray
     target_m: FloatArray
+    target_s_m: FloatArray
     robot_m: FloatArray
     target_height_m: float
     end_s: float
@@ -46,7 +48,9 @@ class DryRun:
         """The part up to a time."""
         end_s = min(time_s, self.end_s)
         count = int(np.searchsorted(self.times_s, end_s, side="right")) + 1
-        parts = {name: getattr(self, name)[:count] for name in ("times_s", "camera_m", "target_m", "robot_m")}
+        parts = {
+            name: getattr(self, name)[:count] for name in ("times_s", "camera_m", "target_m", "target_s_m", "robot_m")
+        }
         return replace(self, end_s=end_s, **parts)
 
     def at(self, times_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -80,7 +84,7 @@ def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float
         time_s, (target_x, target_y) = tick * _TICK_S, target.state[:2]
         yaw = math.atan2(target_y - y, target_x - x) if robot.gaze == "target" else heading + mount_rad
         camera_x, camera_y = x + lens_m * math.cos(yaw), y + lens_m * math.sin(yaw)
-        rows.append((time_s, camera_x, camera_y, camera.height_m, target_x, target_y, x, y))
+        rows.append((time_s, camera_x, camera_y, camera.height_m, target_x, target_y, target.s_m, x, y))
         commands.append(script.drive(time_s, (x, y, heading), target.s_m))
         # The motors have the speeds of the tick before.
         middle = heading + 0.5 * _TICK_S * turn
@@ -97,4 +101,4 @@ def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float
         turn += min(max(wanted_turn - turn, -turn_step), turn_step)
     table = np.array(rows)
     table.setflags(write=False)
-    return DryRun(table[:, 0], table[:, 1:4], table[:, 4:6], table[:, 6:], settings.target.height_m, end_s)
+    return DryRun(table[:, 0], table[:, 1:4], table[:, 4:6], table[:, 6], table[:, 7:], settings.target.height_m, end_s)

@@ -154,19 +154,14 @@ def _plan_oncoming(
     axis = settings.axes.distractors
     obstacles = ObstacleMap(layout)
     passes: list[OncomingPass] = []
-    # Arc length of the target, projected step by step: a path may cross itself.
-    times = np.arange(0.0, max(axis.passings_s, default=0.0) + 1.0, 0.5)
-    arc_lengths = [0.0]
-    for point in run.at(times)[1]:
-        arc_lengths.append(path.project(point, arc_lengths[-1]))
     waiting_places = positions_away_from(path, obstacles, layout.bounds_m)
 
     for number, at_s in enumerate(axis.passings_s):
         rng = random_streams.stream(seed, "axes", "distractors", number)
         side, speed = (1 if rng.random() < 0.5 else -1), float(rng.uniform(1.05, 1.35))
         camera, target = run.at(at_s)
-        meeting_s_m = path.project(target[0], float(np.interp(at_s, times, arc_lengths[1:])))
-        _, _, heading = path.at(meeting_s_m)
+        meeting_s_m = float(np.interp(at_s, run.times_s, run.target_s_m))
+        heading = path.pose(meeting_s_m)[2]
         lateral = np.cos(heading) * (camera[0, 1] - target[0, 1]) - np.sin(heading) * (camera[0, 0] - target[0, 0])
         if abs(lateral) > 1.0:
             # Seen from the side, a pedestrian on the far side of the target is in view and does not cover it.

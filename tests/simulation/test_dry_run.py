@@ -13,6 +13,7 @@ RUN = DryRun(
     TIMES_S,
     np.stack([TIMES_S, 2.0 * TIMES_S, 0.0 * TIMES_S], axis=1),
     np.stack([3.0 * TIMES_S, 0.0 * TIMES_S], axis=1),
+    3.0 * TIMES_S,
     np.stack([0.0 * TIMES_S, -TIMES_S], axis=1),
     1.7,
     0.1,

@@ -66,7 +66,7 @@ def dry_run_of(camera: Camera, duration_s: float = 14.0) -> DryRun:
 def run_of(times_s: np.ndarray, camera_m: np.ndarray, target_m: np.ndarray) -> DryRun:
     """The run of a robot below its camera."""
     camera = np.c_[camera_m, np.full(len(times_s), CAMERA_Z_M)]
-    return DryRun(times_s, camera, target_m, camera_m, HEIGHT_M, float(times_s[-1]))
+    return DryRun(times_s, camera, target_m, np.zeros(len(times_s)), camera_m, HEIGHT_M, float(times_s[-1]))
 
 
 def occluder_of(kind: str, rng: np.random.Generator) -> model.Occluder:

@@ -103,57 +103,52 @@ class OcclusionTrajectory:
 
     def __init__(self, crossing: Crossing) -> None:
         self.crossing = crossing
-        self._reference: Xy | None = None
-        self._previous: Xy | None = None
+        self._updates = 0
+        self._reference: Xy = (0.0, 0.0)
         self._reference_velocity: Xy = (0.0, 0.0)
         self._begin_s: float | None = None
         self._offset: Xy = (0.0, 0.0)
         self._offset_rate: Xy = (0.0, 0.0)
         self._exit_rate_m_s: float | None = None
 
-    @property
-    def begun(self) -> bool:
-        """Whether the mover has started."""
-        return self._begin_s is not None
+    def update(
+        self, dt_s: float, time_s: float, camera_m: Xy, target_m: Xy, position_m: Xy, velocity_m_s: Xy
+    ) -> Xy | None:
+        """Position of the mover [m] at the end of a tick, or None while it waits.
 
-    def update(self, dt_s: float, time_s: float, camera_m: Xy, target_m: Xy) -> None:
-        """Update the reference position from camera and target on the ground at `time_s`."""
+        Camera and target are on the ground then, position and velocity those of the mover at the beginning of the tick.
+        A mover that starts in the first two updates is already moving, with the line of sight.
+        """
         ux, uy, along = _point_on_sight(self.crossing.depth, camera_m, target_m)
         lateral = self._lateral_m(time_s)
-        reference = (camera_m[0] + along * ux - lateral * uy, camera_m[1] + along * uy + lateral * ux)
-        self._previous = self._reference
-        if self._previous is not None:
-            x, y = self._previous
-            self._reference_velocity = ((reference[0] - x) / dt_s, (reference[1] - y) / dt_s)
+        before, reference = (
+            self._reference,
+            (camera_m[0] + along * ux - lateral * uy, camera_m[1] + along * uy + lateral * ux),
+        )
         self._reference = reference
-
-    def begin(self, dt_s: float, time_s: float, position_m: Xy, velocity_m_s: Xy | None) -> None:
-        """Start to move in the tick of the last `update`.
-
-        Position and velocity are those at the beginning of the tick; None for the velocity of the reference.
-        """
-        start = self._previous or self._reference
-        assert start is not None, "call update() before begin()"
-        self._begin_s = time_s - (dt_s if self._previous is not None else 0.0)
-        self._offset = (position_m[0] - start[0], position_m[1] - start[1])
-        vx, vy = self._reference_velocity
-        if velocity_m_s is not None:
-            self._offset_rate = (velocity_m_s[0] - vx, velocity_m_s[1] - vy)
-
-    def position(self, time_s: float) -> Xy:
-        """Position of the mover [m], after `begin` and after `update` at the same time."""
-        assert self._reference is not None, "call update() before position()"
-        assert self._begin_s is not None, "call begin() before position()"
+        if self._updates == 0:
+            before, dt_s = reference, 0.0
+        else:
+            self._reference_velocity = ((reference[0] - before[0]) / dt_s, (reference[1] - before[1]) / dt_s)
+        self._updates += 1
+        if self._begin_s is None:
+            if time_s < self.crossing.start_s:
+                return None
+            self._begin_s = time_s - dt_s
+            self._offset = (position_m[0] - before[0], position_m[1] - before[1])
+            if self._updates > 2:
+                vx, vy = self._reference_velocity
+                self._offset_rate = (velocity_m_s[0] - vx, velocity_m_s[1] - vy)
         span = self.crossing.at_s - self._begin_s
         if time_s >= self.crossing.at_s or span <= 0.0:
-            return self._reference
+            return reference
         # The offset from the reference decays by a quintic, from its initial value and rate to zero.
         x = (time_s - self._begin_s) / span
         offset = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
         rate = span * (x - x**3 * (6.0 - 8.0 * x + 3.0 * x * x))
         return (
-            self._reference[0] + offset * self._offset[0] + rate * self._offset_rate[0],
-            self._reference[1] + offset * self._offset[1] + rate * self._offset_rate[1],
+            reference[0] + offset * self._offset[0] + rate * self._offset_rate[0],
+            reference[1] + offset * self._offset[1] + rate * self._offset_rate[1],
         )
 
     def finished(self, time_s: float) -> bool:
@@ -217,7 +212,7 @@ class _Crosser:
     def __init__(self, crossing: Crossing, obstacles: ObstacleMap, state: FloatArray) -> None:
         self.crossing, self._obstacles = crossing, obstacles
         self.state, self.phase = state, Phase.WAITING
-        self._trajectory, self._updates = OcclusionTrajectory(crossing), 0
+        self._trajectory = OcclusionTrajectory(crossing)
 
 
 class CrossingPedestrian(_Crosser):
@@ -227,19 +222,14 @@ class CrossingPedestrian(_Crosser):
         """Advance phase and state by one tick that ends at `time_s`."""
         if self.phase is Phase.RELEASED:
             return
-        self._updates += 1
         crossing, trajectory = self.crossing, self._trajectory
-        if self.phase is Phase.WAITING and time_s + 2.0 * dt_s < crossing.start_s:
-            return  # The start needs the trajectory of the last two ticks.
+        if time_s + 3.0 * dt_s < crossing.start_s:
+            return  # The start needs the trajectory of the last ticks.
         x, y, vx, vy = self.state.tolist()
-        trajectory.update(dt_s, time_s, around.camera_m, around.target_m)
-        if self.phase is Phase.WAITING:
-            if time_s < crossing.start_s:
-                return
-            # A pedestrian that starts with the episode is already walking.
-            trajectory.begin(dt_s, time_s, (x, y), None if self._updates <= 2 else (vx, vy))
-            self.phase = Phase.SCRIPTED
-        desired = trajectory.position(time_s)
+        desired = trajectory.update(dt_s, time_s, around.camera_m, around.target_m, (x, y), (vx, vy))
+        if desired is None:
+            return
+        self.phase = Phase.SCRIPTED
         if not crossing.at_s <= time_s <= crossing.until_s:
             detour = outside_circle(desired, around.target_m, _CROSSING_TARGET_DISTANCE_M)
             detour = outside_circle(detour, around.robot_m, _CROSSING_ROBOT_DISTANCE_M)
@@ -270,7 +260,7 @@ class Cart(_Crosser):
 
     def __init__(self, crossing: Crossing, obstacles: ObstacleMap, state: FloatArray) -> None:
         super().__init__(crossing, obstacles, state)
-        self.yaw_rad = 0.0
+        self.yaw_rad, self._faces = 0.0, False
         state[:] = (*crossing.waiting_m, 0.0, 0.0)
 
     @property
@@ -282,19 +272,15 @@ class Cart(_Crosser):
         """Advance phase and state by one tick that ends at `time_s`."""
         crossing, trajectory = self.crossing, self._trajectory
         x, y, vx, vy = self.state.tolist()
-        trajectory.update(dt_s, time_s, around.camera_m, around.target_m)
-        if self.phase is Phase.WAITING and time_s >= crossing.start_s:
-            trajectory.begin(dt_s, time_s, (x, y), None if self._updates == 0 else (vx, vy))
-            self.phase = Phase.SCRIPTED
+        desired = trajectory.update(dt_s, time_s, around.camera_m, around.target_m, (x, y), (vx, vy))
         (camera_x, camera_y), (target_x, target_y) = around.camera_m, around.target_m
         sight_rad = math.atan2(target_y - camera_y, target_x - camera_x)
-        if self._updates == 0:
-            self.yaw_rad = sight_rad
-        self._updates += 1
-        if self.phase is Phase.WAITING:
+        if not self._faces:
+            self.yaw_rad, self._faces = sight_rad, True
+        if desired is None:
             return
-        if self.phase is Phase.SCRIPTED:
-            desired = trajectory.position(time_s)
+        if self.phase is not Phase.RELEASED:
+            self.phase = Phase.SCRIPTED
             turn_rad = math.remainder(sight_rad - self.yaw_rad, 2.0 * math.pi)
             self.yaw_rad += min(dt_s / _CART_YAW_TIME_CONSTANT_S, 1.0) * turn_rad
         else:
@@ -321,11 +307,8 @@ def crossing_track(
     track = np.full((len(camera_m), 2), np.nan)
     for index, (camera, target) in enumerate(zip(camera_m.tolist(), target_m.tolist(), strict=True)):
         time_s = start_s + index * dt_s
-        trajectory.update(dt_s, time_s, camera, target)
-        if not trajectory.begun and index > 0 and time_s >= crossing.start_s:
-            # A mover that starts with the recording is already moving.
-            trajectory.begin(dt_s, time_s, crossing.waiting_m, (0.0, 0.0) if index > 2 else None)
-        track[index] = trajectory.position(time_s) if trajectory.begun else crossing.waiting_m
+        place = trajectory.update(dt_s, time_s, camera, target, crossing.waiting_m, (0.0, 0.0))
+        track[index] = place or crossing.waiting_m
         if trajectory.finished(time_s):
             break
     return track
