@@ -31,8 +31,8 @@ def observed(stage: Stage, pose: np.ndarray) -> dict[str, Truth]:
 
 
 def truths(name: str, overrides: Mapping[str, Any], seed: int, from_s: float, until_s: float) -> list[Truth]:
-    """Truth of the target in the first frame, and in those from a time on; before it nothing is rendered."""
-    with Simulation(scenario.load(name, overrides)) as simulation:
+    """Truth of the target, without images, in the first frame and in those from a time on."""
+    with Simulation(scenario.load(name, overrides), image=False) as simulation:
         observed, rate_hz = [simulation.reset(seed).truth], simulation.settings.camera.rate_hz
         for _ in range(round(from_s * rate_hz) - 1):
             simulation.world.advance()

@@ -26,7 +26,7 @@ SMALL: dict[str, Any] = {
 
 
 def world(**keys: Any) -> World:
-    return World(scenario.load("easy/plaza-walk", {**SMALL, **keys}).resolve(3), 3)
+    return World(scenario.load("easy/plaza-walk", {**SMALL, **keys}).resolve(3), 3, draws=False)
 
 
 def place(one: World, body: str) -> np.ndarray:
@@ -58,7 +58,7 @@ def test_a_backpack_hides_the_back_and_changes_no_box():
         assert before.truth.occluders == ()
 
 
-@pytest.mark.parametrize("item", [pytest.param("bag", marks=pytest.mark.slow), "box"])
+@pytest.mark.parametrize("item", ["bag", "box"])
 def test_a_thing_lies_within_reach_until_it_is_picked_up(item: str):
     one = world(
         **{
@@ -76,7 +76,6 @@ def test_a_thing_lies_within_reach_until_it_is_picked_up(item: str):
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() * RATE_HZ < 4.0
 
 
-@pytest.mark.slow
 def test_a_bag_stays_where_it_is_put_down():
     actions = [{"kind": "crouch", "at_s": 0.5, "puts_down": "bag"}]
     places, distances = tracked(world(**{"target.carries": [{"item": "bag"}], "target.actions": actions}), "bag", 7.5)
@@ -123,14 +122,13 @@ def test_what_cannot_be_carried_is_an_error(carries: list[Any], actions: list[An
         scenario.load("easy/plaza-walk", {"target.carries": carries, "target.actions": actions})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_pedestrian_covers_an_approaching_target_when_planned(seed: int):
     keys = {
         "target.actions": [{"kind": "approach", "at_s": 3.0, "distance_m": 1.2}],
         "occluders": [{"kind": "walker", "at_s": 5.0, "duration_s": 0.6}],
     }
-    with Simulation(scenario.load("easy/plaza-walk", {**SMALL, **keys})) as simulation:
+    with Simulation(scenario.load("easy/plaza-walk", {**SMALL, **keys}), image=False) as simulation:
         simulation.reset(seed)
         frames = [simulation.advance() for _ in range(round(7.0 * RATE_HZ))]
     covered = [frame.time_s for frame in frames if frame.truth.visible_fraction < 0.3]

@@ -279,7 +279,7 @@ def test_the_legend_names_the_action_and_not_the_tracker_of_an_earlier_step():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_scenario_starts_with_the_target_in_view_and_the_robot_on_the_ground(name: str):
-    env = gym.make(IDS[0], scenario=name, overrides={"camera.width_px": 160, "camera.height_px": 120})
+    env = gym.make(IDS[0], scenario=name, overrides={"camera.width_px": 160, "camera.height_px": 120}, image=False)
     for seed in range(3):
         _, info = env.reset(seed=seed)
         assert info["truth"].state == "visible", seed
@@ -393,7 +393,8 @@ def test_import_only_registers_the_environments():
         "assert not {'mujoco', 'numba', 'cv2', 'duckdb', 'av'} & set(sys.modules)\n"
         "import gymnasium; assert 'pftrack_sim/Track-v0' in gymnasium.registry\n"
         "import cv2; before = dict(os.environ)  # OpenCV sets LD_LIBRARY_PATH for itself\n"
-        "env = gymnasium.make('pftrack_sim/Track-v0', scenario='plaza-walk'); env.reset(seed=0); env.close()\n"
+        f"env = gymnasium.make('pftrack_sim/Track-v0', scenario='corridor', overrides={SMALL!r}); env.reset(seed=0)\n"
+        "env.close()\n"
         "assert dict(os.environ) == before, set(os.environ) ^ set(before)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

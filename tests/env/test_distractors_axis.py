@@ -19,7 +19,7 @@ BASE: dict[str, Any] = {"lights.shadows": False}
 def walk(name: str, until_s: float, seed: int = 3, **axis: Any) -> tuple[tuple[str, ...], np.ndarray]:
     """Names, and `(T, P, 2)` positions of all pedestrians at 30 Hz."""
     keys = {f"axes.distractors.{key}": value for key, value in axis.items()}
-    world = World(scenario.load(name, {**BASE, **keys}).resolve(seed), seed)
+    world = World(scenario.load(name, {**BASE, **keys}).resolve(seed), seed, draws=False)
     places = [world.root_poses()[:, :2, 3]]
     for _ in range(round(until_s * 30.0)):
         world.advance()
@@ -27,14 +27,8 @@ def walk(name: str, until_s: float, seed: int = 3, **axis: Any) -> tuple[tuple[s
     return world.people, np.array(places)
 
 
-@pytest.mark.parametrize(
-    ("name", "distance_m"),
-    [
-        pytest.param(name, distance_m, marks=[] if index % 2 == number else pytest.mark.slow)
-        for index, name in enumerate(PLACES)
-        for number, distance_m in enumerate((0.6, 1.1))
-    ],
-)
+@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize("distance_m", [0.6, 1.1])
 def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str, distance_m: float):
     axis = DistractorsAxis(severity=1.0, where="beside", count=2, at_s=2.5, every_s=2.5, distance_m=distance_m)
     names, places = walk(name, 6.0, **axis.model_dump())
@@ -46,7 +40,6 @@ def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str,
         assert apart.argmin() / 30.0 == pytest.approx(at_s, abs=0.25)
 
 
-@pytest.mark.slow
 def test_oncoming_pedestrians_are_visible_as_they_pass():
     keys = {
         "axes.distractors.count": 1,
@@ -57,7 +50,7 @@ def test_oncoming_pedestrians_are_visible_as_they_pass():
     }
     small = {"camera.width_px": 160, "camera.height_px": 120}
     for name in PLACES:
-        with Simulation(scenario.load(name, {**BASE, **small, **keys})) as simulation:
+        with Simulation(scenario.load(name, {**BASE, **small, **keys}), image=False) as simulation:
             simulation.reset(3)
             for _ in range(59):
                 simulation.world.advance()
@@ -72,7 +65,7 @@ def test_pedestrians_pass_on_the_far_side_of_a_target_seen_from_the_side(side: s
     axis = {f"axes.distractors.{key}": value for key, value in {"where": "beside", "count": 2, "at_s": 3.0}.items()}
     for seed in range(3):
         keys = {**BASE, **axis, "robot.route": route, "distractors.count": 0, "occluders": [], "lights.shadows": False}
-        world = World(scenario.load("easy/plaza-walk", keys).resolve(seed), seed)
+        world = World(scenario.load("easy/plaza-walk", keys).resolve(seed), seed, draws=False)
         passers = [index for index, person in enumerate(world.people) if person.startswith("passer")]
         for _ in range(90):
             world.advance()
@@ -92,7 +85,7 @@ def test_severity_scales_the_number_of_pedestrians():
 def test_look_alikes_cross_the_line_of_sight_and_walk_on(name: str):
     keys = {f"axes.distractors.{key}": value for key, value in {"where": "across", "count": 1, "at_s": 2.5}.items()}
     small = {"camera.width_px": 160, "camera.height_px": 120, "distractors.count": 0, "occluders": []}
-    with Simulation(scenario.load(name, {**BASE, **small, **keys})) as simulation:
+    with Simulation(scenario.load(name, {**BASE, **small, **keys}), image=False) as simulation:
         simulation.reset(3)
         for _ in range(60):
             simulation.world.advance()

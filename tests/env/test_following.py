@@ -15,10 +15,9 @@ PLACES = [name for name in scenario.names() if name.startswith("easy/")]
 SMALL = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 10}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", PLACES)
 def test_oracle_and_servo_follow_to_the_end(name: str):
-    env = gym.make("pftrack_sim/Follow-v0", scenario=name, overrides=SMALL)
+    env = gym.make("pftrack_sim/Follow-v0", scenario=name, overrides=SMALL, image=False)
     policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo"))
     observation, info = env.reset(seed=4)
     rewards: list[float] = []
@@ -33,10 +32,9 @@ def test_oracle_and_servo_follow_to_the_end(name: str):
     env.close()
 
 
-@pytest.mark.slow
 def test_servo_at_a_short_distance_does_not_run_into_the_target():
     overrides = {**SMALL, "duration_s": 20, "follow.distance_m": 1.5, "target.actions": []}
-    env = gym.make("pftrack_sim/Follow-v0", scenario="follow/plaza", overrides=overrides)
+    env = gym.make("pftrack_sim/Follow-v0", scenario="follow/plaza", overrides=overrides, image=False)
     observation, info = env.reset(seed=0)
     robot = policies.robot_parameters(env.unwrapped.simulation.settings)
     policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo"), robot)
@@ -50,9 +48,10 @@ def test_servo_at_a_short_distance_does_not_run_into_the_target():
     env.close()
 
 
-@pytest.mark.slow
 def test_a_robot_that_stands_still_loses_the_target():
-    env = gym.make("pftrack_sim/Follow-v0", scenario="easy/plaza-walk", overrides={**SMALL, "duration_s": 16})
+    env = gym.make(
+        "pftrack_sim/Follow-v0", scenario="easy/plaza-walk", overrides={**SMALL, "duration_s": 16}, image=False
+    )
     env.reset(seed=4)
     done = False
     while not done:
@@ -64,7 +63,7 @@ def test_a_robot_that_stands_still_loses_the_target():
 
 def test_a_policy_that_drives_into_the_target_ends_the_episode():
     overrides = {**SMALL, "robot.route": {"kind": "trail", "distance_m": 1.5}, "occluders": []}
-    env = gym.make("pftrack_sim/Follow-v0", scenario="easy/corridor", overrides=overrides)
+    env = gym.make("pftrack_sim/Follow-v0", scenario="easy/corridor", overrides=overrides, image=False)
     env.reset(seed=4)
     for _ in range(250):
         _, _, terminated, _, info = env.step(np.array([1.0, 0, 0, 0], np.float32))

@@ -53,18 +53,8 @@ def assert_as_requested(fraction: np.ndarray, from_s: float, spans_s: tuple[tupl
     assert (fraction[clear] > 0.9).all()
 
 
-KINDS = ("pillar", "wall", "stranger", "lookalike")
-
-
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    [
-        # Each kind and each place once; the other combinations are slow.
-        pytest.param(name, kind, marks=[] if index % len(KINDS) == number else pytest.mark.slow)
-        for index, name in enumerate(PLACES)
-        for number, kind in enumerate(KINDS)
-    ],
-)
+@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize("kind", ["pillar", "wall", "stranger", "lookalike"])
 def test_occlusions_are_equal_in_every_scenario(name: str, kind: str):
     at_s = NEXT_TO_PILLARS_AT_S if name == "easy/warehouse" else AT_S
     share = 0.5 if kind == "wall" else 1.0
@@ -124,9 +114,7 @@ def test_covers_that_do_not_fit_are_refused(given: dict[str, Any], words: str):
 
 
 def test_without_occlusions_the_truth_is_the_base_to_the_bit():
-    base = truths("easy/plaza-walk", 0.3)
-    for axis in ({"count": 0}, {"severity": 0.0, "kind": "stranger"}):
-        assert truths("easy/plaza-walk", 0.3, **axis) == base
+    assert truths("easy/plaza-walk", 0.3, count=0) == truths("easy/plaza-walk", 0.3, severity=0.0)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +134,7 @@ def test_occlusions_are_equal_on_every_route(route: dict[str, Any]):
         "axes.occlusion.duration_s": 1.0,
         "axes.occlusion.end_s": AT_S + 1.0,
     }
-    with Simulation(scenario.load("easy/plaza-walk", {**CLEAR, **keys})) as simulation:
+    with Simulation(scenario.load("easy/plaza-walk", {**CLEAR, **keys}), image=False) as simulation:
         simulation.reset(3)
         for _ in range(round((AT_S - 0.5) * RATE_HZ)):
             simulation.world.advance()

@@ -29,7 +29,7 @@ def walk(kind: str, seed: int, **occluder: Any) -> dict[str, Any]:
 
 
 def truths(tree: dict[str, Any], seed: int) -> list[Truth]:
-    with Simulation(scenario.load(tree)) as simulation:
+    with Simulation(scenario.load(tree), image=False) as simulation:
         frame = simulation.reset(seed)
         observed = [frame.truth]
         for _ in range(simulation.settings.frame_count - 1):

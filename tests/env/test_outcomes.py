@@ -21,7 +21,7 @@ SMALL = {
 
 
 def make(overrides: dict[str, Any], env_id: str = "pftrack_sim/Follow-v0") -> gym.Env[Any, Any]:
-    return gym.make(env_id, scenario="plaza-walk", overrides={**SMALL, **overrides})
+    return gym.make(env_id, scenario="plaza-walk", overrides={**SMALL, **overrides}, image=False)
 
 
 def follow(env: gym.Env[Any, Any], controller: str, seed: int = 3) -> dict[str, Any]:

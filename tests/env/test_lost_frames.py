@@ -1,4 +1,4 @@
-"""The light, noise and stream axes in episodes: severity 0, repeatability, delivery."""
+"""The stream axis in episodes: frames that are delivered, and what does not depend on those that are lost."""
 
 import itertools
 from dataclasses import replace
@@ -14,50 +14,16 @@ from pftrack_sim.simulation.simulation import Simulation
 
 SHORT = {"duration_s": 1.0, "camera.width_px": 160, "camera.height_px": 120, "camera.rate_hz": 10.0,
          "lights.shadows": False, "occluders": []}  # fmt: skip
-PARAMETERS: dict[str, dict[str, Any]] = {
-    "light": {"auto_exposure": True, "auto_white_balance": True, "dim_ev": 3.0, "at_s": 0.1, "exposure_lag_s": 0.2},
-    "noise": {"gain": 9.0},
-    "stream": {"jpeg_quality": 20, "dropped_share": 0.4, "rate_hz": 8.0},
-}
 
 
-def overrides(axis: str, severity: float) -> dict[str, Any]:
-    given = {f"axes.{axis}.{key}": value for key, value in PARAMETERS[axis].items()}
-    return {**given, f"axes.{axis}.severity": severity}
-
-
-def episode(changed: dict[str, Any], *, name: str = "corridor", seed: int = 4, runs: int = 1) -> list[Frame]:
-    """The frames of an episode, the last time it was run."""
-    frames: list[Frame] = []
-    with Simulation(scenario.load(name, {**SHORT, **changed})) as simulation:
-        for _ in range(runs):
-            frames = [simulation.reset(seed)]
-            frames += [simulation.advance() for _ in range(simulation.frame_count - 1)]
-    return frames
-
-
-def same(first: list[Frame], second: list[Frame]) -> bool:
-    return len(first) == len(second) and all(
-        one.image.tobytes() == two.image.tobytes() and one.people == two.people and one.time_s == two.time_s
-        for one, two in zip(first, second, strict=True)
-    )
+def episode(changed: dict[str, Any]) -> list[Frame]:
+    with Simulation(scenario.load("corridor", {**SHORT, **changed})) as simulation:
+        return [simulation.reset(4), *(simulation.advance() for _ in range(simulation.frame_count - 1))]
 
 
 @pytest.fixture(scope="module")
 def base() -> list[Frame]:
     return episode({})
-
-
-@pytest.mark.parametrize("axis", PARAMETERS)
-def test_severity_zero_is_the_base_to_the_bit(axis: str, base: list[Frame]):
-    assert same(episode(overrides(axis, 0.0)), base)
-
-
-@pytest.mark.parametrize("axis", PARAMETERS)
-def test_episodes_differ_from_the_base_and_are_repeatable(axis: str, base: list[Frame]):
-    once = episode(overrides(axis, 1.0))
-    assert not same(once, base)
-    assert same(episode(overrides(axis, 1.0), runs=2), once)
 
 
 def test_delivered_frames_are_camera_frames_with_their_truth(base: list[Frame]):
@@ -77,17 +43,16 @@ def test_delivered_frames_are_camera_frames_with_their_truth(base: list[Frame]):
 
 
 def test_noise_does_not_depend_on_lost_frames():
-    noisy = overrides("noise", 1.0)
+    noisy = {"axes.noise.severity": 1.0}
     lossy = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": 100, "axes.stream.dropped_share": 0.5}
     taken = {frame.time_s: frame for frame in episode(noisy)}
     for frame in episode({**noisy, **lossy}):
         assert np.array_equal(frame.image, compress(taken[frame.time_s].image, 100))
 
 
-@pytest.mark.parametrize("automatics", [True, False])
-def test_truth_and_exposure_do_not_depend_on_lost_frames(automatics: bool):
+def test_truth_and_exposure_do_not_depend_on_lost_frames():
     optics = {f"axes.{axis}.severity": 2.0 for axis in ("blur", "rolling_shutter", "light", "noise", "jitter")}
-    light = {"axes.light.auto_exposure": automatics, "axes.light.auto_white_balance": automatics,
+    light = {"axes.light.auto_exposure": True, "axes.light.auto_white_balance": True,
              "axes.light.at_s": 0.1, "axes.light.exposure_lag_s": 0.2}  # fmt: skip
     stream = {"axes.stream.severity": 1.0, "axes.stream.rate_hz": SHORT["camera.rate_hz"]}
     common = {**optics, **light, **stream, "duration_s": 1.5}
@@ -133,11 +98,3 @@ def test_the_error_grows_as_the_jpeg_quality_falls(base: list[Frame]):
         errors.append(np.mean([np.square(a.image.astype(float) - b.image) for a, b in zip(coded, base, strict=True)]))
     assert (np.diff(errors) > 0.0).all()
     assert errors[-1] > 4.0 * errors[0]
-
-
-def test_all_at_twice_the_typical_value_run_with_valid_truth():
-    both = {key: value for axis in PARAMETERS for key, value in overrides(axis, 2.0).items()}
-    for frame in episode({**both, "axes.jitter.severity": 2.0}):
-        assert frame.image.shape == (120, 160, 3)
-        assert np.isfinite(frame.truth.box).all()
-        assert 0.0 <= frame.truth.visible_fraction <= 1.0
