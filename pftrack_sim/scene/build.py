@@ -62,7 +62,7 @@ def build_stage(
 
 @lru_cache(maxsize=8)
 def compile_robot_alone(form: RobotForm, step_s: float) -> mujoco.MjModel:
-    """The robot on the ground without anything else, and without sensors.
+    """The robot on the ground without anything else.
 
     As long as it touches nothing but the ground it moves as in any place, to the bit, in less than half the time. The
     model is kept for those who ask again, perhaps in other threads: it must not be changed.
@@ -75,7 +75,7 @@ def compile_robot_alone(form: RobotForm, step_s: float) -> mujoco.MjModel:
             spec.delete(geom)
     model = spec.compile()
     # The robot is one island: it is found anew in every step for nothing.
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     return model
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from functools import lru_cache
 
 import mujoco
@@ -64,8 +63,7 @@ class World:
         self.data = mujoco.MjData(self.model)
         self.people = tuple(person.name for person in people)
         form, step_s = RobotForm.of(settings.robot, settings.camera), self.clock.step_s
-        # A copy: its sensors will be switched on.
-        alone, equilibrium = copy.copy(compile_robot_alone(form, step_s)), _equilibrium(form, step_s)
+        alone, equilibrium = compile_robot_alone(form, step_s), _equilibrium(form, step_s)
         self.robot = Robot(self.model, settings, self.clock, script, seed, equilibrium, alone)
         crowd = self._crowd(plan)
         carried = self._carried(people[0].anatomy) if settings.target.carries else None

@@ -19,7 +19,7 @@ ROBOT_CLEARANCE_M = 0.45  # From the middle of the robot to a wall or a piece of
 _LEAST_SWING_SHARE = 1.0 / 3.0  # Swings with less room than this share of what was asked for are an error
 _START_M = 1.0  # Way driven on the route before the first swing
 _SAMPLE_M = 0.25
-_CHORD_M = 0.2
+_CHORD_M = 0.4
 _SMOOTHING_M = 1.2  # Ahead of a narrow place, over this distance, a swing narrows
 _FAR_M = 1e4
 

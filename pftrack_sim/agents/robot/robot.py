@@ -64,7 +64,7 @@ class Robot:
 
     Args:
         equilibrium: That of the same robot, perhaps in another model.
-        alone: A model of the same robot on the same ground, see `compile_robot_alone`; its sensors are switched on.
+        alone: A model of the same robot on the same ground, see `compile_robot_alone`.
     """
 
     def __init__(
@@ -194,7 +194,6 @@ class _RobotAlone:
 
     def __init__(self, scene: mujoco.MjModel, model: mujoco.MjModel) -> None:
         self.model, self.data, self._scene = model, mujoco.MjData(model), scene
-        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         self._state = np.empty(mujoco.mj_stateSize(model, _STATE))
         self._camera = int(model.camera(CAMERA).id)
 
