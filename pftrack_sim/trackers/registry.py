@@ -32,7 +32,7 @@ _BUILTIN = {  # name: (module, description)
     "deguchi2004": ("relatives.deguchi2004", "Deguchi et al. 2004: mean shift on colour, a particle filter beside it"),
     "islam2009": ("relatives.islam2009", "Islam, Oh & Lee 2009: particle filter on the distance transform of edges"),
     "ko2012": ("papers.ko2012", "Ko, Nam & Kwak 2012: particle filter on HSV colour and CS-LBP texture"),
-    "ko2012-classifier": ("papers.ko2012_classifier", "ko2012 with a classifier as likelihood; not in the paper"),
+    "ko2012-classifier": ("relatives.klein2010", "ko2012 with a classifier as likelihood; not in the paper"),
     "ko2012-cslbp": ("papers.ko2012", "Ko et al. 2012, method 4: CS-LBP texture alone"),
     "ko2012-hsv": ("papers.ko2012", "Ko et al. 2012, method 2: HSV histogram"),
     "ko2012-hsv-kernel": ("papers.ko2012", "Ko et al. 2012, method 3: HSV histogram under an Epanechnikov kernel"),

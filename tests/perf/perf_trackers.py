@@ -35,7 +35,7 @@ from pftrack_sim.trackers.papers import ko2012
 
 WIDTH, HEIGHT, FRAMES, COUNT = 640, 480, 300, 100
 TARGETS = {
-    **dict.fromkeys(["ko2012", "ko2012-rgb", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-cslbp"], 12),
+    **dict.fromkeys(["ko2012", "ko2012-rgb", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-cslbp"], 20),
     "lee2012-color": 25,
     "lee2012-color-hog": 25,
     "lee2012": 12,

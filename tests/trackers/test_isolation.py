@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.text import describe_error, one_line, printable
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode, TrackerFault, process
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode, TrackerFault
+from pftrack_sim.trackers.isolation import tracker as parent
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not contain processes")
 IMAGE = np.zeros((9, 12, 3), np.uint8)
@@ -19,7 +20,7 @@ LEAVES = "tests.trackers.kept_trackers:leaves_a_child"
 @pytest.fixture(params=[True, False])
 def namespaces(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
     if not request.param:
-        monkeypatch.setattr(process, "namespace_command", tuple)
+        monkeypatch.setattr(parent, "namespace_command", tuple)
     return request.param
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pftrack_sim.trackers.isolation import IsolatedTracker, TrackerCode, TrackerFault, TrackerProcesses, process
+from pftrack_sim.trackers.isolation import IsolatedTracker, TrackerCode, TrackerFault, TrackerProcesses
+from pftrack_sim.trackers.isolation import tracker as parent
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems start a process for each episode")
 IMAGE = np.zeros((9, 12, 3), np.uint8)
@@ -66,7 +67,7 @@ def test_the_next_process_of_a_tracker_that_cannot_be_forked_imports_it_early(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(process, "namespace_command", tuple)  # one numbering of processes
+    monkeypatch.setattr(parent, "namespace_command", tuple)  # one numbering of processes
     log = tmp_path / "log"
     (tmp_path / "numbered_module.py").write_text(MODULE.format(log=str(log)))
     with TrackerProcesses() as processes:
@@ -91,8 +92,8 @@ def test_the_next_process_of_a_tracker_that_cannot_be_forked_imports_it_early(
 
 @linux
 def test_what_an_episode_started_ends_with_it_while_its_process_is_kept(monkeypatch: pytest.MonkeyPatch):
-    for command in (process.namespace_command, tuple):
-        monkeypatch.setattr(process, "namespace_command", command)
+    for command in (parent.namespace_command, tuple):
+        monkeypatch.setattr(parent, "namespace_command", command)
         with TrackerProcesses() as processes:
             for _ in range(2):
                 child = int(played(processes, "leaves_a_child", 0)[0])

@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError, PftrackError, TrackerError
 from pftrack_sim.trackers.isolation import IsolatedTracker, TrackerCode
-from pftrack_sim.trackers.trax.client import TraxTracker
-from pftrack_sim.trackers.trax.protocol import Message, decode_box, encode_box, encode_png, parse
+from pftrack_sim.trackers.trax.client import Message, TraxTracker, decode_box, encode_box, encode_png, parse
 from pftrack_sim.trackers.trax.server import serve
 
 PROGRAMS = Path(__file__).with_name("trax_programs")

@@ -1,6 +1,12 @@
 """Run a tracker in its own process, so that crashes, timeouts and memory leaks are isolated per tracker."""
 
-from pftrack_sim.trackers.isolation.process import Limits, TrackerCode, TrackerFault
-from pftrack_sim.trackers.isolation.tracker import IsolatedTracker, TrackerProcesses, try_make
+from pftrack_sim.trackers.isolation.tracker import (
+    IsolatedTracker,
+    Limits,
+    TrackerCode,
+    TrackerFault,
+    TrackerProcesses,
+    try_make,
+)
 
 __all__ = ["IsolatedTracker", "Limits", "TrackerCode", "TrackerFault", "TrackerProcesses", "try_make"]

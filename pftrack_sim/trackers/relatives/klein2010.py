@@ -25,8 +25,10 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.trackers.box_filter import TUNED_FILTER, BoxFilterParameters, BoxFilterTracker
-from pftrack_sim.trackers.features.image_region import block_means, whole_block_size
+from pftrack_sim.trackers.features.histogram import histograms
+from pftrack_sim.trackers.features.image_region import block_means, crop, whole_block_size
 from pftrack_sim.trackers.features.integral import channel_means, integral_image
+from pftrack_sim.trackers.papers.ko2012 import METHODS
 from pftrack_sim.trackers.parameters import NotNegative, Share
 
 POINTS = (24, 48)
@@ -343,6 +345,39 @@ class Klein2010(BoostedTracker[Klein2010Parameters]):
         return measure
 
 
-def make(name: str, *, seed: int, preset: str, **params: Any) -> Klein2010:
-    """Make the tracker; raises ParameterError."""
-    return Klein2010(Klein2010Parameters.from_preset(name, preset, params), seed)
+_KO2012 = METHODS["ko2012"]
+_BINS = tuple(one for one in (_KO2012.colour, _KO2012.texture) if one is not None)
+
+
+class Ko2012ClassifierParameters(BoostedParameters):
+    """Parameters of `ko2012-classifier`, those of `klein2010` but for its features."""
+
+    # A share of bins tells the classes apart less surely than a centre-surround feature, so that with the 0.65 of
+    # `klein2010` nothing is learnt after the first frame on most sequences: docs/papers/relatives.md.
+    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType({**BoostedParameters.TUNED, "learn_above": 0.5})
+
+
+class Ko2012Classifier(BoostedTracker[Ko2012ClassifierParameters]):
+    """`ko2012-classifier`: the bins of the two histograms of `ko2012` as features, the future work of Ko et al. 2012.
+
+    AdaBoost chooses the bins that tell the target from its surround, anew every frame.
+    """
+
+    def _measure(self, image: Image, near: FloatArray) -> Measure:
+        region = crop(image, near)
+        codes = [feature.encode(region.pixels) for feature in _BINS]
+
+        def measure(boxes: FloatArray, chosen: NDArray[np.intp] | None) -> FloatArray:
+            local = region.to_region(boxes)
+            parts = [histograms(one, local, feature.layout) for one, feature in zip(codes, _BINS, strict=True)]
+            values = np.concatenate(parts, axis=1)
+            return values if chosen is None else values[:, chosen]
+
+        return measure
+
+
+def make(name: str, *, seed: int, preset: str, **params: Any) -> Klein2010 | Ko2012Classifier:
+    """Make `klein2010` or `ko2012-classifier`; raises ParameterError."""
+    if name == "klein2010":
+        return Klein2010(Klein2010Parameters.from_preset(name, preset, params), seed)
+    return Ko2012Classifier(Ko2012ClassifierParameters.from_preset(name, preset, params), seed)
