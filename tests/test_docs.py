@@ -80,6 +80,30 @@ def test_commands_that_are_not_run_are_known_to_the_command_line():
     assert wrong == []
 
 
+def test_files_and_functions_that_pages_name_exist():
+    root = DOCS.parent
+    source = "\n".join(path.read_text(encoding="utf-8") for path in (root / "pftrack_sim").rglob("*.py"))
+    defined = set(re.findall(r"^ *(?:def|class) (\w+)|^ *(\w+)(?:: [^=\n]+)? = ", source, re.MULTILINE))
+    names = {one or other for one, other in defined}
+    wrong: list[str] = []
+    named = 0
+    for page in [*sorted(DOCS.rglob("*.md")), root / "README.md", root / "CONTRIBUTING.md"]:
+        text = page.read_text(encoding="utf-8")
+        # From the root, from the package, or, on pages of papers, from the trackers.
+        for file in re.findall(r"`([\w/]+/\w+\.py)`", text):
+            if not any((base / file).is_file() for base in (root, root / "pftrack_sim", root / "pftrack_sim/trackers")):
+                wrong.append(f"{page.name}: {file}")
+        for table in re.findall(
+            r"^\|[^\n]*\| Implementation \|[^\n]*\n\|[^\n]*\n((?:\|[^\n]*\n)+)", text, re.MULTILINE
+        ):
+            for row in table.splitlines():
+                for name in re.findall(r"`(?:\w+\.)*(\w+)`", row.split(" | ")[2]):
+                    named += 1
+                    wrong += [] if name in names else [f"{page.name}: {name}"]
+    assert wrong == []
+    assert named > 30
+
+
 @pytest.mark.slow
 def test_the_site_builds_with_every_page_and_link(tmp_path: Path):
     pytest.importorskip("mkdocs", reason="the extra docs is not installed")
