@@ -11,7 +11,8 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias, cast
@@ -33,6 +34,8 @@ _ROOMS: Mapping[str, tuple[Path, ...]] = {
 }
 _VERSIONS = ("mujoco", "mujoco-warp", "numpy", "opencv-python-headless", "opencv-contrib-python-headless", "numba")
 
+_LONGEST = 80
+
 Environment: TypeAlias = Mapping[str, str]
 
 
@@ -49,6 +52,33 @@ def short(key: str) -> str:
 def key_of(file: str) -> str:
     """The short key at the end of a file's name: `seed-0003-stay-0123456789abcdef.parquet`."""
     return Path(file).stem.rpartition("-")[2]
+
+
+def slug(name: str) -> str:
+    """A name as part of a file name: no separators, and no `=`, which Parquet readers take for a partition key.
+
+    >>> slug("lee2012/db01"), slug("../../etc/x y")
+    ('lee2012-db01', 'etc-x-y')
+    """
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name)[:_LONGEST].strip("-.") or "unnamed"
+
+
+def distinct_slugs(names: Iterable[str]) -> dict[str, str]:
+    """A slug for each name, all different even where upper and lower case are the same.
+
+    >>> distinct_slugs(["a/b", "a-b", "A-B"])
+    {'a/b': 'a-b', 'a-b': 'a-b-2', 'A-B': 'A-B-3'}
+    """
+    slugs: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in dict.fromkeys(names):
+        candidate, count = slug(name), 1
+        while candidate.lower() in taken:
+            count += 1
+            candidate = f"{slug(name)}-{count}"
+        taken.add(candidate.lower())
+        slugs[name] = candidate
+    return slugs
 
 
 @cache

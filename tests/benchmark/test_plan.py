@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
 from pftrack_sim.benchmark.asked.from_names import code_of
-from pftrack_sim.benchmark.kept.files import distinct_slugs, slug
+from pftrack_sim.benchmark.keys import distinct_slugs, slug
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 
 

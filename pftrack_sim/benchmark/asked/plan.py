@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.suite import Suite
-from pftrack_sim.benchmark.kept.files import slug
+from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario

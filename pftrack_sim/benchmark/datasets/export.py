@@ -15,7 +15,7 @@ import pftrack_sim
 from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import Episode, Plan
 from pftrack_sim.benchmark.datasets.sequence_writer import QUALITIES, ExportJob, ImageFormat, export_sequence
-from pftrack_sim.benchmark.kept.files import atomic_write, distinct_slugs, write_bytes
+from pftrack_sim.benchmark.kept.files import atomic_write, write_bytes
 from pftrack_sim.benchmark.running.executor import prepare_worker
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
 from pftrack_sim.formats import LAYOUTS
@@ -143,7 +143,7 @@ def sequence_names(plan: Plan) -> list[str]:
         condition = "" if episode.condition.name == "base" else f"-{episode.condition.name}"
         return f"{episode.spec.name}{condition}-{episode.seed:04d}"
 
-    return list(distinct_slugs(name(episode) for episode in plan.episodes()).values())
+    return list(keys.distinct_slugs(name(episode) for episode in plan.episodes()).values())
 
 
 def _begin(out: Path, plan: Plan, layout: str, image: str, maps: Sequence[str]) -> None:

@@ -14,7 +14,8 @@ from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.benchmark.datasets.export import sequence_names
 from pftrack_sim.benchmark.datasets.recorded import RecordedResult, rate_of
-from pftrack_sim.benchmark.kept.files import distinct_slugs, write_bytes
+from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.keys import distinct_slugs
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.running.results import track_table, tracks_of
 from pftrack_sim.core.boxes import pairwise_iou

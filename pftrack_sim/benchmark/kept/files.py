@@ -1,4 +1,4 @@
-"""Atomic writes, and names as parts of file names."""
+"""Atomic writes, locks, and what SQL and CSV need."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import contextlib
 import csv
 import io
 import os
-import re
 import secrets
 import sys
 import threading
@@ -21,7 +20,6 @@ LOCK = ".lock"
 """Name of the file that a process locks while it writes to a folder."""
 
 _PART = ".part"
-_LONGEST = 80
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 READ_LIMIT_S = 120.0
 """Time for reading one file of a run."""
@@ -87,36 +85,12 @@ def _sync_folder(folder: Path) -> None:
             os.close(opened)
 
 
-def slug(name: str) -> str:
-    """A name as part of a file name: no separators, and no `=`, which Parquet readers take for a partition key.
-
-    >>> slug("lee2012/db01"), slug("../../etc/x y")
-    ('lee2012-db01', 'etc-x-y')
-    """
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", name)[:_LONGEST].strip("-.") or "unnamed"
-
-
-def distinct_slugs(names: Iterable[str]) -> dict[str, str]:
-    """A slug for each name, all different even where upper and lower case are the same.
-
-    >>> distinct_slugs(["a/b", "a-b", "A-B"])
-    {'a/b': 'a-b', 'a-b': 'a-b-2', 'A-B': 'A-B-3'}
-    """
-    slugs: dict[str, str] = {}
-    taken: set[str] = set()
-    for name in dict.fromkeys(names):
-        candidate, count = slug(name), 1
-        while candidate.lower() in taken:
-            count += 1
-            candidate = f"{slug(name)}-{count}"
-        taken.add(candidate.lower())
-        slugs[name] = candidate
-    return slugs
-
-
 @contextlib.contextmanager
-def query_deadline(database: duckdb.DuckDBPyConnection, limit_s: float = READ_LIMIT_S) -> Generator[None]:
+def query_deadline(database: duckdb.DuckDBPyConnection, limit_s: float | None = READ_LIMIT_S) -> Generator[None]:
     """Interrupt the database's query when the block takes longer; it raises `duckdb.InterruptException` then."""
+    if limit_s is None:
+        yield
+        return
     timer = threading.Timer(limit_s, database.interrupt)
     timer.daemon = True
     timer.start()

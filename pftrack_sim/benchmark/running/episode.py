@@ -11,7 +11,6 @@ import threading
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +128,7 @@ def _run(
         )
         for place, runner in enumerate(runners):
             stack.callback(runner.close)
-            runner.announce = partial(_announce, on_tracker, place)
+            runner.announce = lambda running, place=place: on_tracker(place if running else None)
         settings = episode.scenario.resolve(episode.seed)
         log, course = TruthLog(), FollowLog()
         following: dict[str, Any] = {}
@@ -202,10 +201,6 @@ def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log:
         if writer is not None:
             writer.finish(log.frames_digest, simulation.graphics)
         return simulation.graphics
-
-
-def _announce(on_tracker: Callable[[int | None], None], place: int, running: bool) -> None:
-    on_tracker(place if running else None)
 
 
 def _driver(runner: TrackerRunner, settings: ResolvedScenario, latency_ms: float) -> Driver:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import cv2
 
-from pftrack_sim.benchmark.kept.files import slug, write_bytes
+from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import ErrorLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from pftrack_sim import trackers
 from pftrack_sim.benchmark.asked.plan import Episode, Plan, TrackerSpec
-from pftrack_sim.benchmark.kept.files import slug
 from pftrack_sim.benchmark.kept.folder import SCRATCH
+from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.running.episode import WITHOUT_IMAGES, EpisodeJob
 from pftrack_sim.benchmark.running.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor

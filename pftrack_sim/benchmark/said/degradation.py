@@ -16,11 +16,9 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark.asked.plan import LATENCY, Condition
+from pftrack_sim.benchmark.asked.plan import LATENCY, Condition, Episode
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.scenario import Scenario
-from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.axes import axes_by_name
 
 Measure: TypeAlias = Literal["overlap", "recovered"]
@@ -148,41 +146,42 @@ def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) 
     Raises:
         RunError: A file is missing, broken, or outside the run folder.
     """
-    episodes: dict[tuple[str, int], dict[Condition, list[Result]]] = {}
+    results: dict[tuple[str, int], dict[Condition, list[Result]]] = {}
     for result in store.results:
-        conditions = episodes.setdefault((result.scenario, result.seed), {})
+        conditions = results.setdefault((result.scenario, result.seed), {})
         conditions.setdefault(result.condition, []).append(result)
+    firsts: dict[str, dict[Condition, Episode]] = {}
+    for episode in store.plan.first_episodes:
+        firsts.setdefault(episode.spec.name, {})[episode.condition] = episode
+    grids = {scenario: _grids(episodes) for scenario, episodes in firsts.items()}
     curves: list[Degradation] = []
     maps: list[Crossing] = []
-    series = {scenario: _series(store, scenario) for scenario, _ in episodes}
-    for (scenario, seed), conditions in episodes.items():
+    for (scenario, seed), conditions in results.items():
         read: dict[Condition, dict[str, score.Arm]] = {}
-        for grid in series[scenario]:
-            shown = [(at, condition) for at, condition in grid if condition in conditions]
-            swept = [axis for axis in range(len(grid[0][0])) if len({at[axis] for at, _ in shown}) > 1]
+        for grid in grids[scenario]:
+            shown = {condition: at for at, condition in grid if condition in conditions}
+            levels = list(shown.values())
+            swept = [axis for axis in range(len(grid[0][0])) if len({at[axis] for at in levels}) > 1]
             # Means over a grid with gaps would compare different combinations.
             if not swept or (len(grid[0][0]) > 1 and len(shown) < len(grid)):
                 continue
-            for _, condition in shown:
-                if condition not in read:
-                    read[condition] = _arms(store, conditions[condition])
-            from_s = max(_compared_from_s(store, scenario, condition, seed) for _, condition in shown)
-            arms = [read[condition] for _, condition in shown]
+            read |= {one: _arms(store, conditions[one]) for one in shown if one not in read}
+            from_s = max(_compared_from_s(firsts[scenario][one], seed) for one in shown)
+            arms = [read[condition] for condition in shown]
             for label in (name for name in arms[0] if all(name in arm for arm in arms)):
                 overlaps = score.overlaps_on_common_frames([arm[label] for arm in arms], from_s)
                 recovered = [
                     next((one.number("recovered_2s") for one in conditions[condition] if one.label == label), math.nan)
-                    for _, condition in shown
+                    for condition in shown
                 ]
-                levels = [at for at, _ in shown]
                 for axis in swept:
-                    scores = zip(_means([(at[axis],) for at in levels], overlaps),
-                                 _means([(at[axis],) for at in levels], recovered), strict=True)  # fmt: skip
+                    keys = [(at[axis],) for at in levels]
+                    others = [levels[0][other].axis for other in swept if other != axis]
+                    scores = zip(_means(keys, overlaps), _means(keys, recovered), strict=True)
                     curves += [
-                        Degradation(_marginal(at, [levels[0][other].axis for other in swept if other != axis]),
-                                    label, scenario, seed, overlap, share)
+                        Degradation(_marginal(at, others), label, scenario, seed, overlap, share)
                         for ((at,), overlap), (_, share) in scores
-                    ]  # fmt: skip
+                    ]
                 for one, other in combinations(swept, 2):
                     cells = _means([(at[one], at[other]) for at in levels], overlaps)
                     maps += [Crossing(*pair, label, scenario, seed, overlap) for pair, overlap in cells]
@@ -229,22 +228,19 @@ def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]
     return rows
 
 
-def _series(store: RunStore, scenario: str) -> list[_Grid]:
+def _grids(episodes: Mapping[Condition, Episode]) -> list[_Grid]:
     """Levels of every axis of a scenario, rising, with level 0 from another axis where an axis has none.
 
     Axes that were swept together are one grid of all their combinations.
     """
     found: dict[tuple[str, ...], _Grid] = {}
-    bases: list[Condition] = []
-    trees = _trees(store, scenario)
-    for condition in trees:
-        if not any(level or "." in axis for axis, level in condition.levels):
-            bases.append(condition)
+    for condition in episodes:
         if at := levels_of(condition):
             found.setdefault(tuple(one.axis for one in at), []).append((at, condition))
+    bases = [one for one in episodes if not any(level or "." in axis for axis, level in one.levels)]
     for grid in found.values():
         (first, *others), like = grid[0]
-        equal = [base for base in bases if _without_axes(trees[base]) == _without_axes(trees[like])]
+        equal = [base for base in bases if _without_axes(episodes[base]) == _without_axes(episodes[like])]
         # A parameter has no level that changes nothing.
         if equal and not others and "." not in like.levels[0][0] and all(at.level for (at,), _ in grid):
             grid.append(((replace(first, level=0.0, x=0.0),), equal[0]))
@@ -252,28 +248,15 @@ def _series(store: RunStore, scenario: str) -> list[_Grid]:
     return list(found.values())
 
 
-def _trees(store: RunStore, scenario: str) -> dict[Condition, Mapping[str, Any]]:
-    return {
-        condition: spec.tree
-        for sweep in store.plan.sweeps
-        for spec in sweep.scenarios
-        for condition in sweep.conditions
-        if spec.name == scenario
-    }
-
-
-def _without_axes(tree: Mapping[str, Any]) -> dict[str, Any]:
+def _without_axes(episode: Episode) -> dict[str, Any]:
     """A scenario but for its stress axes, whose parameters mean nothing at severity 0."""
-    return {key: value for key, value in tree.items() if key != "axes"}
+    return {key: value for key, value in episode.spec.tree.items() if key != "axes"}
 
 
-def _compared_from_s(store: RunStore, scenario: str, condition: Condition, seed: int) -> float:
-    if not condition.overrides:
-        return 0.0
-    tree = _trees(store, scenario)[condition]
-    settings = load_scenario(Scenario(scenario, dict(tree)), condition.overrides).resolve(seed)
-    axes = {name.partition(".")[0] for name, level in condition.levels if level and name != LATENCY}
-    return max((getattr(settings.axes, name).compared_from_s for name in axes), default=0.0)
+def _compared_from_s(episode: Episode, seed: int) -> float:
+    axes = {name.partition(".")[0] for name, level in episode.condition.levels if level and name != LATENCY}
+    settings = episode.scenario.resolve(seed) if axes else None
+    return max((getattr(settings.axes, name).compared_from_s for name in axes if settings), default=0.0)
 
 
 def _arms(store: RunStore, results: Sequence[Result]) -> dict[str, score.Arm]:
