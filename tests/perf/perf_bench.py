@@ -173,7 +173,7 @@ def parent(folder: Path, episodes: int = 1000) -> None:
 
 def throughput(folder: Path) -> None:
     """Frames per second of one worker and bytes per frame of its files, for sizes of image."""
-    print(f"{'size':>9} {'frames/s':>9} {'reset s':>8} {'bytes/frame and tracker':>24} {'video bytes/frame':>18}")
+    print(f"{'size':>9} {'frames/s':>9} {'reset s':>8} {'bytes/frame':>12} {'a tracker':>10} {'of video':>9}")
     for width, height in ((320, 240), (640, 480)):
         settings = {"camera.width_px": width, "camera.height_px": height, "duration_s": 8}
         plan = make_plan(["plaza-walk"], ["ko2012", "stay"], [0], overrides=settings)
@@ -187,11 +187,11 @@ def throughput(folder: Path) -> None:
                 simulation.advance()
             rate = 60 / (time.perf_counter() - began)
         done = run(plan, folder / f"{width}", videos="all")
-        rows = 2 * plan.frame_count
-        tables = [file for name in ("frames", "episodes") for file in (done.path / name).rglob("*.parquet")]
-        table = sum(file.stat().st_size for file in tables) / rows
+        sizes = {name: sum(file.stat().st_size for file in (done.path / name).rglob("*.parquet"))
+                 for name in ("frames", "episodes")}  # fmt: skip
         video = sum(file.stat().st_size for file in (done.path / "videos").rglob("*.mp4")) / plan.frame_count
-        print(f"{width:>5}x{height:<3} {rate:>9.1f} {reset_s:>8.2f} {table:>24.0f} {video:>18.0f}")
+        frame, result = sizes["frames"] / plan.frame_count, sizes["episodes"] / plan.frame_count / 2
+        print(f"{width:>5}x{height:<3} {rate:>9.1f} {reset_s:>8.2f} {frame:>12.0f} {result:>10.0f} {video:>9.0f}")
 
 
 def main() -> None:
