@@ -49,7 +49,7 @@ def query(
     """Run SQL over a run's tables."""
     from pftrack_sim.benchmark import RunStore
 
-    _print_query(RunStore(folder).query(sql), format_)
+    _print_query(RunStore(folder).query(sql, limit_s=120.0, limit_gb=4.0), format_)
 
 
 def _print_query(answer: QueryResult, layout: str) -> None:

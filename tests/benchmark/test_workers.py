@@ -178,7 +178,7 @@ def test_queries(one: RunStore):
         one.query("SELECT nonsense FROM frames")
 
 
-def test_a_query_writes_nothing_and_ends(one: RunStore, monkeypatch: pytest.MonkeyPatch):
+def test_a_query_writes_nothing_and_ends(one: RunStore):
     before = {path: path.read_bytes() for path in one.path.rglob("*") if path.is_file()}
     summary = one.path / "summary.parquet"
     for sql in (
@@ -196,10 +196,9 @@ def test_a_query_writes_nothing_and_ends(one: RunStore, monkeypatch: pytest.Monk
     for sql in ("DESCRIBE frames", "SUMMARIZE summary", "explain SELECT 1", "EXPLAIN ANALYZE FROM summary"):
         assert one.query(sql).rows
     with pytest.raises(RunError, match="Out of Memory"):
-        one.query("SELECT list(range) FROM range(1000000000)")
-    monkeypatch.setattr("pftrack_sim.benchmark.reading.store.QUERY_LIMIT_S", 0.2)
+        one.query("SELECT list(range) FROM range(1000000000)", limit_gb=1.0)
     with pytest.raises(RunError, match="Interrupted"):
-        one.query("SELECT sum(a.range * b.range) FROM range(1000000) AS a, range(1000000) AS b")
+        one.query("SELECT sum(a.range * b.range) FROM range(1000000) AS a, range(1000000) AS b", limit_s=0.2)
 
 
 def test_options_that_are_not_allowed(plan: Plan, tmp_path: Path):

@@ -56,6 +56,7 @@ class RunFolder:
         self.record = read_record(path)
         self.checksums = Checksums(path)
         self._lock: int | None = None
+        self._verified: set[str] = set()
         if self.checksums.complete:
             self.verify([RECORD])
 
@@ -115,9 +116,11 @@ class RunFolder:
         return self.record.finished is not None
 
     def verify(self, names: Iterable[str]) -> None:
-        """Raise RunError where one of these files, in paths within the folder, is not what was written."""
-        for name, problem in self.checksums.changes(names).items():
+        """Read these files, by their paths within the folder, once; RunError where one is not what was written."""
+        new = [name for name in dict.fromkeys(names) if name not in self._verified]
+        for name, problem in self.checksums.changes(new).items():
             raise RunError(f"{self.path}/{name}: {problem}; pftrack-sim check lists all problems")
+        self._verified.update(new)
 
     @property
     def kept(self) -> set[str]:
@@ -173,6 +176,7 @@ class RunFolder:
             if not (name.startswith("frames/") and name in known and is_file(self.path / name))
         }
         self.checksums.add(new)
+        self._verified -= new.keys()
         # The results come last: one that is there is complete.
         for name in sorted(new, key=lambda name: name.startswith("episodes/")):
             write_bytes(self.path / name, new[name])

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import duckdb
 
-from pftrack_sim.core.errors import RunError
+from pftrack_sim.benchmark.kept.files import sql_text
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark.reading.store import RunStore
@@ -146,20 +146,24 @@ def loss_shares(store: RunStore) -> dict[str, LossShares]:
         RunError: There is no finished episode, or a file cannot be read.
     """
     tags = ", ".join(f"avg({name}::INTEGER)" for name in TAGS)
-    try:
-        with store.database() as database:
-            frames = _by_label(database, f"SELECT label, {tags} FROM moments WHERE scored GROUP BY label")
-            episodes = "count(DISTINCT (scenario, condition, seed))"
-            lost = _by_label(database, f"SELECT label, count(*), {episodes}, {tags} FROM losses GROUP BY label")
-    except duckdb.Error as error:
-        raise RunError(f"{store.path} cannot be read: {error}") from None
-    found: dict[str, LossShares] = {}
-    for label in (one for one in store.plan.labels if one in frames):
-        losses, count, *shares = lost.get(label, (0, 0, *[math.nan] * len(TAGS)))
-        found[label] = LossShares(
-            losses, count, dict(zip(TAGS, shares, strict=True)), dict(zip(TAGS, frames[label], strict=True))
+    seen = f"SELECT label, [{tags}] AS seen FROM moments WHERE scored GROUP BY label"
+    lost = (
+        f"SELECT label, count(*) AS losses, count(DISTINCT (scenario, condition, seed)) AS episodes, [{tags}] AS lost "
+        "FROM losses GROUP BY label"
+    )
+    rows = store.query(
+        f"SELECT label, losses, episodes, lost, seen FROM ({seen}) LEFT JOIN ({lost}) USING (label)"
+    ).rows
+    found = {
+        label: LossShares(
+            losses or 0,
+            episodes or 0,
+            dict(zip(TAGS, shares or [math.nan] * len(TAGS), strict=True)),
+            dict(zip(TAGS, frames, strict=True)),
         )
-    return found
+        for label, losses, episodes, shares, frames in rows
+    }
+    return {label: found[label] for label in store.plan.labels if label in found}
 
 
 def overlaps_by_tag(store: RunStore, label: str) -> dict[str, dict[tuple[str, str, int], float]]:
@@ -169,19 +173,11 @@ def overlaps_by_tag(store: RunStore, label: str) -> dict[str, dict[tuple[str, st
         RunError: There is no finished episode, or a file cannot be read.
     """
     means = ", ".join(f"avg(overlap) FILTER ({name})" for name in TAGS)
-    sql = (
-        f"SELECT scenario, condition, seed, {means} FROM moments WHERE scored AND frame > 0 AND label = ? GROUP BY ALL"
-    )
-    try:
-        with store.database() as database:
-            rows = database.execute(f"{sql} ORDER BY ALL", [label]).fetchall()
-    except duckdb.Error as error:
-        raise RunError(f"{store.path} cannot be read: {error}") from None
+    rows = store.query(
+        f"SELECT scenario, condition, seed, {means} FROM moments "
+        f"WHERE scored AND frame > 0 AND label = {sql_text(label)} GROUP BY ALL ORDER BY ALL"
+    ).rows
     return {
         tag: {(row[0], row[1], row[2]): row[3 + place] for row in rows if row[3 + place] is not None}
         for place, tag in enumerate(TAGS)
     }
-
-
-def _by_label(database: duckdb.DuckDBPyConnection, sql: str) -> dict[str, tuple[Any, ...]]:
-    return {row[0]: row[1:] for row in database.execute(sql).fetchall()}

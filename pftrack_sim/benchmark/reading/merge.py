@@ -61,7 +61,7 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
     with RunStore.begin(out, plan) as merged, duckdb.connect() as database:
         for source in (store for store in stores if store.path.resolve() != out.resolve()):
             there, found = merged.present, source.present
-            source.verify(dict.fromkeys(name for one in found.values() for name in source.names_of_tables(one)))
+            source.verify(name for one in found.values() for name in source.names_of_tables(one))
             for file, one in found.items():
                 if (mine := merged.result_file(one)) in there:
                     _check_equal(database, one, mine, file)

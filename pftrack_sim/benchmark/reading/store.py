@@ -22,9 +22,6 @@ from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file
 from pftrack_sim.core.text import one_line
 
-QUERY_MEMORY, QUERY_LIMIT_S = "4GB", 120.0
-"""Memory and time that a query may take."""
-
 _EXPLAIN = re.compile(r"\s*EXPLAIN(\s+ANALYZE)?\b", re.IGNORECASE)
 _FRAMES = """
 CREATE VIEW frames AS
@@ -97,10 +94,15 @@ class RunStore(RunFolder):
             raise
         return database
 
-    def query(self, sql: str) -> QueryResult:
+    def query(self, sql: str, *, limit_s: float | None = None, limit_gb: float | None = None) -> QueryResult:
         """Run a SELECT, DESCRIBE or SUMMARIZE over the views of `database`, or an EXPLAIN of one.
 
-        Nothing is written, and nothing outside the run folder is read; time and memory are limited.
+        Nothing is written, and nothing outside the run folder is read.
+
+        Args:
+            sql: The statement.
+            limit_s: Time that it may take; None: any.
+            limit_gb: Memory that it may take; None: what DuckDB allows itself.
 
         Raises:
             RunError: Nothing is there yet, or the SQL is wrong, does more than select, or reaches a limit.
@@ -114,9 +116,10 @@ class RunStore(RunFolder):
                     raise RunError(f"a query is one SELECT statement, got {' and '.join(kinds) or 'none'}")
                 folder = sql_text(self.path.resolve())
                 database.execute(f"SET allowed_directories = [{folder}, {sql_text(self.path)}]")
-                database.execute(f"SET memory_limit = '{QUERY_MEMORY}'; SET temp_directory = ''")
+                if limit_gb is not None:
+                    database.execute(f"SET memory_limit = '{limit_gb:g}GB'; SET temp_directory = ''")
                 database.execute("SET enable_external_access = false; SET lock_configuration = true")
-                with query_deadline(database, QUERY_LIMIT_S):
+                with query_deadline(database, limit_s):
                     table = database.execute(sql)
                     return QueryResult(tuple(one[0] for one in table.description or ()), table.fetchall())
             except (duckdb.Error, UnicodeEncodeError) as error:
