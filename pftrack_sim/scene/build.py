@@ -27,11 +27,11 @@ from pftrack_sim.scene.places.builder import add_ground_plane
 from pftrack_sim.scene.places.place import add_place
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import RobotForm, add_robot
-from pftrack_sim.scene.scene_spec import BLANK, SceneSpec
+from pftrack_sim.scene.scene_spec import BLANK, SceneSpec, mesh_file
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 _MAX_SHADE = 0.9
-_CONTACT_PX = 64
+_CONTACT_PX, _CONTACT_HALF_M = 64, (0.30, 0.19)
 
 
 def build_stage(
@@ -51,7 +51,7 @@ def build_stage(
     """
     spec = _empty(step_s, draws=draws)
     _set_graphics(spec, settings)
-    _add_contact_material(spec)
+    _add_contact(spec)
     rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
     patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
     lights = settings.lights.model_copy(update={"patches": patches})
@@ -144,8 +144,8 @@ def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:
     spec.visual.global_.offheight = settings.camera.height_px
 
 
-def _add_contact_material(spec: SceneSpec) -> None:
-    """Add the material of the darkness under feet: opaque in its middle, and clear at its edge."""
+def _add_contact(spec: SceneSpec) -> None:
+    """Add material and mesh of the darkness under feet: opaque in its middle, and clear at its edge."""
     across = np.linspace(-1.0, 1.0, _CONTACT_PX)
     depth = np.clip(1.0 - np.hypot(across[:, None], across), 0.0, 1.0)
     image = np.full((_CONTACT_PX, _CONTACT_PX, 4), 255, dtype=np.uint8)
@@ -156,5 +156,8 @@ def _add_contact_material(spec: SceneSpec) -> None:
         texture.data = image.tobytes()
     else:
         spec.add_image(CONTACT, BLANK)
+    corners, up = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]), [[0.0, 0.0, 1.0]] * 4
+    vertices = np.column_stack([corners * _CONTACT_HALF_M, np.zeros(4)])
+    spec.add_mesh_file(CONTACT, mesh_file(vertices, up, 0.5 + 0.5 * corners, [[0, 1, 2], [0, 2, 3]]))
     material = spec.add_material(name=CONTACT, specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = CONTACT

@@ -166,7 +166,7 @@ class _Scene:
         model.geom_group[hidden] = _NEVER_DRAWN_GROUP
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
         model.geom_group[hidden] = self._groups[hidden]
-        self._contact.add(data, scene, ~np.isin(self._contact.feet, hidden))
+        self._contact.add(view, scene, ~np.isin(self._contact.feet, hidden))
         mujoco.mjv_makeLights(model, data, scene)
         for light in scene.lights[: scene.nlight]:
             if light.id in maps:
