@@ -94,7 +94,7 @@ class TrackingPolicy:
         if isinstance(self.tracker, NeedsTruth):
             if info is None:
                 raise TrackerError("this tracker needs the truth: call the policy with (observation, info)")
-            self.tracker.receive_truth(info["truth"].box)
+            self.tracker.receive_truth(info["truth"].box, info["truth"].visible_fraction)
         if isinstance(self.tracker, NeedsDetections):
             if info is None:
                 raise TrackerError("this tracker follows detections: call the policy with (observation, info)")

@@ -206,7 +206,7 @@ class TrackedSession(ABC):
     def _step_runners(self, frame: Frame, truth: Truth, drawn: FloatArray | None) -> None:
         box = truth.box if drawn is None else drawn
         for runner in self._runners:
-            runner.step(frame.image, box, truth.scored or drawn is not None)
+            runner.step(frame.image, box, truth.visible_fraction if drawn is None else 1.0)
 
     def _latest(self) -> tuple[dict[str, Estimate], dict[str, float]]:
         """Estimates and times [ms] of the present frame, by label."""

@@ -24,8 +24,14 @@ class NeedsTruth(Protocol):
     without it never gets the truth.
     """
 
-    def receive_truth(self, box: Box) -> None:
-        """Receive the target's true `(4,)` box [px] in the next frame; NaN or without area if it is not in view."""
+    def receive_truth(self, box: Box, visible_fraction: float) -> None:
+        """Receive the target's truth in the next frame.
+
+        Args:
+            box: `(4,)` true box [px]; NaN or without area if the target is not in view.
+            visible_fraction: Share of its pixels in the image that are visible, in [0, 1]; of a recorded sequence 1
+                where it has a box.
+        """
         ...
 
 

@@ -63,6 +63,7 @@ _BUILTIN = {  # name: (module, description)
     "opencv-tld": ("opencv", f"OpenCV's TrackerTLD; {_CONTRIB}"),
     "opencv-vit": ("opencv", "OpenCV's TrackerVit; needs a model file: model"),
     "oracle": ("reference", "the ground truth"),
+    "oracle-visible": ("reference", "the ground truth while at least a tenth of the target is visible"),
     "pftrack": ("pftrack.tracker", "correlation filter with colour, scale, camera motion and an occlusion test"),
     "sidibe2010": ("relatives.sidibe2010", "Sidibe et al. 2010: particle filter on colour and visual saliency"),
     "stay": ("reference", "the first box in every frame"),

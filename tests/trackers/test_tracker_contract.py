@@ -225,7 +225,7 @@ def test_an_easy_target_is_followed(name: str, scene: Scene):
     overlaps: list[float] = []
     for image, box in zip(images[1:], truth[1:], strict=True):
         if isinstance(tracker, trackers.NeedsTruth):
-            tracker.receive_truth(box)
+            tracker.receive_truth(box, 1.0)
         overlaps.append(boxes.iou(tracker.update(image).box, box))
     assert np.mean(overlaps) > 0.6
 

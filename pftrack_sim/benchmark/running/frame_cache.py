@@ -135,7 +135,7 @@ class CachedEpisode:
         for index, (time_s, count) in enumerate(zip(self._times_s, self._counts, strict=True)):
             people = tuple(islice(truths, count))
             frame = Frame(index, time_s, np.asarray(self._images[index]), people[0], people)
-            yield Sample(time_s, frame.image, frame.truth.box, frame.truth.scored, frame)
+            yield Sample(time_s, frame.image, frame.truth.box, frame.truth.visible_fraction, frame)
 
 
 class EntryWriter:

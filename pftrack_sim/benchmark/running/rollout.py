@@ -43,7 +43,7 @@ class Sample:
         time_s: Time since the first frame.
         image: `(H, W, 3)` uint8 RGB.
         true_box: `(4,)` box of the target [px]; NaN where it is unknown.
-        visible: Whether the target can be seen.
+        visible_fraction: Share of the target that can be seen, in [0, 1]; 1 where a recording has a box.
         frame: The simulated frame with its truth; None for recordings.
         caption: Caption of pictures of it.
         observation: Observation of the environment in closed loop; in open loop its `proprio` alone, on request.
@@ -54,7 +54,7 @@ class Sample:
     time_s: float
     image: Image
     true_box: Box
-    visible: bool
+    visible_fraction: float
     frame: Frame | None = None
     caption: str = ""
     observation: Mapping[str, Any] = field(default_factory=dict[str, Any])
@@ -84,7 +84,7 @@ def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: 
     """
     for sample in samples:
         for runner in runners:
-            runner.step(sample.image, sample.true_box, sample.visible, sample.detections)
+            runner.step(sample.image, sample.true_box, sample.visible_fraction, sample.detections)
         for sink in sinks:
             sink(Step(sample, None, None))
 
@@ -140,7 +140,7 @@ def simulated(
 
 
 def _sample(frame: Frame, **more: Any) -> Sample:
-    return Sample(frame.time_s, frame.image, frame.truth.box, frame.truth.scored, frame, **more)
+    return Sample(frame.time_s, frame.image, frame.truth.box, frame.truth.visible_fraction, frame, **more)
 
 
 def detected(samples: Iterable[Sample], settings: ResolvedScenario, seed: int) -> Iterator[Sample]:
@@ -166,7 +166,7 @@ def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
             sizes = " and ".join(f"{width} x {height}" for height, width, _ in (shape, image.shape))
             raise SequenceError(f"{sequence.where(index)}: images of one sequence need one size, got {sizes}")
         found = sequence.detections[index] if sequence.detections is not None else None
-        yield Sample(index / rate_hz, image, box, bool(np.isfinite(box[0])), caption=caption, detections=found)
+        yield Sample(index / rate_hz, image, box, float(np.isfinite(box[0])), caption=caption, detections=found)
 
 
 class Driver:
@@ -219,12 +219,13 @@ class _RunnerAdapter:
     def __init__(self, runner: TrackerRunner) -> None:
         self._runner = runner
         self._true_box: Box = np.zeros(4)
+        self._visible_fraction = 1.0
         self._detections: Detections | None = None
         self.tracks: TrackedBoxes | None = None
         self.called = False
 
-    def receive_truth(self, box: ArrayLike) -> None:
-        self._true_box = np.asarray(box, dtype=np.float64)
+    def receive_truth(self, box: ArrayLike, visible_fraction: float) -> None:
+        self._true_box, self._visible_fraction = np.asarray(box, dtype=np.float64), visible_fraction
 
     def receive_detections(self, detections: Detections) -> None:
         self._detections = detections
@@ -235,4 +236,4 @@ class _RunnerAdapter:
 
     def update(self, image: Image) -> Estimate:
         self.called = True
-        return self._runner.call(image, self._true_box, self._detections)
+        return self._runner.call(image, self._true_box, self._visible_fraction, self._detections)

@@ -69,29 +69,31 @@ class TrackerRunner:
     announce: Callable[[bool], None] = lambda running: None
     start_from: Callable[[Box], Box] = lambda box: box
 
-    def step(self, image: Image, true_box: Box, visible: bool, detections: Detections | None = None) -> None:
+    def step(self, image: Image, true_box: Box, visible_fraction: float, detections: Detections | None = None) -> None:
         """Call the tracker on the next frame and record the result.
 
         Args:
             image: `(H, W, 3)` uint8 RGB; the tracker gets its own copy.
             true_box: `(4,)` box [px]: for initialisation, and for trackers that need the truth.
-            visible: Whether the target can be seen: a tracker is initialised in the first such frame.
+            visible_fraction: Share of the target that can be seen: a tracker is initialised in the first frame above 0.
             detections: For trackers that need them; None where there are none.
         """
         if self.error is not None:
             self.record(None, "error")
-        elif not self.started and not visible:
+        elif not self.started and not visible_fraction > 0.0:
             self.record(None, "waiting")
         else:
             status: TrackerStatus = "ok" if self.started else "init"
             try:
-                estimate = self.call(image, true_box, detections)
+                estimate = self.call(image, true_box, visible_fraction, detections)
             except TrackerFault as error:
                 self.fail(error)
             else:
                 self.record(estimate, status, self.took_ms)
 
-    def call(self, image: Image, true_box: Box, detections: Detections | None = None) -> Estimate:
+    def call(
+        self, image: Image, true_box: Box, visible_fraction: float, detections: Detections | None = None
+    ) -> Estimate:
         """Initialise the tracker with `start_from(true_box)` when called first, update it afterwards; record nothing.
 
         Raises:
@@ -110,7 +112,7 @@ class TrackerRunner:
                 if isinstance(tracker, IsolatedTracker)
                 else isinstance(tracker, trackers.NeedsTruth)
             ):
-                cast("trackers.NeedsTruth", tracker).receive_truth(true_box)
+                cast("trackers.NeedsTruth", tracker).receive_truth(true_box, visible_fraction)
             shown = image if isolated else image.copy()
             start_s = time.perf_counter()
             if first:

@@ -130,7 +130,8 @@ class _Server:
         original = np.frombuffer(pixels, dtype=np.uint8).reshape(request["shape"])
         image = original.copy()
         if isinstance(tracker, trackers.NeedsTruth) and "truth" in request:
-            tracker.receive_truth(np.array(request["truth"]))
+            box, visible_fraction = request["truth"]
+            tracker.receive_truth(np.array(box), visible_fraction)
         if isinstance(tracker, trackers.NeedsDetections) and "detections" in request:
             boxes, scores, age_s = request["detections"]
             tracker.receive_detections(Detections(np.array(boxes).reshape(-1, 4), np.array(scores, float), age_s))

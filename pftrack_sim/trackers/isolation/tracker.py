@@ -411,9 +411,9 @@ class IsolatedTracker:
             raise self._made from None
         return self._made
 
-    def receive_truth(self, box: ArrayLike) -> None:
-        """Pass on the target's true box in the next frame, for a tracker that `needs_truth`."""
-        self._extra["truth"] = np.asarray(box, dtype=np.float64).tolist()
+    def receive_truth(self, box: ArrayLike, visible_fraction: float) -> None:
+        """Pass on the target's truth in the next frame, for a tracker that `needs_truth`."""
+        self._extra["truth"] = np.asarray(box, dtype=np.float64).tolist(), float(visible_fraction)
 
     def receive_detections(self, detections: Detections) -> None:
         """Pass on the detections in the next frame, for a tracker that `needs_detections`."""
