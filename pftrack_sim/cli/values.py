@@ -91,9 +91,11 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Tr
     >>> [one.label for one in parse_trackers("stay, ko2012[preset=paper,particle_count=50]", "default")]
     ['stay', 'ko2012[preset=paper,particle_count=50]']
     """
+    from pydantic import ValidationError
+
     from pftrack_sim.benchmark import TrackerSpec
 
-    found: list[TrackerSpec] = []
+    found: list[tuple[str, str, dict[str, Any]]] = []
     for part in (one.strip() for one in re.split(_COMMA_OUTSIDE_BRACKETS, text) if one.strip()):
         match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", part)
         inside = [pair for pair in (match[2] or "").split(",") if pair] if match else []
@@ -103,13 +105,19 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Tr
             )
         params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in inside)}
         chosen = str(params.pop("preset", preset))
-        found.append(TrackerSpec(name=match[1].strip(), preset=chosen, params=params))
+        found.append((match[1].strip(), chosen, params))
     if not found:
         parse_names(text)  # raises
-    elsewhere = _parse_params(pairs, [one.name for one in found])
+    elsewhere = _parse_params(pairs, [name for name, _, _ in found])
     if any("preset" in params for params in elsewhere.values()):
         raise ParameterError("the preset is no --param: give --preset, or ko2012[preset=paper]")
-    return [one.model_copy(update={"params": {**elsewhere.get(one.name, {}), **one.params}}) for one in found]
+    try:
+        return [
+            TrackerSpec(name=name, preset=chosen, params={**elsewhere.get(name, {}), **params})
+            for name, chosen, params in found
+        ]
+    except ValidationError as error:
+        raise ParameterError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
 
 
 def parse_part(text: str) -> tuple[int, int]:

@@ -27,12 +27,8 @@ def checked(box: ArrayLike, *, what: str = "box") -> Box:
     Raises:
         BoxError: Wrong shape, not numbers, NaN, infinite, or a negative size.
     """
-    try:
-        given = np.asarray(box)
-        array = np.array(given, dtype=np.float64) if given.dtype.kind in "biuf" else None
-    except (TypeError, ValueError):
-        array = None
-    if array is None or isinstance(box, np.ma.MaskedArray):
+    array = numbers_in(box)
+    if array is None:
         raise BoxError(f"{what} must be four numbers x, y, w, h in pixels, got {box!r}")
     if array.shape != (4,):
         raise BoxError(f"{what} must have shape (4,) (x, y, w, h in pixels), got shape {array.shape}")
@@ -42,6 +38,16 @@ def checked(box: ArrayLike, *, what: str = "box") -> Box:
     if numbers[2] < 0 or numbers[3] < 0:
         raise BoxError(f"{what} must have a width and height >= 0, got w={numbers[2]:g}, h={numbers[3]:g}")
     return array
+
+
+def numbers_in(values: ArrayLike) -> FloatArray | None:
+    """Float64 copy of real numbers; None for anything else, such as texts, complex numbers and masked arrays."""
+    try:
+        given = np.asarray(values)
+        is_numbers = given.dtype.kind in "biuf" and not isinstance(values, np.ma.MaskedArray)
+        return np.array(given, dtype=np.float64) if is_numbers else None
+    except (TypeError, ValueError):
+        return None
 
 
 def iou(first: ArrayLike, second: ArrayLike) -> float:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, Self, TypeAlias, cast,
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.core.boxes import Box, checked
+from pftrack_sim.core.boxes import Box, checked, numbers_in
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.text import one_line
 
 Image: TypeAlias = NDArray[np.uint8]  # `(H, W, 3)` RGB
 
@@ -32,6 +33,13 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDA
     if shape is not None and array.shape != shape:
         raise ParameterError(f"expected an array of shape {shape}, got {array.shape}")
     array.setflags(write=False)
+    return array
+
+
+def _numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    array = numbers_in(values)
+    if array is None:
+        raise ParameterError(f"{what} must be numbers, got {one_line(repr(values), 60)}")
     return array
 
 
@@ -219,7 +227,7 @@ class Estimate:
         if not 0.0 <= self.confidence <= 1.0:
             raise ParameterError(f"confidence must be in [0, 1], got {self.confidence}")
         if self.particles is not None:
-            particles = np.array(self.particles, dtype=np.float64)
+            particles = _numbers(self.particles, "particles")
             if particles.ndim != 2 or particles.shape[1] != 4:
                 raise ParameterError(f"particles must have shape (N, 4), got {particles.shape}")
             particles.setflags(write=False)
@@ -241,7 +249,7 @@ class Detections(_ArrayRecord):
     age_s: float = 0.0
 
     def __post_init__(self) -> None:
-        boxes, scores = (np.asarray(values, dtype=np.float64) for values in (self.boxes, self.scores))
+        boxes, scores = (_numbers(values, "boxes and scores of detections") for values in (self.boxes, self.scores))
         if boxes.shape != (len(scores), 4) or scores.ndim != 1:
             raise ParameterError(
                 f"detections need boxes (N, 4) and scores (N,), got shapes {boxes.shape} and {scores.shape}"
@@ -270,7 +278,10 @@ class TrackedBoxes(_ArrayRecord):
     identities: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        boxes, identities = np.asarray(self.boxes, dtype=np.float64), np.array(self.identities, dtype=np.int64)
+        boxes, given = _numbers(self.boxes, "boxes of tracks"), np.asarray(self.identities)
+        if given.dtype.kind not in "iuf" or not np.isfinite(given).all() or (given != np.round(given)).any():
+            raise ParameterError(f"identities of tracks must be whole numbers, got {one_line(repr(given), 60)}")
+        identities = given.astype(np.int64)
         if boxes.shape != (len(identities), 4) or identities.ndim != 1:
             raise ParameterError(
                 f"tracks need boxes (N, 4) and identities (N,), got shapes {boxes.shape} and {identities.shape}"

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import av
-import cv2
 import numpy as np
 from av.error import FFmpegError
 
 from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.image_files import MAX_FILE_BYTES, MAX_PIXELS, decode
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import one_line
 
-MAX_IMAGE_BYTES = 256 << 20
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
 VIDEO = "frames.mp4"
 """Name of the video that an exported sequence may have in the folder of its images."""
@@ -57,7 +57,7 @@ class ImageFiles(Images):
         """See `Images`."""
         path = self.paths[index]
         try:
-            content = read_bytes(path, MAX_IMAGE_BYTES)
+            content = read_bytes(path, MAX_FILE_BYTES)
         except OSError as error:
             raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
         return decoded_image(path, content)
@@ -142,38 +142,41 @@ def image_suffix(folder: Path) -> str:
 
 def decoded_image(where: Path | str, content: bytes) -> Image:
     """`(H, W, 3)` uint8 RGB of the content of an image file; `where` names it in the SequenceError that it raises."""
-    data = np.frombuffer(content, dtype=np.uint8)
     try:
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
-    except cv2.error:
-        image = None
-    if image is None:
-        raise SequenceError(f"{where}: is not an image, or it is damaged")
-    return np.asarray(image, dtype=np.uint8)
+        return decode(content)
+    except ValueError as error:
+        raise SequenceError(f"{where}: {error}") from None
 
 
 def video(path: Path) -> tuple[Images, float | None]:
     """Frames of a video file, and how many there are per second where the file tells.
 
     Raises:
-        SequenceError: It is no video.
+        SequenceError: It is no video, or its frames have more than `MAX_PIXELS` pixels.
     """
-    try:
-        with av.open(str(path)) as opened:
-            container: Any = opened
-            stream = container.streams.video[0]
-            rate = stream.average_rate
-            count = sum(1 for packet in container.demux(stream) if packet.size)
-    except (FFmpegError, OSError, IndexError) as error:
-        problem = getattr(error, "strerror", None) or "it has no video stream"
-        raise SequenceError(f"{path}: cannot be read as a video: {one_line(str(problem))}") from None
+    with _opened_video(path) as (container, stream):
+        rate = stream.average_rate
+        count = sum(1 for packet in container.demux(stream) if packet.size)
     return ImageStream(path, count, partial(_decode, path)), float(rate) if rate else None
 
 
 def _decode(path: Path, first: int) -> Iterator[Image]:
+    with _opened_video(path) as (container, stream):
+        for frame in itertools.islice(container.decode(stream), first, None):
+            yield np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+
+
+@contextlib.contextmanager
+def _opened_video(path: Path) -> Generator[tuple[Any, Any]]:
+    """The container and its first video stream, whose decoder refuses larger frames than the container announces."""
+    limit = {"max_pixels": str(MAX_PIXELS)}
     try:
-        with av.open(str(path)) as container:
-            for frame in itertools.islice(container.decode(video=0), first, None):
-                yield np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
-    except (FFmpegError, OSError) as error:
-        raise SequenceError(f"{path}: is damaged: {one_line(str(error.strerror or error))}") from None
+        with av.open(str(path), options=limit) as container:
+            stream = container.streams.video[0]
+            stream.codec_context.options = limit
+            yield container, stream
+    except (FFmpegError, OSError, IndexError) as error:
+        problem = one_line(str(getattr(error, "strerror", None) or "it has no video stream"))
+        raise SequenceError(
+            f"{path}: cannot be read as a video: {problem} (frames of more than {MAX_PIXELS} pixels are refused)"
+        ) from None

@@ -259,6 +259,12 @@ def _read_mot(path: Path, count: int) -> TrackerResult:
         raise SequenceError(
             f"{path}, line {index + 1}: frame {rows[index, 0]:g} or identity {rows[index, 1]:g} is wrong"
         )
+    no_box = ~np.isfinite(rows[:, 2:6]).all(axis=1) | (rows[:, 4:6] < 0.0).any(axis=1)
+    if no_box.any():
+        index = int(np.argmax(no_box))
+        raise SequenceError(
+            f"{path}, line {index + 1}: a box has finite numbers and a width and height >= 0, got {rows[index, 2:6]}"
+        )
     rows = rows - np.array([1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     boxes, confidence = np.full((count, 4), np.nan), np.full(count, np.nan)
     # One track: of a single-object tracker. Of several, the caller chooses.
@@ -282,7 +288,9 @@ def _read_ms(file: ResultFile, count: int) -> FloatArray:
     try:
         seconds = [float(fields[min(column, len(fields) - 1)]) if fields else np.nan for fields in lines]
     except ValueError:
-        raise SequenceError(f"{path}: expected seconds, one line per frame") from None
+        seconds = [-1.0]
+    if any(one < 0.0 or one == np.inf for one in seconds):
+        raise SequenceError(f"{path}: expected seconds, one line per frame")
     if len(seconds) != count:
         raise SequenceError(f"{path}: {len(seconds)} lines but {count} images in {sequence}")
     return 1e3 * np.array(seconds)

@@ -19,6 +19,7 @@ import numpy as np
 
 from pftrack_sim.core.boxes import NO_BOX, Box
 from pftrack_sim.core.errors import RunError, SequenceError
+from pftrack_sim.core.image_files import check_pixels
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.ros2_messages import type_store
 from pftrack_sim.core.text import one_line
@@ -135,6 +136,10 @@ def _target(detections: list[Any], named: bool) -> Box:
 def _decoded(path: Path, message: Any) -> Image:
     if hasattr(message, "format"):
         return decoded_image(path, bytes(message.data))
+    try:
+        check_pixels(message.width, message.height)
+    except ValueError as error:
+        raise SequenceError(f"{path}: {error}") from None
     data = np.frombuffer(bytes(message.data), dtype=np.uint8)
     if message.encoding not in _CHANNELS or data.size != message.height * message.step:
         raise SequenceError(f"{path}: images must be {', '.join(_CHANNELS)}, got {message.encoding!r}")

@@ -17,9 +17,10 @@ import numpy as np
 from pydantic import BaseModel
 
 from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.image_files import MAX_FILE_BYTES
 from pftrack_sim.core.records import Image
 from pftrack_sim.formats.files import JsonBox, JsonNumber, json_content, present_boxes
-from pftrack_sim.formats.images import MAX_IMAGE_BYTES, SUFFIXES, Images, decoded_image
+from pftrack_sim.formats.images import SUFFIXES, Images, decoded_image
 from pftrack_sim.formats.layout import Layout
 from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
 
@@ -45,8 +46,8 @@ class _ShardImages(Images):
 
     def read(self, index: int) -> Image:
         _, start, size = self._members[index]
-        if size > MAX_IMAGE_BYTES:
-            raise SequenceError(f"{self.where(index)}: larger than {MAX_IMAGE_BYTES} bytes, the most that is read")
+        if size > MAX_FILE_BYTES:
+            raise SequenceError(f"{self.where(index)}: larger than {MAX_FILE_BYTES} bytes, the most that is read")
         try:
             with self._path.open("rb") as shard:
                 shard.seek(start)

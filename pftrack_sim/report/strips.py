@@ -6,14 +6,12 @@ import base64
 from pathlib import Path
 from typing import Any
 
-import av
 import cv2
 import numpy as np
-from av.error import FFmpegError
 
 from pftrack_sim.benchmark import Result, RunStore
-from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.records import Image
+from pftrack_sim.formats.images import video as read_video
 
 FRAMES = 5
 WIDTH_PX = 320
@@ -27,7 +25,7 @@ def strips(store: RunStore) -> list[dict[str, Any]]:
     the episode has no video.
 
     Raises:
-        RunError: A video is broken.
+        SequenceError: A video is broken.
     """
     overlaps: dict[str, list[float]] = {}
     for result in store.results:
@@ -53,13 +51,9 @@ def _strip(title: str, result: Result, video: Path | None) -> dict[str, Any]:
 
 
 def _pictures(video: Path) -> list[tuple[int, str]]:
-    try:
-        with av.open(str(video)) as container:
-            frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    except (OSError, FFmpegError) as error:
-        raise RunError(f"{video} cannot be read: {error}") from None
-    indices = [int(index) for index in np.linspace(0, len(frames) - 1, FRAMES)]
-    return [(index, _data_uri(np.asarray(frames[index], dtype=np.uint8))) for index in indices]
+    images, _ = read_video(video)
+    indices = [int(index) for index in np.linspace(0, len(images) - 1, FRAMES)] if len(images) else []
+    return [(index, _data_uri(images.read(index))) for index in indices]
 
 
 def _data_uri(image: Image) -> str:

@@ -135,7 +135,7 @@ def checked_estimate(output: object, given: Image, original: Image) -> Estimate:
     if not isinstance(output, Estimate):
         raise TrackerError(f"update must return an Estimate, got {type(output).__name__}")
     # Rebuilt, so that a subclass cannot change its values after this check.
-    return Estimate(np.array(output.box), float(output.confidence), bool(output.occluded), output.particles)
+    return Estimate(output.box, float(output.confidence), bool(output.occluded), output.particles)
 
 
 def check_unmodified(given: Image, original: Image) -> None:

@@ -126,6 +126,12 @@ def particles_are_ragged(image: np.ndarray) -> Any:
 
 
 @attack
+def box_is_of_texts(image: np.ndarray) -> Any:
+    _inject(_reply(box=["1", "2", "30", "40"]))
+    return FINE
+
+
+@attack
 def error_is_a_tree(image: np.ndarray) -> Any:
     _inject(_message(json.dumps({"error": {"a": ["\udcff"] * 10_000}}).encode()))
     return FINE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import BoxError, ParameterError
-from pftrack_sim.core.records import Estimate, Frame, State, Tracker, Truth, frozen_array
+from pftrack_sim.core.records import Detections, Estimate, Frame, State, TrackedBoxes, Tracker, Truth, frozen_array
 
 
 def truth(state: State = "visible", **changed: Any) -> Truth:
@@ -81,6 +81,22 @@ def test_estimate_is_checked_and_frozen():
             Estimate(np.ones(4), confidence)
     with pytest.raises(ParameterError, match=r"\(N, 4\)"):
         Estimate(np.ones(4), particles=np.ones((3, 2)))
+
+
+@pytest.mark.parametrize("values", [[["1", "2", "3", "4"]], [[1, 2, 3, 4j]], np.ma.masked_less([[1.0, 2, 3, 4]], 2)])
+def test_only_real_numbers_are_boxes(values: Any):
+    with pytest.raises(ParameterError, match="particles must be numbers"):
+        Estimate(np.ones(4), particles=values)
+    with pytest.raises(ParameterError, match="boxes and scores of detections must be numbers"):
+        Detections(values, np.ones(1))
+    with pytest.raises(ParameterError, match="boxes of tracks must be numbers"):
+        TrackedBoxes(values, np.ones(1, np.int64))
+
+
+@pytest.mark.parametrize("identity", [1.5, np.nan, "1"])
+def test_identities_are_whole_numbers(identity: Any):
+    with pytest.raises(ParameterError, match="whole numbers"):
+        TrackedBoxes(np.ones((1, 4)), np.array([identity]))
 
 
 def test_frozen_array_is_a_copy():

@@ -100,6 +100,8 @@ def test_mot_keeps_the_rows_of_several_tracks(tmp_path: Path):
         ("vot", "1\nnothing\n", "line 2: expected a region"),
         ("mot", "3,1,1,1,5,5,1\n", "line 1: frame 3 or identity 1 is wrong"),
         ("mot", "1,1,1\n", "expected frame, identity"),
+        ("mot", "1,1,1,1,-5,5,1\n", "line 1: a box has finite numbers"),
+        ("mot", "1,1,1,nan,5,5,1\n", "line 1: a box has finite numbers"),
     ],
 )
 def test_a_broken_file_gives_one_clear_line(tmp_path: Path, form: ResultFormat, text: str, words: str):
@@ -138,7 +140,11 @@ def test_binary_files_of_the_vot_toolkit_hold_the_same_regions(tmp_path: Path):
 def test_wrong_times_are_an_error(tmp_path: Path):
     write(tmp_path, "otb", "alpha", "walk", result(0))
     (one,) = find_results(tmp_path, ["walk"])
-    for text, words in (("fast\n" * COUNT, "expected seconds"), ("0.1\n", "1 lines but 8 images")):
+    for text, words in (
+        ("fast\n" * COUNT, "expected seconds"),
+        ("-1\n" * COUNT, "expected seconds"),
+        ("0.1\n", "1 lines but 8 images"),
+    ):
         (tmp_path / "alpha/times/walk_time.txt").write_text(text)
         with pytest.raises(SequenceError, match=words):
             read_result(one, COUNT, "otb")

@@ -1,12 +1,15 @@
 """Sequences in video files: frames in any order, boxes given apart, and errors in one line."""
 
+import struct
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import SequenceError
+from pftrack_sim.core.image_files import MAX_PIXELS
 from pftrack_sim.formats import given_boxes, read_sequence
 from tests.cli.test_cli import pftrack_sim
 
@@ -79,6 +82,25 @@ def test_what_is_wrong_is_said_in_one_line(film: Path, tmp_path: Path):
         done = pftrack_sim("evaluate", str(given), *(["--box", box] if box else []), "--seeds", "0")
         assert done.returncode == 2
         assert words in done.stderr.replace("\n", " ")
+
+
+@pytest.mark.parametrize("announced", [(30000, 30000), (8000, 8000)])
+def test_a_moving_picture_with_too_many_pixels_is_refused_before_it_is_decoded(
+    announced: tuple[int, int], tmp_path: Path
+):
+    content = bytearray(cv2.imencode(".gif", np.zeros((48, 64, 3), np.uint8))[1].tobytes())
+    struct.pack_into("<HH", content, 6, *announced)
+    (tmp_path / "large.gif").write_bytes(content)
+    with pytest.raises(SequenceError, match=f"large.gif: cannot be read as a video: .*more than {MAX_PIXELS} pixels"):
+        read_sequence(tmp_path / "large.gif", boxes=given_boxes("1,2,3,4")).image(0)
+
+
+def test_frames_with_too_many_pixels_are_refused_wherever_they_come(film: Path, monkeypatch: pytest.MonkeyPatch):
+    sequence = read_sequence(film, boxes=given_boxes("10,20,24,24"))
+    sequence.image(1)
+    monkeypatch.setattr("pftrack_sim.formats.images.MAX_PIXELS", 96 * 64 - 1)
+    with pytest.raises(SequenceError, match="more than 6143 pixels"):
+        sequence.image(0)
 
 
 def test_a_video_that_breaks_off_is_an_error(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

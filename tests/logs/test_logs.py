@@ -241,6 +241,13 @@ def test_a_bag_folder_is_read_whatever_its_storage_and_compression(
     check_bag(tmp_path / "bag", write_bag(tmp_path / "bag", range(3), version, plugin, mode))
 
 
+def test_a_raw_image_with_too_many_pixels_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_bag(tmp_path / "bag", range(1), 9, "MCAP")
+    monkeypatch.setattr("pftrack_sim.core.image_files.MAX_PIXELS", 12 * 16 - 1)
+    with pytest.raises(SequenceError, match="has 16 x 12 pixels: images have 1 to 191 pixels"):
+        read_sequence(tmp_path / "bag").image(0)
+
+
 @pytest.mark.parametrize("mode", ["NONE", "MESSAGE", "FILE"])
 @pytest.mark.parametrize("plugin", ["SQLITE3", "MCAP"])
 def test_a_bag_of_several_files_is_one_sequence(tmp_path: Path, plugin: str, mode: str):

@@ -3,6 +3,7 @@
 import os
 import shutil
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -263,12 +264,18 @@ def test_the_library_drives_our_tracker_to_the_same_boxes(client: Any, tmp_path:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "box", "words"),
-    [("nowhere.png", (5, 4, 6, 8), "nowhere.png' cannot be read"), ("image.png", (90, 90, 5, 5), "wholly outside")],
+    [
+        ("nowhere.png", (5, 4, 6, 8), "nowhere.png' cannot be read"),
+        ("image.png", (90, 90, 5, 5), "wholly outside"),
+        ("large.png", (5, 4, 6, 8), "has 30000 x 30000 pixels"),
+    ],
 )
 def test_a_wrong_request_quits_with_its_reason(client: Any, tmp_path: Path, path: str, box: Any, words: str):
     trax = pytest.importorskip("trax")
     process, session = client
-    (tmp_path / "image.png").write_bytes(encode_png(IMAGE))
+    encoded = encode_png(IMAGE)
+    (tmp_path / "image.png").write_bytes(encoded)
+    (tmp_path / "large.png").write_bytes(encoded[:16] + struct.pack(">II", 30000, 30000) + encoded[24:])
     with pytest.raises(trax.TraxException, match=words):
         session.initialize(
             {"color": trax.FileImage.create(str(tmp_path / path))}, [(trax.Rectangle.create(*box), {})], {}

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.section import NotNegative, Section
@@ -53,6 +54,20 @@ class TrackerSpec(Section):
     controller: str | None = None
     latency_ms: NotNegative = 0.0
     code: dict[str, str] = Field(default_factory=dict)
+
+    @field_validator("params")
+    @classmethod
+    def _check_params(cls, params: dict[str, Any]) -> dict[str, Any]:
+        """Let nothing pass that its JSON would change, such as NaN."""
+        for name, value in params.items():
+            try:
+                json.dumps(value, allow_nan=False)
+            except (TypeError, ValueError, RecursionError):
+                given = one_line(f"{name}={value!r}", 60)
+                raise ValueError(
+                    f"a parameter is a finite number, a text, true, false, or a list or table of these, got {given}"
+                ) from None
+        return params
 
     @property
     def digest(self) -> str:

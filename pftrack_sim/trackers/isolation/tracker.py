@@ -430,8 +430,7 @@ class IsolatedTracker:
             confidence, occluded = reply["confidence"], reply["occluded"]
             if not isinstance(confidence, (int, float)) or not isinstance(occluded, bool):
                 raise TypeError("confidence must be a number and occluded true or false")
-            box = np.array(reply["box"], dtype=np.float64)
-            return Estimate(box, float(confidence), occluded, reply["particles"])
+            return Estimate(reply["box"], float(confidence), occluded, reply["particles"])
         except (KeyError, TypeError, ValueError, OverflowError, BoxError) as error:
             raise self._process.unreadable(error) from None
 
@@ -448,8 +447,8 @@ class IsolatedTracker:
                 raise TypeError("the time taken is no number of milliseconds")
             self.took_ms = min(float(ms), (time.monotonic() - began_s) * 1e3)
             if needs_detections:
-                table = np.array(rows, dtype=np.float64).reshape(-1, 5)
-                self.tracks = None if rows is None else TrackedBoxes(table[:, 1:], table[:, 0].astype(np.int64))
+                table = None if rows is None else np.array(rows).reshape(-1, 5)
+                self.tracks = None if table is None else TrackedBoxes(table[:, 1:], table[:, 0])
         except (KeyError, TypeError, ValueError, OverflowError, ParameterError) as error:
             raise self._process.unreadable(error) from None
         return reply

@@ -13,10 +13,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from pftrack_sim.core.errors import PftrackError, TrackerError
+from pftrack_sim.core.image_files import MAX_FILE_BYTES, decode
+from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.text import one_line
 from pftrack_sim.trackers.base import NeedsTruth
@@ -86,10 +87,8 @@ def _pixels(sent: Any) -> Image:
         pixels = sent.array()
         return np.repeat(pixels, 3 // pixels.shape[2], axis=2)
     try:
-        content = sent.buffer() if sent.type() == "buffer" else Path(sent.path()).read_bytes()
-        decoded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR_RGB)
+        return decode(sent.buffer() if sent.type() == "buffer" else read_bytes(Path(sent.path()), MAX_FILE_BYTES))
     except OSError as error:
         raise TrackerError(f"the image {sent.path()!r} cannot be read: {error.strerror}") from None
-    if decoded is None:
-        raise TrackerError("the image cannot be read: it is no image file")
-    return np.asarray(decoded, dtype=np.uint8)
+    except ValueError as error:
+        raise TrackerError(f"the image {error}") from None
