@@ -26,24 +26,6 @@ def test_paper_preset_holds_the_printed_values():
     assert paper.size_correlation == 0.0
 
 
-@pytest.mark.parametrize("preset", trackers.PRESETS)
-@pytest.mark.parametrize("likelihood", ["linear", "exponential"])
-def test_a_moving_target_is_followed(make_scene: Callable[..., Scene], preset: str, likelihood: str):
-    images, truth = make_scene(count=25, step_px=1.0)
-    found = run(images, truth[0], preset=preset, likelihood=likelihood)
-    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.5
-
-
-def test_a_still_target_has_confidence_one_and_zero_noise_no_motion(scene: Scene):
-    images, truth = scene
-    tracker = trackers.make("ko2012", sigma_centre=0, sigma_size=0)
-    tracker.init(images[0], truth[0])
-    estimate = tracker.update(images[0])
-    assert np.allclose(estimate.box, truth[0], rtol=0, atol=1e-9)
-    assert estimate.confidence == pytest.approx(1, abs=1e-9)
-    assert not estimate.occluded
-
-
 def test_a_turn_of_the_camera_beyond_the_noise_is_compensated():
     coarse = np.random.default_rng(0).integers(20, 235, (14, 72, 3), dtype=np.uint8)
     world = cv2.resize(coarse, (640, 120), interpolation=cv2.INTER_CUBIC)

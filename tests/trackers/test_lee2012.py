@@ -89,20 +89,6 @@ def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scen
     assert np.abs(large - 2 * small).max() <= 2
 
 
-def test_a_still_target_has_confidence_one_and_zero_noise_no_motion(scene: Scene):
-    images, truth = scene
-    for name in NAMES:
-        tracker = trackers.make(
-            name, noise_width=0, noise_height=0, noise_velocity_x=0, noise_velocity_y=0, start_spread=0, window=5
-        )
-        tracker.init(images[0], truth[0])
-        for _ in range(9):
-            estimate = tracker.update(images[0])
-            assert np.allclose(estimate.box, truth[0], rtol=0, atol=1e-9)
-            assert estimate.confidence == pytest.approx(1, abs=1e-3)
-            assert not estimate.occluded
-
-
 def test_learning_has_an_effect_from_its_first_frame_only(make_scene: Callable[..., Scene]):
     images, truth = make_scene(count=30)
     learnt, never = (run(images, truth[0], name, window=10) for name in ("lee2012", "lee2012-color-hog"))

@@ -230,9 +230,43 @@ def test_an_easy_target_is_followed(name: str, scene: Scene):
     assert np.mean(overlaps) > 0.6
 
 
-@pytest.mark.parametrize("preset", trackers.PRESETS)
-@pytest.mark.parametrize("name", ["klein2010", "sidibe2010"])
-def test_a_moving_target_is_followed(make_scene: Callable[..., Scene], name: str, preset: str):
+EVERY_STAGE = {"keep_colour": 1.0, "keep_orientation": 1.0, "keep_haar": 1.0}
+WAYS: list[tuple[str, float, dict[str, Any]]] = [
+    *(("ko2012", 0.5, {"preset": one, "likelihood": form})
+      for one in trackers.PRESETS for form in ("linear", "exponential")),
+    *(("kwon2005", 0.6, {"preset": one, "motion": motion})
+      for one in trackers.PRESETS for motion in ("similarity", "affine")),
+    *((name, 0.5, {"preset": one}) for name in ("klein2010", "sidibe2010") for one in trackers.PRESETS),
+    *(("islam2009", 0.6, {"colour_share": share}) for share in (0.0, 0.5, 1.0)),
+    *(("yang2005", 0.6, given) for given in ({}, {"preset": "paper"}, EVERY_STAGE, {"quasi_random": False})),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "least", "given"), WAYS)
+def test_a_moving_target_is_followed_in_every_way(
+    make_scene: Callable[..., Scene], name: str, least: float, given: dict[str, Any]
+):
     images, truth = make_scene(count=25, step_px=1.0)
-    found = np.array([one.box for one in follow(trackers.make(name, preset=preset), images, truth[0])])
-    assert boxes.pairwise_iou(found, truth[1:]).mean() > 0.5
+    found = np.array([one.box for one in follow(trackers.make(name, **given), images, truth[0])])
+    assert boxes.pairwise_iou(found, truth[1:]).mean() > least
+
+
+NO_NOISE = {"noise_width": 0, "noise_height": 0, "noise_velocity_x": 0, "noise_velocity_y": 0, "start_spread": 0}
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "frames", "box_px", "confidence"),
+    [
+        ("ko2012", {"sigma_centre": 0, "sigma_size": 0}, 1, 1e-9, 1e-9),
+        ("kwon2005", {"sigma_centre": 0, "sigma_scale": 0, "sigma_angle": 0}, 3, 1e-5, 1e-6),
+        *((name, {**NO_NOISE, "window": 5}, 9, 1e-9, 1e-3) for name in LEE2012),
+    ],
+)
+def test_a_still_target_has_confidence_one_and_zero_noise_no_motion(
+    name: str, given: dict[str, Any], frames: int, box_px: float, confidence: float, scene: Scene
+):
+    images, truth = scene
+    for estimate in follow(trackers.make(name, **given), [images[0]] * (1 + frames), truth[0]):
+        assert np.allclose(estimate.box, truth[0], rtol=0, atol=box_px)
+        assert estimate.confidence == pytest.approx(1, abs=confidence)
+        assert not estimate.occluded
