@@ -1,4 +1,4 @@
-"""Image formation after the lens: blur, exposure, noise, luma and JPEG compression."""
+"""Image formation after the lens: blur, exposure, noise, tone, luma and JPEG compression."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from pftrack_sim.camera.auto_exposure import AutoExposure
+from pftrack_sim.camera.tone import Tone
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.scenario import model
@@ -27,6 +28,7 @@ class Sensor:
     def __init__(self, settings: model.Sensor, axes: Axes, seed: int, *, grey: bool = False) -> None:
         self._grey = grey
         self._exposure = AutoExposure(axes.light) if axes.light.on else None
+        self._tone = Tone(settings) if settings.level > 0.0 else None
         self.retune(axes, seed)
         narrow = settings.psf_sigma_px <= _NARROW_PX
         self._radius_px = 1 if narrow else math.ceil(4.0 * settings.psf_sigma_px)
@@ -47,7 +49,9 @@ class Sensor:
 
     @property
     def metering(self) -> bool:
-        """Whether later frames depend on the pixels of earlier ones (auto-exposure, auto white balance)."""
+        """Whether later frames depend on the pixels of the next one (exposure, auto white balance)."""
+        if self._tone is not None and not self._tone.metered:
+            return True
         return self._exposure is not None and self._exposure.metering
 
     def expose(self, image: Image, time_s: float) -> Image:
@@ -61,10 +65,13 @@ class Sensor:
             size = 2 * self._radius_px + 1
             blurred = cv2.GaussianBlur(image, (size, size), self._sigma_px, borderType=cv2.BORDER_REPLICATE)
             image = np.asarray(blurred, dtype=np.uint8)
-        return image if self._exposure is None else self._exposure.balance(image, time_s)
+        image = image if self._exposure is None else self._exposure.balance(image, time_s)
+        if self._tone is not None and not self._tone.metered:
+            self._tone.meter(image)
+        return image
 
     def read(self, image: Image, index: int) -> Image:
-        """Read out and transmit the frame exposed last: noise, luma, JPEG.
+        """Read out and transmit the frame exposed last: noise, tone, luma, JPEG.
 
         `index` is that of the frame among those taken in the episode; it selects the noise. The argument itself is
         returned where nothing changes.
@@ -72,6 +79,8 @@ class Sensor:
         if self._noise is not None:
             gains = (1.0, 1.0, 1.0) if self._exposure is None else self._exposure.gains
             image = self._noise.read(image, index, gains)
+        if self._tone is not None:
+            image = self._tone.develop(image)
         if self._grey:
             luma = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
             image = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2RGB), dtype=np.uint8)

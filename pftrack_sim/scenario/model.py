@@ -60,9 +60,19 @@ class Jitter(Section):
 
 
 class Sensor(Section):
-    """Optical blur and anti-aliasing."""
+    """Optical blur, exposure and colours, and anti-aliasing."""
 
     psf_sigma_px: float = number(0.5, 0, 5, "Standard deviation of the lens's point-spread function; 0: perfect.")
+    level: float = number(
+        122.0,
+        0,
+        250,
+        "Mean level that the exposure brightens the first frame to, and holds; 0: the picture as it is drawn, without "
+        "the curve of tones, vignette and bloom.",
+    )
+    exposure_limit_ev: float = number(3.6, 0, 10, "Most stops by which the exposure brightens: a night stays dark.")
+    vignette: Share = setting(0.16, "Share of light that is lost in the corners.")
+    bloom: Share = setting(0.6, "Share of what is brighter than level 190 that the lens scatters around it.")
     multisamples: Literal[0, 2, 4, 8] = setting(0, "Anti-aliasing samples per pixel of the colour image.")
 
 

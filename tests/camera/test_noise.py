@@ -108,7 +108,7 @@ def test_severity_scales_noise_and_zero_is_the_image_itself():
     assert deviations[2] / deviations[1] == pytest.approx(np.sqrt(2.0), rel=0.05)
     image = flat_field(128)
     axes = Axes(noise=NoiseAxis(severity=0.0, gain=9.0))
-    sensor = Sensor(model.Sensor(psf_sigma_px=0.0), axes, 0)
+    sensor = Sensor(model.Sensor(psf_sigma_px=0.0, level=0.0), axes, 0)
     assert sensor.read(sensor.expose(image, 0.0), 0) is image
 
 

@@ -10,7 +10,7 @@ SIGMAS = [0.3, 0.5, 0.8, 1.5, 3.0, 5.0]
 
 
 def expose(image: np.ndarray, sigma_px: float) -> np.ndarray:
-    return Sensor(model.Sensor(psf_sigma_px=sigma_px), Axes(), 0).expose(image, 0.0)
+    return Sensor(model.Sensor(psf_sigma_px=sigma_px, level=0.0), Axes(), 0).expose(image, 0.0)
 
 
 @pytest.mark.parametrize("sigma_px", SIGMAS)
@@ -72,7 +72,7 @@ def test_a_grey_camera_has_the_luma_in_all_channels(stream: float):
     image = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
     axes = Axes.model_validate({"stream": {"severity": stream}})
     coloured, grey = (
-        Sensor(model.Sensor(psf_sigma_px=0.0), Axes() if not grey else axes, 0, grey=grey).read(image, 0)
+        Sensor(model.Sensor(psf_sigma_px=0.0, level=0.0), Axes() if not grey else axes, 0, grey=grey).read(image, 0)
         for grey in (False, True)
     )
     assert coloured is image

@@ -50,7 +50,7 @@ class Card:
     def shoot(self, axis: LightAxis, frames: int) -> np.ndarray:
         """`(frames, 3)` mean linear red, green and blue, as the simulation exposes them."""
         lighting = Lighting(self.model, model.Lights(), axis, np.random.default_rng(0))
-        sensor = Sensor(model.Sensor(psf_sigma_px=0.0), Axes(light=axis), 0)
+        sensor = Sensor(model.Sensor(psf_sigma_px=0.0, level=0.0), Axes(light=axis), 0)
         means = []
         for index in range(frames):
             lighting.apply(index / RATE_HZ, 0.0, sensor.settle(index / RATE_HZ))
@@ -188,7 +188,7 @@ def test_patches_of_shade_are_added_to_those_of_the_place():
 def test_a_dark_frame_shows_the_noise_of_the_sensor():
     bright, dark = np.full((48, 64, 3), 200, np.uint8), np.full((48, 64, 3), 16, np.uint8)
     noisy, plain = (
-        Sensor(model.Sensor(psf_sigma_px=0.0), Axes(light=LightAxis(severity=1.0, parts=parts)), 0)
+        Sensor(model.Sensor(psf_sigma_px=0.0, level=0.0), Axes(light=LightAxis(severity=1.0, parts=parts)), 0)
         for parts in (("noise",), ("change",))
     )
     assert (plain.read(dark, 3) == dark).all()

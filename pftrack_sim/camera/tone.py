@@ -1,0 +1,92 @@
+"""Exposure and colours of a camera: the level that cameras aim at, a curve as film's, vignette and bloom.
+
+The exposure is metered in the first frame and held, so that changes of the light stay visible. Of display-coded values
+x in [0, 1] the curve makes y / (1 - y) = gain * (x / (1 - x))**contrast: it has a toe and a shoulder, and only white
+becomes white.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.core.compiled import kernel
+from pftrack_sim.core.photometry import LUMINANCE, gain
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario import model
+
+_CONTRAST = 1.1
+_RINGS = 64  # Steps of the vignette from the middle of the image to its corners
+_CELLS = 60  # Height of the image that bloom is computed on
+_BLOOM = (5, 5)  # Width and height of the box that light is spread over twice [cells]
+_HIGHLIGHT = 190.0  # Level above which light blooms
+_EDGE = 1e-6  # Black and white, which have no odds
+
+
+class Tone:
+    """Tone of one episode's frames."""
+
+    def __init__(self, settings: model.Sensor) -> None:
+        self._settings = settings
+        self._table: NDArray[np.uint8] | None = None
+        self._rings = np.zeros((0, 0), dtype=np.uint8)
+        self._bloom = np.rint(settings.bloom * np.maximum(np.arange(256) - _HIGHLIGHT, 0.0)).astype(np.uint8)
+
+    @property
+    def metered(self) -> bool:
+        """Whether the exposure has been chosen."""
+        return self._table is not None
+
+    def meter(self, image: Image) -> None:
+        """Choose the exposure by the first frame, `(H, W, 3)` uint8."""
+        settings = self._settings
+        luminance = (image[1::4, 1::4] @ LUMINANCE).astype(np.intp)
+        shares = np.bincount(luminance.ravel(), minlength=256) / luminance.size
+        low, high = 0.0, settings.exposure_limit_ev
+        for _ in range(20):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if 255.0 * (shares @ _curve(middle)) < settings.level else (low, middle)
+        falloff = 1.0 - settings.vignette * np.linspace(0.0, 1.0, _RINGS)[:, None]
+        self._table = np.rint(255.0 * falloff * _curve(low)).astype(np.uint8)
+        y, x = (np.linspace(-1.0, 1.0, side) ** 2 for side in image.shape[:2])
+        width, height = image.shape[1] ** 2, image.shape[0] ** 2
+        radius = (height * y[:, None] + width * x) / (height + width)
+        self._rings = np.rint((_RINGS - 1) * radius).astype(np.uint8)
+
+    def develop(self, image: Image) -> Image:
+        """A new `(H, W, 3)` image with the curve, the vignette and the bloom of the metered exposure."""
+        assert self._table is not None
+        toned = _toned(np.ascontiguousarray(image), self._rings, self._table)
+        return self._bloomed(toned) if self._settings.bloom > 0.0 else toned
+
+    def _bloomed(self, image: Image) -> Image:
+        """Scatter the light of what is bright around it."""
+        height, width = image.shape[:2]
+        cells = (max(1, round(_CELLS * width / height)), _CELLS)
+        rows = image[:: max(1, height // (4 * _CELLS))]  # Four to a cell are enough
+        small = cv2.resize(rows, cells, interpolation=cv2.INTER_AREA)
+        bright = self._bloom[np.asarray(small, dtype=np.uint8)]
+        if not bright.any():
+            return image
+        scattered = cv2.resize(cv2.blur(cv2.blur(bright, _BLOOM), _BLOOM), (width, height))
+        return np.asarray(cv2.add(image, scattered, dst=image), dtype=np.uint8)
+
+
+def _curve(ev: float) -> FloatArray:
+    """`(256,)` what the codes become, in [0, 1], where dark ones are brightened by some stops."""
+    x = np.linspace(_EDGE, 1.0 - _EDGE, 256)
+    return 1.0 / (1.0 + ((1.0 - x) / x) ** _CONTRAST / gain(ev))
+
+
+@kernel
+def _toned(image: Image, rings: NDArray[np.uint8], table: NDArray[np.uint8]) -> Image:
+    out = np.empty_like(image)
+    for row in range(image.shape[0]):
+        for column in range(image.shape[1]):
+            curve = table[rings[row, column]]
+            out[row, column, 0] = curve[image[row, column, 0]]
+            out[row, column, 1] = curve[image[row, column, 1]]
+            out[row, column, 2] = curve[image[row, column, 2]]
+    return out
