@@ -116,6 +116,10 @@ Isolation = Annotated[
         help="Trackers in separate processes: auto (third-party), always, never; container: third-party, sandboxed."
     ),
 ]
+AllowTruth = Annotated[
+    str,
+    typer.Option(metavar="A,B", help="Trackers of your own that may ask for the true box; their rows are marked."),
+]
 FrameLimit = Annotated[float, typer.Option(help="Time limit per frame of isolated trackers.")]
 MemoryLimit = Annotated[float, typer.Option(help="Memory limit of each isolated tracker; 0 is no limit.")]
 ProgressMode = Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")]
@@ -143,6 +147,7 @@ class RunOptions:
     scheduler: Scheduler = None
     part: Part = "1/1"
     isolation: Isolation = "auto"
+    allow_truth: AllowTruth = ""
     frame_limit_s: FrameLimit = 60.0
     memory_limit_mb: MemoryLimit = 4096.0
     refresh: Refresh = False
@@ -168,9 +173,11 @@ class RunOptions:
 
         if self.params and self.trackers is None:
             raise ParameterError("--param needs --trackers: it is theirs")
+        if self.allow_truth and self.trackers is None:
+            raise ParameterError("--allow-truth needs --trackers: it names some of them")
         specs = None
         if self.trackers is not None:
-            specs = parse_trackers(self.trackers, self.preset or "default", self.params or [])
+            specs = parse_trackers(self.trackers, self.preset or "default", self.params or [], self.allow_truth)
         return plan_all(
             scenarios,
             trackers=specs,

@@ -10,6 +10,7 @@ import typer
 
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import (
+    AllowTruth,
     Backend,
     Cache,
     CacheFolder,
@@ -194,6 +195,7 @@ def evaluate(
         ),
     ] = 0.0,
     isolation: Isolation = "auto",
+    allow_truth: AllowTruth = "",
 ) -> None:
     """Run trackers on recorded sequences with true boxes."""
     from pftrack_sim.benchmark import parse_seeds
@@ -201,7 +203,7 @@ def evaluate(
     from pftrack_sim.benchmark.running.tracker_runner import checked_isolation
     from pftrack_sim.formats import given_boxes, read_sequences
 
-    contestants = parse_trackers(tracker, preset, params or [])
+    contestants = parse_trackers(tracker, preset, params or [], allow_truth)
     chosen = parse_seeds(seeds)
     boxes = given_boxes(box) if box is not None else None
     named = parse_names(topics) if topics else ()

@@ -83,10 +83,10 @@ def _value(text: str) -> Any:
         raise ParameterError(f"{one_line(text, 60)}: {error}") from None
 
 
-def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[TrackerSpec]:
+def parse_trackers(text: str, preset: str, pairs: Sequence[str] = (), allow_truth: str = "") -> list[TrackerSpec]:
     """Trackers between commas, each with parameters in brackets where it has some; `preset` is one of these.
 
-    `pairs` are parameters typed elsewhere; those in brackets go before them.
+    `pairs` are parameters typed elsewhere; those in brackets go before them. `allow_truth` has names between commas.
 
     >>> [one.label for one in parse_trackers("stay, ko2012[preset=paper,particle_count=50]", "default")]
     ['stay', 'ko2012[preset=paper,particle_count=50]']
@@ -111,9 +111,15 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = ()) -> list[Tr
     elsewhere = _parse_params(pairs, [name for name, _, _ in found])
     if any("preset" in params for params in elsewhere.values()):
         raise ParameterError("the preset is no --param: give --preset, or ko2012[preset=paper]")
+    told = parse_names(allow_truth) if allow_truth else []
+    for name in told:
+        if name not in [one for one, _, _ in found]:
+            raise UnknownNameError("tracker that --allow-truth names", name, [one for one, _, _ in found])
     try:
         return [
-            TrackerSpec(name=name, preset=chosen, params={**elsewhere.get(name, {}), **params})
+            TrackerSpec(
+                name=name, preset=chosen, params={**elsewhere.get(name, {}), **params}, allow_truth=name in told
+            )
             for name, chosen, params in found
         ]
     except ValidationError as error:

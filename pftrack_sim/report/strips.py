@@ -29,8 +29,8 @@ def strips(store: RunStore) -> list[dict[str, Any]]:
     """
     overlaps: dict[str, list[float]] = {}
     for result in store.results:
-        # The oracle has the truth: its episodes show nothing about tracking.
-        if result.tracker.name != "oracle" and not result.never_seen:
+        # Episodes of those that have the truth show nothing about tracking.
+        if result.tracker.told != "truth" and not result.never_seen:
             overlaps.setdefault(result.label, []).append(result.number("mean_overlap"))
     leader = max(overlaps, key=lambda label: np.mean(overlaps[label]), default=None)
     ranked = [one for one in store.results if one.label == leader and not one.never_seen]

@@ -13,7 +13,7 @@ import operator
 import shlex
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 from pftrack_sim.core.code_digest import command_digest
 from pftrack_sim.core.errors import ParameterError, TrackerError
@@ -24,6 +24,8 @@ from pftrack_sim.trackers.trax import PREFIX as TRAX
 
 MOT = "mot:"
 GROUP = "pftrack_sim.trackers"
+ORACLES = ("oracle", "oracle-visible")
+_FOLLOW_DETECTIONS = frozenset({"bytetrack", "chau2011", "norfair", "ocsort"})
 _CONTRIB, _FILES = "needs opencv-contrib-python-headless", "needs model files"
 _MOT = "follows detections; needs the extra mot"
 _BUILTIN = {  # name: (module, description)
@@ -129,6 +131,13 @@ def code_digest(name: str) -> str:
 def is_builtin(name: str) -> bool:
     """Whether a tracker belongs to this package; others run in a process of their own by default."""
     return name in _BUILTIN
+
+
+def told(name: str) -> Literal["", "truth", "detections"]:
+    """What a tracker of this package, or one given by `mot:`, is told of each frame besides its image."""
+    if name in ORACLES:
+        return "truth"
+    return "detections" if name.startswith(MOT) or name in _FOLLOW_DETECTIONS else ""
 
 
 def make(name: str, *, seed: int = 0, preset: str = "default", **params: Any) -> Tracker:

@@ -334,6 +334,7 @@ WRONG = [
     (["bench", "plaza-walk", "--param", "alpha=0.1"], "--param needs --trackers"),
     (["follow", "plaza-walk", "--trackers", "ko2012", "--param", "ko2012.aplha=1"], "did you mean 'alpha'"),
     (["bench", "plaza-walk", "--trackers", "ncc", "--param", "preset=paper"], "the preset is no --param"),
+    (["bench", "plaza-walk", "--trackers", "ncc", "--allow-truth", "nc"], "did you mean 'ncc'"),
     (["bench", "plaza-walk", "--trackers", "ncc[alpha=nan]"], "a finite number, a text, true, false"),
     (["follow", "plaza-walk", "--trackers", "my:make", "--param", "limits=[1.0, inf]"], "got limits=[1.0, inf]"),
     (["bench", "plaza-walk", "--cache", "--cache-gb", "0"], "limit must be > 0"),

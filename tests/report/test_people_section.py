@@ -25,21 +25,21 @@ def crowd(tmp_path_factory: pytest.TempPathFactory) -> RunStore:
 
 @pytest.mark.slow
 def test_the_page_has_a_table_of_everybody_in_view(show: Callable[..., Any], crowd: RunStore):
-    scores = [one.number("hota") for one in crowd.results if one.label == "chau2011"]
+    scores = [one.number("hota") for one in crowd.results if one.label == "chau2011 (detections)"]
     assert len(scores) == 2
     assert min(scores) > 0.0
     page = show(report.write_report(crowd.path))
     assert page.locator("#people thead th").all_inner_texts() == ["tracker", "seeds", *PEOPLE_DEFINITIONS]
     (row,) = page.locator("#people tbody tr").all()
     cells = row.locator("td").all_inner_texts()
-    assert row.locator("th").inner_text().startswith("chau2011")
+    assert row.locator("th").inner_text().startswith("chau2011 (detections)")
     assert (cells[0], cells[1].split("\n")[0]) == ("2", f"{sum(scores) / 2:.3f}")
     assert page.locator("#board tbody tr").count() == 2
 
 
 def test_markdown_and_terminal_have_it_too(crowd: RunStore, capsys: pytest.CaptureFixture[str]):
-    (row,) = [one for one in tables(crowd).splitlines() if one.startswith("| corridor, `chau2011` |")]
-    chau = [one for one in crowd.results if one.label == "chau2011"]
+    (row,) = [one for one in tables(crowd).splitlines() if one.startswith("| corridor, `chau2011 (detections)` |")]
+    chau = [one for one in crowd.results if one.label == "chau2011 (detections)"]
     cells = [cell.strip().split(" ")[0] for cell in row.split("|")[3:-1]]
     assert cells[:5] == [f"{sum(one.number(name.lower()) for one in chau) / 2:.3f}" for name in PEOPLE_DEFINITIONS][:5]
     terminal.print_bench(crowd.results)

@@ -24,6 +24,7 @@ from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.section import NotNegative, Section
+from pftrack_sim.trackers.registry import ORACLES, told
 
 MAX_EPISODES = 1_000_000
 
@@ -46,6 +47,7 @@ class TrackerSpec(Section):
         latency_ms: Simulated time charged for every frame that it takes, unless the condition sets another.
         controller: Controller that drives the robot with its estimates; None in open loop.
         code: Digests of the code of tracker and controller, and of files named in the parameters.
+        allow_truth: Whether one that is not built in may ask for the true box (`trackers.NeedsTruth`).
     """
 
     name: str
@@ -54,6 +56,7 @@ class TrackerSpec(Section):
     controller: str | None = None
     latency_ms: NotNegative = 0.0
     code: dict[str, str] = Field(default_factory=dict)
+    allow_truth: bool = False
 
     @field_validator("params")
     @classmethod
@@ -68,6 +71,11 @@ class TrackerSpec(Section):
                     f"a parameter is a finite number, a text, true, false, or a list or table of these, got {given}"
                 ) from None
         return params
+
+    @property
+    def told(self) -> Literal["", "truth", "detections"]:
+        """What it is told of each frame besides its image."""
+        return "truth" if self.allow_truth else told(self.name)
 
     @property
     def digest(self) -> str:
@@ -85,10 +93,14 @@ class TrackerSpec(Section):
 
     @property
     def label(self) -> str:
-        """`base_label` with latency and controller: `"ko2012@13ms+servo-avoid"`. It is printed and never parsed."""
+        """`base_label` with latency, controller and what it is told: `"ko2012@13ms+servo-avoid"`, `"my:make (truth)"`.
+
+        It is printed and never parsed.
+        """
         latency = f"@{self.latency_ms:g}ms" if self.latency_ms else ""
         controller = f"+{self.controller}" if self.controller is not None else ""
-        return self.base_label + latency + controller
+        mark = f" ({self.told})" if self.told and self.name not in ORACLES else ""
+        return self.base_label + latency + controller + mark
 
 
 class Condition(Section):

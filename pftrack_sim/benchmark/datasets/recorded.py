@@ -118,8 +118,8 @@ def _check_detections(sequence: RecordedSequence, runners: Sequence[TrackerRunne
         for runner in runners:
             runner.close()
         raise TrackerError(
-            f"{needing[0].spec.label} follows detections, and {sequence.name} has none: the MOT layout holds them in "
-            "det/det.txt"
+            f"{needing[0].spec.base_label} follows detections, and {sequence.name} has none: the MOT layout holds them "
+            "in det/det.txt"
         )
 
 

@@ -89,7 +89,7 @@ def _describe_trackers(path: Path, trackers: Mapping[str, TrackerSpec]) -> Path:
     text = read_text(path) if path.exists() else ""
     for name, spec in trackers.items():
         if f"[{name}]" not in text.split():
-            command = f"pftrack-sim trax {shlex.quote(spec.label)}"
+            command = f"pftrack-sim trax {shlex.quote(spec.base_label)}"
             text += f"[{name}]\nlabel = {spec.label}\nprotocol = trax\ncommand = {command}\n\n"
     write_bytes(path, text.encode())
     return path

@@ -14,7 +14,7 @@ from pftrack_sim import trackers
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
-from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes, Tracker
 from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.core.types import FloatArray
@@ -107,11 +107,8 @@ class TrackerRunner:
                 if detections is None:
                     raise TrackerFault("it follows detections, and there are none")
                 cast("trackers.NeedsDetections", tracker).receive_detections(detections)
-            if (
-                tracker.needs_truth
-                if isinstance(tracker, IsolatedTracker)
-                else isinstance(tracker, trackers.NeedsTruth)
-            ):
+            if _needs_truth(tracker):
+                _check_truth(self.spec)
                 cast("trackers.NeedsTruth", tracker).receive_truth(true_box, visible_fraction)
             shown = image if isolated else image.copy()
             start_s = time.perf_counter()
@@ -181,6 +178,23 @@ class TrackerRunner:
             self.tracker.close()
 
 
+def _needs_truth(tracker: object) -> bool:
+    return tracker.needs_truth if isinstance(tracker, IsolatedTracker) else isinstance(tracker, trackers.NeedsTruth)
+
+
+def _check_truth(spec: TrackerSpec) -> None:
+    """Let only references of this package, and trackers that are marked for it, be told the truth.
+
+    Raises:
+        TrackerFault: Another tracker.
+    """
+    if not spec.allow_truth and not trackers.is_builtin(spec.name):
+        raise TrackerFault(
+            f"{spec.name} asks for the true box of every frame (receive_truth): only with --allow-truth {spec.name}, "
+            "which marks its rows"
+        )
+
+
 def fault_of(error: BaseException) -> TrackerFault:
     """An exception of third-party code in this process as a fault."""
     return TrackerFault(describe_error(error) + locate_error(error), traceback_text(error))
@@ -248,9 +262,14 @@ def check_trackers(
         if spec.name not in trackers.names() and ":" not in spec.name:
             trackers.describe(spec.name)
         if is_isolated(spec.name, isolation):
-            try_make(_code_of(spec, isolation, limits), processes)
+            needs_truth = try_make(_code_of(spec, isolation, limits), processes)
         else:
-            trackers.make(spec.name, preset=spec.preset, **spec.params)
+            needs_truth = _needs_truth(trackers.make(spec.name, preset=spec.preset, **spec.params))
+        try:
+            if needs_truth:
+                _check_truth(spec)
+        except TrackerFault as error:
+            raise TrackerError(str(error)) from None
 
 
 def _code_of(spec: TrackerSpec, isolation: Isolation, limits: Limits) -> TrackerCode:

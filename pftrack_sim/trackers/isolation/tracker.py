@@ -477,15 +477,18 @@ class IsolatedTracker:
             processes.give_back(process)
 
 
-def try_make(code: TrackerCode, processes: TrackerProcesses | None = None) -> None:
+def try_make(code: TrackerCode, processes: TrackerProcesses | None = None) -> bool:
     """Make a tracker once, to report errors in its name, preset or parameters before a run.
+
+    Returns:
+        Whether it implements `NeedsTruth`.
 
     Raises:
         TrackerError: It cannot be made.
     """
     tracker = IsolatedTracker(code, seed=0, processes=processes)
     try:
-        tracker.wait_until_made()
+        return tracker.needs_truth
     except TrackerFault as error:
         text = str(error).removeprefix("could not be made: ")
         for prefix in ("TrackerError: ", "ParameterError: ", "UnknownNameError: "):
