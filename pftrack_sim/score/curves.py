@@ -29,6 +29,8 @@ SUCCESS_THRESHOLDS = _frozen(np.linspace(0.0, 1.0, 21))
 
 PRECISION_THRESHOLDS_PX = _frozen(np.arange(0.0, 51.0))  # `(51,)` centre errors 0, 1 ... 50 px (Wu, Lim & Yang 2013)
 
+STRICT_OVERLAPS = (0.5, 0.75)  # SR_0.5 and SR_0.75 of GOT-10k: shares of frames with *more* overlap
+
 NORMALISED_PRECISION_THRESHOLDS = _frozen(np.linspace(0.0, 0.5, 51))
 """`(51,)` centre errors 0, 0.01 ... 0.5 in sizes of the box (Müller et al. 2018, TrackingNet)."""
 
@@ -72,15 +74,6 @@ def success_rate(overlap: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> floa
 def precision(centre_error: ArrayLike, threshold_px: float = PRECISION_PX) -> float:
     """Share of frames with a centre error of *at most* the threshold (Wu, Lim & Yang 2013); NaN for no frames."""
     return float(precision_curve(centre_error, [threshold_px])[0])
-
-
-def strict_success_rate(overlap: ArrayLike, threshold: float = 0.5) -> float:
-    """SR: share of `(N,)` overlaps of *more* than the threshold (GOT-10k: SR_0.5 and SR_0.75, without the first frame).
-
-    >>> strict_success_rate([0.5, 0.6]), strict_success_rate([0.5, 0.6], 0.75)
-    (0.5, 0.0)
-    """
-    return float(success_curve(overlap, [threshold])[0])
 
 
 def precision_curve(centre_error: ArrayLike, thresholds: ArrayLike = PRECISION_THRESHOLDS_PX) -> FloatArray:

@@ -167,12 +167,13 @@ def measure(
     # Before the initialisation there is no occlusion to recover from.
     visible = np.asarray(visible_fraction, dtype=np.float64)[first:]
     recoveries = events.recoveries(frames.overlap[first:], visible, times[first:])
+    sr_50, sr_75 = curves.success_curve(overlap, curves.STRICT_OVERLAPS).tolist()
     recovered_s = [recovery.after_s for recovery in recoveries if math.isfinite(recovery.after_s)]
     return Measures(
         **summary.as_dict(),
         auc=curves.area_under_success(overlap),
-        sr_50=curves.strict_success_rate(overlap, 0.5),
-        sr_75=curves.strict_success_rate(overlap, 0.75),
+        sr_50=sr_50,
+        sr_75=sr_75,
         normalised_precision=curves.normalised_precision(frames.normalised_error[counted]),
         failures=events.failures(frames.overlap, counted),
         occlusions=len(recoveries),

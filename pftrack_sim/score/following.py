@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.scenario.model import Follow
 
 FOLLOWED_MARGIN_M = 1.0
 """EVT-Bench: a step is followed when the target is faced and no farther than 3 m. Its robots keep 1 to 3 m: this margin
@@ -58,16 +59,6 @@ class DrivenPath:
 
 
 @dataclass(frozen=True)
-class FollowTask:
-    """Wanted distance, limits of the errors within which the target is followed, and frames of a full episode."""
-
-    distance_m: float
-    distance_limit_m: float
-    bearing_limit_rad: float
-    frames: int
-
-
-@dataclass(frozen=True)
 class Following:
     """Scores of one episode; NaN where there is nothing to measure.
 
@@ -103,8 +94,8 @@ class Following:
         return asdict(self)
 
 
-def summarise(path: DrivenPath, task: FollowTask) -> Following:
-    """Measures of one driven episode.
+def summarise(path: DrivenPath, task: Follow, frames: int) -> Following:
+    """Measures of one driven episode; a full one of the task has so many `frames`.
 
     Where the task wants another distance than 2 m, the limit of EVT-Bench moves along: see `FOLLOWED_MARGIN_M`.
     """
@@ -116,12 +107,12 @@ def summarise(path: DrivenPath, task: FollowTask) -> Following:
     good = (
         seen
         & (np.abs(distance - task.distance_m) <= task.distance_limit_m)
-        & (np.abs(bearing) <= task.bearing_limit_rad)
+        & (np.abs(bearing) <= np.deg2rad(task.bearing_limit_deg))
     )
     found = [until - since for since, until in lost_spans if not math.isnan(until)]
     return Following(
         success=float(finished and bool(followed[-1])),
-        tracking_rate=float(followed.sum()) / max(task.frames, len(distance)),
+        tracking_rate=float(followed.sum()) / max(frames, len(distance)),
         collision=float(collided),
         length=len(distance),
         within=float(good.mean()),

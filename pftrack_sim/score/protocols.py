@@ -17,8 +17,6 @@ from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.score import curves
 from pftrack_sim.score.frames import frame_scores
 
-_GOT10K_THRESHOLDS = (0.5, 0.75)
-
 
 @dataclass(frozen=True, eq=False)
 class TrackedSequence:
@@ -67,8 +65,8 @@ def otb(sequences: Sequence[TrackedSequence]) -> dict[str, float]:
         estimates = np.array(one.estimates)
         estimates[one.first] = one.truth[one.first]
         frames = frame_scores(estimates, one.truth)
-        rates = curves.area_under_success(frames.overlap), curves.strict_success_rate(frames.overlap)
-        rows.append((rates[0], curves.precision(frames.centre_error_px), rates[1]))
+        area, precise = curves.area_under_success(frames.overlap), curves.precision(frames.centre_error_px)
+        rows.append((area, precise, float(curves.success_curve(frames.overlap, [curves.SUCCESS_OVERLAP])[0])))
     return _named(("success", "precision", "success_50"), np.mean(rows, axis=0))
 
 
@@ -87,7 +85,7 @@ def got10k(sequences: Sequence[TrackedSequence]) -> dict[str, float]:
         truth = _clipped(one.truth[counted], one.image_size_px)
         parts.append(pairwise_iou(_clipped(one.estimates[counted], one.image_size_px), truth))
     overlap = np.concatenate(parts)
-    rates = [curves.strict_success_rate(overlap, threshold) for threshold in _GOT10K_THRESHOLDS]
+    rates = curves.success_curve(overlap, curves.STRICT_OVERLAPS)
     return _named(("ao", "sr_50", "sr_75"), [curves.average_overlap(overlap), *rates])
 
 

@@ -16,8 +16,6 @@ OVERLAP = [1.0, 0.5, 0.75, 0.0, 0.49, 0.51]
 
 def test_success_counts_more_than_the_threshold():
     assert score.success_curve(OVERLAP, [0.0, 0.5, 0.75, 1.0]).tolist() == [5 / 6, 3 / 6, 1 / 6, 0.0]
-    assert curves.strict_success_rate(OVERLAP) == 0.5
-    assert curves.strict_success_rate(OVERLAP, 0.75) == 1 / 6
     assert curves.success_rate(OVERLAP) == 4 / 6  # at least the threshold: the papers' share of tracked frames
     assert curves.average_overlap(OVERLAP) == pytest.approx(3.25 / 6)
 

@@ -106,11 +106,6 @@ def test_arguments_are_not_edited():
     assert np.array_equal(scored, SCORED)
 
 
-def test_no_frames_at_all():
-    none = np.empty((0, 4))
-    assert score.frame_scores(none, none).overlap.shape == (0,)
-
-
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(ParameterError, match=r"\(2, 4\) and \(3, 4\)"):
         score.frame_scores(np.zeros((2, 4)), np.zeros((3, 4)))
@@ -129,14 +124,6 @@ def test_bootstrap_intervals_of_little():
     assert score.bootstrap_interval([0.25, 0.25, math.nan, 0.25], rng) == (0.25, 0.25)
     low, high = score.bootstrap_interval([0.2, 0.4, 0.3], rng)
     assert 0.2 - 1e-12 <= low < 0.3 < high <= 0.4 + 1e-12
-
-
-def test_bootstrap_intervals_draw_from_the_given_generator_only():
-    values = np.linspace(0, 1, 7)
-    first, second = (score.bootstrap_interval(values, np.random.default_rng(5)) for _ in range(2))
-    assert first == second
-    wide = score.bootstrap_interval(values, np.random.default_rng(5), level=0.99)
-    assert wide[0] <= first[0] < first[1] <= wide[1]
 
 
 @pytest.mark.parametrize("given", [{"level": 0.0}, {"level": 1.0}, {"resamples": 0}])

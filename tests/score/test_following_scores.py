@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.score.following import DrivenPath, FollowTask, jerk_rms, losses, summarise
+from pftrack_sim.scenario.model import Follow
+from pftrack_sim.score.following import DrivenPath, Following, jerk_rms, losses, summarise
 
 RATE_HZ = 10.0
-TASK = FollowTask(distance_m=2.0, distance_limit_m=1.0, bearing_limit_rad=0.5, frames=100)
+TASK = Follow(distance_m=2.0, distance_limit_m=1.0, bearing_limit_deg=30.0)
 
 
 def course(frames: int = 100, outcome: str = "finished", **columns) -> DrivenPath:
@@ -20,8 +21,12 @@ def course(frames: int = 100, outcome: str = "finished", **columns) -> DrivenPat
     return DrivenPath(time_s=np.arange(frames) / RATE_HZ, outcome=outcome, **{**filled, **columns})
 
 
+def scores(frames: int = 100, outcome: str = "finished", **columns) -> Following:
+    return summarise(course(frames, outcome, **columns), TASK, frames=100)
+
+
 def test_a_perfect_course():
-    score = summarise(course(), TASK)
+    score = scores()
     assert (score.success, score.tracking_rate, score.collision, score.within) == (1.0, 1.0, 0.0, 1.0)
     assert (score.distance_rms_m, score.bearing_rms_deg, score.losses) == (0.0, 0.0, 0)
     assert math.isnan(score.time_to_loss_s)
@@ -31,33 +36,33 @@ def test_a_perfect_course():
 def test_three_metres_is_followed_and_more_is_not():
     far = np.full(100, 2.0)
     far[:40] = 3.01
-    assert summarise(course(distance_m=far), TASK).tracking_rate == 0.6
+    assert scores(distance_m=far).tracking_rate == 0.6
     far[:40] = 3.0
-    assert summarise(course(distance_m=far), TASK).tracking_rate == 1.0
+    assert scores(distance_m=far).tracking_rate == 1.0
 
 
 def test_success_asks_for_the_last_frame():
     seen = np.ones(100, dtype=bool)
     seen[-1] = False
-    assert summarise(course(seen=seen), TASK).success == 0.0
-    assert summarise(course(seen=seen), TASK).tracking_rate == 0.99
+    assert scores(seen=seen).success == 0.0
+    assert scores(seen=seen).tracking_rate == 0.99
 
 
 def test_an_episode_that_ends_early_counts_its_missing_frames():
-    score = summarise(course(25, outcome="lost"), TASK)
+    score = scores(25, outcome="lost")
     assert (score.success, score.tracking_rate, score.length, score.within) == (0.0, 0.25, 25, 1.0)
 
 
 def test_collisions_by_contact_and_by_distance():
-    assert summarise(course(50, outcome="collision"), TASK).collision == 1.0
+    assert scores(50, outcome="collision").collision == 1.0
     near = np.full(100, 2.0)
     near[30] = 0.49
-    score = summarise(course(distance_m=near), TASK)
+    score = scores(distance_m=near)
     assert (score.collision, score.success) == (1.0, 0.0)
 
 
 def test_errors_are_root_mean_squares():
-    score = summarise(course(distance_m=2.0 + np.tile([0.3, -0.3], 50), bearing_rad=np.tile([0.2, -0.2], 50)), TASK)
+    score = scores(distance_m=2.0 + np.tile([0.3, -0.3], 50), bearing_rad=np.tile([0.2, -0.2], 50))
     assert math.isclose(score.distance_rms_m, 0.3, rel_tol=1e-9)
     assert math.isclose(score.bearing_rms_deg, math.degrees(0.2), rel_tol=1e-9)
 
@@ -69,7 +74,7 @@ def test_a_loss_is_longer_than_a_blink_and_found_is_longer_than_a_glimpse():
     seen[50:52] = True  # a glimpse
     seen[52:60] = False
     assert losses(np.arange(100) / RATE_HZ, seen) == [(3.0, 6.0)]
-    score = summarise(course(seen=seen), TASK)
+    score = scores(seen=seen)
     assert (score.time_to_loss_s, score.time_to_find_s, score.losses) == (3.0, 3.0, 1)
     seen[60:] = False
     ((since, until),) = losses(np.arange(100) / RATE_HZ, seen)

@@ -188,7 +188,7 @@ class FollowLog:
 
     def scores(self, settings: ResolvedScenario, frame_count: int) -> dict[str, Any]:
         """Scores of following, as columns of the summary; `frame_count` is that of a full episode."""
-        after, task, info = self.columns(), settings.follow, self._last
+        after, info = self.columns(), self._last
         path = following.DrivenPath(
             after["after_s"],
             after["after_distance_m"],
@@ -197,9 +197,8 @@ class FollowLog:
             np.stack([after["after_x_m"], after["after_y_m"]], axis=1),
             info["outcome"],
         )
-        limit_rad = float(np.deg2rad(task.bearing_limit_deg))
-        goal = following.FollowTask(task.distance_m, task.distance_limit_m, limit_rad, frame_count)
-        scores = {f"follow_{name}": value for name, value in following.summarise(path, goal).as_dict().items()}
+        measures = following.summarise(path, settings.follow, frame_count)
+        scores = {f"follow_{name}": value for name, value in measures.as_dict().items()}
         return {**scores, "outcome": info["outcome"], "collided_with": info["collision"], "clipped": info["clipped"]}
 
 
