@@ -73,6 +73,7 @@ def _where(one: Result) -> str:
 
 
 def _print_episodes(results: Sequence[Result]) -> None:
+    from pftrack_sim.report.contents import by_episode
     from pftrack_sim.report.tables import Table, number_text
 
     trackers = list(dict.fromkeys(one.label for one in results))
@@ -80,13 +81,10 @@ def _print_episodes(results: Sequence[Result]) -> None:
         return
     # Each tracker that drives has frames of its own.
     shared = ("frames", "stay", "ceiling") if results[0].following is None else ()
-    episodes: dict[tuple[str, str, int], dict[str, Result]] = {}
-    for one in results:
-        episodes.setdefault((one.scenario, one.condition.name, one.seed), {})[one.label] = one
     rows: list[list[str]] = []
-    for (scenario, condition, seed), scored in episodes.items():
-        first = next(iter(scored.values()))
-        cells = [number_text(first.number(name), 0 if name == "frames" else 3) for name in shared]
+    for (scenario, condition, seed), own in by_episode(results).items():
+        scored = {one.label: one for one in own}
+        cells = [number_text(own[0].number(name), 0 if name == "frames" else 3) for name in shared]
         cells += [number_text(scored[tracker].number("mean_overlap")) for tracker in trackers]
         rows.append([scenario, condition, str(seed), *cells])
     title = "Mean overlap per episode (frames in which the target is visible)"

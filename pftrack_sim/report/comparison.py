@@ -19,10 +19,11 @@ from pftrack_sim.benchmark.reading.losses import TAGS, loss_shares, tag_title
 from pftrack_sim.benchmark.said.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.report.contents import COVERED_BELOW, read_frames, spans
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.report.contents import read_frames
 from pftrack_sim.report.html import render
 from pftrack_sim.report.tables import number_text
+from pftrack_sim.score.events import occlusions
 
 _MOST_EPISODES = 12
 _SIZES = (0.01, 0.02, 0.05, 0.1)  # Differences whose seeds are named
@@ -148,7 +149,7 @@ def _episode(
         "parting_s": round(parting_s, 2),
         "start_s": round(start_s, 2),
         "lines": [_points(one.time_s / end_s, one.overlap) for one in frames],
-        "covered": _covered(frames[0].time_s / end_s, frames[0].visible_fraction < COVERED_BELOW),
+        "covered": _covered(frames[0].time_s / end_s, frames[0].visible_fraction),
         "videos": [{"title": title, "link": link and f"{link}#t={start_s:.2f}"} for title, link in shown],
     }
 
@@ -165,10 +166,13 @@ def _points(x: FloatArray, y: FloatArray) -> str:
     return " ".join(f"{100.0 * a:.2f},{30.0 - 30.0 * b:.2f}" for a, b in zip(x, np.nan_to_num(y), strict=True))
 
 
-def _covered(x: FloatArray, covered: BoolArray) -> Sequence[tuple[float, float]]:
+def _covered(x: FloatArray, visible_fraction: FloatArray) -> Sequence[tuple[float, float]]:
     """Starts and widths of the times in which the target is occluded, of 100."""
     edges = np.append(x, 1.0) * 100.0
-    return [(round(float(edges[a]), 2), round(float(edges[b] - edges[a]), 2)) for a, b in spans(covered)]
+    return [
+        (round(float(edges[first]), 2), round(float(edges[last + 1] - edges[first]), 2))
+        for first, last in occlusions(visible_fraction)
+    ]
 
 
 def _video(store: RunStore, result: Result, folder: Path) -> str | None:

@@ -19,6 +19,7 @@ from pftrack_sim.benchmark.said.degradation import degradation, levels_of
 from pftrack_sim.core import palette, random_streams
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link
+from pftrack_sim.score.events import occlusions
 from pftrack_sim.score.statistics import Comparison
 
 GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
@@ -72,9 +73,6 @@ MEASURES: Mapping[str, str] = MappingProxyType(
     {name: head for group in (*GROUPS.values(), PEOPLE) for name, head in group.items()}
 )
 
-COVERED_BELOW = 0.5
-"""Visible fraction below which the target counts as occluded."""
-
 _EPISODE = "scenario, condition, seed, label"
 _FRAME_COLUMNS = ("time_s", "overlap", "centre_error_px", "visible_fraction", "scored")
 
@@ -92,9 +90,7 @@ class TrackerFrames:
     @property
     def counted(self) -> BoolArray:
         """Scored frames except the first one, in which the box was given."""
-        counted = self.scored.copy()
-        counted[np.flatnonzero(counted)[:1]] = False
-        return counted
+        return score.counted_frames(self.scored)
 
 
 def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, TrackerFrames]:
@@ -292,7 +288,7 @@ def _entry(seed: int, rate_hz: float, frames: TrackerFrames) -> dict[str, Any]:
         "rate_hz": _json(rate_hz),
         "time": None,
         "overlap": {},
-        "occluded": spans(frames.visible_fraction < COVERED_BELOW),
+        "occluded": [[first, last + 1] for first, last in occlusions(frames.visible_fraction)],
         "video": None,
     }
 
@@ -373,12 +369,6 @@ def _shown(one: ScoredResult) -> _Shown:
 def _packed(overlap: FloatArray) -> str:
     """Overlaps in steps of 1/250, one byte each, so that a page with a thousand episodes still opens at once."""
     return base64.b64encode(np.rint(250.0 * np.nan_to_num(overlap)).astype(np.uint8).tobytes()).decode()
-
-
-def spans(covered: BoolArray) -> list[list[int]]:
-    """First index and end of every run of true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], covered, [False]]).astype(np.int8)))
-    return [[int(first), int(end)] for first, end in edges.reshape(-1, 2)]
 
 
 def _json(value: float | None) -> float | None:
