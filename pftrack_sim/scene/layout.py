@@ -13,7 +13,8 @@ HIDDEN_ROBOT_GROUP = 4
 """MuJoCo geom groups. Hidden geoms collide and are not drawn; those of the robot are ignored by its range finder."""
 
 Bounds: TypeAlias = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
-CONTACT = "contact"  # Name of the material of the darkness under feet
+CONTACT = "contact"  # Name of the material and the mesh of the darkness under feet
+CONTACT_OF_THINGS = "contact-of-things"  # Name of the mesh of the darkness around what stands on the ground
 SKY = "sky"  # Name of the material whose emission is the brightness of the sky's texture
 
 

@@ -28,10 +28,12 @@ SAME_PLACES = ("plaza-dock", "hall-wait")
 
 @pytest.fixture(scope="module", params=[name for name in names() if "/" not in name and name not in SAME_PLACES])
 def pair(request: pytest.FixtureRequest):
-    """A running episode drawn with OpenGL, and a ray caster of the same model."""
+    """A running episode drawn with OpenGL, but for what is transparent, and a ray caster of the same model."""
+    from pftrack_sim.render.gl.contact import ContactShadows
     from pftrack_sim.render.warp.raycaster import Raycaster
 
-    with Simulation(load(request.param, SIZE), backend="gl") as simulation:
+    with pytest.MonkeyPatch.context() as patch, Simulation(load(request.param, SIZE), backend="gl") as simulation:
+        patch.setattr(ContactShadows, "add", lambda *_: None)
         simulation.reset(11)
         world = simulation.world
         with Raycaster(world.model, 160, 120) as caster:

@@ -1,16 +1,20 @@
-"""Soft darkness on the ground under feet, which keep the light of sky and walls from it: it is drawn, and no geom."""
+"""Soft darkness on the ground under feet and around furniture and walls, which keep the light of the sky from it.
+
+It is drawn, and no geom: nothing collides with it, and the truth does not know it.
+"""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.render.culling import View
-from pftrack_sim.scene.layout import CONTACT, PEOPLE_GROUP
+from pftrack_sim.scene.layout import CONTACT, CONTACT_OF_THINGS, PEOPLE_GROUP
 
 _ABOVE_GROUND_M = 0.004
-_OPACITY = 0.65
+_OPACITY, _OPACITY_OF_THINGS = 0.65, 0.5
 _RESTING_M, _GONE_M = 0.05, 0.22  # Heights of a foot's middle on the ground, and where it darkens nothing
 _SEEN_PX, _PLAIN_PX = 3.0, 6.0  # Length in the image below which nothing is drawn, and above which it is opaque
 _LENGTH_M = 0.6
@@ -27,11 +31,19 @@ class ContactShadows:
         self.feet = np.array(feet, dtype=np.intp)
         """Geoms that darken the ground."""
         # The axes of meshes and of their geoms are those of their inertia.
+        self._things = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, CONTACT_OF_THINGS))
+        self._things_place, self._things_axes = np.zeros(3), np.eye(3)
+        if self._things >= 0:
+            self._things_place = np.array(model.mesh_pos[self._things])
+            self._things_axes = _axes(model.mesh_quat[self._things])
         self._mesh_axes = _axes(model.mesh_quat[self._mesh]) if self._mesh >= 0 else np.eye(3)
         self._forward = np.array([_axes(model.geom_quat[geom])[0] for geom in feet]).reshape(-1, 3)
 
     def add(self, view: View, scene: mujoco.MjvScene, shown: BoolArray) -> None:
-        """Add those of the `(F,)` feet that are shown to a scene."""
+        """Add those of things, and of the `(F,)` feet that are shown, to a scene."""
+        if self._things >= 0:
+            colour = np.array([0.0, 0.0, 0.0, _OPACITY_OF_THINGS], dtype=np.float32)
+            self._draw(scene, self._things, self._things_place, self._things_axes, colour)
         places = view.geom_xpos[self.feet]
         depths = np.maximum((places - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2], view.near_m)
         opacity = np.clip((_GONE_M - places[:, 2]) / (_GONE_M - _RESTING_M), 0.0, 1.0)
@@ -42,10 +54,15 @@ class ContactShadows:
             turn = np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, length]]) / length @ self._mesh_axes
             place = np.array([*places[foot, :2], _ABOVE_GROUND_M])
             colour = np.array([0.0, 0.0, 0.0, _OPACITY * opacity[foot]], dtype=np.float32)
-            geom = scene.geoms[scene.ngeom]
-            mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_MESH, np.zeros(3), place, turn.reshape(-1), colour)
-            geom.dataid, geom.matid, geom.texcoord, geom.castshadow = 2 * self._mesh, self._material, 1, 0
-            scene.ngeom += 1
+            self._draw(scene, self._mesh, place, turn, colour)
+
+    def _draw(
+        self, scene: mujoco.MjvScene, mesh: int, place: FloatArray, turn: FloatArray, colour: NDArray[np.float32]
+    ) -> None:
+        geom = scene.geoms[scene.ngeom]
+        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_MESH, np.zeros(3), place, turn.reshape(-1), colour)
+        geom.dataid, geom.matid, geom.texcoord, geom.castshadow = 2 * mesh, self._material, 1, 0
+        scene.ngeom += 1
 
 
 def _axes(quaternion: FloatArray) -> FloatArray:

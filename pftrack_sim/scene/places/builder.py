@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
-from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Bounds, Footprint, WalkableArea
+from pftrack_sim.scene.layout import CONTACT_OF_THINGS, HIDDEN_GROUP, SCENERY_GROUP, Bounds, Footprint, WalkableArea
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
-from pftrack_sim.scene.places.shade import foliage, roof_with_windows
+from pftrack_sim.scene.places.shade import foliage, ground_contact, roof_with_windows
 from pftrack_sim.scene.scene_spec import SceneSpec, add_box
 
 _LEAST_WINDOW_SUN_DEG = 40.0  # A lower sun would meet the walls, not the floor
@@ -61,6 +61,7 @@ class PlaceBuilder:
     lights: Lights
     patch_rng: np.random.Generator
     _footprints: list[Footprint] = field(default_factory=list[Footprint])
+    _ground_m: list[float] = field(default_factory=list[float])
 
     def add(self, item: Item) -> None:
         """Add a body with one drawn geom per material."""
@@ -76,6 +77,7 @@ class PlaceBuilder:
             half_x, half_y, height = collider
             _add_collider(body, name, collider, 0.5 * height - z)
             self._footprints.append(Footprint(name, (float(x), float(y)), (half_x, half_y), float(yaw_rad), height))
+            self._ground_m.append(z)
 
     def add_loose(self, items: Sequence[Item], share: float, displacement: Sequence[float]) -> None:
         """Add a random share of some items.
@@ -186,6 +188,8 @@ class PlaceBuilder:
             ("edge-west", (left - 0.2, y), (0.2, half_y, 3.0)),
         ):
             _add_collider(self.spec.worldbody.add_body(name=name, pos=[*centre, 1.5]), name, collider, 0.0)
+        if self._footprints:
+            self.spec.add_mesh_file(CONTACT_OF_THINGS, ground_contact(self._footprints, self._ground_m).file)
         self.spec.stat.extent = 1.0
         self.spec.stat.center = [x, y, 1.0]
         return WalkableArea(self.bounds, tuple(self._footprints), tuple(goals))

@@ -1,18 +1,19 @@
-"""What keeps part of the main light from the ground: foliage, and roofs with windows. It casts shadows and is not seen.
+"""What keeps light from the ground: foliage and roofs with windows, which cast shadows and are not seen, and furniture.
 
-All faces look upwards, and cameras are below them: back faces are not drawn, but cast shadows.
+All faces of foliage and roofs look upwards, and cameras are below them: back faces are not drawn, but cast shadows.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.types import FloatArray, IntArray
-from pftrack_sim.scene.layout import Bounds
+from pftrack_sim.scene.layout import CONTACT, Bounds, Footprint
 from pftrack_sim.scene.places.materials import texture
 from pftrack_sim.scene.places.meshes import TexturedMesh
 
@@ -22,6 +23,8 @@ _LEAF_CORNERS = 5
 _FILLED = 0.84  # Mean area of a crown with its leaves over that of a disc of the mean diameter
 _BAR_M, _PANE_M, _BEAM_M = 0.09, 0.8, 0.27  # Bars of a window, their distance, and the beams between rows of windows
 _SURROUND_M = 6.0
+_DARK_M = 0.45  # Distance from a wall at which the ground is as light as elsewhere; half of it from what is low
+_ABOVE_GROUND_M = 0.003
 
 
 def foliage(bounds: Bounds, share: float, patch_m: float, height_m: float, rng: np.random.Generator) -> TexturedMesh:
@@ -88,6 +91,34 @@ def roof_with_windows(
     vertices[..., 1] = edges[..., 1] + v * (edges[..., 3] - edges[..., 1])
     vertices[..., 2] = height_m
     return _from_below(vertices.reshape(-1, 3), np.array([[0, 1, 3], [0, 3, 2]]), len(sheets), np.stack([u, v], axis=1))
+
+
+def ground_contact(footprints: Sequence[Footprint], ground_m: Sequence[float]) -> TexturedMesh:
+    """Darkness on the ground around things, which keep the light of sky and walls from it.
+
+    Its texture is opaque in the middle and clear at the edge. `ground_m` are the heights of the ground below each.
+    """
+    reach = np.array([_DARK_M * min(1.0, 0.5 + 0.5 * thing.height_m) for thing in footprints])[:, None]
+    half, turn = np.array([thing.half_m for thing in footprints]), np.array([thing.yaw_rad for thing in footprints])
+    x, y = (np.concatenate([-side - reach, -side, side, side + reach], axis=1) for side in np.split(half, 2, axis=1))
+    x, y = np.broadcast_arrays(x[:, None, :], y[:, :, None])
+    cosine, sine, centre = np.cos(turn), np.sin(turn), np.array([thing.centre_m for thing in footprints])
+    vertices = np.empty((*x.shape, 3))
+    vertices[..., 0] = centre[:, 0, None, None] + cosine[:, None, None] * x - sine[:, None, None] * y
+    vertices[..., 1] = centre[:, 1, None, None] + sine[:, None, None] * x + cosine[:, None, None] * y
+    vertices[..., 2] = np.asarray(ground_m)[:, None, None] + _ABOVE_GROUND_M
+    steps = np.array([0.0, 0.5, 0.5, 1.0])
+    unit = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    corner = (np.arange(3) + 4 * np.arange(3)[:, None]).reshape(-1, 1, 1)
+    faces = (corner + np.array([[0, 1, 5], [0, 5, 4]])).reshape(-1, 3)
+    count = len(footprints)
+    return TexturedMesh(
+        CONTACT,
+        vertices.reshape(-1, 3),
+        np.tile([0.0, 0.0, 1.0], (16 * count, 1)),
+        np.tile(unit, (count, 1)),
+        (16 * np.arange(count)[:, None, None] + faces).reshape(-1, 3).astype(np.int32),
+    )
 
 
 def _between(shares: FloatArray, low: float, high: float) -> FloatArray:
