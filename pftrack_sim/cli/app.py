@@ -15,7 +15,7 @@ import typer
 
 from pftrack_sim.cli import datasets, reading, running, tables
 from pftrack_sim.cli.examples import epilog
-from pftrack_sim.cli.options import Backend, Isolation, Params, Preset, Settings
+from pftrack_sim.cli.options import AllowTruth, Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.progress import progress_bar
 from pftrack_sim.cli.values import parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
@@ -103,6 +103,7 @@ def render(
     settings: Settings = None,
     backend: Backend = None,
     isolation: Isolation = "auto",
+    allow_truth: AllowTruth = "",
 ) -> None:
     """Render an episode as a video, or a frame as an image."""
     from pftrack_sim import scenario as scenarios
@@ -118,7 +119,7 @@ def render(
     tables.print_warnings([f"after the end of the episode: {', '.join(late)}"] if late else [])
     if params and tracker is None:
         raise ParameterError("--param needs --trackers: it is theirs")
-    specs = parse_trackers(tracker, preset, params or []) if tracker is not None else []
+    specs = parse_trackers(tracker, preset, params or [], allow_truth) if tracker is not None else []
     check_trackers(specs, checked_isolation(isolation), Limits())
     runners = make_runners(specs, seed=seed, isolation=checked_isolation(isolation))
     with ExitStack() as opened:

@@ -248,6 +248,7 @@ def studio(
     settings: Settings = None,
     backend: Backend = None,
     isolation: Isolation = "auto",
+    allow_truth: AllowTruth = "",
 ) -> None:
     """Watch trackers live in the browser.
 
@@ -258,7 +259,7 @@ def studio(
     from pftrack_sim.studio import Studio
     from pftrack_sim.trackers.isolation import Limits
 
-    specs = tuple(parse_trackers(trackers, preset)) if trackers else ()
+    specs = tuple(parse_trackers(trackers, preset, allow_truth=allow_truth)) if trackers else ()
     checked = checked_isolation(isolation)
     check_trackers(specs, checked, Limits())
     given = parse_settings(settings or [])

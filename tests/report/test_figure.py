@@ -1,12 +1,18 @@
 """Figures for papers."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
+from small_report import SMALL
 
+from pftrack_sim import report
+from pftrack_sim.benchmark import make_plan, run
+from pftrack_sim.benchmark.asked.from_names import join_plans
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.report.figure import _write_names
 
 
@@ -25,3 +31,44 @@ def test_no_name_covers_another_however_near_the_points_are(spread: float):
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
     inside = axes.get_window_extent().padded(1.0)
     assert all(inside.contains(*corner) for box in boxes for corner in box.corners())
+
+
+@pytest.mark.parametrize("name", ["success.pdf", "precision.svg", "axis.png", "cost.png"])
+def test_figures_for_papers(finished: Path, tmp_path: Path, name: str):
+    target = report.write_figure(finished, tmp_path / "figures" / name)
+    head = target.read_bytes()[:8]
+    assert head.startswith({"pdf": b"%PDF", "svg": b"<?xml", "png": b"\x89PNG"}[name[-3:]])
+    assert [path.name for path in target.parent.iterdir()] == [name]
+
+
+@pytest.mark.slow
+def test_axes_swept_together_are_drawn_as_maps_and_curves(tmp_path: Path):
+    axes = {"noise": (0, 2), "stream": (0, 3)}
+    small = {**SMALL, "camera.rate_hz": 10.0}
+    store = run(make_plan(["easy/corridor"], ["ncc"], [0], axes=axes, overrides=small), tmp_path / "run", videos="none")
+    drawn = report.write_figure(store.path, tmp_path / "axis.svg").read_text()
+    for words in ("noise [", "stream [", "mean over stream", "mean over noise", "ncc", "stay"):
+        assert words in drawn  # as comments beside the outlines of their letters
+    assert drawn.count("<image") == 3  # a map for each tracker, and the colour bar
+
+
+@pytest.mark.slow
+def test_each_axis_has_a_panel_and_all_share_one_legend(tmp_path: Path):
+    small = {**SMALL, "camera.rate_hz": 10.0}
+    plans = [
+        make_plan(["easy/corridor"], ["ncc"], [0], axes={axis: levels}, overrides=small)
+        for axis, levels in {"noise": (0, 2), "stream": (3,)}.items()
+    ]
+    store = run(join_plans(plans), tmp_path / "run", videos="none")
+    drawn = report.write_figure(store.path, tmp_path / "axis.svg").read_text()
+    assert drawn.count('<g id="axes_') == 2
+    assert drawn.count('<g id="legend_') == 1
+    for words in ("noise [", "stream [", "ncc", "stay"):
+        assert words in drawn
+
+
+def test_unknown_figures_are_errors(finished: Path, tmp_path: Path):
+    with pytest.raises(UnknownNameError, match="did you mean 'success'"):
+        report.write_figure(finished, tmp_path / "succes.pdf")
+    with pytest.raises(ParameterError, match=r"\.pdf, \.svg or \.png"):
+        report.write_figure(finished, tmp_path / "success.gif")
