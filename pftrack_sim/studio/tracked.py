@@ -204,9 +204,11 @@ class TrackedSession(ABC):
         self._runners = made
 
     def _step_runners(self, frame: Frame, truth: Truth, drawn: FloatArray | None) -> None:
-        box = truth.box if drawn is None else drawn
+        box, visible = (truth.box, truth.visible_fraction) if drawn is None else (drawn, 1.0)
+        if np.isnan(visible):  # of a recording only a box is known
+            visible = float(truth.scored)
         for runner in self._runners:
-            runner.step(frame.image, box, truth.visible_fraction if drawn is None else 1.0)
+            runner.step(frame.image, box, visible)
 
     def _latest(self) -> tuple[dict[str, Estimate], dict[str, float]]:
         """Estimates and times [ms] of the present frame, by label."""
