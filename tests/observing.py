@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -40,10 +41,11 @@ def truths(name: str, overrides: Mapping[str, Any], seed: int, from_s: float, un
 
 
 class _Borrowed:
-    """A context for `mujoco.Renderer`, which would choose one by an environment variable."""
+    """A context of its own for `mujoco.Renderer`, which would choose one by an environment variable."""
 
     def __init__(self, width: int, height: int) -> None:
-        self._context = open_context(size=(width, height))
+        with ThreadPoolExecutor(1) as pool:
+            self._context = pool.submit(open_context).result()
 
     def make_current(self) -> None:
         self._context._context.make_current()

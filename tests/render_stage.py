@@ -185,7 +185,7 @@ def digest(backend: str | None, samples: int = 0) -> dict:
     for seed in range(4):
         stage = build(seed, samples=samples)
         if renderer is None:
-            renderer = Rasteriser(stage.model, WIDTH, HEIGHT, open_context(backend, (WIDTH, HEIGHT)))
+            renderer = Rasteriser(stage.model, WIDTH, HEIGHT, open_context(backend))
         else:
             renderer.rebind(stage.model)
         observer = TruthObserver(stage.model, stage.people, K, (WIDTH, HEIGHT))

@@ -104,7 +104,7 @@ def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None
     if backend == "warp":
         return _open_raycaster(model, width_px, height_px)
     try:
-        context = open_context(None if backend == "gl" else backend, (width_px, height_px))
+        context = open_context(None if backend == "gl" else backend)
     except RenderError as error:
         if forked():
             raise  # the ray caster would draw other pixels here than the parent process

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import importlib
 import os
 import subprocess
 import sys
 import threading
+import weakref
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import mujoco
@@ -43,6 +44,7 @@ def assert_memory_stays(once: Callable[[int], None]):
 
 def test_a_context_reports_its_library_and_can_be_closed_twice():
     opened = open_context()
+    assert open_context() is opened
     info = opened.info
     assert info.backend in ("egl", "osmesa", "cgl", "wgl")
     assert info.renderer
@@ -53,10 +55,16 @@ def test_a_context_reports_its_library_and_can_be_closed_twice():
     assert opened.closed
     with pytest.raises(RenderError, match="closed"), opened.current():
         pass
+    assert open_context() is not opened
+
+
+def open_in_a_thread() -> GLContext:
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(open_context).result()
 
 
 def test_a_context_restores_the_one_that_was_current_before():
-    first, second = open_context(), open_context()
+    first, second = open_in_a_thread(), open_in_a_thread()
     current = importlib.import_module("OpenGL.platform").PLATFORM.GetCurrentContext
     before = current()
     with first.current():
@@ -77,10 +85,10 @@ def test_a_context_restores_the_one_that_was_current_before():
 @pytest.fixture
 def opened():
     """A context of EGL."""
-    with contextlib.closing(open_context()) as context:
-        if context.info.backend != "egl":
-            pytest.skip("EGL draws nothing here")
-        yield context
+    context = open_in_a_thread()
+    if context.info.backend != "egl":
+        pytest.skip("EGL draws nothing here")
+    return context
 
 
 def test_a_context_of_another_owner_is_current_again_afterwards(opened: GLContext):
@@ -94,24 +102,30 @@ def test_a_context_of_another_owner_is_current_again_afterwards(opened: GLContex
     theirs.free()
 
 
-def test_a_context_that_another_thread_uses_raises(opened: GLContext):
-    errors: list[str] = []
+def test_a_context_in_use_lets_other_threads_wait_and_is_freed_of_what_they_left(opened: GLContext):
+    done: list[str] = []
 
     def use() -> None:
-        try:
-            with opened.current():
-                pass
-        except RenderError as error:
-            errors.append(str(error))
+        opened.free_soon(lambda: done.append("freed"))
+        with opened.current():
+            done.append("used by another thread")
 
     with opened.current():
         thread = threading.Thread(target=use)
         thread.start()
-        thread.join()
-    assert len(errors) == 1
-    assert "another thread" in errors[0]
-    use()
-    assert len(errors) == 1
+        with opened.current():
+            thread.join(0.05)
+        done.append("used")
+    thread.join()
+    assert done == ["used", "freed", "used by another thread"]
+    opened.free_soon(lambda: done.append("freed at once"))
+    assert done[-1] == "freed at once"
+
+
+def test_the_context_of_a_thread_ends_with_it():
+    kept = weakref.ref(open_in_a_thread())
+    gc.collect()
+    assert kept() is None
 
 
 def test_an_unknown_backend_raises_with_the_known_names():
@@ -124,12 +138,17 @@ def test_a_process_uses_one_opengl_library():
     other = "osmesa" if opened.info.backend == "egl" else "egl"
     with pytest.raises(RenderError, match="once per process"):
         open_context(other)
-    opened.close()
+
+
+def forget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the process have opened nothing."""
+    monkeypatch.setattr(context, "_process", context._Process())
+    monkeypatch.setattr(context, "_thread", threading.local())
 
 
 def test_without_any_library_the_error_lists_what_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(context, "_loads", lambda name: False)
-    monkeypatch.setattr(context, "_process", context._Process())
+    forget(monkeypatch)
     monkeypatch.setattr(sys, "platform", "linux")
     with pytest.raises(RenderError) as caught:
         open_context()
@@ -141,13 +160,13 @@ def test_without_any_library_the_error_lists_what_to_install(monkeypatch: pytest
 def test_osmesa_is_tried_after_egl(monkeypatch: pytest.MonkeyPatch):
     tried: list[str] = []
 
-    def failing(name: str, size: tuple[int, int]) -> None:
+    def failing(name: str) -> None:
         tried.append(name)
         raise RenderError("broken")
 
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setattr(context, "_open", failing)
-    monkeypatch.setattr(context, "_process", context._Process())
+    forget(monkeypatch)
     monkeypatch.setattr(sys, "platform", "linux")
     with pytest.raises(RenderError):
         open_context()
@@ -162,7 +181,7 @@ def test_triton_is_imported_before_mesa_where_pytorch_is(torch: bool, tmp_path: 
     if torch:
         sys.modules["torch"] = sys
     seen: list[bool] = []
-    monkeypatch.setattr(context, "_process", context._Process())
+    forget(monkeypatch)
     monkeypatch.setattr(context, "_backend_module", lambda _: seen.append("triton" in sys.modules))
     with pytest.raises(RenderError):
         open_context("egl")
@@ -181,7 +200,6 @@ def test_drawing_in_a_forked_child_raises_and_names_spawn(monkeypatch: pytest.Mo
         # The ray caster, whose pixels differ, is not used instead.
         open_renderer(build().model, WIDTH, HEIGHT)
     monkeypatch.undo()
-    opened.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="forks")
@@ -251,47 +269,42 @@ def test_a_rasteriser_draws_in_any_thread():
     assert all(np.array_equal(images[0], image) for image in images)
 
 
-def test_concurrent_rasterisers_are_independent():
-    stage = build()
-    with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
-        image = renderer.color(stage.data, POSE, K)
-    wrong: list[int] = []
+@pytest.mark.parametrize("apart", [True, False], ids=["own context", "shared context"])
+def test_concurrent_rasterisers_are_independent(apart: bool):
+    stages = [build(seed) for seed in range(3)]
+    images = []
+    for stage in stages:
+        with Rasteriser(stage.model, WIDTH, HEIGHT) as renderer:
+            images.append(renderer.color(stage.data, POSE, K))
+    shared = [None if apart else Rasteriser(stage.model, WIDTH, HEIGHT) for stage in stages]
 
-    def work() -> None:
-        stage = build()
-        with Rasteriser(stage.model, WIDTH, HEIGHT) as own:
-            for index in range(10):
-                if not np.array_equal(own.color(stage.data, POSE, K), image):
-                    wrong.append(index)
+    def wrong(seed: int) -> int:
+        with shared[seed] or Rasteriser(stages[seed].model, WIDTH, HEIGHT) as own:
+            return sum(not np.array_equal(own.color(stages[seed].data, POSE, K), images[seed]) for _ in range(10))
 
-    threads = [threading.Thread(target=work) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not wrong
+    with ThreadPoolExecutor(3) as pool:
+        assert list(pool.map(wrong, range(3))) == [0, 0, 0]
 
 
 def test_a_garbage_collected_rasteriser_is_freed():
     renderer = Rasteriser(build().model, WIDTH, HEIGHT)
-    opened = renderer._context
+    resources = renderer._resources
+    assert resources
     del renderer
     gc.collect()
-    assert opened.closed
+    assert not resources
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.slow
 def test_opening_and_closing_does_not_leak_memory():
-    stage, bare = build(), mujoco.MjModel.from_xml_string("<mujoco/>")
+    stage = build()
 
     def once(index: int) -> None:
-        # Software OpenGL compiles its shaders anew in every context, which takes longer than all the rest: draw, and
-        # have textures, in some only.
-        full = index % 30 == 0
-        with Rasteriser(stage.model if full else bare, 64, 48) as renderer:
-            if full:
-                renderer.color(stage.data, POSE, 0.9)
+        if index % 30 == 0:
+            open_context().close()
+        with Rasteriser(stage.model, 64, 48) as renderer:
+            renderer.color(stage.data, POSE, 0.9)
 
     assert_memory_stays(once)
 
@@ -329,7 +342,7 @@ def test_errors_of_mujoco_become_render_errors(monkeypatch: pytest.MonkeyPatch):
     def broken(*_: object) -> None:
         raise mujoco.FatalError("gladLoadGL error")
 
-    monkeypatch.setattr(context, "_process", context._Process())
+    forget(monkeypatch)
     monkeypatch.setattr(mujoco, "MjrContext", broken)
     with pytest.raises(RenderError, match="gladLoadGL"):
         open_context(context.candidates()[0])

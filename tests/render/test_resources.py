@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from render_stage import WIDTH, K, build, looking, new_spec
 
-from pftrack_sim.render.gl.context import GLContext, open_context
+from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.render.gl.resources import Resources
 from pftrack_sim.scene.layout import SKY
@@ -50,11 +50,6 @@ MODELS = {
 }
 
 
-@pytest.fixture(scope="module")
-def context() -> GLContext:
-    return open_context(size=(WIDTH, HEIGHT))
-
-
 def picture(renderer: Rasteriser, model: mujoco.MjModel) -> np.ndarray:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -84,7 +79,7 @@ def test_a_sky_that_was_darkened_is_not_taken_over():
         np.testing.assert_array_equal(picture(renderer, cloth(1)), expected)
 
 
-def test_only_what_differs_is_uploaded(context: GLContext, monkeypatch: pytest.MonkeyPatch):
+def test_only_what_differs_is_uploaded(monkeypatch: pytest.MonkeyPatch):
     uploaded: list[str] = []
 
     def upload_texture(_model: mujoco.MjModel, _context: mujoco.MjrContext, texture: int) -> None:
@@ -96,7 +91,7 @@ def test_only_what_differs_is_uploaded(context: GLContext, monkeypatch: pytest.M
     monkeypatch.setattr(mujoco, "mjr_uploadTexture", upload_texture)
     monkeypatch.setattr(mujoco, "mjr_uploadMesh", upload_mesh)
     model = cloth(1)
-    with context.current():
+    with open_context().current():
         resources = Resources(model, (WIDTH, HEIGHT))
         assert resources.replace(cloth(1))
         assert uploaded == []

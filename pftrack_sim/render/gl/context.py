@@ -2,7 +2,7 @@
 
 The contexts are MuJoCo's own (`mujoco.egl`, `mujoco.osmesa`, `mujoco.cgl`, `mujoco.glfw`). This module adds what they
 lack: it tries one library after the other, names a shared library that is missing, leaves environment variables as
-they were, and detects a fork.
+they were, detects a fork, and shares one context among all that draw in a thread.
 
 MuJoCo loads OpenGL's functions once per process, so that a process uses a single OpenGL library.
 """
@@ -44,6 +44,7 @@ _FORKED = (
     "multiprocessing's 'spawn' or 'forkserver' (AsyncVectorEnv: context='forkserver')"
 )
 _GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
+_SIZE = (16, 16)  # Default framebuffer, which some libraries need, and in which nothing is drawn [px]
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class OpenGLInfo:
 
 
 class GLContext:
-    """One OpenGL context, made by `open_context`. Any thread may use it, one at a time.
+    """One OpenGL context, made by `open_context`. Any thread may use it; others wait for it meanwhile.
 
     Attributes:
         info: The OpenGL library.
@@ -67,6 +68,8 @@ class GLContext:
         self.info = info
         self._context: Any = context
         self._pid = os.getpid()
+        self._lock = threading.RLock()
+        self._left: list[Callable[[], None]] = []
 
     @property
     def closed(self) -> bool:
@@ -83,7 +86,7 @@ class GLContext:
         """Make it current in this thread, and restore the thread's previous context at the end; blocks may be nested.
 
         Raises:
-            RenderError: It is closed, inherited through a fork, or current in another thread.
+            RenderError: It is closed or inherited through a fork.
         """
         if self.closed:
             raise RenderError("this renderer has been closed")
@@ -93,17 +96,31 @@ class GLContext:
         if outer is self:
             yield
             return
-        with ExitStack() as stack:
+        with self._lock, ExitStack() as stack:
             try:
                 stack.enter_context(self._context.as_current())
             except Exception as error:  # PyOpenGL and the four backends each raise types of their own
-                words = "the OpenGL context is not available; does another thread use it?"
-                raise RenderError(f"{words} {error}") from error
+                raise RenderError(f"the OpenGL context is not available: {error}") from error
             _thread.context = self
             try:
+                while self._left:
+                    self._left.pop()()
                 yield
             finally:
                 _thread.context = outer
+
+    def free_soon(self, free: Callable[[], None]) -> None:
+        """Call what frees memory of this context: now, or before it next draws where it is in use.
+
+        It never waits for another thread, as a garbage collection may call it at any place.
+        """
+        self._left.append(free)
+        if self.usable and self._lock.acquire(blocking=False):
+            try:
+                with self.current():
+                    pass
+            finally:
+                self._lock.release()
 
     def close(self) -> None:
         """Free it; a second call does nothing."""
@@ -112,13 +129,15 @@ class GLContext:
         self._context = None
 
 
-def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480)) -> GLContext:
-    """Open an off-screen OpenGL context for MuJoCo.
+def open_context(backend: str | None = None) -> GLContext:
+    """The off-screen OpenGL context of this thread for MuJoCo, which is opened when it is first asked for.
+
+    It stays open as long as the thread lives or something draws with it: a new one compiles its shaders anew, which
+    takes software OpenGL longer than a reset.
 
     Args:
         backend: One of `BACKENDS`; None takes the library this process already uses, else the first of `candidates`
             that works.
-        size: Width and height of the default framebuffer [px], for backends that need one.
 
     Raises:
         UnknownNameError: No such backend.
@@ -132,12 +151,17 @@ def open_context(backend: str | None = None, size: tuple[int, int] = (640, 480))
             f"this process already draws with {_process.backend}, and MuJoCo loads OpenGL once per process: "
             f"use {backend} in a new one"
         )
+    kept: GLContext | None = getattr(_thread, "kept", None)
+    if kept is not None and kept.usable:
+        return kept
     failures: dict[str, RenderError] = {}
     for name in wanted if _process.backend is None else (_process.backend,):
         try:
-            return _open(name, size)
+            _thread.kept = opened = _open(name)
         except RenderError as error:
             failures[name] = error
+        else:
+            return opened
     tried = "\n".join(f"  {name}: {error}" for name, error in failures.items())
     raise RenderError(f"no OpenGL library can draw. Tried:\n{tried}\nInstall one of:\n{INSTALL_HINTS}")
 
@@ -162,7 +186,7 @@ def forked() -> bool:
 
 def probe(backend: str) -> OpenGLInfo:
     """Open and close a context of one of the `candidates`; `RenderError` is the reason why it cannot draw."""
-    context = _open(backend, (16, 16))
+    context = _open(backend)
     context.close()
     return context.info
 
@@ -177,11 +201,11 @@ class _Process:
 
 _process = _Process()
 _thread = threading.local()
-"""Its `context` is the one that a block of `GLContext.current` has made current in this thread."""
+"""Its `context` is the one that a block of `GLContext.current` has made current in this thread; `kept` stays open."""
 _opening = threading.Lock()
 
 
-def _open(backend: str, size: tuple[int, int]) -> GLContext:
+def _open(backend: str) -> GLContext:
     for files in _SHARED_LIBRARIES.get(backend, ()):
         # PyOpenGL would report a missing library only as an attribute that None lacks.
         if not any(_loads(file) for file in files):
@@ -193,7 +217,7 @@ def _open(backend: str, size: tuple[int, int]) -> GLContext:
     # The lock keeps threads from restoring each other's values.
     with _opening, _environment({"PYOPENGL_PLATFORM": backend, "MUJOCO_GL": backend} if backend in BACKENDS else {}):
         try:
-            context = _backend_module(backend).GLContext(*size)
+            context = _backend_module(backend).GLContext(*_SIZE)
             with context.as_current():
                 if _process.backend is None:
                     # The first context of a process binds MuJoCo to OpenGL: make sure that it works.

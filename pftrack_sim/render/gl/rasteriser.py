@@ -1,7 +1,7 @@
 """MuJoCo's classic OpenGL renderer with any camera pose and matrix.
 
 Unlike `mujoco.Renderer`, it takes the camera as an argument instead of from the model, needs no environment variable,
-leaves out what is not in view, and keeps its OpenGL context, textures and meshes when the model changes.
+leaves out what is not in view, and keeps its textures and meshes when the model changes.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Rasteriser(Renderer):
             off-screen size is ignored.
         width_px: Image width.
         height_px: Image height.
-        context: The OpenGL context, closed with the renderer; None opens one with `open_context`.
+        context: The OpenGL context; None takes that of the thread.
 
     Raises:
         ParameterError: An empty image.
@@ -65,13 +65,14 @@ class Rasteriser(Renderer):
         context: GLContext | None = None,
     ) -> None:
         super().__init__(width_px, height_px)
-        self._context = context or open_context(size=(self.width_px, self.height_px))
+        self._context = context or open_context()
         self.info = self._context.info
         self.description = f"{self.info.backend}: {self.info.renderer}, {self.info.vendor}, OpenGL {self.info.version}"
         self._scene: _Scene | None = None
         self._resources: list[Resources] = []
         """One of the last model bound; none before."""
         self._finalizer = weakref.finalize(self, _free, self._context, self._resources)
+        self._finalizer.atexit = False
         self._pixels = np.empty((self.height_px, self.width_px, 4), dtype=np.uint8)
         self.rebind(model)
 
@@ -94,8 +95,8 @@ class Rasteriser(Renderer):
     ) -> Image:
         """See `Renderer`. Edges of an image of rows may differ from the whole image by the rounding of subpixels."""
         if self._scene is None:
-            closed = self._context.closed
-            raise RenderError("this renderer has been closed" if closed else "this renderer has no model: rebind it")
+            problem = "has no model: rebind it" if self._finalizer.alive else "has been closed"
+            raise RenderError(f"this renderer {problem}")
         matrix, height = camera_matrix(K, self.width_px, self.height_px), self.height_px
         if rows is not None:
             matrix[1, 2] -= rows.start
@@ -105,6 +106,8 @@ class Rasteriser(Renderer):
         with self._context.current():
             resources = self._resources[0]
             self._scene.update_sky(resources)
+            # Another renderer's may be bound in the context.
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources.context)
             mujoco.mjr_render(area, scene, resources.context)
             mujoco.mjr_readPixels(pixels, None, area, resources.context)
         # OpenGL counts rows from the bottom.
@@ -118,12 +121,9 @@ class Rasteriser(Renderer):
 
 
 def _free(context: GLContext, resources: list[Resources]) -> None:
-    """Free on `close`, garbage collection or the interpreter's exit."""
-    if context.usable:
-        with context.current():
-            while resources:
-                resources.pop().free()
-    context.close()
+    """Free on `close` or garbage collection."""
+    while resources:
+        context.free_soon(resources.pop().free)
 
 
 class _Scene:
