@@ -118,27 +118,70 @@ def shops(rng: np.random.Generator) -> Canvas:
 
 
 def display(rng: np.random.Generator, height: int, width: int) -> Canvas:
-    """A shop window: dark inside, goods on shelves, a reflection of the sky."""
-    glass = shaded(flat(height, width, (88, 92, 92)), 1.3, 0.75)
-    shelves = int(rng.integers(2, 4))
-    for shelf in range(shelves):
-        base = int(height * (shelf + 1.15) / (shelves + 0.3))
-        cv2.line(glass, (0, base), (width, base), (130, 110, 84), 3)
-        x = 4
-        while x < width - 12:
-            w, h = int(rng.integers(7, 22)), int(rng.integers(12, max(14, height // shelves - 14)))
-            colour = tuple(float(v) for v in rng.uniform(50, 235, 3))
-            if rng.random() < 0.35:
-                cv2.ellipse(glass, (x + w // 2, base - h // 3), (w // 2 + 2, h // 3), 0, 0, 360, colour, -1)
-            else:
-                cv2.rectangle(glass, (x, base - h), (x + w, base - 2), colour, -1)
-                cv2.rectangle(glass, (x, base - h), (x + w, base - h + 3), tuple(0.6 * c for c in colour), -1)
-            x += w + int(rng.integers(2, 9))
+    """A shop window: a dim room with mannequins, shelves or tables of goods, and what the glass reflects."""
+    room = shaded(flat(height, width, (104, 94, 80)), 0.45, 1.0)
+    floor = int(0.84 * height)
+    room[floor:] = shaded(flat(height - floor, width, (126, 110, 90)), 0.8, 1.2)
+    for x in np.linspace(0.2, 0.8, 3):
+        cv2.circle(room, (int(x * width), 5), 4, (255, 238, 206), -1, cv2.LINE_AA)
+    hue = float(rng.uniform(0, 180))
+    kind = rng.integers(3)
+    if kind == 0:
+        for x in np.linspace(0.22, 0.78, int(rng.integers(2, 4))):
+            _mannequin(room, rng, int(x * width), floor + int(0.05 * height), 0.62 * height, hue)
+    elif kind == 1:
+        for base in (0.34, 0.56, 0.8):
+            _goods(room, rng, int(base * height), int(0.15 * height), hue)
+    else:
+        table = int(0.68 * height)
+        cv2.rectangle(room, (int(0.1 * width), table), (int(0.9 * width), floor), (84, 64, 46), -1)
+        _goods(room, rng, table, int(0.16 * height), hue)
+        corner, opposite = (int(0.3 * width), int(0.14 * height)), (int(0.7 * width), int(0.4 * height))
+        cv2.rectangle(room, corner, opposite, hue_of(hue, 90, 150), -1)
+        cv2.rectangle(room, corner, opposite, (60, 50, 42), 2)
+    room = cv2.GaussianBlur(room, (0, 0), 0.6).astype(np.float32)
+    # The glass reflects houses across the street, the sky above their roofs, and a strip of light.
+    roof = np.repeat(rng.integers(int(0.15 * height), int(0.45 * height), 5), -(-width // 5))[:width]
+    sky = np.arange(height)[:, None] < roof
     streak = np.zeros((height, width), np.float32)
-    cv2.fillPoly(
-        streak, [np.array([[width // 4, 0], [width // 2, 0], [width // 8, height], [-width // 8, height]])], 1.0
-    )
-    return glass + 26.0 * streak[..., None]
+    corners = [[width // 3, 0], [width // 2, 0], [width // 6, height], [-width // 10, height]]
+    cv2.fillPoly(streak, [np.array(corners)], 1.0, cv2.LINE_AA)
+    mirrored = np.where(sky[..., None], np.array((150, 172, 196), np.float32), np.array((84, 78, 74), np.float32))
+    return np.asarray(0.72 * room + (0.22 + 0.1 * streak[..., None]) * mirrored, dtype=np.float32)
+
+
+def _mannequin(image: Canvas, rng: np.random.Generator, x: int, foot: int, tall: float, hue: float) -> None:
+    skin = (206, 196, 182)
+    coat, skirt = hue_of(hue + float(rng.uniform(-20, 20)), 110, float(rng.uniform(90, 200))), hue_of(hue + 90, 60, 90)
+    shoulder, waist = 0.13 * tall, 0.08 * tall
+
+    def at(across: float, up: float) -> tuple[int, int]:
+        return (round(x + across), round(foot - up * tall))
+
+    for side in (-1, 1):
+        cv2.line(image, at(0.04 * side * tall, 0.0), at(0.04 * side * tall, 0.45), skin, max(2, round(0.05 * tall)))
+        cv2.line(image, at(side * shoulder, 0.8), at(1.2 * side * shoulder, 0.45), coat, max(2, round(0.05 * tall)))
+    legs = [at(-waist, 0.52), at(waist, 0.52), at(1.5 * waist, 0.26), at(-1.5 * waist, 0.26)]
+    cv2.fillPoly(image, [np.array(legs)], skirt, cv2.LINE_AA)
+    trunk = [at(-shoulder, 0.82), at(shoulder, 0.82), at(waist, 0.48), at(-waist, 0.48)]
+    cv2.fillPoly(image, [np.array(trunk)], coat, cv2.LINE_AA)
+    cv2.line(image, at(0.0, 0.8), at(0.0, 0.9), skin, max(2, round(0.05 * tall)))
+    cv2.ellipse(image, at(0.0, 0.93), (max(2, round(0.055 * tall)), max(3, round(0.075 * tall))), 0, 0, 360, skin, -1)
+
+
+def _goods(image: Canvas, rng: np.random.Generator, base: int, tallest: int, hue: float) -> None:
+    """A shelf with goods of related colours."""
+    width, x = image.shape[1], 5
+    cv2.line(image, (0, base), (width, base), (70, 56, 44), 3)
+    while x < width - 12:
+        w, h = int(rng.integers(6, 15)), int(rng.integers(tallest // 2, tallest + 1))
+        colour = hue_of(hue + float(rng.normal(0, 14)), float(rng.uniform(30, 130)), float(rng.uniform(90, 215)))
+        if rng.random() < 0.3:
+            cv2.ellipse(image, (x + w // 2, base - 2), (w // 2 + 1, h // 2), 0, 180, 360, colour, -1, cv2.LINE_AA)
+        else:
+            cv2.rectangle(image, (x, base - h), (x + w, base - 2), colour, -1)
+            cv2.line(image, (x + w, base - h), (x + w, base - 2), tuple(0.6 * c for c in colour), 2)
+        x += w + int(rng.integers(1, 6))
 
 
 def poster(rng: np.random.Generator, index: int) -> Canvas:

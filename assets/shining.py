@@ -27,7 +27,8 @@ def _lit_window(rng: np.random.Generator, index: int) -> Canvas:
 
 
 def _lit_display(rng: np.random.Generator) -> Canvas:
-    image = 0.55 * display(rng, N, N) + shaded(flat(N, N, (236, 196, 130)), 0.62, 0.36)
+    warm = np.array((1.35, 1.12, 0.8), np.float32)
+    image = np.clip(warm * display(rng, N, N) + shaded(flat(N, N, (60, 46, 24)), 1.0, 0.6), 0.0, 255.0)
     cv2.rectangle(image, (0, 0), (N - 1, N - 1), (40, 34, 30), 5)
     return image
 

@@ -8,7 +8,7 @@ import pytest
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import texture
-from pftrack_sim.scene.places.meshes import TexturedMesh, box, cylinder, loft, quad, rough_ellipsoid
+from pftrack_sim.scene.places.meshes import TexturedMesh, box, cylinder, loft, quad, rough_ellipsoid, tufts
 
 CATALOGUE = (assets_dir() / "props.toml").read_text(encoding="utf-8")
 NAMES = re.findall(r"(?m)^([\w-]+) = \[$", CATALOGUE)
@@ -62,3 +62,17 @@ def test_tiling_textures_keep_their_size_and_regions_stretch() -> None:
     column, row = 4, 0  # "steel" in an atlas of 8 x 8 cells
     inside = quad(texture("steel"), *edges).uv * 8.0 - [column, 7 - row]
     np.testing.assert_allclose([inside.min(axis=0), inside.max(axis=0)], [[0.03] * 2, [0.97] * 2], rtol=0, atol=1e-12)
+
+
+def test_tufts_of_leaves_cover_an_ellipsoid_and_face_outwards():
+    centre, radii = np.array([1.0, 2.0, 5.0]), np.array([2.0, 2.0, 1.5])
+    mesh = tufts(texture("leaves-dark"), centre, radii, np.random.default_rng(0), 200, 0.5)
+    corners = mesh.vertices[mesh.faces]
+    outwards = corners.mean(axis=1) - centre
+    assert abs(np.linalg.norm(outwards / radii, axis=1) - 0.95).max() < 0.35
+    assert abs(outwards.mean(axis=0) / radii).max() < 0.15
+    assert (abs(corners - corners.mean(axis=1, keepdims=True)) < 0.5).all()
+    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.mean(np.einsum("ij,ij->i", faces, outwards) > 0.0) > 0.9
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0)
+    assert (mesh.normals * np.repeat(outwards, 3, axis=0)).sum(axis=1).mean() > 1.0

@@ -190,6 +190,37 @@ def rough_ellipsoid(
     )
 
 
+def tufts(
+    texture: Texture, centre: ArrayLike, radii: ArrayLike, rng: np.random.Generator, count: int, size_m: float
+) -> TexturedMesh:
+    """Triangles of leaves, tilted at random, all over an ellipsoid: they make the outline of a crown ragged.
+
+    Each is `size_m` long and shows a part of the texture. They are lit as the ellipsoid is.
+    """
+    axes = np.asarray(radii, dtype=np.float64)
+    outward = rng.standard_normal((count, 3))
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    normals = outward / axes
+    facing = normals / np.linalg.norm(normals, axis=1, keepdims=True) + 0.5 * rng.standard_normal((count, 3))
+    facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+    right = np.cross(facing, rng.standard_normal((count, 3)))
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    angle = np.array([0.5, 0.5 + 2.0 / 3.0, 0.5 + 4.0 / 3.0]) * np.pi
+    reach = 0.6 * size_m * rng.uniform(0.6, 1.2, (count, 3, 1))
+    flat = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    corners = flat[:, :1] * right[:, None] + flat[:, 1:] * np.cross(facing, right)[:, None]
+    middles = np.asarray(centre, dtype=np.float64) + rng.uniform(0.85, 0.99, (count, 1)) * outward * axes
+    unit = rng.uniform(0.3, 0.7, (count, 1, 2)) + 0.28 * flat
+    soft = normals + 0.3 * np.linalg.norm(normals, axis=1, keepdims=True) * rng.standard_normal((count, 3))
+    return TexturedMesh(
+        texture.material,
+        (middles[:, None] + reach * corners).reshape(-1, 3),
+        np.repeat(soft / np.linalg.norm(soft, axis=1, keepdims=True), 3, axis=0),
+        texture.coordinates(unit.reshape(-1, 2), (1.0, 1.0)),
+        np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+    )
+
+
 @cache
 def _sphere(segments: int) -> FloatArray:
     """`(rings + 1, segments + 1, 3)` unit vectors, from bottom to top; read-only."""

@@ -12,7 +12,7 @@ from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.places.buildings import house, station_front
 from pftrack_sim.scene.places.catalogue import built_once, load_prop
-from pftrack_sim.scene.places.materials import CARTONS, texture
+from pftrack_sim.scene.places.materials import CARTONS, Texture, texture
 from pftrack_sim.scene.places.meshes import (
     ALL_FACES,
     SIDES,
@@ -24,13 +24,16 @@ from pftrack_sim.scene.places.meshes import (
     rotated,
     rough_ellipsoid,
     translated,
+    tufts,
 )
+
+_TUFTS = 48  # On the largest ellipsoid of a crown
 
 
 def tree(
     rng: np.random.Generator, height: float, leaves: str = "leaves-dark", lobes: int = 3, pit: bool = True
 ) -> Prop:
-    """A tree whose crown is a large ellipsoid with `lobes` smaller ones around it.
+    """A tree whose crown is a large ellipsoid of leaves with `lobes` smaller ones around it.
 
     By default it is a street tree in a `pit` with a stone rim.
     """
@@ -49,11 +52,21 @@ def tree(
         *(planted if pit else ()),
         cylinder(bark, (0, 0, 0), 0.024 * height + 0.03, 0.62 * height, 8, 0.012 * height),
         cylinder(bark, (0, 0, 0.36 * height), 0.05, 0.2, 6),
-        *(
-            rough_ellipsoid(texture(leaves), (x, y, z), (size * spread, size * spread, 0.85 * size * spread), rng, 0.13)
-            for x, y, z, size in crown
-        ),
+        *_crown(texture(leaves), spread, crown, rng),
     )
+
+
+def _crown(
+    leaves: Texture, spread: float, crown: Sequence[tuple[float, float, float, float]], rng: np.random.Generator
+) -> Prop:
+    """Ellipsoids of leaves by middles x, y, z [m] and sizes in shares of `spread`."""
+    meshes: list[TexturedMesh] = []
+    (own,) = rng.spawn(1)  # What else stands in the place does not depend on the number of leaves
+    for x, y, z, size in crown:
+        radii = size * spread * np.array([1.0, 1.0, 0.85])
+        meshes.append(rough_ellipsoid(leaves, (x, y, z), 0.9 * radii, rng, 0.08))
+        meshes.append(tufts(leaves, (x, y, z), radii, own, round(_TUFTS * size**2), 0.36 * spread))
+    return tuple(meshes)
 
 
 def planter(rng: np.random.Generator, plants: str) -> Prop:
