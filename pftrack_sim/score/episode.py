@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ class Summary:
         precision: Share of frames with a centre error of at most `PRECISION_PX`.
         centre_error_median_px: Median centre error; infinite when the tracker missed most frames.
         ms_median: Median time of the frames in which the tracker answered, without that of the initialisation.
+        ms_reported: The same as a tracker in a process of its own says; NaN for others.
     """
 
     frames: int
@@ -55,6 +56,7 @@ class Summary:
     precision: float
     centre_error_median_px: float
     ms_median: float
+    ms_reported: float = field(default=math.nan, kw_only=True)
 
     @property
     def skill(self) -> float:

@@ -6,6 +6,7 @@ import ctypes
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -106,6 +107,20 @@ def prints(**_: Any) -> FaultyTracker:
         return Estimate([1, 2, 30, 40])
 
     return FaultyTracker(fault)
+
+
+class StopsItsClock(FaultyTracker):
+    def __init__(self) -> None:
+        super().__init__(lambda image: Estimate(self._box))
+        time.perf_counter = lambda: 0.0
+
+    def update(self, image: np.ndarray) -> Any:
+        time.sleep(0.03)
+        return super().update(image)
+
+
+def stops_its_clock(**_: Any) -> FaultyTracker:
+    return StopsItsClock()
 
 
 def fails_for_seed_4(*, seed: int, **_: Any) -> FaultyTracker:

@@ -7,6 +7,7 @@ import pytest
 
 from pftrack_sim.benchmark import RunStore, run
 from pftrack_sim.core.errors import TrackerError
+from pftrack_sim.report.tables import summaries
 from pftrack_sim.trackers.isolation import Limits
 from tests.benchmark.small import small_plan
 
@@ -106,3 +107,13 @@ def test_a_tracker_that_cannot_be_made_is_reported_before_anything_is_written(tm
     with pytest.raises(TrackerError, match=words):
         run(small_plan(range(1), [name]), tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_tracker_is_timed_from_outside_and_what_it_says_stands_beside(tmp_path: Path):
+    plan = small_plan(range(1), [MODULE + "stops_its_clock"])
+    done = run(plan, tmp_path / "run", videos="none", workers=0)
+    (measures,) = [one.measures for one in done.results]
+    assert measures.ms_reported == 0.0
+    assert measures.ms_median > 30.0
+    (row,) = summaries("frames", {("", "mine"): [measures]}, "seed", wide=False).rows
+    assert row[-1] == f"{measures.ms_median:.2f} (said 0.00)"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -98,6 +98,7 @@ def evaluate(
                 for runner in runners:
                     frames = score.frame_scores(runner.boxes, sequence.truth)
                     summary = score.summarise(frames, scored, np.array(runner.ms))
+                    summary = replace(summary, ms_reported=runner.ms_reported)
                     said = error_text(runner) if runner.error else ""
                     results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, said))
     return results

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,7 @@ def write_results(
                 "frames_key": episode.frames_key,
             }
             measures = score.measure(frames, scored, visible, np.array(runner.ms), times)
+            measures = replace(measures, ms_reported=runner.ms_reported)
             row = {
                 **identity,
                 **measures.as_dict(),

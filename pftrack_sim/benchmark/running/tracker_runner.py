@@ -46,7 +46,8 @@ class TrackerRunner:
         tracker: The tracker itself.
         estimates: One for each frame; None without a valid one.
         tracks: For each frame everybody whom a multi-object tracker follows; None elsewhere.
-        ms: Time taken for each frame; NaN where the tracker was not called or raised an error.
+        ms: Time taken for each frame by this process's clock; NaN where the tracker was not called or raised an error.
+        reported_ms: Time of each update as the tracker's own process says, if it has one.
         statuses: One for each frame.
         error: The first error with its frame; None without one. Every frame from there on is a miss.
         traceback: Traceback of the error; empty without one.
@@ -61,6 +62,7 @@ class TrackerRunner:
     estimates: list[Estimate | None] = field(default_factory=list[Estimate | None])
     tracks: list[TrackedBoxes | None] = field(default_factory=list["TrackedBoxes | None"])
     ms: list[float] = field(default_factory=list[float])
+    reported_ms: list[float] = field(default_factory=list[float])
     statuses: list[TrackerStatus] = field(default_factory=list[TrackerStatus])
     error: str | None = None
     traceback: str = ""
@@ -155,12 +157,19 @@ class TrackerRunner:
         self.tracks.append(getattr(self.tracker, "tracks", None) if status in ("init", "ok") else None)
         self.statuses.append(status)
         self.ms.append(ms)
+        if isinstance(self.tracker, IsolatedTracker) and status == "ok":
+            self.reported_ms.append(self.tracker.reported_ms)
 
     @property
     def boxes(self) -> FloatArray:
         """`(N, 4)` boxes [px], NaN where there is no estimate."""
         rows = [boxes.NO_BOX if estimate is None else estimate.box for estimate in self.estimates]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+    @property
+    def ms_reported(self) -> float:
+        """Median of `reported_ms`; NaN without any."""
+        return float(np.median(self.reported_ms)) if self.reported_ms else math.nan
 
     @property
     def last_estimate(self) -> Estimate | None:
