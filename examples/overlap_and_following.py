@@ -71,13 +71,13 @@ def read(opened: Path, closed: Path, measure: str) -> Pairs:
 
 
 def interval(shares: NDArray[np.float64]) -> tuple[float, float]:
-    """Of a mean over episodes: Wilson's where they are won or lost, else from the bootstrap."""
-    if np.isin(shares, (0.0, 1.0)).all():
-        return score.proportion_interval(shares)
-    return score.bootstrap_interval(shares, np.random.default_rng(0))
+    """Of a mean over episodes, which may be won or lost."""
+    won_or_lost = np.isin(shares, (0.0, 1.0)).all()
+    found = score.proportion_over_seeds(shares) if won_or_lost else score.mean_over_seeds(shares)
+    return found.low, found.high
 
 
-def draw(pairs: Pairs, found: score.RankAgreement, measure: str, path: Path) -> None:
+def draw(pairs: Pairs, said: str, measure: str, path: Path) -> None:
     """The scatter plot: a colour for each tracker, a marker for each condition."""
     figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
     trackers = sorted({tracker for tracker, _ in pairs.points})
@@ -95,7 +95,7 @@ def draw(pairs: Pairs, found: score.RankAgreement, measure: str, path: Path) -> 
         axes.plot([], [], markers[condition], color="0.4", label=condition)
     axes.set(xlabel="mean overlap, robot on its script", ylabel=f"{measure}, robot driven", xlim=(-0.02, 1.03))
     axes.set_ylim(-0.03, 1.03)
-    axes.set_title(f"Spearman {found.rho:.2f} ({found.low:.2f} to {found.high:.2f}), {len(pairs.points)} points")
+    axes.set_title(said, fontsize=9)
     axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
     figure.savefig(path, dpi=120)
     plt.close(figure)
@@ -111,11 +111,12 @@ def main() -> None:
     given = parser.parse_args()
     pairs = read(given.opened, given.closed, given.measure)
     found = score.rank_agreement(pairs.overlap, pairs.following, np.random.default_rng(0))
+    interval = "" if np.isnan(found.low) else f" ({found.low:.3f} to {found.high:.3f})"
+    said = f"Spearman {found.rho:.3f}{interval}: {len(pairs.points)} points, {pairs.overlap.shape[1]} episodes each"
     for (tracker, condition), overlap, following in zip(pairs.points, pairs.overlap, pairs.following, strict=True):
         print(f"{tracker:24} {condition:32} {np.nanmean(overlap):.3f}  {np.nanmean(following):.3f}")
-    print(f"Spearman {found.rho:.3f} ({found.low:.3f} to {found.high:.3f}): {len(pairs.points)} points,", end=" ")
-    print(f"{pairs.overlap.shape[1]} episodes each")
-    draw(pairs, found, given.measure, given.out)
+    print(said)
+    draw(pairs, said, given.measure, given.out)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ def test_code_and_commands_run_in_order(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     said = run_page(DOCUMENT, tmp_path)
     assert "SCALES = (0.98" in (tmp_path / "my_tracker.py").read_text()
-    printed = re.search(r"my_tracker:make in v2 is better than .* by 0\.\d{3} \(.*\), 6 seeds", said)
+    printed = re.search(r"my_tracker:make in v2 is better than .* by 0\.\d{3} \(.*\), 10 seeds", said)
     assert printed is not None, said
     assert (tmp_path / "runs/v2/comparison.html").is_file()
     assert (tmp_path / "look.mp4").is_file()

@@ -124,7 +124,8 @@ def score(
 
 def _print_scored(found: Scored) -> None:
     """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
-    from pftrack_sim.report.tables import Table, benchmark_table, interval_of, number_text
+    from pftrack_sim.report.tables import Table, benchmark_table, number_text, range_text
+    from pftrack_sim.score import INTERVALS, VERDICTS, mean_over_seeds
 
     overlaps: dict[str, dict[str, list[float]]] = {}
     groups: dict[tuple[str, str], list[Summary]] = {}
@@ -135,7 +136,7 @@ def _print_scored(found: Scored) -> None:
     trackers = [tracker for _, tracker in groups]
     if len(overlaps) <= _MOST_SEQUENCES:
         rows = [
-            [name, *(number_text(interval_of(by_tracker.get(one, []))[0]) for one in trackers)]
+            [name, *(number_text(mean_over_seeds(by_tracker.get(one, [])).mean) for one in trackers)]
             for name, by_tracker in overlaps.items()
         ]
         tables.print_table(Table("Mean overlap per sequence", ("sequence",), trackers, rows))
@@ -143,16 +144,16 @@ def _print_scored(found: Scored) -> None:
     if (own := benchmark_table(found)) is not None:
         tables.print_table(own)
     if found.comparisons:
-        title = "Differences of mean overlap over sequences (95% interval, p of the sign-flip test after Holm)"
         rows = [
             [
-                *(pair.first, pair.second, str(pair.seeds)),
-                tables.difference_text(pair.difference, pair.low, pair.high),
-                number_text(pair.p_corrected),
+                *(pair.first, pair.second, str(pair.difference.seeds)),
+                *(range_text(pair.difference, sign="+"), number_text(pair.difference.p)),
             ]
             for pair in found.comparisons
         ]
+        title = "Differences of mean overlap over sequences"
         tables.print_table(Table(title, ("first", "second"), ("sequences", "first - second", "p"), rows))
+        tables.print_lines([f"Below each difference: {INTERVALS}.", f"{VERDICTS}."])
 
 
 def profile(

@@ -54,7 +54,7 @@ BenchTrackers = Annotated[
 ]
 BenchSeeds = Annotated[
     str | None,
-    typer.Option(metavar="SEEDS", help="3, 0:20 (20 excluded) or 1,5,9; default: 0:3, or a suite's own."),
+    typer.Option(metavar="SEEDS", help="3, 0:20 (20 excluded) or 1,5,9; default: 0:5, or a suite's own."),
 ]
 BenchPreset = Annotated[
     str | None, typer.Option(help="Preset of the trackers: default or paper; default: default; a suite's own.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -42,7 +41,7 @@ _FOLLOWING = {
     "losses": "losses",
 }
 
-_RANGE = re.compile(r" \(([-+.\d]+) to ([-+.\d]+)\)$")
+_BRACKETS = re.compile(r" \(([-+.\d]+(?:(?: to |, )[-+.\d]+)+)\)$")
 _SHARES = re.compile(r"\n([.\d]+) to ([.\d]+)$")
 
 # Files and pipes have no width. No markup: brackets are those of `ko2012[alpha=0.5]`.
@@ -104,28 +103,28 @@ def print_run(plan: Plan, store: RunStore) -> None:
         for table in paper_table(suite, results):
             print_table(table)
         for claim in evaluate_claims(suite, results):
-            parts = [f"  {claim_text(part)} over {part.seeds} seeds: {part.verdict}" for part in claim.comparisons]
+            parts = [f"  {claim_text(part)}: {part.verdict}" for part in claim.comparisons]
             print_lines([f"\n{claim.verdict.upper()}: {claim.statement}", *parts])
 
 
 def print_comparison(found: RunComparison) -> None:
     """Print paired differences, what the seeds can show, and the episodes that lost most."""
     from pftrack_sim.report.comparison import remarks
-    from pftrack_sim.report.tables import Table, number_text
-    from pftrack_sim.score import MEASURE_DEFINITIONS
+    from pftrack_sim.report.tables import Table, number_text, range_text
+    from pftrack_sim.score import INTERVALS, MEASURE_DEFINITIONS, VERDICTS
 
     first, second = found.titles
     rows = [
         [
-            *(row.scenario, row.condition, str(row.seeds), number_text(row.first), number_text(row.second)),
-            *(difference_text(row.difference, row.low, row.high), number_text(row.p)),
-            row.verdict.replace("few ", "few\n"),
+            *(row.scenario, row.condition, str(row.difference.seeds), number_text(row.first), number_text(row.second)),
+            *(range_text(row.difference, sign="+"), number_text(row.difference.p), row.verdict.replace("s ", "s\n", 1)),
         ]
         for row in found.rows
     ]
-    title = f"{found.measure} of {second} minus that of {first} (95% interval over seeds, p of the sign-flip test)"
+    title = f"{found.measure} of {second} minus that of {first}"
     heads = ("seeds", "first", "second", "difference", "p", "verdict")
     print_table(Table(title, ("scenario", "condition"), heads, rows))
+    print_lines([f"Below each difference: {INTERVALS}.", f"{VERDICTS}."])
     print_lines([f"{found.measure}: {MEASURE_DEFINITIONS[found.measure]}", f"{found.statement}.", *remarks(found)])
     worse = [
         [
@@ -175,16 +174,11 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
 def print_groups(frames: str, groups: Mapping[tuple[str, str], Sequence[Summary]], unit: str = "seed") -> None:
     """Print means over seeds, or other units, by (place, tracker)."""
     from pftrack_sim.report.tables import summaries
+    from pftrack_sim.score import INTERVALS
 
     print_table(summaries(frames, groups, unit, wide=console.width >= _WIDE))
     if max(map(len, groups.values()), default=0) > 1:
-        print_lines([f"Below each overlap: the 95% bootstrap interval of its mean over {unit}s."])
-
-
-def difference_text(difference: float, low: float, high: float) -> str:
-    """A difference with its interval."""
-    ends = "" if math.isnan(low) else f" ({low:+.3f} to {high:+.3f})"
-    return "-" if math.isnan(difference) else f"{difference:+.3f}{ends}"
+        print_lines([f"Below each overlap, a mean over {unit}s: {INTERVALS}."])
 
 
 def print_table(table: Table) -> None:
@@ -197,7 +191,7 @@ def print_table(table: Table) -> None:
         shown.add_column(head, justify="right", no_wrap=True)
     place = None
     for row in table.rows:
-        cells = [_SHARES.sub(r"\n\1-\2", _RANGE.sub(r"\n\1 to \2", cell)) for cell in row]
+        cells = [_SHARES.sub(r"\n\1-\2", _BRACKETS.sub(_below, cell)) for cell in row]
         if table.grouped:
             if row[0] != place:
                 shown.add_row(place := row[0])
@@ -213,6 +207,10 @@ def print_table(table: Table) -> None:
         shown.width = least
     console.print(shown, soft_wrap=True)
     print_lines(f"{name}: {words}" for name, words in table.notes.items())
+
+
+def _below(brackets: re.Match[str]) -> str:
+    return "\n" + brackets[1].replace(", ", " ")
 
 
 def print_folder(path: Path | None) -> None:

@@ -22,7 +22,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import read_frames
 from pftrack_sim.report.html import render
-from pftrack_sim.report.tables import number_text
+from pftrack_sim.report.tables import number_text, range_text
 from pftrack_sim.score.events import occlusions
 
 _MOST_EPISODES = 12
@@ -47,12 +47,13 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     if target.suffix.lower() not in (".html", ".htm"):
         raise ParameterError(f"a page's name must end in .html, got {str(target)!r}")
     worse = [pair for pair in found.episodes if pair.difference < 0.0]
-    scale = max([0.01, *(abs(end) for row in (*found.rows, *found.tags) for end in (row.difference, row.low, row.high)
-                         if not math.isnan(end))])  # fmt: skip
+    shown = [row.difference for row in (*found.rows, *found.tags)]
+    ends = np.array([[one.mean, one.low, one.high] for one in shown])
+    scale = max(0.01, float(np.nanmax(np.abs(ends), initial=0.0)))
     # Two trackers of one run have its colours; one tracker in two runs has the same colour in both.
     known = palette.colours_of(first.plan.labels)
-    shown = [known[name] for name in found.names] if first.path == second.path else palette.TRACKERS[:2]
-    colours = [palette.hexadecimal(colour) for colour in shown]
+    drawn = [known[name] for name in found.names] if first.path == second.path else palette.TRACKERS[:2]
+    colours = [palette.hexadecimal(colour) for colour in drawn]
     page = render(
         "comparison",
         ["comparison.js"],
@@ -60,6 +61,8 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
         colours=colours,
         rows=[_row(row, scale) for row in found.rows],
         tags=[_row(row, scale) for row in found.tags],
+        intervals=score.INTERVALS,
+        verdicts=score.VERDICTS,
         meaning=score.MEASURE_DEFINITIONS[found.measure],
         meanings={tag_title(tag): words for tag, (words, _) in TAGS.items()},
         scale=number_text(scale, 3),
@@ -79,7 +82,7 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
 def remarks(found: RunComparison) -> list[str]:
     """What the seeds of a comparison can show, and which episodes do not count, a sentence each."""
     last, pairs = found.rows[-1], len(found.episodes)
-    lines = [f"With {last.seeds} seed{'s' if last.seeds != 1 else ''} the smallest possible p is {last.least_p:.2g}."]
+    lines: list[str] = []
     wanted = [f"{size:g}: {count}" for size in _SIZES if (count := last.seeds_for(size)) is not None]
     if wanted:
         what = "Seeds that show a difference with a power of 80%, at the spread between these seeds"
@@ -110,18 +113,20 @@ def _row(row: Difference, scale: float) -> dict[str, Any]:
     def place(value: float) -> float:
         return round(50.0 + 50.0 * value / scale, 2)
 
-    known = not math.isnan(row.low)
+    found = row.difference
+    known = not math.isnan(found.low)
+    mean, _, brackets = range_text(found, sign="+").partition(" ")
     return {
         "name": row.scenario,
         "condition": tag_title(row.condition) if row.condition in TAGS else row.condition,
-        "seeds": row.seeds,
+        "seeds": found.seeds,
         "means": [number_text(row.first, 3), number_text(row.second, 3)],
-        "difference": "-" if math.isnan(row.difference) else f"{row.difference:+.3f}",
-        "interval": f"{row.low:+.3f} to {row.high:+.3f}" if known else "",
-        "p": number_text(row.p, 3),
+        "difference": mean,
+        "interval": brackets.strip("()"),
+        "p": number_text(found.p, 3),
         "verdict": row.verdict,
-        "mark": None if math.isnan(row.difference) else place(row.difference),
-        "bar": (place(row.low), round(place(row.high) - place(row.low), 2)) if known else None,
+        "mark": place(found.mean) if found.seeds else None,
+        "bar": (place(found.low), round(place(found.high) - place(found.low), 2)) if known else None,
     }
 
 

@@ -15,8 +15,9 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.datasets.results import Scored, ScoredResult
 from pftrack_sim.benchmark.reading.losses import LOSS, TAGS, tag_title
+from pftrack_sim.benchmark.reading.summary import by_seed
 from pftrack_sim.benchmark.said.degradation import degradation, levels_of
-from pftrack_sim.core import palette, random_streams
+from pftrack_sim.core import palette
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link
 from pftrack_sim.score.events import occlusions
@@ -227,6 +228,7 @@ def _board(
             curves.setdefault(at, _Counts()).add(one.frames)
             episode["overlap"][tracker] = _packed(one.frames.overlap)
         told.append(episode)
+    most = max(len({one[key] for one in told}) for key in ("seed", "scenario"))
     measures = [name for name in MEASURES if any(values.get(name) is not None for _, _, values, _ in rows)]
     places, colours = palette.places_of(labels), palette.colours_of(labels)
     return {
@@ -244,6 +246,9 @@ def _board(
             for tracker, number, values, error in rows
         ],
         "curves": [[*at, *counts.as_lists()] for at, counts in curves.items()],
+        "least_seeds": score.LEAST_FOR_INTERVAL,
+        # Of Student's t for so many values, seeds or sequences.
+        "quantiles": [0, 0, *(_json(score.student_quantile(count)) for count in range(2, most + 1))],
         "success_thresholds": score.SUCCESS_THRESHOLDS.tolist(),
         "precision_thresholds": score.PRECISION_THRESHOLDS_PX.tolist(),
         "episodes": told,
@@ -293,17 +298,12 @@ def _entry(seed: int, rate_hz: float, frames: TrackerFrames) -> dict[str, Any]:
     }
 
 
-def _matrix(results: Iterable[Result], trackers: Sequence[str]) -> dict[str, Any]:
+def _matrix(results: Sequence[Result], trackers: Sequence[str]) -> dict[str, Any]:
     """Wins and differences in mean overlap of each pair of trackers, paired by seed."""
-    by_seed: dict[str, dict[int, list[float]]] = {name: {} for name in trackers}
-    for result in results:
-        by_seed[result.label].setdefault(result.seed, []).append(result.number("mean_overlap"))
-    seeds = sorted({seed for found in by_seed.values() for seed in found})
-    scores = {
-        name: np.array([np.mean(found[seed]) if seed in found else math.nan for seed in seeds])
-        for name, found in by_seed.items()
-    }
-    return _pairs(score.compare(scores, random_streams.stream(0, "bootstrap")), trackers)
+    found = {name: by_seed([one for one in results if one.label == name], "mean_overlap") for name in trackers}
+    seeds = sorted({seed for own in found.values() for seed in own})
+    scores = {name: [own.get(seed, math.nan) for seed in seeds] for name, own in found.items()}
+    return _pairs(score.compare(scores), trackers)
 
 
 def _pairs(compared: Sequence[Comparison], trackers: Sequence[str]) -> dict[str, Any]:
@@ -314,11 +314,9 @@ def _pairs(compared: Sequence[Comparison], trackers: Sequence[str]) -> dict[str,
             {
                 "one": trackers.index(one.first),
                 "other": trackers.index(one.second),
-                "difference": _json(one.difference),
-                "low": _json(one.low),
-                "high": _json(one.high),
-                "p": _json(one.p_corrected),
-                "seeds": one.seeds,
+                "difference": _json(one.difference.mean),
+                "p": _json(one.difference.p),
+                "seeds": one.difference.seeds,
             }
             for one in compared
         ],

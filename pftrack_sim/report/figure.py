@@ -17,12 +17,13 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.kept.files import atomic_write
-from pftrack_sim.benchmark.said.degradation import STAY, Crossing, Degradation, degradation, seed_means
-from pftrack_sim.core import palette, random_streams
+from pftrack_sim.benchmark.said.degradation import STAY, Crossing, Degradation, degradation
+from pftrack_sim.benchmark.said.degradation import over_seeds as degradation_over_seeds
+from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import by_episode, read_frames
-from pftrack_sim.report.tables import interval, number_text
+from pftrack_sim.report.tables import number_text, over_seeds
 
 LINES = ("-", "--", ":", "-.")
 """Dashes of trackers that share a colour, in this order."""
@@ -94,6 +95,17 @@ def _legend(axes: Any) -> None:
         text.set_parse_math(False)  # a tracker's name is no formula
 
 
+def _write_count(axes: Any, store: RunStore) -> None:
+    seeds = len({result.seed for result in store.results})
+    axes.set_title(f"{seeds} seed{'s' if seeds != 1 else ''}", loc="right", fontsize=7)
+
+
+def _values(axes: Any, x: float, one: score.SeedMean, colour: str) -> None:
+    """Draw the seeds of a mean without an interval as points."""
+    if math.isnan(one.low):
+        axes.plot([x] * one.seeds, one.values, "o", ms=2, color=colour, alpha=0.5, lw=0)
+
+
 def _style(store: RunStore, label: str) -> dict[str, Any]:
     place = palette.places_of(store.plan.labels).get(label)
     colour = palette.hexadecimal(palette.colours_of(store.plan.labels).get(label, palette.ORACLE))
@@ -116,6 +128,7 @@ def _success(store: RunStore, figure: Any) -> None:
     for tracker, overlap in _pooled(store, "overlap").items():
         label = f"{tracker} [{score.area_under_success(overlap):.3f}]"
         axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, **_style(store, tracker))
+    _write_count(axes, store)
     _legend(axes)
 
 
@@ -126,6 +139,7 @@ def _precision(store: RunStore, figure: Any) -> None:
         curve = score.precision_curve(error)
         label = f"{tracker} [{curve[20]:.3f}]"
         axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=label, **_style(store, tracker))
+    _write_count(axes, store)
     _legend(axes)
 
 
@@ -180,15 +194,19 @@ def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: An
     axes.set(xlabel=label, ylabel="mean overlap", ylim=(0, 1))
     own = [one for one in curves if one.at.label == label]
     for tracker in dict.fromkeys(one.tracker for one in own):
-        points: list[tuple[float, float, float, float]] = []
-        for x in dict.fromkeys(one.at.x for one in own):
-            means = seed_means([one for one in own if (one.tracker, one.at.x) == (tracker, x)], "overlap")
-            low, high = score.bootstrap_interval(means, random_streams.stream(0, "bootstrap", tracker, str(x)))
-            points.append((x, float(np.mean(means)) if means else math.nan, low, high))
-        x, mean, low, high = np.array(sorted(points)).T
+        levels = sorted({one.at.x for one in own})
+        means = [
+            degradation_over_seeds([one for one in own if (one.tracker, one.at.x) == (tracker, x)], "overlap")
+            for x in levels
+        ]
         style = _style(store, tracker)
-        axes.plot(x, mean, marker="o", ms=3, label=tracker, **style)
-        axes.fill_between(x, low, high, color=style["color"], alpha=0.15, lw=0)
+        axes.plot(levels, [one.mean for one in means], marker="o", ms=3, label=tracker, **style)
+        axes.fill_between(
+            levels, [one.low for one in means], [one.high for one in means], color=style["color"], alpha=0.15, lw=0
+        )
+        for x, one in zip(levels, means, strict=True):
+            _values(axes, x, one, style["color"])
+    _write_count(axes, store)
 
 
 def _map(own: Sequence[Crossing], axes: Any) -> Any:
@@ -209,7 +227,7 @@ def _map(own: Sequence[Crossing], axes: Any) -> Any:
 
 
 def _cost(store: RunStore, figure: Any) -> None:
-    """The mean overlap of each tracker, with its interval over episodes, against its time per frame."""
+    """The mean overlap of each tracker, with its interval over seeds, against its time per frame."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     axes = _plot(figure)
@@ -225,13 +243,15 @@ def _cost(store: RunStore, figure: Any) -> None:
     points: dict[str, tuple[float, float]] = {}
     for label in dict.fromkeys(result.label for result in store.results):
         own = [result for result in store.results if result.label == label]
-        mean, *ends = interval("mean_overlap", own)
-        if label in ms and not math.isnan(mean):
-            points[label] = (ms[label], mean)
+        found = over_seeds("mean_overlap", own)
+        if label in ms and found.seeds:
+            points[label] = (ms[label], found.mean)
             colour = _style(store, label)["color"]
             axes.plot(*points[label], "o", ms=4, color=colour)
-            if not math.isnan(ends[0]):
-                axes.plot([points[label][0]] * 2, ends, "-", lw=1.0, color=colour)
+            _values(axes, ms[label], found, colour)
+            if not math.isnan(found.low):
+                axes.plot([ms[label]] * 2, [found.low, found.high], "-", lw=1.0, color=colour)
+    _write_count(axes, store)
     if not points:
         raise ParameterError("no tracker of this run has both an overlap and a time per frame")
     _write_names(points, {label: _style(store, label)["color"] for label in points}, axes)

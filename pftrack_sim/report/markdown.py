@@ -19,8 +19,8 @@ from pftrack_sim.report.tables import (
     axes,
     claim_text,
     following,
-    interval,
     number_text,
+    over_seeds,
     paper_table,
     people,
     place_of,
@@ -137,21 +137,22 @@ def _overlaps(results: Sequence[Result], places: Sequence[str]) -> str:
     beside = {**_BESIDE_OVERLAP, **({name: name for name in REFERENCES} if closed else {})}
 
     def cells(measure: str, own: Sequence[Result]) -> list[str]:
-        return [number_text(interval(measure, [one for one in own if place_of(one) == name])[0]) for name in places]
+        return [number_text(over_seeds(measure, [one for one in own if place_of(one) == name]).mean) for name in places]
 
     rows: list[tuple[float, list[str]]] = []
     for label in dict.fromkeys(result.label for result in results):
         own = [result for result in results if result.label == label]
         mean = score.mean_summary([result.measures for result in own])
         others = [number_text(getattr(mean, name)) for name in beside.values()]
-        overall = range_text(interval("mean_overlap", own))
-        rows.append((mean.mean_overlap, [f"`{label}`", *cells("mean_overlap", own), overall, *others]))
+        overall = over_seeds("mean_overlap", own)
+        known = [*cells("mean_overlap", own), str(overall.seeds), range_text(overall)]
+        rows.append((overall.mean, [f"`{label}`", *known, *others]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
     references = [
-        [name, *cells(name, results), number_text(interval(name, results)[0]), *["-"] * len(beside)]
-        for name in (() if closed else REFERENCES)
+        [name, *cells(name, results), str(found.seeds), number_text(found.mean), *["-"] * len(beside)]
+        for name, found in ((name, over_seeds(name, results)) for name in (() if closed else REFERENCES))
     ]
-    return _table(["Mean overlap", *places, "mean", *beside], [*(row for _, row in rows), *references])
+    return _table(["Mean overlap", *places, "seeds", "mean", *beside], [*(row for _, row in rows), *references])
 
 
 def _markdown(table: Table) -> str:

@@ -13,9 +13,9 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.datasets.results import Scored, score_text
-from pftrack_sim.benchmark.said.claims import ClaimComparison, Interval, compare_with_paper
+from pftrack_sim.benchmark.reading.summary import by_seed
+from pftrack_sim.benchmark.said.claims import ClaimComparison, compare_with_paper
 from pftrack_sim.benchmark.said.degradation import TITLES, degradation, table_rows
-from pftrack_sim.core import random_streams
 
 FOLLOWING: Mapping[str, str] = MappingProxyType(
     {
@@ -68,26 +68,21 @@ def number_text(value: float, digits: int = 3) -> str:
     return "-" if math.isnan(value) else f"{value:.{digits}f}"
 
 
-def range_text(interval: Interval, digits: int = 3) -> str:
-    """`0.497 (0.422 to 0.570)`, or the mean alone where there is no interval."""
-    mean, low, high = (number_text(value, digits) for value in interval)
-    return mean if low == "-" else f"{mean} ({low} to {high})"
+def range_text(one: score.SeedMean, digits: int = 3, sign: str = "") -> str:
+    """`0.497 (0.422 to 0.570)`, a mean with its interval, or with its values, `0.497 (0.49, 0.50)`, if it has none."""
+    if not one.seeds:
+        return "-"
+    mean = f"{one.mean:{sign}.{digits}f}"
+    if not math.isnan(one.low):
+        return f"{mean} ({one.low:{sign}.{digits}f} to {one.high:{sign}.{digits}f})"
+    values = ", ".join(f"{value:{sign}.{min(digits, 2)}f}" for value in one.values)
+    return mean if one.seeds == 1 else f"{mean} ({values})"
 
 
-def interval(measure: str, results: Iterable[Result], proportion: bool = False) -> Interval:
-    """Mean of a measure over results that have it, and its 95 % interval; NaN where none has."""
-    return interval_of([result.number(measure) for result in results], proportion)
-
-
-def interval_of(values: Iterable[float], proportion: bool = False) -> Interval:
-    """Mean of the known values and its 95 % interval: Wilson's of a proportion, else bootstrapped."""
-    known = [value for value in values if not math.isnan(value)]
-    if not known:
-        return math.nan, math.nan, math.nan
-    # The same random stream for every cell: an interval does not depend on the other rows.
-    rng = random_streams.stream(0, "bootstrap")
-    low, high = score.proportion_interval(known) if proportion else score.bootstrap_interval(known, rng)
-    return sum(known) / len(known), low, high
+def over_seeds(measure: str, results: Iterable[Result], proportion: bool = False) -> score.SeedMean:
+    """Mean of a measure over the seeds of a tracker's results."""
+    values = list(by_seed(results, measure).values())
+    return score.proportion_over_seeds(values) if proportion else score.mean_over_seeds(values)
 
 
 def place_of(result: Result) -> str:
@@ -117,7 +112,7 @@ def summaries(
     rows: list[list[str]] = []
     for (place, label), found in groups.items():
         mean = score.mean_summary(list(found))
-        overlap = range_text(interval_of(one.mean_overlap for one in found))
+        overlap = range_text(score.mean_over_seeds([one.mean_overlap for one in found]))
         cells = [overlap, *(number_text(getattr(mean, name)) for name in beside.values())]
         rows.append([place, label, *([] if count else [str(len(found))]), *cells, _ms_text(found)])
     title = f"Over{count or ' all'} {unit}{'' if count == ' 1' else 's'}{where} ({frames})"
@@ -142,7 +137,7 @@ def following(results: Sequence[Result], columns: Mapping[str, str] = FOLLOWING)
     found = [
         [
             *(place, label, str(len(own))),
-            *(range_text(interval(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in columns.values()),
+            *(range_text(over_seeds(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in columns.values()),
         ]
         for (place, label), own in _by_place(one for one in results if one.following is not None).items()
     ]
@@ -156,7 +151,7 @@ def people(results: Sequence[Result], heads: Sequence[str] = tuple(score.PEOPLE_
     found = [
         [
             *(place, label, str(len(own))),
-            *(range_text(interval(name.lower(), own), 1 if name == "switches" else 3) for name in heads),
+            *(range_text(over_seeds(name.lower(), own), 1 if name == "switches" else 3) for name in heads),
         ]
         for (place, label), own in _by_place(one for one in results if not math.isnan(one.number("hota"))).items()
     ]
@@ -171,17 +166,21 @@ def paper_table(suite: Suite, results: Sequence[Result]) -> Iterator[Table]:
         return
     rows: list[list[str]] = []
     for row in compare_with_paper(suite, results):
-        ours = [*(number_text(one[0], 1) for one in row.ours[:-1]), range_text(row.ours[-1], 1)]
+        ours = [*(number_text(one.mean, 1) for one in row.ours[:-1]), range_text(row.ours[-1], 1)]
         rows.append(
-            [row.tracker, *(f"{number_text(one, 1)} / {own}" for one, own in zip(row.printed, ours, strict=True))]
+            [
+                *(row.tracker, str(row.ours[-1].seeds)),
+                *(f"{number_text(one, 1)} / {own}" for one, own in zip(row.printed, ours, strict=True)),
+            ]
         )
     heads = [name.rpartition("/")[2] for name in suite.table.columns]
-    yield Table(f"{suite.table.title}: printed / simulated", ["tracker"], [*heads, "mean"], rows)
+    yield Table(f"{suite.table.title}: printed / simulated", ["tracker"], ["seeds", *heads, "mean"], rows)
 
 
 def claim_text(one: ClaimComparison) -> str:
-    """`"ko2012 - ko2012-rgb 0.053 (0.021 to 0.084)"`."""
-    return f"{one.name} {range_text((one.difference, one.low, one.high))}"
+    """`"ko2012 - ko2012-rgb +0.053 (+0.021 to +0.084), 20 seeds"`."""
+    seeds = one.difference.seeds
+    return f"{one.name} {range_text(one.difference, sign='+')}, {seeds} seed{'s' if seeds != 1 else ''}"
 
 
 def axes(store: RunStore) -> Iterator[Table]:
@@ -193,10 +192,13 @@ def axes(store: RunStore) -> Iterator[Table]:
             rows = [row for row in rows if row.at.axis.split()[-1] in _COVERING]
         if rows:
             cells = [
-                [row.at.label, f"{row.at.level:g}", f"{row.at.x:g}", *map(number_text, row.means.values())]
+                [
+                    *(row.at.label, f"{row.at.level:g}", f"{row.at.x:g}", row.seeds),
+                    *(number_text(one.mean) for one in row.means.values()),
+                ]
                 for row in rows
             ]
-            yield Table(title, ["axis"], ["level", "in its unit", *rows[0].means], cells)
+            yield Table(title, ["axis"], ["level", "in its unit", "seeds", *rows[0].means], cells)
 
 
 def benchmark_table(found: Scored) -> Table | None:

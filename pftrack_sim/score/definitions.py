@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from pftrack_sim.score import curves, following
+from pftrack_sim.score.statistics import LEAST_FOR_INTERVAL, LEAST_FOR_VERDICT, LEVEL
 
 DEFINITIONS: Mapping[str, str] = MappingProxyType(
     {
@@ -44,6 +45,15 @@ PEOPLE_DEFINITIONS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Columns of the tables of everybody in view; in lower case, those of the summary."""
+
+INTERVALS = f"its 95 % interval (Hall 1992), or its values where they are fewer than {LEAST_FOR_INTERVAL}"
+"""What stands beside a mean over seeds or sequences."""
+
+VERDICTS = (
+    f"A difference counts as shown from {LEAST_FOR_VERDICT} seeds or sequences on, where its p, corrected for all that "
+    f"are compared together (Holm 1979), is below {LEVEL:g}"
+)
+"""When a difference over seeds or sequences counts as shown."""
 
 MEASURE_DEFINITIONS: Mapping[str, str] = MappingProxyType(
     {

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore, make_plan, run
 from pftrack_sim.benchmark.said.comparison import Difference, compare_runs
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
@@ -41,25 +42,26 @@ def test_two_trackers_of_one_run_are_paired_by_episode(stored: RunStore):
     found = compare_runs(stored, stored)
     assert found.names == ("oracle", "stay")
     assert [row.scenario for row in found.rows] == ["plaza-walk", "corridor", "all"]
-    assert [row.seeds for row in found.rows] == [2, 2, 2]
+    assert [row.difference.seeds for row in found.rows] == [2, 2, 2]
     stay = {(one.scenario, one.seed): one.number("mean_overlap") for one in stored.results if one.label == "stay"}
     for row in found.rows[:2]:
         expected = np.mean([stay[row.scenario, seed] for seed in (0, 1)])
         assert row.first == 1.0
         assert row.second == pytest.approx(expected)
-        assert row.difference == pytest.approx(expected - 1.0)
-        assert row.low <= row.difference <= row.high
-    assert found.rows[2].difference == pytest.approx(np.mean([row.difference for row in found.rows[:2]]))
+        assert row.difference.mean == pytest.approx(expected - 1.0)
+        assert math.isnan(row.difference.low), "two seeds have no interval"
+    assert found.rows[2].difference.mean == pytest.approx(np.mean([row.difference.mean for row in found.rows[:2]]))
     assert [pair.difference for pair in found.episodes] == sorted(pair.difference for pair in found.episodes)
     assert found.different_frames == found.unpaired == 0
     swapped = compare_runs(stored, stored, ["stay", "oracle"])
-    assert [row.difference for row in swapped.rows] == pytest.approx([-row.difference for row in found.rows])
+    assert [row.difference.mean for row in swapped.rows] == pytest.approx([-row.difference.mean for row in found.rows])
 
 
 def test_few_seeds_say_so_instead_of_a_verdict(stored: RunStore):
-    (_, _, row) = compare_runs(stored, stored).rows
-    assert row.least_p == 0.5
-    assert row.verdict == "too few seeds"
+    found = compare_runs(stored, stored)
+    assert {row.verdict for row in (*found.rows, *found.tags)} == {"needs 10 seeds"}
+    needed = "2 seeds cannot show a difference between stay and oracle, 10 are needed"
+    assert found.statement == f"{needed}: {found.rows[2].difference.mean:+.3f}"
 
 
 @pytest.mark.slow
@@ -70,8 +72,8 @@ def test_two_runs_are_compared_where_they_have_the_same_episodes(stored: RunStor
     assert {pair.first.seed for pair in found.episodes} == {1}
     assert found.unpaired == 4
     assert found.different_frames == 2
-    assert all(row.difference == 0.0 for row in found.rows)
-    assert math.isnan(found.rows[0].low)
+    assert all(row.difference.mean == 0.0 for row in found.rows)
+    assert "nan" not in found.statement
 
 
 @pytest.mark.parametrize(
@@ -97,8 +99,9 @@ def test_runs_without_a_common_episode_are_refused(stored: RunStore, tmp_path: P
 
 
 def test_seeds_needed_follow_the_normal_approximation():
-    row = Difference("all", "", 20, 0.5, 0.5, 0.0, -0.1, 0.1, 1.0, 2.0**-19, 0.1)
+    values = np.linspace(-1.0, 1.0, 20)
+    row = Difference("all", "", 0.5, 0.5, score.mean_over_seeds(0.1 * values / values.std(ddof=1)))
     # (1.960 + 0.842)^2 = 7.849; times (0.1 / 0.02)^2
     assert row.seeds_for(0.02) == 197
-    assert row.seeds_for(10.0) == 6
+    assert row.seeds_for(10.0) == 10
     assert row.verdict == "undecided"

@@ -36,7 +36,10 @@ def test_it_shows_differences_and_videos_at_the_moment_of_parting(show: Callable
     for width in (1400, 400):
         page = show(target, width)
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert "1 seed cannot show a difference between stay and oracle: -" in page.locator(".statement").inner_text()
+        assert (
+            "1 seed cannot show a difference between stay and oracle, 10 are needed: -"
+            in page.locator(".statement").inner_text()
+        )
         assert page.locator("#differences tbody tr").count() == 1
         assert page.locator("article polyline").count() == 2
         assert page.locator("article video").count() == 1, "both saw the same episode: one video has both boxes"
@@ -77,8 +80,10 @@ def test_names_that_are_markup_stay_text_and_runs_without_video_say_so(hostile: 
 def test_the_statement_has_a_verdict_only_where_the_seeds_show_it(lost: Path):
     store = RunStore(lost)
     found = compare_runs(store, store, ["oracle", "stay"])
-    shown = replace(found.rows[0], seeds=20, difference=-0.03, low=-0.05, high=-0.01, p=0.001, least_p=1e-5)
-    worse, even = (replace(found, rows=(row,)) for row in (shown, replace(shown, p=0.2)))
+    shown = score.SeedMean((-0.03,) * 20, -0.03, -0.05, -0.01, 0.001)
+    worse, even = (
+        replace(found, rows=(replace(found.rows[0], difference=one),)) for one in (shown, replace(shown, p=0.2))
+    )
     assert worse.statement == "stay is worse than oracle by 0.030 (0.010 to 0.050), 20 seeds"
     assert even.statement == "stay and oracle cannot be told apart: -0.030 (-0.050 to -0.010), 20 seeds"
 
@@ -88,12 +93,14 @@ def test_no_column_of_the_printed_comparison_is_cut_at_80_columns(
 ):
     store = RunStore(lost)
     found = compare_runs(store, store, ["oracle", "stay"])
-    row = replace(found.rows[0], condition="jitter=2,light=0", low=-0.95, high=-0.85)
+    difference = score.SeedMean((-0.9,) * 9, -0.9, -0.95, -0.85, float("nan"))
+    row = replace(found.rows[0], condition="jitter=2,light=0", difference=difference)
     monkeypatch.setattr(tables, "console", Console(width=80, markup=False, highlight=False))
     tables.print_comparison(replace(found, rows=(row,)))
     lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert next(line for line in lines if "first  second" in line).endswith("verdict")
-    assert {" ".join(line.split()[-2:]) for line in lines} >= {"too few", "-0.850 seeds"}
+    assert {" ".join(line.split()[-2:]) for line in lines} >= {"- needs", "10 seeds"}
+    assert any("-0.950 to -0.850" in line for line in lines)
     heads = [f"my_long_tracker_{k}" for k in range(8)]
     tables.print_table(Table("many", ("place",), heads, [["here", *(f"0.{k}99" for k in range(8))]]))
     printed = capsys.readouterr().out

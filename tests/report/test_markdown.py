@@ -42,7 +42,7 @@ def test_overlaps_are_those_of_the_summary(finished: Path):
     assert lines[0].startswith("| Mean overlap | corridor jitter=0 | corridor jitter=2 | plaza-walk jitter=0 |")
     assert lines[2].startswith("| `oracle` | 1.000 |")
     stay = [one.number("mean_overlap") for one in RunStore(finished).results if one.label == "stay"]
-    assert f"| {np.mean(stay):.3f} (" in lines[3]
+    assert f"| 2 | {np.mean(stay):.3f} (" in lines[3]
     assert lines[4].startswith("| stay |")
     assert f"| {np.mean(stay):.3f} | - |" in lines[4]
     assert lines[5].startswith("| ceiling |")
@@ -51,7 +51,7 @@ def test_overlaps_are_those_of_the_summary(finished: Path):
 def test_skill_and_shares_of_frames_stand_beside_the_mean_overlap(finished: Path):
     text = tables(RunStore(finished))
     heads, _, *rows = text.splitlines()[:4]
-    assert heads.endswith("| mean | skill | tracked at >= 0.5 | >= 0.3 | centre inside |")
+    assert heads.endswith("| seeds | mean | skill | tracked at >= 0.5 | >= 0.3 | centre inside |")
     cells = {row.split("|")[1].strip(): [cell.strip() for cell in row.split("|")[-5:-1]] for row in rows}
     assert cells["`oracle`"] == ["1.000"] * 4
     assert cells["`stay`"][0] == "0.000"
@@ -86,12 +86,15 @@ def test_documents_and_the_page_have_a_suite_s_table_and_its_claims(tmp_path: Pa
     plan = plan_all([str(tmp_path / "tiny.toml")])
     run(plan, tmp_path / "run", videos="none", workers=0)
     text = tables(RunStore(tmp_path / "run"))
-    assert "| Table 1: printed / simulated | corridor | mean |" in text
-    assert "| `oracle` | 99.0 / 100.0 | 99.0 / 100.0 (100.0 to 100.0) |" in text
+    assert "| Table 1: printed / simulated | seeds | corridor | mean |" in text
+    assert "| `oracle` | 2 | 99.0 / 100.0 | 99.0 / 100.0 (100.0, 100.0) |" in text
     assert "Truth \\| beats a constant box. |" in text
     page = write_report(tmp_path / "run").read_text()
-    assert '<tr><th scope="row">oracle</th><td>99.0 / 100.0</td>' in page
-    assert '<td>Truth | beats a constant box.</td><td class="verdict-holds">holds</td><td>oracle - stay 0.' in page
+    assert '<tr><th scope="row">oracle</th><td>2</td><td>99.0 / 100.0</td>' in page
+    assert (
+        '<td>Truth | beats a constant box.</td><td class="verdict-needs">needs 10 seeds</td><td>oracle - stay +0.'
+        in page
+    )
 
 
 def test_a_document_without_blocks_is_refused(tmp_path: Path):
@@ -108,7 +111,7 @@ def test_overlaps_of_too_many_conditions_have_no_columns(monkeypatch: pytest.Mon
     store = RunStore(finished)
     assert "| Mean overlap | corridor jitter=0 |" in tables(store)
     monkeypatch.setattr("pftrack_sim.report.markdown._MOST_COLUMNS", 0)
-    assert "| Mean overlap | mean |" in tables(store)
+    assert "| Mean overlap | seeds | mean |" in tables(store)
 
 
 def test_the_document_lists_the_axes_as_they_are(tmp_path: Path):

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from small_report import HOSTILE, until
 
-from pftrack_sim import report
+from pftrack_sim import report, score
 
 CENTRE_OF_FRAME = """frame => {
     const plot = document.getElementById('overlap'), box = plot.getBoundingClientRect(), full = plot._fullLayout;
@@ -28,7 +28,7 @@ def board(page: Any) -> dict[str, list[str]]:
 
 def test_it_opens_from_disk_and_ranks(opened: Any):
     assert list(board(opened)) == ["oracle", "stay"]
-    assert board(opened)["oracle"][1].startswith("1.000")
+    assert board(opened)["oracle"][1] == "1.000\n1.00 1.00", "two seeds have no interval"
     assert opened.locator("#board tbody th").first.bounding_box()["width"] > 150, "a name is read across, not down"
     assert opened.locator("#speed .xtick").first.text_content() == "0", "a linear scale"
     heads = opened.locator("#board thead th").all_inner_texts()
@@ -39,6 +39,14 @@ def test_it_opens_from_disk_and_ranks(opened: Any):
     assert opened.locator("#success .legendtext").count() == 2
     assert opened.locator("#axes .plot").count() == 1
     assert opened.locator(".strip img").count() >= 5
+
+
+def test_intervals_are_those_of_the_tables(opened: Any):
+    assert opened.evaluate("interval([0.1, 0.2])") is None
+    values = [0.1, 0.2, 0.2, 0.4, 0.9, 0.3]
+    opened.evaluate("t => DATA.quantiles[6] = t", score.student_quantile(6))
+    ours = score.mean_over_seeds(values)
+    assert opened.evaluate("values => interval(values)", values) == pytest.approx([ours.low, ours.high])
 
 
 @pytest.mark.slow

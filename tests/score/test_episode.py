@@ -115,20 +115,3 @@ def test_shapes_that_do_not_fit_are_refused():
         score.summarise(score.frame_scores(np.ones((2, 4)), np.ones((2, 4))), [True], [1.0])
     with pytest.raises(ParameterError, match=r"truth must be \(N, 4\) and scored \(N,\)"):
         score.stay_overlaps(np.ones((2, 4)), [True])
-
-
-def test_bootstrap_intervals_of_little():
-    rng = np.random.default_rng(0)
-    for few in ([], [0.3], [0.3, math.nan]):
-        assert all(math.isnan(end) for end in score.bootstrap_interval(few, rng))
-    assert score.bootstrap_interval([0.25, 0.25, math.nan, 0.25], rng) == (0.25, 0.25)
-    low, high = score.bootstrap_interval([0.2, 0.4, 0.3], rng)
-    assert 0.2 - 1e-12 <= low < 0.3 < high <= 0.4 + 1e-12
-
-
-@pytest.mark.parametrize("given", [{"level": 0.0}, {"level": 1.0}, {"resamples": 0}])
-def test_bootstrap_intervals_refuse_what_cannot_be(given: dict[str, float]):
-    with pytest.raises(ParameterError, match="level must be in"):
-        score.bootstrap_interval([0.1, 0.2], np.random.default_rng(0), **given)  # pyright: ignore[reportArgumentType]
-    with pytest.raises(ParameterError, match="shape"):
-        score.bootstrap_interval([[0.1, 0.2]], np.random.default_rng(0))

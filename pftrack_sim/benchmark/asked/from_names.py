@@ -34,7 +34,7 @@ from pftrack_sim.trackers import code_digest as tracker_code
 TRACKERS = ("ko2012", "opencv-mil", "stay")
 CLOSED_LOOP_TRACKERS = ("oracle",)
 CONTROLLERS = ("servo-avoid",)
-SEEDS = (0, 1, 2)
+SEEDS = tuple(range(5))
 """Defaults of scenarios without a suite."""
 
 MAX_CONDITIONS = 10_000

@@ -249,7 +249,7 @@ def _compare(results: Sequence[RecordedResult], sequences: Sequence[str]) -> lis
         tracker: [float(np.mean(by_sequence[name])) if name in by_sequence else np.nan for name in sequences]
         for tracker, by_sequence in overlaps.items()
     }
-    return score.compare(rows, np.random.default_rng(0))
+    return score.compare(rows)
 
 
 def score_text(value: float) -> str:

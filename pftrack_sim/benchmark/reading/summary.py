@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import islice
 from pathlib import Path
@@ -116,6 +116,15 @@ class Result:
         """A column; NaN where it is undefined: the database makes it NULL."""
         value = self.values[name]
         return math.nan if value is None else value
+
+
+def by_seed(results: Iterable[Result], measure: str) -> dict[int, float]:
+    """Mean of a measure over the results of each seed that has any: episodes of one seed are no repetitions."""
+    values: dict[int, list[float]] = {}
+    for one in results:
+        if not math.isnan(value := one.number(measure)):
+            values.setdefault(one.seed, []).append(value)
+    return {seed: sum(own) / len(own) for seed, own in values.items()}
 
 
 def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Result]:

@@ -1,7 +1,8 @@
 """Test the claims of a suite on the results of a run: each holds, fails, or is undecided.
 
 The unit of repetition is the seed: a tracker's score at a seed is its mean over the claim's scenarios, and comparisons
-are paired by seed.
+are paired by seed. All comparisons of a suite are corrected together: where none of its differences exists, at most
+one suite in twenty has a claim that holds or fails.
 """
 
 from __future__ import annotations
@@ -9,87 +10,91 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.suite import Beats, Claim, Harder, Reaches, Suite
 from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.core import random_streams
-
-Verdict: TypeAlias = Literal["holds", "fails", "undecided"]
-
-Interval: TypeAlias = tuple[float, float, float]
-"""Mean, lower and upper end of its 95 % bootstrap interval."""
+from pftrack_sim.score import SeedMean
 
 REFERENCES = ("stay", "ceiling")
 """Rows below the trackers of a paper's table of overlaps or of frames tracked; see `score.DEFINITIONS`."""
 
+_VERDICTS = {"above": "holds", "below": "fails"}
+
 
 @dataclass(frozen=True)
 class ClaimComparison:
-    """The mean of a paired difference over seeds, with its 95 % interval.
-
-    The verdict is `"holds"` when the whole interval is above 0, `"fails"` when it is below, else `"undecided"`.
-    """
+    """A part of a claim: a difference over seeds, its p-value corrected for all comparisons of the suite."""
 
     name: str
-    difference: float
-    low: float
-    high: float
-    verdict: Verdict
-    seeds: int
+    difference: SeedMean
+
+    @property
+    def verdict(self) -> str:
+        """`"holds"` where the difference is above 0, `"fails"` below, `"undecided"`, or `"needs 10 seeds"`."""
+        return _VERDICTS.get(self.difference.verdict, self.difference.verdict)
 
 
 @dataclass(frozen=True)
 class ClaimResult:
-    """A claim after the test: it holds when every comparison does, and fails when one does."""
+    """A claim after the test."""
 
     statement: str
-    verdict: Verdict
     comparisons: tuple[ClaimComparison, ...]
+
+    @property
+    def verdict(self) -> str:
+        """`"holds"` when every comparison does, `"fails"` when one does, else what the first undecided one says."""
+        verdicts = [one.verdict for one in self.comparisons]
+        if "fails" in verdicts:
+            return "fails"
+        return next((one for one in verdicts if one != "holds"), "holds")
 
 
 def evaluate_claims(suite: Suite, results: Iterable[Result]) -> list[ClaimResult]:
     """Test every claim of a suite on results; those of several axis levels are averaged."""
     means = _SeedMeans(results)
-    return [_test(suite, claim, means) for claim in suite.claims]
+    tested = [_differences(suite, claim, means) for claim in suite.claims]
+    corrected = iter(score.corrected([difference for one in tested for difference in one.values()]))
+    return [
+        ClaimResult(claim.statement, tuple(ClaimComparison(name, next(corrected)) for name in one))
+        for claim, one in zip(suite.claims, tested, strict=True)
+    ]
 
 
-def _test(suite: Suite, claim: Claim, means: _SeedMeans) -> ClaimResult:
+def _differences(suite: Suite, claim: Claim, means: _SeedMeans) -> dict[str, SeedMean]:
     match claim:
         case Beats():
             where = claim.scenarios or suite.scenarios
             own = means.by_seed(claim.tracker, where, claim.measure)
-            pairs = [
-                (f"{claim.tracker} - {other}", own, means.by_seed(other, where, claim.measure))
+            return {
+                f"{claim.tracker} - {other}": _paired(own, means.by_seed(other, where, claim.measure))
                 for other in claim.others
-            ]
+            }
         case Harder():
-            pairs = [
-                (
-                    f"{tracker}: easier - harder",
+            return {
+                f"{tracker}: easier - harder": _paired(
                     means.by_seed(tracker, claim.easier, claim.measure),
                     means.by_seed(tracker, claim.harder, claim.measure),
                 )
                 for tracker in claim.trackers
-            ]
+            }
         case Reaches():
             own = means.by_seed(claim.tracker, claim.scenarios or suite.scenarios, claim.measure)
-            pairs = [(f"{claim.tracker} - {claim.value:g}", own, dict.fromkeys(own, claim.value))]
-    comparisons = tuple(_compare(*pair) for pair in pairs)
-    verdicts = {one.verdict for one in comparisons}
-    verdict: Verdict = "fails" if "fails" in verdicts else "undecided" if "undecided" in verdicts else "holds"
-    return ClaimResult(claim.statement, verdict, comparisons)
+            return {f"{claim.tracker} - {claim.value:g}": _reached(list(own.values()), claim.value)}
 
 
-def _compare(name: str, first: Mapping[int, float], second: Mapping[int, float]) -> ClaimComparison:
+def _paired(first: Mapping[int, float], second: Mapping[int, float]) -> SeedMean:
     seeds = sorted(first.keys() & second.keys())
-    differences = [first[seed] - second[seed] for seed in seeds if math.isfinite(first[seed] - second[seed])]
-    mean, low, high = _interval(name, differences)
-    verdict: Verdict = "holds" if low > 0.0 else "fails" if high < 0.0 else "undecided"
-    return ClaimComparison(name, mean, low, high, verdict, len(differences))
+    return score.paired_difference([first[seed] for seed in seeds], [second[seed] for seed in seeds])
+
+
+def _reached(values: Sequence[float], value: float) -> SeedMean:
+    if set(values) <= {0.0, 1.0}:
+        return score.proportion_over_seeds(values, value)
+    return score.mean_over_seeds(np.array(values) - value)
 
 
 class _SeedMeans:
@@ -125,12 +130,12 @@ class PaperTableRow:
     Attributes:
         tracker: Name.
         printed: `(C + 1,)` the paper's numbers and their mean.
-        ours: `(C + 1,)` the same of the run, in the table's unit, over seeds; NaN where there is no result.
+        ours: `(C + 1,)` the same of the run, in the table's unit.
     """
 
     tracker: str
     printed: tuple[float, ...]
-    ours: tuple[Interval, ...]
+    ours: tuple[SeedMean, ...]
 
 
 def compare_with_paper(suite: Suite, results: Iterable[Result]) -> list[PaperTableRow]:
@@ -142,7 +147,7 @@ def compare_with_paper(suite: Suite, results: Iterable[Result]) -> list[PaperTab
 
     def row(name: str, tracker: str, printed: tuple[float, ...], measure: str) -> PaperTableRow:
         by_column = [means.by_seed(tracker, names, measure).values() for names in columns]
-        ours = tuple(_interval(name, [scale * value for value in values]) for values in by_column)
+        ours = tuple(score.mean_over_seeds([scale * value for value in values]) for values in by_column)
         return PaperTableRow(name, (*printed, sum(printed) / len(printed)), ours)
 
     rows = [row(tracker, tracker, printed, measure) for tracker, printed in suite.table.printed.items()]
@@ -151,8 +156,3 @@ def compare_with_paper(suite: Suite, results: Iterable[Result]) -> list[PaperTab
         unknown = (math.nan,) * len(suite.table.columns)
         rows += [row(name, rows[0].tracker, unknown, name) for name in REFERENCES]
     return rows
-
-
-def _interval(stream: str, values: Sequence[float]) -> Interval:
-    low, high = score.bootstrap_interval(values, random_streams.stream(0, "bootstrap", stream))
-    return (float(np.mean(values)) if values else math.nan), low, high

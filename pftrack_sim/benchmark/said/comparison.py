@@ -6,25 +6,24 @@ The unit of repetition is the seed, and differences are paired: both trackers of
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, get_args
 
 import numpy as np
 import scipy  # it imports its packages at first use
+from numpy.typing import ArrayLike
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.suite import Measure
 from pftrack_sim.benchmark.reading.losses import overlaps_by_tag
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.score import SeedMean
 
 MEASURES: tuple[str, ...] = get_args(Measure)
-LEVEL = 0.05
-"""A difference counts as shown when its p-value is below this."""
 
 _POWER = 0.8
 _EpisodeKey: TypeAlias = tuple[str, str, int]
@@ -37,46 +36,32 @@ class Difference:
     Attributes:
         scenario: Name; `"all"` for the mean over all conditions, each with the same weight.
         condition: Name; empty for all.
-        seeds: Number of seeds that both have.
         first: Mean score of the first tracker.
         second: Mean score of the second.
-        difference: Mean of second - first.
-        low: Lower end of the 95 % bootstrap interval of the difference; NaN for one seed.
-        high: Upper end.
-        p: Two-sided p-value of the sign-flip test.
-        least_p: Smallest p-value that this number of seeds can give, 2 / 2^n.
-        spread: Standard deviation of the differences between seeds; NaN for one seed.
+        difference: Over the seeds that both have; its p-value is corrected for all conditions, or for all tags.
     """
 
     scenario: str
     condition: str
-    seeds: int
     first: float
     second: float
-    difference: float
-    low: float
-    high: float
-    p: float
-    least_p: float
-    spread: float
+    difference: SeedMean
 
     @property
     def verdict(self) -> str:
-        """`"better"`, `"worse"` or `"undecided"`; `"too few seeds"` where no difference could be shown."""
-        if self.least_p >= LEVEL:
-            return "too few seeds"
-        return "undecided" if not self.p < LEVEL else "better" if self.difference > 0.0 else "worse"
+        """`"better"`, `"worse"` or `"undecided"`, or `"needs 10 seeds"`."""
+        found = self.difference.verdict
+        return {"above": "better", "below": "worse"}.get(found, found)
 
     def seeds_for(self, difference: float) -> int | None:
         """Seeds that show a difference of this size with a power of 80 %; None where the spread is unknown.
 
-        Of the normal approximation, n = ((z_0.975 + z_0.8) sd / difference)^2, and never fewer than the sign-flip
-        test needs.
+        Of the normal approximation, n = ((z_0.975 + z_0.8) sd / difference)^2, and never fewer than a verdict needs.
         """
-        if math.isnan(self.spread):
+        if math.isnan(self.difference.spread):
             return None
-        quantiles = float(scipy.stats.norm.ppf(1.0 - 0.5 * LEVEL) + scipy.stats.norm.ppf(_POWER))
-        return max(math.ceil((quantiles * self.spread / difference) ** 2), math.ceil(math.log2(2.0 / LEVEL)))
+        quantiles = float(scipy.stats.norm.ppf(1.0 - 0.5 * score.LEVEL) + scipy.stats.norm.ppf(_POWER))
+        return max(math.ceil((quantiles * self.difference.spread / difference) ** 2), score.LEAST_FOR_VERDICT)
 
 
 @dataclass(frozen=True)
@@ -117,15 +102,18 @@ class RunComparison:
     def statement(self) -> str:
         """The result over all conditions in a sentence: `"v2 is better than v1 by 0.030 (0.010 to 0.050), 9 seeds"`."""
         row, (first, second) = self.rows[-1], self.titles
-        seeds = f"{row.seeds} seed{'s' if row.seeds != 1 else ''}"
+        found = row.difference
+        seeds = f"{found.seeds} seed{'s' if found.seeds != 1 else ''}"
         if row.verdict in ("better", "worse"):
-            low, high = (row.low, row.high) if row.verdict == "better" else (-row.high, -row.low)
-            size = f"{abs(row.difference):.3f} ({low:.3f} to {high:.3f})"
+            low, high = (found.low, found.high) if row.verdict == "better" else (-found.high, -found.low)
+            size = f"{abs(found.mean):.3f} ({low:.3f} to {high:.3f})"
             return f"{second} is {row.verdict} than {first} by {size}, {seeds}"
-        interval = f"{row.difference:+.3f} ({row.low:+.3f} to {row.high:+.3f})"
-        if row.verdict == "too few seeds":
-            return f"{seeds} cannot show a difference between {second} and {first}: {interval}"
-        return f"{second} and {first} cannot be told apart: {interval}, {seeds}"
+        known = "" if math.isnan(found.low) else f" ({found.low:+.3f} to {found.high:+.3f})"
+        size = "unknown" if math.isnan(found.mean) else f"{found.mean:+.3f}{known}"
+        if found.seeds < score.LEAST_FOR_VERDICT:
+            least = score.LEAST_FOR_VERDICT
+            return f"{seeds} cannot show a difference between {second} and {first}, {least} are needed: {size}"
+        return f"{second} and {first} cannot be told apart: {size}, {seeds}"
 
 
 def compare_runs(
@@ -196,37 +184,33 @@ def _rows(pairs: Sequence[EpisodeDifference], measure: str) -> list[Difference]:
         group = groups.setdefault((pair.first.scenario, pair.first.condition.name), {})
         if math.isfinite(sum(scores)):
             group[pair.first.seed] = scores
-    rows = [_difference(*names, group) for names, group in groups.items()]
+    rows = _differences({names: list(group.values()) for names, group in groups.items()})
     if len(groups) > 1:
         # A seed counts where every condition has it; otherwise conditions with more seeds would weigh more.
         shared = set[int].intersection(*(set(group) for group in groups.values()))
-        means: dict[int, tuple[float, float]] = {}
-        for seed in sorted(shared):
-            one, other = np.mean([group[seed] for group in groups.values()], axis=0).tolist()
-            means[seed] = one, other
-        rows.append(_difference("all", "", means))
+        means = [np.mean([group[seed] for group in groups.values()], axis=0) for seed in sorted(shared)]
+        rows += _differences({("all", ""): means})
     return rows
 
 
-def _tag_rows(runs: Sequence[RunStore], names: Sequence[str]) -> Iterator[Difference]:
+def _tag_rows(runs: Sequence[RunStore], names: Sequence[str]) -> list[Difference]:
     one, other = (overlaps_by_tag(run, name) for run, name in zip(runs, names, strict=True))
+    found: dict[tuple[str, str], list[FloatArray]] = {}
     for tag, overlaps in one.items():
         by_seed: dict[int, list[tuple[float, float]]] = {}
         for key in overlaps.keys() & other[tag].keys():
             by_seed.setdefault(key[2], []).append((overlaps[key], other[tag][key]))
-        means: dict[int, tuple[float, float]] = {}
-        for seed, pairs in sorted(by_seed.items()):
-            mean, other_mean = np.mean(pairs, axis=0).tolist()
-            means[seed] = mean, other_mean
-        if means:
-            yield _difference("all", tag, means)
+        if by_seed:
+            found["all", tag] = [np.mean(pairs, axis=0) for pairs in by_seed.values()]
+    return _differences(found)
 
 
-def _difference(scenario: str, condition: str, scores: Mapping[int, tuple[float, float]]) -> Difference:
-    both: FloatArray = np.array(list(scores.values()), dtype=np.float64).reshape(-1, 2)
-    rng = random_streams.stream(0, "statistics", scenario, condition)
-    mean, (low, high), p = score.paired_difference(both[:, 1], both[:, 0], rng)
-    first, second = (both.mean(axis=0) if len(both) else np.full(2, math.nan)).tolist()
-    spread = float(np.std(both[:, 1] - both[:, 0], ddof=1)) if len(both) > 1 else math.nan
-    least_p = min(1.0, 2.0 ** (1 - len(both)))
-    return Difference(scenario, condition, len(both), first, second, mean, low, high, p, least_p, spread)
+def _differences(scores: Mapping[tuple[str, str], Sequence[ArrayLike]]) -> list[Difference]:
+    """Differences by scenario and condition of pairs of scores, one for each seed, corrected for their number."""
+    pairs = {names: np.array(own, dtype=np.float64).reshape(-1, 2) for names, own in scores.items()}
+    differences = score.corrected([score.paired_difference(both[:, 1], both[:, 0]) for both in pairs.values()])
+    means = [both.mean(axis=0).tolist() if len(both) else [math.nan, math.nan] for both in pairs.values()]
+    return [
+        Difference(*names, first, second, difference)
+        for names, (first, second), difference in zip(pairs, means, differences, strict=True)
+    ]

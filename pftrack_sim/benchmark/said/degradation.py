@@ -107,7 +107,13 @@ class TableRow:
     """A level of an axis with the mean of every tracker, by label."""
 
     at: AxisLevel
-    means: Mapping[str, float]
+    means: Mapping[str, score.SeedMean]
+
+    @property
+    def seeds(self) -> str:
+        """Number of seeds, `"4"`, or `"3 to 4"` where trackers differ."""
+        counts = [one.seeds for one in self.means.values()]
+        return " to ".join(str(count) for count in dict.fromkeys((min(counts), max(counts))))
 
 
 TITLES: Mapping[Measure, str] = {
@@ -205,14 +211,14 @@ def _marginal(at: AxisLevel, others: Sequence[str]) -> AxisLevel:
     return replace(at, axis=f"{at.axis} over {names}", label=f"{at.label}, mean over {names}")
 
 
-def seed_means(found: Iterable[Degradation], measure: Measure) -> list[float]:
-    """Means over scenarios, one for each seed that has any."""
+def over_seeds(found: Iterable[Degradation], measure: Measure) -> score.SeedMean:
+    """Mean over the seeds of means over scenarios."""
     by_seed: dict[int, list[float]] = {}
     for one in found:
         value = float(getattr(one, measure))
         if not math.isnan(value):
             by_seed.setdefault(one.seed, []).append(value)
-    return [float(np.mean(values)) for values in by_seed.values()]
+    return score.mean_over_seeds([float(np.mean(values)) for values in by_seed.values()])
 
 
 def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]:
@@ -221,10 +227,9 @@ def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]
     rows: list[TableRow] = []
     for at in dict.fromkeys(one.at for one in found):
         own = [[one for one in found if one.at == at and one.tracker == name] for name in trackers]
-        means = [seed_means(one, measure) for one in own]
-        if any(means):
-            rows.append(TableRow(at, {name: float(np.mean(one)) if one else math.nan
-                                      for name, one in zip(trackers, means, strict=True)}))  # fmt: skip
+        means = [over_seeds(one, measure) for one in own]
+        if any(one.seeds for one in means):
+            rows.append(TableRow(at, dict(zip(trackers, means, strict=True))))
     return rows
 
 

@@ -24,24 +24,23 @@ function element(tag, text, attributes = {}) {
   return made;
 }
 
-// A small generator with a fixed start: the same rows give the same interval.
-function generator() {
-  let word = 12345;
-  return () => { word = (Math.imul(word, 1664525) + 1013904223) >>> 0; return word / 4294967296; };
+// The interval of score.statistics.mean_intervals; null for too few values.
+function interval(values) {
+  const count = values.length;
+  if (count < DATA.least_seeds) return null;
+  const centre = mean(values), spread = Math.sqrt(mean(values.map((value) => (value - centre) ** 2)));
+  if (spread === 0) return [centre, centre];
+  const t = DATA.quantiles[count], error = spread / Math.sqrt(count - 1);
+  const shift = mean(values.map((value) => ((value - centre) / spread) ** 3)) / (6 * Math.sqrt(count));
+  const a = Math.abs(2 * shift) < 1e-9 ? 1e-9 : 2 * shift;
+  const [above, below] = [t, -t].map((end) => (Math.cbrt(1 + 3 * a * (end - shift)) - 1) / a);
+  return [centre - error * Math.max(above, t), centre - error * Math.min(below, -t)];
 }
 
-const DRAWS = 10000; // with 1000 the ends of six seeds differ by 0.003 from draw to draw
-
-function interval(values) {
-  if (values.length < 2) return null;
-  const random = generator(), means = [];
-  for (let draw = 0; draw < DRAWS; draw++) {
-    let sum = 0;
-    for (let k = 0; k < values.length; k++) sum += values[Math.floor(random() * values.length)];
-    means.push(sum / values.length);
-  }
-  means.sort((a, b) => a - b);
-  return [means[Math.round(0.025 * (DRAWS - 1))], means[Math.round(0.975 * (DRAWS - 1))]];
+// An interval, or the values of which there are too few for one.
+function inBrackets(values) {
+  const range = interval(values);
+  return range ? `[${number(range[0])}, ${number(range[1])}]` : values.length > 1 ? values.map((value) => number(value, 2)).join(" ") : "";
 }
 
 function chosen(row) {
@@ -158,8 +157,7 @@ function drawBoard(id, shown, by, counts) {
       const { values, text } = measured(name, group.rows);
       const cell = element("td"), value = element("span", text);
       cell.append(value);
-      const range = name === ranged ? interval(values) : null;
-      if (range) value.append(document.createElement("br"), element("small", `[${number(range[0])}, ${number(range[1])}]`));
+      if (name === ranged) value.append(document.createElement("br"), element("small", inBrackets(values)));
       cells.push(cell);
       if (name === "stay") cells.push(element("td", number(values.length ? (group.mean - mean(values)) / (1 - mean(values)) : null)));
     }
@@ -227,14 +225,20 @@ function drawAxes() {
     const traces = [], rows = DATA.axes.filter(([whose, , name, scenario, , overlap]) => whose === label && own(scenario, overlap, name));
     for (const name of new Set(rows.map((row) => row[2]))) {
       const points = bySeed(rows.filter((row) => row[2] === name).map(([, x, , , seed, overlap]) => [x, seed, overlap]))
-        .sort((a, b) => a[0] - b[0]).map(([x, values]) => [x, mean(values), interval(values) || [mean(values), mean(values)]]);
+        .sort((a, b) => a[0] - b[0]).map(([x, values]) => ({ x, values, range: interval(values) }));
       if (points.length < 2) continue; // no curve
-      const tracker = DATA.trackers.indexOf(name), x = points.map((point) => point[0]), group = `t${name}`;
-      traces.push({ x: [...x, ...[...x].reverse()], legendgroup: group, showlegend: false, hoverinfo: "skip",
-        y: [...points.map((point) => point[2][1]), ...points.map((point) => point[2][0]).reverse()],
-        fill: "toself", fillcolor: colour(tracker) + "22", line: { width: 0 }, mode: "lines" });
-      traces.push({ x, y: points.map((point) => point[1]), legendgroup: group, name: escaped(name), tracker,
-        mode: "lines+markers", line: { color: colour(tracker), dash: dash(tracker), width: 2 } });
+      const tracker = DATA.trackers.indexOf(name), x = points.map((point) => point.x);
+      const more = { legendgroup: `t${name}`, showlegend: false, hoverinfo: "skip" };
+      if (points.every((point) => point.range)) {
+        traces.push({ ...more, x: [...x, ...[...x].reverse()],
+          y: [...points.map((point) => point.range[1]), ...points.map((point) => point.range[0]).reverse()],
+          fill: "toself", fillcolor: colour(tracker) + "22", line: { width: 0 }, mode: "lines" });
+      } else { // too few seeds for a band: a point for each
+        traces.push({ ...more, x: points.flatMap((point) => point.values.map(() => point.x)), y: points.flatMap((point) => point.values),
+          mode: "markers", marker: { color: colour(tracker) + "66", size: 4 } });
+      }
+      traces.push({ x, y: points.map((point) => mean(point.values)), legendgroup: more.legendgroup, name: escaped(name), tracker,
+        text: points.map((point) => `${point.values.length} seeds`), mode: "lines+markers", line: { color: colour(tracker), dash: dash(tracker), width: 2 } });
     }
     if (traces.length) curves.push({ label, traces, plot: element("div", null, { class: "plot" }) });
   }
