@@ -16,7 +16,7 @@ from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.renderer import clip_depths_m, geoms_drawn
-from pftrack_sim.render.triangles import model_triangles
+from pftrack_sim.render.triangles import Detail, model_triangles
 
 _SUBPIXEL = 1e-6  # Rounding of the places where a row crosses the edges of a triangle [px]
 
@@ -57,6 +57,8 @@ class Segmenter:
         self.near_m, self.far_m = clip_depths_m(model)
         self.drawn = geoms_drawn(model)
         self.triangles = model_triangles(model, self.drawn)
+        self._detail = Detail(model)
+        self._coarse = model_triangles(model, self._detail.coarse != self._detail.meshes, self._detail.coarse)
 
     def segment(self, view: View, rect: PixelRect, geoms: IntArray | None = None) -> Segmentation:
         """Segment a rectangle of pixels, in which only the given geoms are drawn; None draws all."""
@@ -72,7 +74,9 @@ class Segmenter:
         window = fx, fy, cx - found.rect.left, cy - found.rect.top
         # A copy: for a read-only pose, the kernel would be compiled once more.
         poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")
-        draw_triangles(geoms, *self.triangles, *poses, window, self.near_m, found.ids, found.inverse_depth)
+        far = self._detail.far(view, geoms)
+        for some, triangles in ((geoms[~np.isin(geoms, far)], self.triangles), (far, self._coarse)):
+            draw_triangles(some, *triangles, *poses, window, self.near_m, found.ids, found.inverse_depth)
 
 
 @kernel

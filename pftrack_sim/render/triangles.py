@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.render.culling import View
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+_COARSE_PX = 6.0  # Radius in the image below which the coarse mesh of a geom is drawn
 _UNBOUNDED_M = 1e3  # Half size of a plane without limits
 _BOX_FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
@@ -40,13 +42,36 @@ class Triangles(NamedTuple):
     face_starts: IntArray
 
 
-def model_triangles(model: Any, drawn: BoolArray) -> Triangles:
-    """Triangles of the `(ngeom,)` drawn geoms of a model; others have none."""
+class Detail:
+    """Which geoms of a model are so small in a view that a coarse mesh is drawn in place of theirs.
+
+    Attributes:
+        meshes: `(ngeom,)` mesh of each geom; -1 for none.
+        coarse: `(ngeom,)` mesh of each for the distance; the same where there is no other.
+    """
+
+    def __init__(self, model: Any) -> None:
+        self.meshes = np.array(model.geom_dataid)
+        # A coarse mesh comes directly before the one whose points it shares.
+        shared = np.diff(model.mesh_vertadr, prepend=-1) == 0
+        self._has_coarse: BoolArray = np.append(shared, False)[self.meshes]
+        self.coarse = self.meshes - self._has_coarse
+        self._radii_m = np.array(model.geom_rbound)
+
+    def far(self, view: View, geoms: IntArray) -> IntArray:
+        """Those of some geoms of which the coarse mesh is drawn: its outline differs by some tenths of a pixel."""
+        ids = geoms[self._has_coarse[geoms]]
+        depths_m = (view.geom_xpos[ids] - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2]
+        return ids[self._radii_m[ids] * view.intrinsics[1] < _COARSE_PX * depths_m]
+
+
+def model_triangles(model: Any, drawn: BoolArray, geom_meshes: IntArray | None = None) -> Triangles:
+    """Triangles of the `(ngeom,)` drawn geoms of a model, of other meshes than theirs if given; others have none."""
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, int(model.vis.quality.numstacks) + 1)
     arc = angles, np.cos(angles), np.sin(angles)
     slices, sizes = int(model.vis.quality.numslices), np.asarray(model.geom_size, dtype=np.float64)
     kinds, meshes, shown = model.geom_type.tolist(), _meshes(model), np.asarray(drawn).tolist()
-    data: list[int] = model.geom_dataid.tolist()
+    data: list[int] = (model.geom_dataid if geom_meshes is None else geom_meshes).tolist()
     shapes = [
         _NOTHING
         if not shown[geom]

@@ -35,10 +35,17 @@ class SceneSpec(mujoco.MjSpec):
         self.compiler.usethread = False
         self.draws = draws
         self._mesh_files: dict[str, bytes] = {}
+        self._coarse: list[str] = []
         self._images: dict[str, NDArray[np.uint8]] = {}
 
-    def add_mesh_file(self, name: str, content: bytes) -> mujoco.MjsMesh:
-        """Add an open surface (it encloses no volume to compute an inertia from) with the content of `mesh_file`."""
+    def add_mesh_file(self, name: str, content: bytes, *, coarse: bytes | None = None) -> mujoco.MjsMesh:
+        """Add an open surface (it encloses no volume to compute an inertia from) with the content of `mesh_file`.
+
+        `coarse` has the same points, and fewer triangles for the distance.
+        """
+        if coarse is not None:
+            self.add_mesh_file(f"{name}/coarse", coarse)
+            self._coarse.append(name)
         file = f"{name}.msh"
         self._mesh_files[file] = content
         return self.add_mesh(name=name, file=file, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
@@ -71,6 +78,11 @@ class SceneSpec(mujoco.MjSpec):
         for name, image in self._images.items():
             start = int(model.texture(name).adr[0])
             model.tex_data[start : start + image.size] = image.reshape(-1)
+        for name in self._coarse:
+            # The compiler turns meshes into the axes of their own inertia: those of one geom share their points.
+            mesh = model.mesh(name).id
+            for points in (model.mesh_vertadr, model.mesh_normaladr, model.mesh_texcoordadr):
+                points[mesh - 1] = points[mesh]
         return model
 
 

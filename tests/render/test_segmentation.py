@@ -9,9 +9,14 @@ from observing import mujocos_renderer
 from render_stage import FAR, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, random_view
 
 from pftrack_sim.camera.pinhole import intrinsics, normalized_coordinates
+from pftrack_sim.core import boxes
 from pftrack_sim.render.culling import PixelRect, View
-from pftrack_sim.render.segmentation import Segmentation, Segmenter
+from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.render.segmentation import Segmentation, Segmenter, draw_triangles
+from pftrack_sim.render.triangles import Detail
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
+from pftrack_sim.scene.people.person import add_person, sample_people
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 IMAGE = PixelRect(0, 0, WIDTH, HEIGHT)
 ALONG_X = looking((0.0, 0.0, 0.3), (1.0, 0.0, 0.3))
@@ -116,3 +121,30 @@ def test_an_unbounded_plane_is_the_ground_up_to_the_far_plane():
     depth_m = Segmenter(model).segment(view, PixelRect(0, 0, 32, 600)).depth_m()[:, 5]
     expected = 300 / np.tan(0.5) / np.maximum(np.arange(600) + 0.5 - 300, 1e-9)
     np.testing.assert_allclose(depth_m, np.where(expected < FAR, expected, np.inf), rtol=1e-4)
+
+
+def test_people_at_a_distance_are_drawn_and_segmented_by_the_same_coarse_meshes():
+    spec = SceneSpec()
+    spec.stat.extent, spec.visual.map.znear, spec.visual.map.zfar = 1.0, NEAR, FAR
+    spec.visual.quality.offsamples = 0
+    add_person(spec, sample_people(5, 1.8, 0, 0.0, ())[0])
+    model = spec.compile()
+    model.mat_emission[:] = 1.0  # Nothing that is drawn is black
+    detail, segmenter, data = Detail(model), Segmenter(model), mujoco.MjData(model)
+    fine = np.flatnonzero(segmenter.drawn)
+    pose, counts = looking((0.0, 0.0, 1.0), (1.0, 0.0, 1.0)), []
+    with Rasteriser(model, WIDTH, HEIGHT) as renderer:
+        for distance_m in (2.0, 9.0, 15.0, 40.0):
+            data.mocap_pos[:] = [(distance_m, 0.4 * (part % 3 - 1), 0.3 * (part // 3)) for part in range(13)]
+            mujoco.mj_forward(model, data)
+            view = view_of(data, pose)
+            counts.append(len(detail.far(view, fine)))
+            shown = renderer.color(data, pose, K).any(axis=2)
+            ours = segmenter.segment(view, IMAGE).ids >= 0
+            assert (shown != ours).sum() <= 1
+            np.testing.assert_array_equal(model.geom_dataid, detail.meshes)
+            whole = np.zeros((HEIGHT, WIDTH), dtype=np.int32) - 1, np.zeros((HEIGHT, WIDTH), dtype=np.float32)
+            poses = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3), pose
+            draw_triangles(fine, *segmenter.triangles, *poses, view.intrinsics, NEAR, *whole)
+            assert np.abs(boxes.from_mask(whole[0] >= 0) - boxes.from_mask(ours)).max() <= 1.0
+    assert counts[0] == 0 < counts[1] < counts[2] <= counts[3] == 13

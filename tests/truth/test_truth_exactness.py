@@ -15,6 +15,7 @@ from pftrack_sim import scenario
 from pftrack_sim.core import boxes
 from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.segmentation import Segmenter
+from pftrack_sim.render.triangles import Detail
 from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.observer import TruthObserver
@@ -138,8 +139,13 @@ def test_the_truth_of_a_partly_hidden_target_is_that_of_an_independent_segmentat
         world, compared = simulation.world, 0
         own = np.array([one == "target" for one in body_owners(world.model)])[world.model.geom_bodyid]
         with mujocos_renderer(world.model) as renderer:
+            detail = Detail(world.model)
             for _ in range(6):
                 truth = simulation.advance().truth
+                view = View(world.data.geom_xpos, world.data.geom_xmat, truth.T_world_camera, truth.K, NEAR)
+                world.model.geom_dataid[:] = detail.meshes
+                far = detail.far(view, np.arange(world.model.ngeom))
+                world.model.geom_dataid[far] = detail.coarse[far]
                 whole = renderer.ids(world.data, truth.T_world_camera, own) >= 0
                 visible = np.append(own, False)[renderer.ids(world.data, truth.T_world_camera)]
                 assert abs(truth.visible_fraction - visible.sum() / whole.sum()) < 0.01

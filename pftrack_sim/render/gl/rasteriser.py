@@ -29,6 +29,7 @@ from pftrack_sim.render.renderer import (
     geoms_drawn,
     sky_material,
 )
+from pftrack_sim.render.triangles import Detail
 
 _NEVER_DRAWN_GROUP = 5
 _STATIC_AND_DYNAMIC = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
@@ -134,7 +135,7 @@ class _Scene:
         self._geoms = np.flatnonzero(geoms_drawn(model))
         self._groups = model.geom_group.copy()
         self._clip_m = clip_depths_m(model)
-        self._bounds = Bounds(model)
+        self._bounds, self._detail = Bounds(model), Detail(model)
         self._options = _geoms_only()
         self._contact = ContactShadows(model)
         self._scene = mujoco.MjvScene(model, model.ngeom + len(self._contact.feet) + _SPARE_GEOMS)
@@ -150,8 +151,8 @@ class _Scene:
     ) -> mujoco.MjvScene:
         """What an image of `size` width and height [px] shows.
 
-        Geoms are hidden by their group in the model, which is restored at once: MuJoCo passes all others to OpenGL, and
-        software OpenGL transforms every vertex of them.
+        Geoms are hidden by their group in the model and simplified by their mesh, which are restored at once: MuJoCo
+        passes all others to OpenGL, and software OpenGL transforms every vertex of them.
         """
         model, scene = self._model, self._scene
         view = View(data.geom_xpos, data.geom_xmat, T_world_camera, K, self._clip_m[0])
@@ -164,8 +165,10 @@ class _Scene:
         self._place_camera(view, size)
         scene.ngeom = 0
         model.geom_group[hidden] = _NEVER_DRAWN_GROUP
+        far = self._detail.far(view, self._geoms)
+        model.geom_dataid[far] = self._detail.coarse[far]
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
-        model.geom_group[hidden] = self._groups[hidden]
+        model.geom_group[hidden], model.geom_dataid[far] = self._groups[hidden], self._detail.meshes[far]
         self._contact.add(view, scene, ~np.isin(self._contact.feet, hidden))
         mujoco.mjv_makeLights(model, data, scene)
         for light in scene.lights[: scene.nlight]:

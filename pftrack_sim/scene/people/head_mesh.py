@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -31,14 +32,14 @@ def head_mesh(anatomy: Anatomy) -> TriangleMesh:
     """The head above the base of the neck (the origin), facing along x."""
     scale = anatomy.head_m / _CROWN_Z
     mesh = _unscaled(anatomy.hair_style)
-    return TriangleMesh(mesh.vertices * scale, mesh.normals, mesh.pixels, mesh.faces)
+    return replace(mesh, vertices=mesh.vertices * scale)
 
 
 @cache
 def _unscaled(style: HairStyle) -> TriangleMesh:
     """A head with this hair; read-only."""
     mesh = merged([_skull(), _ear(-1.0), _ear(1.0), *_hair(style)])
-    for array in (mesh.vertices, mesh.normals, mesh.pixels, mesh.faces):
+    for array in (mesh.vertices, mesh.normals, mesh.pixels, mesh.faces, mesh.coarse):
         array.setflags(write=False)
     return mesh
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +26,14 @@ class TriangleMesh:
         normals: `(V, 3)` unit, outward.
         pixels: `(V, 2)` column and row in the texture.
         faces: `(F, 3)` vertex indices, counter-clockwise seen from outside.
+        coarse: `(C, 3)` the same of a mesh for the distance, of about every second ring and point.
     """
 
     vertices: FloatArray
     normals: FloatArray
     pixels: FloatArray
     faces: NDArray[np.int32]
+    coarse: NDArray[np.int32]
 
 
 def load_profile(name: str) -> FloatArray:
@@ -93,14 +95,14 @@ def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
     """
     vertices = closed_rings(rings)
     is_pole = (rings.max(axis=1) - rings.min(axis=1)).max(axis=1) < 1e-9
-    faces = _faces(rings.shape[1], tuple(is_pole.tolist()))
+    faces, coarse = _faces(rings.shape[1], tuple(is_pole.tolist()))
     # Corners of the quads, coordinate by coordinate: each is cut into the triangles a, b, c and a, c, d.
     grid = np.ascontiguousarray(vertices.transpose(2, 0, 1))
     a, b, c, d = grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]
     diagonal = c - a
     quads, first = _cross(diagonal, d - b), _cross(b - a, diagonal)
     if np.vdot(a, quads) < 0.0:  # negative volume: the rings run clockwise
-        quads, first, faces = -quads, -first, faces[:, ::-1]
+        quads, first, faces, coarse = -quads, -first, faces[:, ::-1], coarse[:, ::-1]
     sums = np.zeros(grid.shape)
     sums[:, :-1, :-1] += quads
     sums[:, :-1, 1:] += first
@@ -112,7 +114,7 @@ def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
     normals = sums.reshape(3, -1).T
     lengths = np.sqrt((normals**2).sum(axis=1, keepdims=True))
     normals = np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), (0.0, 0.0, 1.0))
-    return TriangleMesh(vertices.reshape(-1, 3), normals, pixels.reshape(-1, 2), faces)
+    return TriangleMesh(vertices.reshape(-1, 3), normals, pixels.reshape(-1, 2), faces, coarse)
 
 
 def closed_rings(rings: FloatArray) -> FloatArray:
@@ -128,11 +130,21 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _faces(count: int, is_pole: tuple[bool, ...]) -> NDArray[np.int32]:
-    """`(F, 3)` vertices of the triangles between rings of `count + 1` points, but for those without area; read-only."""
-    grid = np.arange(len(is_pole) * (count + 1), dtype=np.int32).reshape(-1, count + 1)
-    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+def _faces(count: int, is_pole: tuple[bool, ...]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """`(F, 3)` vertices of the triangles between rings of `count + 1` points, but for those without area; read-only.
+
+    Then the same between half as many rings of half as many points.
+    """
+    rings = len(is_pole)
+    grid = np.arange(rings * (count + 1), dtype=np.int32).reshape(rings, count + 1)
+    rows = np.linspace(0, rings - 1, rings // 2 + 1).round().astype(int)
+    columns = np.linspace(0, count, 2 * -(-count // 4) + 1).round().astype(int)
     wide = ~np.array(is_pole)
+    return _triangles(grid, wide), _triangles(grid[np.ix_(rows, columns)], wide[rows])
+
+
+def _triangles(grid: NDArray[np.int32], wide: BoolArray) -> NDArray[np.int32]:
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
     lower, upper = np.stack([a, b, c], axis=-1)[wide[:-1]], np.stack([a, c, d], axis=-1)[wide[1:]]
     faces = np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
     faces.setflags(write=False)
@@ -147,10 +159,12 @@ def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
         np.concatenate([mesh.normals for mesh in meshes]),
         np.concatenate([mesh.pixels for mesh in meshes]),
         np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]).astype(np.int32),
+        np.concatenate([mesh.coarse + start for mesh, start in zip(meshes, starts, strict=True)]).astype(np.int32),
     )
 
 
 def mirrored(mesh: TriangleMesh) -> TriangleMesh:
     """The mesh of the same part on the other side of the body (y negated)."""
     flip = np.array([1.0, -1.0, 1.0])
-    return TriangleMesh(mesh.vertices * flip, mesh.normals * flip, mesh.pixels, mesh.faces[:, ::-1].copy())
+    faces, coarse = mesh.faces[:, ::-1].copy(), mesh.coarse[:, ::-1].copy()
+    return TriangleMesh(mesh.vertices * flip, mesh.normals * flip, mesh.pixels, faces, coarse)

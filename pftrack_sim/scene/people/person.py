@@ -131,7 +131,8 @@ def add_person(spec: SceneSpec, person: Person) -> None:
     for part, triangles in part_meshes(person).items():
         full_name = f"{name}/{part}"
         coordinates = triangles.pixels / ATLAS_SIZE
-        spec.add_mesh_file(full_name, mesh_file(triangles.vertices, triangles.normals, coordinates, triangles.faces))
+        points = triangles.vertices, triangles.normals, coordinates
+        spec.add_mesh_file(full_name, mesh_file(*points, triangles.faces), coarse=mesh_file(*points, triangles.coarse))
         body = spec.worldbody.add_body(name=full_name, mocap=True, pos=[0.0, 0.0, UNPOSED_Z_M])
         body.add_geom(
             name=full_name,
