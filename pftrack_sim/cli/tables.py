@@ -50,13 +50,14 @@ console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty
 
 def print_bench(results: Sequence[Result]) -> None:
     """Print the overlap of each tracker in each episode and over all seeds, and how everybody in view was tracked."""
-    from pftrack_sim.report.tables import people
+    from pftrack_sim.report.tables import people, row_name
 
     _print_episodes(results)
-    groups: dict[tuple[str, str], list[Summary]] = {}
+    groups: dict[tuple[str, str], list[Result]] = {}
     for one in results:
-        groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one.measures)
-    print_groups("frames in which the target is visible", groups)
+        groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one)
+    named = {(place, row_name(label, own)): [one.measures for one in own] for (place, label), own in groups.items()}
+    print_groups("frames in which the target is visible", named)
     for table in people(results, ("HOTA", "IDF1", "MOTA", "switches")):
         print_table(table)
     errors = [f"{one.label} ended with an error on {_where(one)}, {one.error}" for one in results if one.error]
@@ -84,10 +85,14 @@ def _print_episodes(results: Sequence[Result]) -> None:
     for (scenario, condition, seed), own in by_episode(results).items():
         scored = {one.label: one for one in own}
         cells = [number_text(own[0].number(name), 0 if name == "frames" else 3) for name in shared]
-        cells += [number_text(scored[tracker].number("mean_overlap")) for tracker in trackers]
+        cells += [
+            number_text(scored[tracker].number("mean_overlap")) + (" !" if scored[tracker].error else "")
+            for tracker in trackers
+        ]
         rows.append([scenario, condition, str(seed), *cells])
     title = "Mean overlap per episode (frames in which the target is visible)"
-    print_table(Table(title, ("scenario", "condition"), ("seed", *shared, *trackers), rows))
+    notes = {"!": "ended with an error; frames after it count as 0"} if any(one.error for one in results) else {}
+    print_table(Table(title, ("scenario", "condition"), ("seed", *shared, *trackers), rows, notes))
 
 
 def print_run(plan: Plan, store: RunStore) -> None:
@@ -141,7 +146,7 @@ def print_comparison(found: RunComparison) -> None:
 
 
 def print_losses(shares: Mapping[str, LossShares]) -> None:
-    """Print how often each tracker lost the target and what happened then; nothing without a loss."""
+    """Print how often each tracker lost the target, what happened then, and who never tracked it or failed."""
     from pftrack_sim.benchmark.reading.losses import LOSS, TAGS, tag_title
     from pftrack_sim.report.tables import Table
 
@@ -150,6 +155,7 @@ def print_losses(shares: Mapping[str, LossShares]) -> None:
         if one.losses:
             rows.append([label, str(one.losses), *(f"{one.shares[tag]:.0%}" for tag in TAGS)])
             rows.append(["  of all frames", "", *(f"{one.frames[tag]:.0%}" for tag in TAGS)])
+    print_lines(f"{label} {one.statement}." for label, one in shares.items() if one.untracked or one.errors)
     if rows:
         heads = [tag_title(tag).replace(" ", "\n") for tag in TAGS]
         notes = {"loss": LOSS, **{tag_title(tag): words for tag, (words, _) in TAGS.items()}}

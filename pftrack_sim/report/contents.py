@@ -14,7 +14,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.datasets.results import Scored, ScoredResult
-from pftrack_sim.benchmark.reading.losses import LOSS, TAGS, tag_title
+from pftrack_sim.benchmark.reading.losses import EVER_TRACKED, LOSS, TAGS, tag_title
 from pftrack_sim.benchmark.reading.summary import by_seed
 from pftrack_sim.benchmark.said.degradation import degradation, levels_of
 from pftrack_sim.core import palette
@@ -187,15 +187,17 @@ def _losses(store: RunStore, trackers: Sequence[str], numbers: Mapping[tuple[str
         numbers: The page's episodes by scenario, condition and seed.
 
     Returns:
-        `loss`: the definition; `tags`: names and meanings; `losses`: rows of tracker, episode, first and zero time [s],
-        time found again or null, and a bit for each tag; `moments`: rows of tracker, episode, number of frames in which
-        the target can be seen, and number of those with each tag.
+        `loss`: the definition; `tags`: names and meanings; `losses`: rows of tracker, episode, times [s] when it was
+        tracked last, lost, and found again or null, and a bit for each tag; `moments`: rows of tracker, episode, number
+        of frames in which the target can be seen, whether it is ever tracked, and number of those with each tag.
     """
     bits = " + ".join(f"{name}::INTEGER * {1 << place}" for place, name in enumerate(TAGS))
     counts = ", ".join(f"sum({name}::INTEGER)::INTEGER" for name in TAGS)
-    times = ", ".join(f"round({name}, 3)" for name in ("time_s", "zero_s", "found_s"))
+    times = ", ".join(f"round({name}, 3)" for name in ("time_s", "lost_s", "found_s"))
     lost = store.query(f"SELECT {_EPISODE}, {times}, {bits} FROM losses")
-    seen = store.query(f"SELECT {_EPISODE}, count(*), {counts} FROM moments WHERE scored GROUP BY ALL ORDER BY ALL")
+    seen = store.query(
+        f"SELECT {_EPISODE}, count(*), {EVER_TRACKED}, {counts} FROM moments WHERE scored GROUP BY ALL ORDER BY ALL"
+    )
 
     def rows(found: Sequence[tuple[Any, ...]]) -> list[list[Any]]:
         return [

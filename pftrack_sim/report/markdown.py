@@ -25,6 +25,7 @@ from pftrack_sim.report.tables import (
     people,
     place_of,
     range_text,
+    row_name,
 )
 from pftrack_sim.scenario.axes import axes_by_name
 
@@ -146,7 +147,7 @@ def _overlaps(results: Sequence[Result], places: Sequence[str]) -> str:
         others = [number_text(getattr(mean, name)) for name in beside.values()]
         overall = over_seeds("mean_overlap", own)
         known = [*cells("mean_overlap", own), str(overall.seeds), range_text(overall)]
-        rows.append((overall.mean, [f"`{label}`", *known, *others]))
+        rows.append((overall.mean, [f"`{row_name(label, own)}`", *known, *others]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
     references = [
         [name, *cells(name, results), str(found.seeds), number_text(found.mean), *["-"] * len(beside)]

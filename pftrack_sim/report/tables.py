@@ -85,6 +85,12 @@ def over_seeds(measure: str, results: Iterable[Result], proportion: bool = False
     return score.proportion_over_seeds(values) if proportion else score.mean_over_seeds(values)
 
 
+def row_name(label: str, results: Iterable[Result]) -> str:
+    """A tracker's name, marked where it ended with an error: frames after it count as 0 in its scores."""
+    errors = sum(one.error is not None for one in results)
+    return label if not errors else f"{label} ({errors} error{'s' if errors != 1 else ''})"
+
+
 def place_of(result: Result) -> str:
     """`"corridor jitter=2"`; the base condition has the scenario's name alone."""
     return result.scenario if not result.condition.levels else f"{result.scenario} {result.condition.name}"
@@ -136,7 +142,7 @@ def following(results: Sequence[Result], columns: Mapping[str, str] = FOLLOWING)
     """Measures of following by place and tracker; none for runs in open loop."""
     found = [
         [
-            *(place, label, str(len(own))),
+            *(place, row_name(label, own), str(len(own))),
             *(range_text(over_seeds(f"follow_{name}", own, name in _PROPORTIONS), 2) for name in columns.values()),
         ]
         for (place, label), own in _by_place(one for one in results if one.following is not None).items()
@@ -150,7 +156,7 @@ def people(results: Sequence[Result], heads: Sequence[str] = tuple(score.PEOPLE_
     """Scores of everybody in view by place and tracker of several people; none without one."""
     found = [
         [
-            *(place, label, str(len(own))),
+            *(place, row_name(label, own), str(len(own))),
             *(range_text(over_seeds(name.lower(), own), 1 if name == "switches" else 3) for name in heads),
         ]
         for (place, label), own in _by_place(one for one in results if not math.isnan(one.number("hota"))).items()

@@ -131,3 +131,12 @@ def fails_for_seed_4(*, seed: int, **_: Any) -> FaultyTracker:
 
 def ends_while_imported(**_: Any) -> FaultyTracker:
     os._exit(5)
+
+
+class _FarAway(FaultyTracker):
+    def update(self, image: np.ndarray) -> Any:
+        return self._fault(image)
+
+
+def far_away(**_: Any) -> FaultyTracker:
+    return _FarAway(lambda image: Estimate([0, 0, 1, 1]))

@@ -30,6 +30,7 @@ def losses(overlap: list[float], **truth: Any) -> list[dict[str, Any]]:
     }
     columns |= {name: np.asarray(truth.get(name, [value] * count), dtype=float) for name, value in calm.items()}
     columns["scored"] = columns["visible_fraction"] > 0.0
+    columns["status"] = np.array(truth.get("status", ["init"] + ["ok"] * (count - 1)), dtype=object)
     columns["height"] = np.asarray(truth.get("height", [100.0] * count), dtype=float)
     with duckdb.connect() as database:
         database.register("given", columns)
@@ -48,23 +49,33 @@ def during(loss: dict[str, Any]) -> set[str]:
 
 
 def test_a_loss_begins_with_the_last_tracked_frame_and_ends_with_the_next():
-    (loss,) = losses([1.0] * 10 + [0.2, 0.1, 0.0, 0.0, 0.1, 0.0] + [0.5] * 4)
-    assert (loss["frame"], loss["zero_frame"], loss["found_s"]) == (9, 12, 1.6)
+    (loss,) = losses([1.0] * 10 + [0.2, 0.09, 0.0, 0.0, 0.09, 0.0] + [0.5] * 4)
+    assert (loss["frame"], loss["time_s"], loss["lost_s"], loss["found_s"]) == (9, 0.9, 1.1, 1.6)
     assert during(loss) == set()
 
 
-def test_low_overlap_alone_is_no_loss_and_a_loss_counts_once():
-    assert losses([1.0] * 5 + [0.05] * 10 + [0.6] * 5) == []
-    found = losses([1.0, 0.0, 0.4, 0.0, 0.2, 0.0])
-    assert [(loss["frame"], loss["found_s"]) for loss in found] == [(0, 0.2), (2, None)]
+def test_half_a_second_below_a_tenth_is_a_loss_and_counts_once():
+    assert losses([1.0] * 5 + [0.05] * 4 + [0.2] + [0.05] * 4 + [0.6] * 5) == []
+    assert losses([1.0] * 5 + [0.1] * 20) == []
+    found = losses([1.0] + [0.05] * 5 + [0.4] + [0.0] * 6 + [0.2] + [0.0] * 6)
+    assert [(loss["frame"], loss["found_s"]) for loss in found] == [(0, 0.6), (6, None)]
+
+
+def test_frames_after_an_error_are_no_loss():
+    overlap = [1.0] * 5 + [0.0] * 12
+    assert len(losses(overlap)) == 1
+    assert losses(overlap, status=["init"] + ["ok"] * 8 + ["error"] * 8) == []
 
 
 def test_frames_without_the_target_are_no_loss():
     visible = [1.0] * 5 + [0.0] * 5 + [1.0] * 5
     assert losses([1.0] * 5 + [0.0] * 5 + [0.8] * 5, visible_fraction=visible) == []
     (loss,) = losses([1.0] * 5 + [0.0] * 10, visible_fraction=visible)
-    assert (loss["frame"], loss["zero_frame"]) == (4, 10)
+    assert (loss["frame"], loss["lost_s"]) == (4, 1.0)
     assert during(loss) == {"occluded"}
+    gap = [1.0] * 5 + [0.5] * 3 + [0.0] * 10 + [0.5] * 2
+    (loss,) = losses([1.0] * 5 + [0.0] * 15, visible_fraction=gap)
+    assert loss["lost_s"] == 0.5, "half a second in which it can be seen, before and after the cover"
 
 
 @pytest.mark.parametrize(
@@ -95,11 +106,14 @@ def test_unknown_numbers_are_no_tags():
 
 def test_a_run_answers_for_its_losses(tmp_path):
     small = {"duration_s": 3.0, "camera.width_px": 64, "camera.height_px": 48, "camera.rate_hz": 10.0}
-    plan = make_plan(["plaza-walk"], ["oracle", "stay"], [0], overrides={**small, "lights.shadows": False})
-    store = run(plan, tmp_path / "run", videos="none", workers=0)
+    far, raises = "tests.benchmark.faulty_trackers:far_away", "tests.benchmark.faulty_trackers:raises"
+    plan = make_plan(["plaza-walk"], ["oracle", "stay", far, raises], [0], overrides={**small, "lights.shadows": False})
+    store = run(plan, tmp_path / "run", videos="none", workers=0, isolation="never")
     shares = loss_shares(store)
-    assert list(shares) == ["oracle", "stay"]
-    assert (shares["oracle"].losses, shares["oracle"].episodes) == (0, 0)
+    assert list(shares) == ["oracle", "stay", far, raises]
+    assert (shares["oracle"].losses, shares["oracle"].lost, shares["oracle"].episodes) == (0, 0, 1)
+    assert shares[far].statement.startswith("never tracks the target in 1 of 1 episode")
+    assert shares[raises].statement.endswith("ends with an error in 1 of 1 episode")
     counted = store.query("SELECT count(*), avg(occluded::INTEGER) FROM losses WHERE label = 'stay'").rows
     assert counted == [(shares["stay"].losses, shares["stay"].shares["occluded"])]
     assert shares["stay"].losses > 0
@@ -118,10 +132,16 @@ def test_a_run_answers_for_its_losses(tmp_path):
 
 def test_losses_are_stated_with_what_they_begin_with_if_it_is_more_than_usual():
     usual = dict.fromkeys(TAGS, 0.0) | {"fast_motion": 0.5}
-    lost = LossShares(4, 3, usual | {"occluded": 0.75}, usual)
-    assert lost.statement == "loses the target 4 times in 3 episodes; 75% begin with: occluded (0% of all frames)"
-    assert LossShares(1, 1, usual, usual).statement == "loses the target 1 time in 1 episode"
-    assert LossShares(0, 0, dict.fromkeys(TAGS, math.nan), usual).statement == "never loses the target"
+    lost = LossShares(4, 5, 3, 0, 0, usual | {"occluded": 0.75}, usual)
+    causes = "75% of the losses begin with: occluded (0% of all frames)"
+    assert lost.statement == f"loses the target 4 times in 3 of 5 episodes; {causes}"
+    assert LossShares(1, 1, 1, 0, 0, usual, usual).statement == "loses the target 1 time in 1 of 1 episode"
+    none = dict.fromkeys(TAGS, math.nan)
+    assert LossShares(0, 3, 0, 0, 0, none, usual).statement == "never loses the target"
+    untracked = "never tracks the target in 2 of 3 episodes"
+    assert LossShares(0, 3, 0, 2, 0, none, usual).statement == f"{untracked}; never loses the target once it is tracked"
+    ended = LossShares(0, 3, 0, 3, 1, none, usual)
+    assert ended.statement == "never tracks the target in 3 of 3 episodes; ends with an error in 1 of 3 episodes"
 
 
 def test_the_nearest_look_alike_is_measured_in_sizes_of_the_target():

@@ -121,7 +121,8 @@ def test_compare_and_report_say_where_it_fails(lost: Path, tmp_path: Path, capsy
     assert f"written: {tmp_path / 'page.html'}" in printed
     assert "oracle never loses the target." in printed
     told = re.search(
-        r"stay loses the target [1-9]\d* times? in 1 episode; \d+% begin with: .* of all frames\)\.", printed
+        r"stay loses the target [1-9]\d* times? in 1 of 1 episode; \d+% of the losses begin with: .* of all frames\)\.",
+        printed,
     )
     assert told is not None, printed
     page = (tmp_path / "page.html").read_text()

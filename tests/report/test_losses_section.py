@@ -17,7 +17,7 @@ def test_the_data_are_those_of_the_view(lost: Path):
     told, store = contents(RunStore(lost)), RunStore(lost)
     assert [name.replace("-", " ").replace(" ", "_") for name, _ in told["tags"]] == list(TAGS)
     rows = store.query(
-        f"SELECT round(time_s, 3), round(zero_s, 3), round(found_s, 3), {', '.join(TAGS)} FROM losses"
+        f"SELECT round(time_s, 3), round(lost_s, 3), round(found_s, 3), {', '.join(TAGS)} FROM losses"
     ).rows
     assert len(rows) > 0
     assert [
@@ -26,7 +26,7 @@ def test_the_data_are_those_of_the_view(lost: Path):
     assert {row[0] for row in told["losses"]} == {1}, "the oracle loses nothing"
     seen = store.query("SELECT count(*), sum(occluded::INTEGER) FROM frames JOIN moments USING (label, frame) "
                        "WHERE label = 'stay' AND moments.scored").rows  # fmt: skip
-    assert [(row[2], row[3]) for row in told["moments"] if row[0] == 1] == seen
+    assert [(row[2], row[4]) for row in told["moments"] if row[0] == 1] == seen
 
 
 @pytest.mark.slow

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from pftrack_sim.benchmark.reading.store import RunStore
 
 TRACKED = 0.3
-"""Overlap from which the target counts as tracked: a loss begins with the last such frame before an overlap of 0."""
+"""Overlap from which the target counts as tracked: a loss begins with the last such frame."""
+
+LOST, LOST_S = 0.1, 0.5
+"""A target is lost where the overlap stays below this for so long."""
 
 AROUND_S = 0.5
 """What happens up to so long before and after a loss began belongs to it."""
@@ -48,9 +51,12 @@ TAGS: Mapping[str, tuple[str, str]] = MappingProxyType(
 The limit of fast motion is near the 75 % quantile of `step_p95` in recorded video (`score.profile.recorded_quantiles`).
 """
 
+EVER_TRACKED = f"coalesce(bool_or(status = 'ok' AND overlap >= {TRACKED}), false)"
+"""SQL over scored moments of an episode: whether the target is tracked in any after the one with the given box."""
+
 LOSS = (
-    f"an overlap of 0 in a frame in which the target can be seen, after it was tracked (at least {TRACKED}); "
-    "it begins with the last frame in which it was tracked"
+    f"an overlap below {LOST:g} for {LOST_S:g} s in which the target can be seen, after it was tracked (at least "
+    f"{TRACKED:g}); it begins with the last frame in which it was tracked. Frames after a tracker's error are no part"
 )
 """Definition of a loss."""
 
@@ -61,27 +67,39 @@ class LossShares:
 
     Attributes:
         losses: Number of losses.
-        episodes: Number of episodes with one.
+        episodes: Number of episodes.
+        lost: Number of those with a loss.
+        untracked: Number of those in which the tracker, once started, never tracked the target.
+        errors: Number of those in which it ended with an error.
         shares: Share of the losses, by tag; NaN without losses.
         frames: Share of all frames in which the target can be seen that have the tag around them.
     """
 
     losses: int
     episodes: int
+    lost: int
+    untracked: int
+    errors: int
     shares: Mapping[str, float]
     frames: Mapping[str, float]
 
     @property
     def statement(self) -> str:
         """Number of losses and what they begin with more often than other frames have it, as the end of a sentence."""
-        if not self.losses:
-            return "never loses the target"
-        tag = max(TAGS, key=lambda one: self.shares[one] - self.frames[one])
-        often = f"{self.losses} time{'s' if self.losses != 1 else ''}"
-        said = f"loses the target {often} in {self.episodes} episode{'s' if self.episodes != 1 else ''}"
-        if self.shares[tag] <= self.frames[tag]:
-            return said
-        return f"{said}; {self.shares[tag]:.0%} begin with: {tag_title(tag)} ({self.frames[tag]:.0%} of all frames)"
+        of = f"of {self.episodes} episode{'s' if self.episodes != 1 else ''}"
+        parts = [f"never tracks the target in {self.untracked} {of}"] if self.untracked else []
+        if self.losses:
+            tag = max(TAGS, key=lambda one: self.shares[one] - self.frames[one])
+            often = f"{self.losses} time{'s' if self.losses != 1 else ''}"
+            parts.append(f"loses the target {often} in {self.lost} {of}")
+            if self.shares[tag] > self.frames[tag]:
+                usual = f"{self.frames[tag]:.0%} of all frames"
+                parts.append(f"{self.shares[tag]:.0%} of the losses begin with: {tag_title(tag)} ({usual})")
+        elif self.untracked < self.episodes:
+            parts.append(f"never loses the target{' once it is tracked' if self.untracked else ''}")
+        if self.errors:
+            parts.append(f"ends with an error in {self.errors} {of}")
+        return "; ".join(parts)
 
 
 def tag_title(tag: str) -> str:
@@ -103,12 +121,12 @@ def create_loss_views(database: duckdb.DuckDBPyConnection) -> None:
         f"""
         CREATE VIEW moments AS
         WITH sized AS (
-            SELECT kind, scenario, condition, seed, label, frame, time_s, overlap, scored, {values},
+            SELECT kind, scenario, condition, seed, label, frame, time_s, status, overlap, scored, {values},
                 sqrt(amodal_box[3] * amodal_box[4]) AS size,
                 CASE WHEN visible_fraction > 0.5 AND NOT isnan(luminance) THEN luminance END AS seen_luminance
             FROM frames
         )
-        SELECT kind, scenario, condition, seed, label, frame, time_s, overlap, scored, {tags} FROM sized
+        SELECT kind, scenario, condition, seed, label, frame, time_s, status, overlap, scored, {tags} FROM sized
         WINDOW near AS (
             PARTITION BY scenario, condition, seed, label ORDER BY time_s
             RANGE BETWEEN {AROUND_S} PRECEDING AND {AROUND_S} FOLLOWING
@@ -120,21 +138,23 @@ def create_loss_views(database: duckdb.DuckDBPyConnection) -> None:
         f"""
         CREATE VIEW losses AS
         WITH spans AS (
-            SELECT *, max(CASE WHEN scored AND overlap >= {TRACKED} THEN frame END) OVER (
-                PARTITION BY scenario, condition, seed, label ORDER BY frame) AS tracked
-            FROM moments
-        ), grouped AS (
-            SELECT scenario, condition, seed, label, tracked AS frame, min(time_s) AS time_s,
-                min(frame) FILTER (scored AND overlap = 0) AS zero_frame,
-                min(time_s) FILTER (scored AND overlap = 0) AS zero_s,
-                {", ".join(f"first({name} ORDER BY frame) AS {name}" for name in TAGS)}
-            FROM spans WHERE tracked IS NOT NULL GROUP BY ALL
-        ), followed AS (
+            -- A span begins with a frame in which the target is tracked; in it a run of low overlaps ends with one that
+            -- is not low. Frames without the target do neither, nor do they count.
+            SELECT *, time_s - lag(time_s) OVER episode AS lasts_s,
+                max(CASE WHEN scored AND overlap >= {TRACKED} THEN frame END) OVER episode AS tracked,
+                count(*) FILTER (scored AND overlap >= {LOST}) OVER episode AS run
+            FROM moments WHERE status <> 'error'
+            WINDOW episode AS (PARTITION BY scenario, condition, seed, label ORDER BY frame)
+        ), lost AS (
+            SELECT scenario, condition, seed, label, tracked AS frame, min(time_s) AS lost_s
+            FROM spans WHERE scored AND overlap < {LOST} AND tracked IS NOT NULL
+            GROUP BY scenario, condition, seed, label, tracked, run HAVING sum(lasts_s) >= {LOST_S} - 1e-6
+        ), began AS (
             SELECT *, lead(time_s) OVER (PARTITION BY scenario, condition, seed, label ORDER BY frame) AS found_s
-            FROM grouped
+            FROM spans WHERE frame = tracked
         )
-        SELECT scenario, condition, seed, label, frame, time_s, zero_frame, zero_s, found_s, {names} FROM followed
-        WHERE zero_frame IS NOT NULL ORDER BY ALL
+        SELECT scenario, condition, seed, label, frame, time_s, min(lost_s) AS lost_s, found_s, {names}
+        FROM began JOIN lost USING (scenario, condition, seed, label, frame) GROUP BY ALL ORDER BY ALL
         """
     )
 
@@ -147,22 +167,24 @@ def loss_shares(store: RunStore) -> dict[str, LossShares]:
     """
     tags = ", ".join(f"avg({name}::INTEGER)" for name in TAGS)
     seen = f"SELECT label, [{tags}] AS seen FROM moments WHERE scored GROUP BY label"
+    ends = (
+        "SELECT label, count(*)::INTEGER, count(*) FILTER (NOT tracked)::INTEGER, count(error)::INTEGER FROM summary "
+        f"JOIN (SELECT scenario, condition, seed, label, {EVER_TRACKED} AS tracked FROM moments WHERE scored "
+        "GROUP BY ALL) USING (scenario, condition, seed, label) GROUP BY label"
+    )
     lost = (
-        f"SELECT label, count(*) AS losses, count(DISTINCT (scenario, condition, seed)) AS episodes, [{tags}] AS lost "
+        f"SELECT label, count(*), count(DISTINCT (scenario, condition, seed)), [{tags}] AS lost "
         "FROM losses GROUP BY label"
     )
-    rows = store.query(
-        f"SELECT label, losses, episodes, lost, seen FROM ({seen}) LEFT JOIN ({lost}) USING (label)"
-    ).rows
-    found = {
-        label: LossShares(
-            losses or 0,
-            episodes or 0,
-            dict(zip(TAGS, shares or [math.nan] * len(TAGS), strict=True)),
-            dict(zip(TAGS, frames, strict=True)),
+    found: dict[str, LossShares] = {}
+    frames, ended, losses = ({row[0]: row[1:] for row in store.query(one).rows} for one in (seen, ends, lost))
+    for label, (episodes, untracked, errors) in ended.items():
+        count, episodes_lost, shares = losses.get(label, (0, 0, [math.nan] * len(TAGS)))
+        found[label] = LossShares(
+            *(count, episodes, episodes_lost, untracked, errors),
+            dict(zip(TAGS, shares, strict=True)),
+            dict(zip(TAGS, *frames[label], strict=True)),
         )
-        for label, losses, episodes, shares, frames in rows
-    }
     return {label: found[label] for label in store.plan.labels if label in found}
 
 

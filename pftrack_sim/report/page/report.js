@@ -105,6 +105,8 @@ function trackerHead(tracker) {
   return head;
 }
 
+const errorsOf = (rows) => rows.filter((row) => row[FIRST + DATA.measures.length] !== null).length;
+
 function linkTo(text, title, act, href = "#h-episode") {
   const link = element("a", text, { href, title });
   link.addEventListener("click", (event) => {
@@ -152,6 +154,8 @@ function drawBoard(id, shown, by, counts) {
   fillTable(byId(id), names, groups.map((group) => {
     const head = trackerHead(group.tracker);
     head.append(document.createElement("br"), linkTo("worst episode", "Show its episode with the lowest overlap", () => showWorst(group.rows)));
+    const errors = errorsOf(group.rows);
+    if (errors) head.append(document.createElement("br"), element("small", `${errors} error${errors === 1 ? "" : "s"}`, { class: "error" }));
     const cells = [head, element("td", group.seeds.length)];
     for (const name of shown) {
       const { values, text } = measured(name, group.rows);

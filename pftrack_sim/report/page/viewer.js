@@ -117,12 +117,17 @@ function drawLosses() {
   fillTable(byId("shares"), ["of the losses begin with", ...trackers.map((tracker) => `${DATA.trackers[tracker]} (${losses.filter((loss) => loss[0] === tracker).length})`), "all frames"],
     order.map((tag) => [element("th", DATA.tags[tag][0], { scope: "row", title: DATA.tags[tag][1] }),
       ...trackers.map((tracker) => percent(shareOf(losses.filter((loss) => loss[0] === tracker), tag))),
-      percent(moments.reduce((sum, row) => sum + row[3 + tag], 0) / frames)]));
-  byId("told").replaceChildren(...trackers.map((tracker) => {
-    const own = losses.filter((loss) => loss[0] === tracker), usual = (tag) => moments.reduce((sum, row) => sum + row[3 + tag], 0) / frames;
+      percent(moments.reduce((sum, row) => sum + row[4 + tag], 0) / frames)]));
+  const usual = (tag) => moments.reduce((sum, row) => sum + row[4 + tag], 0) / frames;
+  byId("told").replaceChildren(...[...state.trackers].flatMap((tracker) => {
+    const own = losses.filter((loss) => loss[0] === tracker), seen = moments.filter((row) => row[0] === tracker), told = [];
+    const untracked = seen.filter((row) => !row[3]).length, errors = errorsOf(DATA.rows.filter((row) => row[0] === tracker && chosen(row)));
     const tag = [...order].sort((a, b) => (shareOf(own, b) - usual(b)) - (shareOf(own, a) - usual(a)))[0];
-    if (shareOf(own, tag) <= usual(tag)) return element("li", `${DATA.trackers[tracker]}: ${own.length} losses`);
-    return element("li", `${DATA.trackers[tracker]}: ${percent(shareOf(own, tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all frames)`);
+    if (own.length && shareOf(own, tag) > usual(tag)) told.push(`${percent(shareOf(own, tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all frames)`);
+    else if (own.length) told.push(`${own.length} losses`);
+    if (untracked) told.push(`never tracks the target in ${untracked} of ${seen.length} episodes`);
+    if (errors) told.push(`ends with an error in ${errors} of ${seen.length} episodes`);
+    return told.length ? [element("li", `${DATA.trackers[tracker]}: ${told.join("; ")}`)] : [];
   }));
   const wanted = losses.filter((loss) => state.tag < 0 || has(loss, state.tag));
   const lasting = (loss) => (loss[4] === null ? 1e6 : loss[4]) - loss[2];
