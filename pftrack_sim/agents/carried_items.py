@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.people import Carried, Item, Target, held_share
@@ -85,4 +84,7 @@ def _yaw(rotation: FloatArray) -> float:
 
 
 def _rotation(yaw_rad: float, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> FloatArray:
-    return Rotation.from_euler("ZXY", [yaw_rad, roll_rad, pitch_rad]).as_matrix()
+    quaternion, matrix = np.empty(4), np.empty(9)
+    mujoco.mju_euler2Quat(quaternion, [yaw_rad, roll_rad, pitch_rad], "zxy")
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)

@@ -36,7 +36,7 @@ class Traffic:
         self.crowd = crowd
         self.names = tuple(person.name for person in people)
         self._target, self._seed = people[0], seed
-        self._gait = self._gait_of(people)
+        self.gait = self._gait_of(people)
         self._part_ids = part_mocap_ids(model, self.names)
         self._cart_ids = [int(model.body_mocapid[model.body(name).id]) for name in cart_names]
         self._carried = carried
@@ -44,40 +44,36 @@ class Traffic:
     def start(self, data: mujoco.MjData) -> None:
         """Everybody at the start."""
         self._time_s = 0.0
-        self._gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s, self.crowd.postures)
+        self.gait.reset(self.crowd.positions_m, self.crowd.headings_rad, self.crowd.speeds_m_s, self.crowd.postures)
         self.write(data)
 
     def start_in_mid_stride(self, data: mujoco.MjData, T_world_camera: FloatArray) -> None:
         """Right after `start`: let the target's box have its median width over a stride in a `(4, 4)` camera pose."""
         crowd = self.crowd
         start = crowd.positions_m[0], float(crowd.headings_rad[0]), float(crowd.speeds_m_s[0])
-        gait = self._gait_of([self._target], len(PHASES))
-        self._gait.start_phase[0] = median_width_phase(self._target, gait, *start, T_world_camera)
+        gait = self._gait_of([self._target] * len(PHASES))
+        self.gait.start_phase[0] = median_width_phase(self._target, gait, *start, T_world_camera)
         self.start(data)
 
     def update(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
         """Move by a tick that ends at `time_s`, with robot and camera (without vibration) at these places."""
         crowd, self._time_s = self.crowd, time_s
         crowd.tick(dt_s, time_s, robot_m, camera_m)
-        self._gait.advance(dt_s, crowd.positions_m, crowd.headings_rad, crowd.postures)
+        self.gait.advance(dt_s, crowd.positions_m, crowd.headings_rad, crowd.postures)
 
     def write(self, data: mujoco.MjData) -> None:
         """Write the poses of limbs and carts."""
-        data.mocap_pos[self._part_ids], data.mocap_quat[self._part_ids] = self._gait.poses()
+        gait = self.gait
+        data.mocap_pos[self._part_ids], data.mocap_quat[self._part_ids] = gait.positions, gait.quaternions
         if self._carried is not None:
-            positions, rotations = self._gait.part_poses()
-            self._carried.write(data, self._time_s, positions[0], rotations[0])
+            self._carried.write(data, self._time_s, gait.positions[0], gait.rotations[0])
         for mocap, cart in zip(self._cart_ids, self.crowd.carts, strict=True):
             data.mocap_pos[mocap] = (*cart.position_m, 0.0)
             data.mocap_quat[mocap] = (math.cos(0.5 * cart.yaw_rad), 0.0, 0.0, math.sin(0.5 * cart.yaw_rad))
 
-    def _gait_of(self, people: Sequence[Person], copies: int = 1) -> Gait:
+    def _gait_of(self, people: Sequence[Person]) -> Gait:
         rngs = [random_streams.stream(self._seed, "gait", person.name) for person in people]
-        return Gait([person.anatomy for person in people], rngs, copies)
-
-    def root_poses(self) -> FloatArray:
-        """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
-        return self._gait.root_poses()
+        return Gait([person.anatomy for person in people], rngs)
 
 
 def median_width_phase(
@@ -101,7 +97,7 @@ def median_width_phase(
     drawn, widths = float(gait.start_phase[0]), np.empty(len(PHASES))
     gait.start_phase[:] = PHASES
     gait.reset(np.tile(position_m, (len(PHASES), 1)), [heading_rad] * len(PHASES), [speed_m_s] * len(PHASES))
-    for index, (positions, rotations) in enumerate(zip(*gait.part_poses(), strict=True)):
+    for index, (positions, rotations) in enumerate(zip(gait.positions, gait.rotations, strict=True)):
         widths[index] = bodies.boxes(positions, rotations, T_world_camera, np.eye(3), _NEAR_M)[0][0, 2]
     excess = widths - np.median(widths)
     following = np.roll(excess, -1)

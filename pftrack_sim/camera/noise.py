@@ -11,8 +11,8 @@ from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
+import scipy  # it imports its packages at first use
 from numpy.typing import NDArray
-from scipy.special import gammaln, ndtr, xlogy
 
 from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.photometry import DISPLAY_GAMMA
@@ -80,8 +80,8 @@ def quantile_table(white_e: float, read_e: float) -> Table:
 def _poisson_cdf(limits_e: FloatArray, mean_e: float, read_e: float) -> FloatArray:
     """Probabilities that Poisson electrons plus read noise are below `(L,)` limits, summed term by term."""
     counts = np.arange(int(mean_e + 8.0 * math.sqrt(mean_e) + 12.0) + 1)
-    probabilities = np.exp(xlogy(counts, mean_e) - gammaln(counts + 1.0) - mean_e)
-    return probabilities @ ndtr((limits_e - counts[:, None]) / read_e)
+    probabilities = np.exp(scipy.special.xlogy(counts, mean_e) - scipy.special.gammaln(counts + 1.0) - mean_e)
+    return probabilities @ scipy.special.ndtr((limits_e - counts[:, None]) / read_e)
 
 
 def _edgeworth_cdf(limits_e: FloatArray, mean_e: FloatArray, read_e: float) -> FloatArray:
@@ -92,7 +92,7 @@ def _edgeworth_cdf(limits_e: FloatArray, mean_e: FloatArray, read_e: float) -> F
     spread = np.sqrt(mean_e + read_e * read_e)
     z = (limits_e - mean_e) / spread
     density = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
-    return ndtr(z) - density * (mean_e / spread**3) / 6.0 * (z * z - 1.0)
+    return scipy.special.ndtr(z) - density * (mean_e / spread**3) / 6.0 * (z * z - 1.0)
 
 
 @kernel

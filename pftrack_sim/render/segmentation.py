@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.camera.pinhole import Intrinsics
-from pftrack_sim.core.compiled import kernel
+from pftrack_sim.core.compiled import kernel, part_of_kernel
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.renderer import clip_depths_m, geoms_drawn
@@ -153,7 +153,7 @@ def draw_triangles(
                 _fill(corners, last, geom, ids, inverse_depth)
 
 
-@kernel
+@part_of_kernel
 def _fill(
     corners: FloatArray, last: int, geom: int, ids: NDArray[np.int32], inverse_depth: NDArray[np.float32]
 ) -> None:
@@ -199,7 +199,7 @@ def _fill(
             value += per_x
 
 
-@kernel
+@part_of_kernel
 def _pixel(coordinate: float) -> int:
     """The first pixel whose centre is at a coordinate or after it, for coordinates about an image."""
     return int(np.ceil(min(max(coordinate, -1.0), 1e6) - 0.5))

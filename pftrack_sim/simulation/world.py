@@ -128,7 +128,7 @@ class World:
 
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
-        return self.traffic.root_poses()
+        return self.traffic.gait.root_poses
 
     def proprio(self) -> NDArray[np.float32]:
         """`(n,)` float32 proprioception of the robot, see `pftrack_sim.core.proprioception`."""

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.agents.gait.body import PLAIN, Posture
+from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.avoidance import FAR_M, MOVER, VEHICLE_EXTRA_M, WAITING_REACTION, avoid
 from pftrack_sim.agents.pedestrians.crossing import (

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from pftrack_sim.agents.gait.body import PLAIN, Posture
+from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.target import hands_on_thighs
 from pftrack_sim.core.types import FloatArray

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from pftrack_sim.agents.gait.body import PLAIN, Arm, Posture
+from pftrack_sim.agents.gait.posture import PLAIN, Arm, Posture
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.avoidance import FAR_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pftrack_sim.agents.gait.body import Arm, Posture, quaternions
+from pftrack_sim.agents.gait.curves import leg_angles
 from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.gait.trajectories import leg_angles, stride_length
+from pftrack_sim.agents.gait.motion import stride_length
+from pftrack_sim.agents.gait.posture import Arm, Posture
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.outfit import sample_outfit
 from pftrack_sim.scene.people.person import PARTS, Person, part_meshes
@@ -92,10 +93,8 @@ def record(
         heading = heading + turn(time_s) * DT
         position = position + speed(time_s) * DT * np.stack([np.cos(heading), np.sin(heading)], -1)
         gait.advance(DT, position, heading, [Posture(crouch=crouch(time_s), running=bool(run(time_s)))] * COUNT)
-        ticks.append((*gait.poses(), gait.in_stance, gait.phase, gait.root_poses(), position))
-    positions, quats, *others = (np.array(column) for column in zip(*ticks, strict=True))
-    rotations = Rotation.from_quat(quats.reshape(-1, 4), scalar_first=True).as_matrix().reshape(*quats.shape[:-1], 3, 3)
-    return Recording(anatomies, positions, rotations, *others)
+        ticks.append((gait.positions, gait.rotations, gait.in_stance, gait.phase, gait.root_poses, position))
+    return Recording(anatomies, *(np.array(column) for column in zip(*ticks, strict=True)))
 
 
 WALKS: dict[str, tuple[OfTime, OfTime]] = {
@@ -192,7 +191,7 @@ def test_the_right_side_repeats_the_left_half_a_stride_later():
     for tick in range(1, 3 * ticks + 1):
         x = speed * dt * tick
         gait.advance(dt, np.array([[x, 0.0]]), np.zeros(1), [Posture()])
-        relative.append(gait.poses()[0][0] - [x, 0.0, 0.0])
+        relative.append(gait.positions[0] - [x, 0.0, 0.0])
     first, second = np.array(relative[ticks : 2 * ticks]), np.array(relative[2 * ticks :])
     for index, name in enumerate(PARTS):
         if name == "head" or "arm" in name:
@@ -304,12 +303,12 @@ def test_reset_clears_the_state():
     gait = gait_of(bodies())
     start = np.zeros((COUNT, 2)), np.zeros(COUNT), np.full(COUNT, 1.2)
     gait.reset(*start)
-    fresh = gait.poses()
+    fresh = gait.positions, gait.quaternions
     for tick in range(50):
         everything = Posture(1.0, 1.0, 1.0, True, 1.0, (None, Arm(1.0, 2.0, 1.0)))
         gait.advance(DT, np.full((COUNT, 2), 0.02 * tick), np.full(COUNT, 0.01 * tick), [everything] * COUNT)
     gait.reset(*start)
-    for before, after in zip(fresh, gait.poses(), strict=True):
+    for before, after in zip(fresh, (gait.positions, gait.quaternions), strict=True):
         assert np.array_equal(before, after)
 
 
@@ -319,13 +318,17 @@ def test_poses_of_a_person_do_not_depend_on_the_others():
         gait.reset(np.zeros((count, 2)), np.zeros(count), np.full(count, 1.1))
         for tick in range(1, 30):
             gait.advance(DT, np.full((count, 2), 0.015 * tick), np.zeros(count), [Posture()] * count)
-    assert np.abs(alone.poses()[0][0] - together.poses()[0][0]).max() < 1e-12
+    assert np.abs(alone.positions[0] - together.positions[0]).max() < 1e-12
 
 
-def test_quaternions_agree_with_scipy():
-    rotations = Rotation.random(200, random_state=0).as_matrix()
-    converted = Rotation.from_quat(quaternions(rotations), scalar_first=True).as_matrix()
-    assert np.abs(converted - rotations).max() < 1e-12
+def test_quaternions_and_rotations_agree():
+    gait = gait_of(bodies() * 4)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        heading, sit = rng.uniform(-np.pi, np.pi, len(gait.phase)), Posture(bend=rng.random(), look_rad=rng.normal())
+        gait.advance(DT, rng.normal(size=(len(heading), 2)), heading, [sit] * len(heading))
+        converted = Rotation.from_quat(gait.quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
+        assert np.abs(converted.reshape(gait.rotations.shape) - gait.rotations).max() < 1e-12
 
 
 @pytest.fixture(scope="module")
@@ -345,7 +348,7 @@ def standing(posture: Posture) -> tuple[np.ndarray, np.ndarray]:
     gait.reset(np.zeros((COUNT, 2)), np.zeros(COUNT), np.zeros(COUNT))
     for _ in range(120):
         gait.advance(DT, np.zeros((COUNT, 2)), np.zeros(COUNT), [posture] * COUNT)
-    return gait.part_poses()
+    return gait.positions, gait.rotations
 
 
 def test_bending_brings_head_and_hands_down_over_standing_feet(postures: dict[str, Posture]):
@@ -377,11 +380,3 @@ def test_a_raised_arm_leaves_everything_else_in_place(postures: dict[str, Postur
     assert (reaching[:, forearm, 0] > plain[:, forearm, 0] + 0.15).all()
     others = [index for index in range(len(PARTS)) if index != forearm]
     assert np.abs(waving[:, others] - plain[:, others]).max() < 1e-9
-
-
-def test_copies_of_a_person_draw_alike():
-    anatomy = sample_anatomy(np.random.default_rng(1))
-    copies = Gait([anatomy], [np.random.default_rng(2)], copies=3)
-    alike = Gait([anatomy] * 3, [np.random.default_rng(2) for _ in range(3)])
-    np.testing.assert_array_equal(copies.poses()[0], alike.poses()[0])
-    np.testing.assert_array_equal(copies.start_phase, alike.start_phase)

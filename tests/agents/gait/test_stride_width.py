@@ -31,7 +31,7 @@ def widths(person: Person, one: Gait, heading_rad: float, count: int) -> np.ndar
     for phase in np.arange(count) / count:
         one.start_phase[:] = phase
         one.reset(START[None], [heading_rad], [1.3])
-        positions, rotations = one.part_poses()
+        positions, rotations = one.positions, one.rotations
         points = np.concatenate([v @ r.T + p for v, p, r in zip(meshes, positions[0], rotations[0], strict=True)])
         found.append(np.ptp(points[:, 1] / points[:, 0]))
     return np.array(found)

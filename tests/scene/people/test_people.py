@@ -59,7 +59,7 @@ def test_body_proportions_are_within_published_ranges(seed: int):
 def test_standing_meshes_reach_from_the_ground_to_the_stature(seed: int):
     sampled = person(seed)
     body = sampled.anatomy
-    positions, _ = Gait([body], [rng(seed)]).poses()
+    positions = Gait([body], [rng(seed)]).positions
     meshes = part_meshes(sampled)
     top = positions[0, PARTS.index("head"), 2] + meshes["head"].vertices[:, 2].max()
     bottom = positions[0, PARTS.index("left-foot"), 2] + meshes["left-foot"].vertices[:, 2].min()
@@ -161,7 +161,7 @@ def test_model_of_six_people():
     gait = Gait([sampled.anatomy for sampled in people], [rng(index) for index in range(6)])
     start = np.array([[1.5 * index, 0.3] for index in range(6)])
     gait.reset(start, np.zeros(6), np.full(6, 1.2))
-    positions, quaternions = gait.poses()
+    positions, quaternions = gait.positions, gait.quaternions
     parts = part_mocap_ids(model, [sampled.name for sampled in people])
     data.mocap_pos[parts], data.mocap_quat[parts] = positions, quaternions
     mujoco.mj_forward(model, data)
