@@ -21,7 +21,11 @@ from pftrack_sim.score.profile import NUMBERS, QUANTILES, Profile, ends_reached,
 _ABREAST = 5
 """Columns of profiles in one table."""
 
-_MARKS = {"<, <<": "below 25 % and 10 % of the recorded sequences", ">, >>": "above 75 % and 90 %"}
+_NOTES = {
+    "<, <<": "below 25 % and 10 % of the recorded sequences",
+    ">, >>": "above 75 % and 90 %",
+    "_per_s": "rates, of the recorded sequences at 25 frames a second",
+}
 
 _LEAST_CHANGE = 0.25
 
@@ -108,7 +112,7 @@ def profile_tables(profiles: Mapping[str, Profile]) -> Iterator[Table]:
             for key, quantiles in recorded.items()
         ]
         title = "Profile, after the quantiles of 48 recorded sequences"
-        yield Table(title, ("number",), heads, rows, _MARKS)
+        yield Table(title, ("number",), heads, rows, _NOTES)
     if len(profiles) > 1:
         rows: list[list[str]] = []
         for key, (low, *_, high) in recorded.items():

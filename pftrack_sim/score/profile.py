@@ -33,9 +33,9 @@ class Profile:
 
     Attributes:
         stay_overlap: Mean overlap of the first box in every frame, with the truth.
-        step_median: Displacement of the centre per frame, in sizes of the target; median.
-        step_p95: Its 95 % quantile.
-        scale_p95: |ln s(t+1) - ln s(t)|; 95 % quantile.
+        step_median_per_s: Speed of the centre, in sizes of the target per second; median.
+        step_p95_per_s: Its 95 % quantile.
+        scale_p95_per_s: Change of ln s per second, absolute; 95 % quantile.
         excursion_sizes: Greatest distance of the centre from its first place, in sizes of the target at the start.
         size_ratio: Greatest s over least s.
         aspect_swing: 95 % quantile over 5 % quantile of w / h.
@@ -49,15 +49,15 @@ class Profile:
             the box.
         luma_swing: Standard deviation over mean of the box's mean grey.
         sharpness: Variance of the Laplacian of the grey box resized to 24 x 48 [grey levels squared]; median.
-        camera_step_median: Shift between successive frames by phase correlation, as a share of the image's sides;
-            median.
-        camera_step_p95: Its 95 % quantile.
+        camera_step_median_per_s: Shift of the image per second, by phase correlation of successive frames, as a share
+            of the image's sides; median.
+        camera_step_p95_per_s: Its 95 % quantile.
     """
 
     stay_overlap: float
-    step_median: float
-    step_p95: float
-    scale_p95: float
+    step_median_per_s: float
+    step_p95_per_s: float
+    scale_p95_per_s: float
     excursion_sizes: float
     size_ratio: float
     aspect_swing: float
@@ -68,8 +68,8 @@ class Profile:
     distinct_from_surround: float
     luma_swing: float
     sharpness: float
-    camera_step_median: float
-    camera_step_p95: float
+    camera_step_median_per_s: float
+    camera_step_p95_per_s: float
 
 
 NUMBERS = tuple(field.name for field in fields(Profile))  # Names of the numbers of a profile
@@ -106,7 +106,7 @@ class ProfileMeter:
 
     def __init__(self, name: str = "video") -> None:
         self._name = name
-        self._frames = 0
+        self._times: list[float] = []
         self._shape: tuple[int, int] = (0, 0)
         self._boxes: list[FloatArray] = []
         self._seen: list[bool] = []
@@ -118,8 +118,9 @@ class ProfileMeter:
         self._values: dict[str, list[float]] = {name: [] for name in NUMBERS}
         self._grey: list[float] = []
 
-    def add(self, image: Image, box: ArrayLike, visible: bool) -> None:
+    def add(self, time_s: float, image: Image, box: ArrayLike, visible: bool) -> None:
         """Measure the next frame, `(H, W, 3)` uint8 RGB, with the target's box [px], NaN where it is unknown."""
+        self._times.append(time_s)
         true_box = boxes.clip(box, image.shape[1], image.shape[0]) if visible else boxes.NO_BOX
         visible = visible and boxes.area(true_box) > 0.0  # A box beside the image shows nothing
         self._shape = image.shape[:2]
@@ -147,20 +148,21 @@ class ProfileMeter:
         size = np.sqrt(all_boxes[:, 2] * all_boxes[:, 3])
         centre = all_boxes[:, :2] + 0.5 * all_boxes[:, 2:]
         pairs = np.flatnonzero(seen[:-1] & seen[1:])
-        step = np.linalg.norm(centre[pairs + 1] - centre[pairs], axis=1) / size[pairs]
+        lasts_s = np.diff(self._times)[pairs]
+        step = np.linalg.norm(centre[pairs + 1] - centre[pairs], axis=1) / size[pairs] / lasts_s
         true, first = all_boxes[seen], all_boxes[seen][:1]
         aspect = true[:, 2] / true[:, 3]
         return Profile(
             stay_overlap=float(boxes.pairwise_iou(np.repeat(first, len(true), axis=0), true).mean()),
-            step_median=_quantile(step, 0.5),
-            step_p95=_quantile(step, 0.95),
-            scale_p95=_quantile(np.abs(np.log(size[pairs + 1] / size[pairs])), 0.95),
+            step_median_per_s=_quantile(step, 0.5),
+            step_p95_per_s=_quantile(step, 0.95),
+            scale_p95_per_s=_quantile(np.abs(np.log(size[pairs + 1] / size[pairs])) / lasts_s, 0.95),
             excursion_sizes=float(np.linalg.norm(centre[seen] - centre[seen][0], axis=1).max() / size[seen][0]),
             size_ratio=float(size[seen].max() / size[seen].min()),
             aspect_swing=_quantile(aspect, 0.95) / _quantile(aspect, 0.05),
             size_share=float(np.median(size[seen]) / np.sqrt(np.prod(self._shape))),
             luma_swing=float(np.std(self._grey) / np.mean(self._grey)) if any(self._grey) else np.nan,
-            camera_step_p95=_quantile(self._values["camera_step_median"], 0.95),
+            camera_step_p95_per_s=_quantile(self._values["camera_step_median_per_s"], 0.95),
             **{name: _quantile(self._values[name], 0.5) for name in _MEDIANS},
         )
 
@@ -168,7 +170,8 @@ class ProfileMeter:
         view = np.asarray(cv2.resize(grey, _CAMERA_VIEW, interpolation=cv2.INTER_AREA), dtype=np.float32)
         if self._last_view is not None:
             shift, _ = cv2.phaseCorrelate(self._last_view, view, self._window)
-            self._values["camera_step_median"].append(float(np.hypot(*(np.array(shift) / _CAMERA_VIEW))))
+            speed = np.hypot(*(np.array(shift) / _CAMERA_VIEW)) / (self._times[-1] - self._times[-2])
+            self._values["camera_step_median_per_s"].append(float(speed))
         self._last_view = view
 
     def _add_patch(self, grey: NDArray[Any]) -> None:
@@ -204,7 +207,7 @@ _MEDIANS = (
     "colour_change",
     "distinct_from_surround",
     "sharpness",
-    "camera_step_median",
+    "camera_step_median_per_s",
 )
 
 

@@ -13,12 +13,12 @@ from pftrack_sim.benchmark.running.sinks import nearest_look_alike
 from pftrack_sim.core.errors import RunError
 
 
-def losses(overlap: list[float], **truth: Any) -> list[dict[str, Any]]:
-    """Losses of an episode with these overlaps, ten frames a second; the truth is calm but for what is given."""
+def losses(overlap: list[float], rate_hz: float = 10.0, **truth: Any) -> list[dict[str, Any]]:
+    """Losses of an episode with these overlaps; the truth is calm but for what is given."""
     count = len(overlap)
     columns: dict[str, Any] = {
         "frame": np.arange(count),
-        "time_s": np.arange(count) / 10.0,
+        "time_s": np.arange(count) / rate_hz,
         "overlap": np.array(overlap),
     }
     calm = {
@@ -95,6 +95,14 @@ def test_each_tag_is_what_happens_around_the_loss(tag: str, name: str, before: f
         values[frame] = at
         (loss,) = losses([1.0] * 21 + [0.0] * 19, **{name: values})
         assert (during(loss) == {tag}) is tagged, f"{tag} in frame {frame}, lost in frame 20"
+
+
+def test_fast_is_meant_per_second():
+    """A third of a size from frame to frame, at ten frames a second and at thirty."""
+    truth = {"image_motion_px": [50.0 / 3.0] * 40}
+    (slow,) = losses([1.0] * 21 + [0.0] * 19, **truth)
+    (fast,) = losses([1.0] * 21 + [0.0] * 19, rate_hz=30.0, **truth)
+    assert (slow["fast_motion"], fast["fast_motion"]) == (False, True)
 
 
 def test_unknown_numbers_are_no_tags():

@@ -28,8 +28,8 @@ def sequence(tmp_path):
 
 def test_a_sequence_is_measured_from_its_annotation(sequence):
     found = profile_sequence(read_sequence(sequence))
-    assert found.step_median == pytest.approx(5 / np.sqrt(600))
-    assert found.camera_step_median == pytest.approx(0.0, abs=1e-3)
+    assert found.step_median_per_s == pytest.approx(25.0 * 5 / np.sqrt(600))
+    assert found.camera_step_median_per_s == pytest.approx(0.0, abs=0.03)
 
 
 @pytest.mark.filterwarnings("error")

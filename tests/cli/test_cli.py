@@ -237,7 +237,7 @@ def test_profiles_over_an_axis_stand_beside_each_other():
     assert done.returncode == 0, done.stderr
     assert "jitter=0" in done.stdout
     assert "jitter=4" in done.stdout
-    beside, range_of_both = [line.split()[1:] for line in done.stdout.splitlines() if "camera_step_p95" in line]
+    beside, range_of_both = [line.split()[1:] for line in done.stdout.splitlines() if "camera_step_p95_per_s" in line]
     *_, still, shaken, _ = [float(word) for word in beside if word[0] not in "<>"]
     assert shaken > 3.0 * still
     assert [float(word) for word in range_of_both[2:4]] == [still, shaken]

@@ -128,10 +128,10 @@ def test_the_document_lists_the_axes_as_they_are(tmp_path: Path):
 def test_changes_of_a_profile_are_those_of_a_quarter_or_more(tmp_path: Path):
     path = tmp_path / "runs/hard/profile.json"
     path.parent.mkdir(parents=True)
-    base = {"step_p95": 0.1, "size_ratio": 2.0, "sharpness": 100.0, "luma_swing": None}
-    hard = {"step_p95": 0.2, "size_ratio": 2.2, "sharpness": 20.0, "luma_swing": 0.3}
+    base = {"step_p95_per_s": 0.1, "size_ratio": 2.0, "sharpness": 100.0, "luma_swing": None}
+    hard = {"step_p95_per_s": 0.2, "size_ratio": 2.2, "sharpness": 20.0, "luma_swing": 0.3}
     path.write_text(json.dumps({"a jitter=0": base, "a jitter=1": hard, "b base": base, "b light=1": base}))
-    changed = "`step_p95` 0.1 -> 0.2, `sharpness` 100 -> 20"
+    changed = "`step_p95_per_s` 0.1 -> 0.2, `sharpness` 100 -> 20"
     assert list(changes_or_tiers(path))[1:] == [["a jitter=1", changed], ["b light=1", "none by a quarter"]]
     document = tmp_path / "axes.md"
     document.write_text("<!-- tables of hard -->\n<!-- end -->\n")

@@ -6,7 +6,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.score.profile import NUMBERS, ProfileMeter, ends_reached, mean_profile, recorded_quantiles
 
-HEIGHT, WIDTH = 120, 160
+HEIGHT, WIDTH, RATE_HZ = 120, 160, 10.0
 RNG = np.random.default_rng(0)
 CLOTH = np.stack([RNG.integers(100, 156, (48, 24), dtype=np.uint8)] * 3, axis=2)
 SCENERY = np.stack([cv2.resize(RNG.integers(0, 60, (30, 40), dtype=np.uint8), (WIDTH, HEIGHT))] * 3, axis=2)
@@ -14,8 +14,8 @@ SCENERY = np.stack([cv2.resize(RNG.integers(0, 60, (30, 40), dtype=np.uint8), (W
 
 def profile(frames):
     meter = ProfileMeter()
-    for image, box, visible in frames:
-        meter.add(image, box, visible)
+    for index, (image, box, visible) in enumerate(frames):
+        meter.add(index / RATE_HZ, image, box, visible)
     return meter.profile()
 
 
@@ -29,12 +29,12 @@ def test_a_target_that_moves_across_still_scenery():
     frames = [(*painted(10 + 6 * i, 20), True) for i in range(9)]
     found, size = profile(frames), np.sqrt(24 * 48)
     first = frames[0][1]
-    assert found.step_median == pytest.approx(6 / size)
-    assert found.step_p95 == pytest.approx(6 / size)
+    assert found.step_median_per_s == pytest.approx(RATE_HZ * 6 / size)
+    assert found.step_p95_per_s == pytest.approx(RATE_HZ * 6 / size)
     assert found.excursion_sizes == pytest.approx(48 / size)
     assert found.stay_overlap == pytest.approx(np.mean([boxes.iou(first, box) for _, box, _ in frames]))
     assert found.size_share == pytest.approx(size / np.sqrt(WIDTH * HEIGHT))
-    assert (found.scale_p95, found.size_ratio, found.aspect_swing) == pytest.approx((0.0, 1.0, 1.0))
+    assert (found.scale_p95_per_s, found.size_ratio, found.aspect_swing) == pytest.approx((0.0, 1.0, 1.0))
     # The box holds the same pixels in every frame.
     assert (found.ncc_to_first, found.ncc_to_previous) == pytest.approx((1.0, 1.0))
     assert (found.colour_change, found.luma_swing) == pytest.approx((0.0, 0.0), abs=1e-6)
@@ -48,10 +48,10 @@ def test_a_target_that_grows_keeps_its_appearance():
     sizes = [(24, 48), (30, 60), (36, 72), (42, 84)]
     frames = [(SCENERY, np.array([60.0 - w / 2, 60.0 - h / 2, w, h]), True) for w, h in sizes]
     found = profile(frames)
-    steps = np.log([30 / 24, 36 / 30, 42 / 36])
-    assert found.scale_p95 == pytest.approx(np.quantile(steps, 0.95))
+    steps = RATE_HZ * np.log([30 / 24, 36 / 30, 42 / 36])
+    assert found.scale_p95_per_s == pytest.approx(np.quantile(steps, 0.95))
     assert found.size_ratio == pytest.approx(42 / 24)
-    assert (found.step_median, found.excursion_sizes, found.aspect_swing) == pytest.approx((0.0, 0.0, 1.0))
+    assert (found.step_median_per_s, found.excursion_sizes, found.aspect_swing) == pytest.approx((0.0, 0.0, 1.0))
 
 
 def test_the_aspect_swings_by_the_ratio_of_its_quantiles():
@@ -64,7 +64,9 @@ def test_a_camera_that_turns_shifts_the_whole_image():
     wide = np.stack([cv2.resize(RNG.integers(0, 255, (30, 80), dtype=np.uint8), (2 * WIDTH, HEIGHT))] * 3, axis=2)
     frames = [(wide[:, 4 * i : 4 * i + WIDTH], np.array([60.0, 40.0, 24.0, 48.0]), True) for i in range(6)]
     found = profile(frames)
-    assert (found.camera_step_median, found.camera_step_p95) == pytest.approx((4 / WIDTH, 4 / WIDTH), abs=0.002)
+    assert (found.camera_step_median_per_s, found.camera_step_p95_per_s) == pytest.approx(
+        (RATE_HZ * 4 / WIDTH,) * 2, abs=0.02
+    )
 
 
 def test_light_scales_the_grey_and_not_the_pattern():
@@ -81,7 +83,7 @@ def test_frames_without_the_target_and_steps_to_them_are_left_out():
     still = [(*near, True)] * 4
     hidden = [(*far, False), (SCENERY, boxes.NO_BOX, False)]
     found = profile([*still, *hidden, (*far, True)])
-    assert (found.step_median, found.step_p95) == (0.0, 0.0)
+    assert (found.step_median_per_s, found.step_p95_per_s) == (0.0, 0.0)
     assert found.stay_overlap == pytest.approx(4 / 5)
     assert found.excursion_sizes == pytest.approx(np.hypot(90, 40) / np.sqrt(24 * 48))
 
@@ -107,7 +109,7 @@ def test_the_mean_of_profiles_leaves_unknown_numbers_out():
     other = profile([(*painted(10 + 5 * i, 20), True) for i in range(5)])
     mean = mean_profile([one, other])
     assert mean.ncc_to_previous == other.ncc_to_previous
-    assert mean.step_median == pytest.approx((one.step_median + other.step_median) / 2)
+    assert mean.step_median_per_s == pytest.approx((one.step_median_per_s + other.step_median_per_s) / 2)
 
 
 def test_recorded_quantiles_rise():

@@ -24,6 +24,10 @@ LOST, LOST_S = 0.1, 0.5
 AROUND_S = 0.5
 """What happens up to so long before and after a loss began belongs to it."""
 
+FAST_PER_S = 7.5
+"""Speed [sizes/s] above which the target moves fast: near the 75 % quantile of the fastest twentieth of the frames of
+recorded videos (`step_p95_per_s` of `score.profile.recorded_quantiles`)."""
+
 TAGS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "occluded": ("less than half of the target is visible", "min(visible_fraction) OVER near < 0.5"),
@@ -36,8 +40,8 @@ TAGS: Mapping[str, tuple[str, str]] = MappingProxyType(
             "max(seen_luminance) OVER near > 1.3 * min(seen_luminance) OVER near",
         ),
         "fast_motion": (
-            "the target's centre moves by more than 0.3 sizes between two frames",
-            "max(image_motion_px / size) OVER near > 0.3",
+            f"the target's centre moves faster than {FAST_PER_S:g} sizes per second from one frame to the next",
+            f"max(image_motion_px / size / lasts_s) OVER near > {FAST_PER_S}",
         ),
         "truncated": ("more than a tenth of the target's box is outside the image", "max(truncation) OVER near > 0.1"),
         "scale_change": (
@@ -46,10 +50,7 @@ TAGS: Mapping[str, tuple[str, str]] = MappingProxyType(
         ),
     }
 )
-"""What can happen at a loss: meaning and SQL, within `AROUND_S` of it. Several can be true of one loss.
-
-The limit of fast motion is near the 75 % quantile of `step_p95` in recorded video (`score.profile.recorded_quantiles`).
-"""
+"""What can happen at a loss: meaning and SQL, within `AROUND_S` of it. Several can be true of one loss."""
 
 EVER_TRACKED = f"coalesce(bool_or(status = 'ok' AND overlap >= {TRACKED}), false)"
 """SQL over scored moments of an episode: whether the target is tracked in any after the one with the given box."""
@@ -123,6 +124,7 @@ def create_loss_views(database: duckdb.DuckDBPyConnection) -> None:
         WITH sized AS (
             SELECT kind, scenario, condition, seed, label, frame, time_s, status, overlap, scored, {values},
                 sqrt(amodal_box[3] * amodal_box[4]) AS size,
+                time_s - lag(time_s) OVER (PARTITION BY scenario, condition, seed, label ORDER BY frame) AS lasts_s,
                 CASE WHEN visible_fraction > 0.5 AND NOT isnan(luminance) THEN luminance END AS seen_luminance
             FROM frames
         )

@@ -50,7 +50,7 @@ def _measure(name: str, samples: Iterable[Sample], on_frame: Callable[[], None])
     meter = ProfileMeter(name)
 
     def measure(step: Step) -> None:
-        meter.add(step.sample.image, step.sample.true_box, step.sample.visible_fraction > 0.0)
+        meter.add(step.sample.time_s, step.sample.image, step.sample.true_box, step.sample.visible_fraction > 0.0)
         on_frame()
 
     rollout(samples, (), [measure])
