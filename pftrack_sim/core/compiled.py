@@ -3,7 +3,7 @@
 A kernel is a function of a concept (a gait, an avoidance, a histogram) over scalars, arrays and arrays of records.
 Numba compiles it at its first call and keeps the machine code in `__pycache__`. Scalar loops compile in tenths of a
 second; array expressions and slices inside a kernel take seconds. Numba's cache does not see changes in another module:
-what a kernel calls is in its own.
+what a kernel calls, and its constants, are in its own.
 """
 
 from __future__ import annotations

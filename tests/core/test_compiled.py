@@ -1,9 +1,13 @@
+import ast
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from pftrack_sim.core import compiled
 
 CODE = """
 from pftrack_sim.core import compiled
@@ -24,6 +28,25 @@ def test_a_kernel_divides_by_zero_and_says_once_that_it_compiles(tmp_path, befor
     done = subprocess.run([sys.executable, tmp_path / "code.py"], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["inf", "0.5"]
     assert done.stderr.count("compiling for this machine") == times
+
+
+def test_kernels_take_what_they_are_made_of_from_their_own_file():
+    """Numba keeps the machine code of a file until that file changes."""
+    taken: list[str] = []
+    for path in Path(compiled.__file__).parents[1].rglob("*.py"):
+        tree = ast.parse(path.read_text())
+        imported = {
+            alias.asname or alias.name
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("pftrack_sim.")
+            for alias in node.names
+        }
+        for node in tree.body:
+            marks = node.decorator_list if isinstance(node, ast.FunctionDef) else []
+            if {getattr(one, "id", None) for one in marks} & {"kernel", "part_of_kernel"}:
+                used = {one.id for one in ast.walk(ast.Module(node.body, [])) if isinstance(one, ast.Name)}
+                taken += [f"{path.name}: {node.name} uses {name}" for name in sorted(used & imported)]
+    assert not taken
 
 
 WHOLE = """
