@@ -50,9 +50,10 @@ def bench(
     Every frame is rendered once for all trackers. The same command with another --seeds, --trackers or --axis adds to
     a run folder; your own tracker is module:factory, for example my_tracker:make.
     """
-    from pftrack_sim.benchmark.running.frame_cache import FrameCache, default_folder
+    from pftrack_sim.benchmark.running.frame_cache import FrameCache
+    from pftrack_sim.core.data_files import cache_dir
 
-    kept = FrameCache(cache_folder or default_folder(), round(cache_gb * 1e9)) if cache or cache_folder else None
+    kept = FrameCache(cache_folder or cache_dir() / "frames", round(cache_gb * 1e9)) if cache or cache_folder else None
     _run(run.plan(scenarios), run, kept)
 
 
@@ -62,6 +63,7 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
     from pftrack_sim.benchmark.asked.from_names import late_events
     from pftrack_sim.benchmark.asked.union import held_besides
     from pftrack_sim.benchmark.kept.folder import is_run
+    from pftrack_sim.core.text import one_line
 
     tables.print_warnings(late_events(plan, None if options.verbose else options.changed))
     path = options.out if options.out is not None else new_run_path(plan)
@@ -92,6 +94,14 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
     tables.print_folder(path)
     write_page(path)
     tables.print_tracebacks(finished)
+    opened = {(one.tracker.name, file, size) for one, files in finished.opened() for file, size in files.items()}
+    tables.print_warnings(
+        [
+            f"{tracker} opened {one_line(file)}: {size} are too many to read: it counts by its size, not by its content"
+            for tracker, file, size in sorted(opened)
+            if size.endswith(" bytes")
+        ]
+    )
     if cache is not None:
         size_gb, limit_gb = cache.size_bytes / 1e9, cache.limit_bytes / 1e9
         tables.print_lines([f"cache: {size_gb:.2f} GB of {limit_gb:g} GB in {cache.folder}"])

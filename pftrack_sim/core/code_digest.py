@@ -1,16 +1,34 @@
-"""Digests of code, found without running it: a changed tracker is not mistaken for the one that ran."""
+"""Digests of code: a changed tracker is not mistaken for the one that ran.
+
+What a module imports is read from its source, without running it. What else a process loads and opens it knows itself,
+see `OpenedFiles`.
+"""
 
 from __future__ import annotations
 
 import ast
 import hashlib
 import importlib.metadata
+import importlib.util
+import os
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
+from typing import Any
+
+from pftrack_sim.core.inputs import is_file
+
+MAX_CODE_BYTES = 1 << 30
+"""A larger file that a tracker opens counts by its size."""
+
+_SYSTEM = ("/dev", "/etc", "/lib", "/lib64", "/proc", "/run", "/sys", "/usr/lib", "/usr/lib64", "/usr/local/lib",
+           "/usr/local/share", "/usr/share")  # fmt: skip
+
+_MACHINE_CODE = (".nbi", ".nbc")  # Numba's
 
 
 def code_digest(module: str, own: str = "") -> str:
@@ -68,6 +86,69 @@ def file_digest(path: Path) -> str:
     """SHA-256 of a file's contents."""
     with path.open("rb") as opened:
         return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
+def opened_digest(path: Path) -> str:
+    """SHA-256 of a file, `"N bytes"` if it is larger than `MAX_CODE_BYTES`, and nothing where there is none to read."""
+    try:
+        size = path.stat().st_size if is_file(path) else -1
+        return "" if size < 0 else file_digest(path) if size <= MAX_CODE_BYTES else f"{size} bytes"
+    except OSError:
+        return ""
+
+
+def opened_file(name: str) -> Path:
+    """The file of a name that `OpenedFiles` gives, here; it may be absent."""
+    return next((path for folder in sys.path if is_file(path := Path(folder) / name)), Path(name))
+
+
+class OpenedFiles:
+    """Files that this process has opened since, to read them, outside Python, installed packages and the system.
+
+    Modules under computed names, weights and settings are among them. Python does not see what a library opens in C.
+
+    Attributes:
+        found: Their `opened_digest` by name: within the folder of Python's path that a file lies in, else the path.
+    """
+
+    def __init__(self) -> None:
+        self.found: dict[str, str] = {}
+        self._new: set[str] = set()
+        self._seen: set[str] = set()
+        self._folders = sorted((os.path.realpath(one) for one in sys.path if one), key=len, reverse=True)
+        self._others = tuple(f"{folder}{os.sep}" for folder in (*_installed_folders(), *_SYSTEM))
+        sys.addaudithook(self._note)
+
+    def _note(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open":
+            path, _, flags = arguments
+        elif event == "import":  # of an extension
+            path, flags = arguments[1], 0
+        else:
+            return
+        if path and not isinstance(path, int):
+            name = os.fsdecode(path)
+            if flags & os.O_CREAT:  # its own, as a log
+                self._seen.add(os.path.abspath(name))
+            elif name not in self._seen:
+                with suppress(OSError):  # the working folder is gone
+                    self._new.add(os.path.abspath(name))
+
+    def take(self) -> dict[str, str]:
+        """Those found since the last call."""
+        new, self._new = self._new - self._seen, set()
+        self._seen |= new
+        taken: dict[str, str] = {}
+        for path in sorted(new):
+            # Of a module that was compiled before, only that file is opened.
+            source = importlib.util.source_from_cache(path) if path.endswith(".pyc") and "__pycache__" in path else path
+            real = os.path.realpath(source)
+            kept = not real.startswith(self._others) and not real.endswith(_MACHINE_CODE)
+            if kept and (digest := opened_digest(Path(real))):
+                inside = next((one for one in self._folders if real.startswith(one + os.sep)), None)
+                taken[real if inside is None else os.path.relpath(real, inside)] = digest
+        self.found |= taken
+        return taken
 
 
 def _sources(
@@ -129,8 +210,13 @@ def _find(name: str, search: list[str] | None = None) -> ModuleSpec | None:
 
 def _is_installed(path: Path) -> bool:
     """Whether a file belongs to Python, to an installed distribution, or to this package."""
+    return any(path.resolve().is_relative_to(folder) for folder in _installed_folders())
+
+
+@cache
+def _installed_folders() -> tuple[Path, ...]:
     folders = [*(sysconfig.get_path(key) for key in ("stdlib", "purelib", "platlib")), Path(__file__).parents[1]]
-    return any(path.resolve().is_relative_to(Path(folder).resolve()) for folder in folders)
+    return tuple(Path(folder).resolve() for folder in folders)
 
 
 @cache  # it reads the records of everything that is installed

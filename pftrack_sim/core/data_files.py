@@ -1,7 +1,8 @@
-"""Paths of the shipped scenarios and assets: inside the wheel, or at the root of a checkout."""
+"""Paths of the shipped scenarios and assets, inside the wheel or at the root of a checkout, and of the user's cache."""
 
 from __future__ import annotations
 
+import os
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -23,6 +24,12 @@ def envs_dir() -> Path:
 def assets_dir() -> Path:
     """Folder of the shipped textures and MJCF fragments."""
     return _root() / "assets"
+
+
+def cache_dir() -> Path:
+    """`$XDG_CACHE_HOME/pftrack-sim`, or `~/.cache/pftrack-sim`."""
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "pftrack-sim"
 
 
 @cache

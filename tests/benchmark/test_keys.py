@@ -16,9 +16,11 @@ from pftrack_sim.benchmark.asked.union import held_besides, united
 from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.reading.merge import merge
 from pftrack_sim.benchmark.running.filming import film, worst
+from pftrack_sim.core.code_digest import MAX_CODE_BYTES
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.scenario import load
 from tests.benchmark.small import SMALL, contents
+from tests.trackers.test_sandbox import sandbox_works
 
 STILL = "tests.benchmark.test_keys:still"
 
@@ -182,6 +184,98 @@ def test_an_edited_tracker_or_helper_makes_its_results_stale_and_no_others(tmp_p
     assert len(after) == 4
     assert len(before.keys() & after.keys()) == 2
     assert check(out).good
+
+
+READER = """
+import importlib, json
+from pathlib import Path
+from numba import njit
+from pftrack_sim.core.records import Estimate
+from compiled_of_mine import width
+
+HERE = Path(__file__).parent
+Y = json.loads((HERE / "weights.json").read_text())
+
+@njit(cache=True)
+def grown(w):
+    return w + width()
+
+@njit(cache=True)
+def y():
+    return Y
+
+class Reader:
+    def init(self, image, box):
+        self.by_name = importlib.import_module("by_" + "name")
+    def update(self, image):
+        x = json.loads((HERE / "late.json").read_text())
+        return Estimate([x, y(), grown(5.0), self.by_name.height()])
+
+def make(**_):
+    return Reader()
+"""
+READ = {
+    "reader_of_mine.py": READER,
+    "compiled_of_mine.py": "from numba import njit\n@njit\ndef width():\n    return 1.0\n",
+    "by_name.py": "from numba import njit\nfrom by_others import part\n@njit(cache=True)\n"
+    "def height():\n    return part()\n",
+    "by_others.py": "from numba import njit\n@njit\ndef part():\n    return 1.0\n",
+    "weights.json": "1.0",
+    "late.json": "1.0",
+}
+"""A tracker that reads files, loads a module under a computed name, and compiles what is in other files."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("isolation", "edited", "place", "value"),
+    [
+        ("auto", "compiled_of_mine.py", 2, 7.0),
+        ("auto", "by_others.py", 3, 2.0),
+        ("auto", "weights.json", 1, 2.0),
+        ("container", "late.json", 0, 2.0),
+    ],
+)
+def test_edits_of_what_a_tracker_opens_loads_and_compiles_are_seen(
+    tmp_path: Path, mine: Path, isolation: str, edited: str, place: int, value: float
+):
+    if isolation == "container" and not sandbox_works():
+        pytest.skip("needs bubblewrap")
+    for name, text in READ.items():
+        (mine / name).write_text(text)
+    trackers, out = ["stay", "reader_of_mine:make"], tmp_path / "run"
+
+    def answers(**options: Any) -> list[float]:
+        done = run(plan_of("0", trackers), out, videos="first", isolation=isolation, **options)
+        assert [one.error for one in done.results] == [None, None]
+        assert check(out).good
+        return done.frame_columns(done.results[1], ["estimate"])["estimate"][1].tolist()
+
+    before = answers()
+    assert before == [1.0, 1.0, 6.0, 1.0]
+    kept = files(out)
+    assert answers() == before
+    assert files(out) == kept
+    (mine / edited).write_text(READ[edited].replace("1.0", "2.0"))
+    with pytest.raises(RunError, match=r"--refresh.*\n  trackers\.reader_of_mine:make\.\w+\..* there, .* asked for"):
+        answers()
+    assert files(out) == kept
+    after = answers(refresh=True)
+    assert after == [*before[:place], value, *before[place + 1 :]]
+    assert {name for name, one in kept.items() if files(out).get(name) == one} == {n for n in kept if "-stay-" in n}
+
+
+def test_a_file_too_large_to_read_counts_by_its_size(tmp_path: Path, mine: Path):
+    (mine / "helper_of_mine.py").write_text(
+        (mine / "helper_of_mine.py").read_text().replace("pass", f"open({str(mine / 'large')!r}, 'rb').close()")
+    )
+    for size in (MAX_CODE_BYTES + 1, MAX_CODE_BYTES + 2):
+        with open(mine / "large", "wb") as file:
+            file.truncate(size)
+        done = run(plan_of("0", ["tracker_of_mine:make"]), tmp_path / "run", videos="none", refresh=True)
+        ((_, opened),) = done.opened()
+        assert opened.pop("large") == f"{size} bytes"
+        assert sorted(opened) == ["helper_of_mine.py", "tracker_of_mine.py"]
 
 
 def test_an_edited_scenario_is_refused_or_refreshed(tmp_path: Path):

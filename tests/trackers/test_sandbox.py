@@ -16,7 +16,7 @@ from tests.trackers.test_kept_processes import played
 IMAGE = np.zeros((9, 12, 3), np.uint8)
 
 
-def _works() -> bool:
+def sandbox_works() -> bool:
     try:
         sandbox.check_sandbox()
     except ParameterError:
@@ -24,7 +24,7 @@ def _works() -> bool:
     return True
 
 
-sandboxed = pytest.mark.skipif(not _works(), reason="needs bubblewrap")
+sandboxed = pytest.mark.skipif(not sandbox_works(), reason="needs bubblewrap")
 
 
 def _said(sandboxed: bool, params: dict[str, Any]) -> str | None:

@@ -8,7 +8,7 @@ from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.from_names import code_of, seeds_text
 from pftrack_sim.benchmark.asked.plan import Condition, Plan, ScenarioSpec, Sweep, make_checked_plan
 
-_MOST_LINES = 8
+MOST_LINES = 8
 
 
 def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
@@ -57,7 +57,7 @@ def contradictions(asked: Plan, stored: Plan) -> list[str]:
             mine[kind].pop(name, None)
             theirs[kind].pop(name, None)
     lines = list(keys.differences(mine, theirs))
-    return lines[:_MOST_LINES] + ([f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else [])
+    return lines[:MOST_LINES] + ([f"and {len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else [])
 
 
 def _determinants(plan: Plan) -> dict[str, dict[str, Any]]:

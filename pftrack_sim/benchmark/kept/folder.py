@@ -21,15 +21,21 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
+import duckdb
+
 from pftrack_sim.benchmark.asked.plan import AskedResult, Episode, Plan
-from pftrack_sim.benchmark.asked.union import contradictions, united
+from pftrack_sim.benchmark.asked.union import MOST_LINES, contradictions, united
 from pftrack_sim.benchmark.kept.checksums import RECORD, TABLES_OF_RESULTS, Checksums
 from pftrack_sim.benchmark.kept.files import LOCK, lock_folder, remove_parts, write_bytes
 from pftrack_sim.benchmark.kept.record import Record, read_record, session, write_record
+from pftrack_sim.benchmark.kept.tables import OPENED, read_metadata
 from pftrack_sim.benchmark.keys import key_of
+from pftrack_sim.core.code_digest import opened_digest, opened_file
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.inputs import is_file
+from pftrack_sim.core.text import one_line
 from pftrack_sim.logs import FORMATS
+from pftrack_sim.trackers import is_builtin
 
 SCRATCH = ".scratch"
 """Folder of a run for the temporary files of its workers."""
@@ -87,7 +93,7 @@ class RunFolder:
                 wanted, stale = _wanted(known, plan, refresh, running)
                 for name in stale:
                     (path / name).unlink(missing_ok=True)
-                if wanted is not record.plan:
+                if stale or wanted is not record.plan:
                     record = record.model_copy(update={"finished": None, "plan": wanted})
             # The record comes last: interrupted before it, the folder still asks to be refreshed.
             Checksums(path).begin()
@@ -133,6 +139,17 @@ class RunFolder:
         there = set(self._tables())
         asked = (one for one in self.plan.asked.values() if there.issuperset(self.names_of_tables(one)))
         return {self.result_file(one): one for one in asked}
+
+    def opened(self) -> list[tuple[AskedResult, dict[str, str]]]:
+        """Results of third-party trackers, with digests of the files that these have loaded and opened, by name.
+
+        Raises:
+            RunError: A result cannot be read.
+        """
+        theirs = {file: one for file, one in self.present.items() if not is_builtin(one.tracker.name)}
+        with duckdb.connect() as database:
+            known = [(theirs[file], metadata.get(OPENED, {})) for file, metadata in read_metadata(database, theirs)]
+        return [(one, {str(name): str(was) for name, was in files.items()}) for one, files in known]
 
     @property
     def missing(self) -> list[AskedResult]:
@@ -220,15 +237,37 @@ def _wanted(folder: RunFolder, plan: Plan, refresh: bool, running: bool) -> tupl
         wanted = united(stored, plan, running=running)
     except ParameterError as error:
         raise RunError(f"{path} holds another plan: choose another folder with --out\n  {error}") from None
-    if folder.kept & (stored.asked.keys() - wanted.asked.keys()) and not refresh:
-        lines = contradictions(wanted, stored)
+    edited = _edited(folder) if running else []
+    if (edited or folder.kept & (stored.asked.keys() - wanted.asked.keys())) and not refresh:
+        lines = [*contradictions(wanted, stored), *dict.fromkeys(line for _, changed in edited for line in changed)][
+            :MOST_LINES
+        ]
         coded = any(line.startswith(("trackers.", "run with.")) for line in lines)
         found = "was begun with other code" if coded else "holds another plan"
         raise RunError(
             f"{path} {found}: its results have the same names and other keys; run them again with --refresh, or choose "
-            "another folder with --out\n" + "\n".join(f"  {line}" for line in lines)
+            "another folder with --out\n" + "\n".join(f"  {line}" for line in lines[:MOST_LINES])
         )
-    return wanted, set() if wanted is stored else _names(stored) - _names(wanted)
+    stale = set[str]() if wanted is stored else _names(stored) - _names(wanted)
+    for one, _ in edited:
+        stale.update(names_of_result(one), names_of_episode(one.episode)[one.episode.kind == "open" :])
+    return wanted, stale
+
+
+def _edited(folder: RunFolder) -> list[tuple[AskedResult, list[str]]]:
+    """Results whose trackers have opened files that are others now, with a line for each of these."""
+    results = folder.opened()
+    now = {name: opened_digest(opened_file(name)) for _, opened in results for name in opened}
+    found: list[tuple[AskedResult, list[str]]] = []
+    for one, opened in results:
+        changed = [
+            f"trackers.{one.tracker.label}.opened.{one_line(name)}: {one_line(was)[:12]} there, "
+            f"{now[name][:12] or 'nothing'} asked for"
+            for name, was in opened.items()
+            if now[name] != was
+        ]
+        found += [(one, changed)] if changed else []
+    return found
 
 
 def _names(plan: Plan) -> set[str]:
@@ -243,6 +282,6 @@ def names_of_result(asked: AskedResult) -> list[str]:
 
 
 def names_of_episode(episode: Episode) -> list[str]:
-    """Paths within a run folder of all files that an episode may have besides its results."""
+    """Paths within a run folder of all files that an episode may have besides its results; first that of its frames."""
     logs = [f"logs/{episode.path}{form.suffix}" for form in FORMATS.values()]
     return [f"frames/{episode.frames_file}.parquet", f"videos/{episode.path}.mp4", *logs]

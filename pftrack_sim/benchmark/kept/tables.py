@@ -27,6 +27,8 @@ from pftrack_sim.core.records import Truth
 from pftrack_sim.core.text import one_line
 
 METADATA_KEY = "pftrack_sim"
+OPENED = "opened"
+"""Entry of a result's metadata: digests of the files that its tracker has loaded and opened, by name."""
 _CHUNK = 500
 MAX_BYTES = 1 << 30
 """Largest file that is read."""

@@ -14,7 +14,7 @@ import duckdb
 from pftrack_sim.benchmark.asked.plan import AskedResult, Condition, Plan, TrackerSpec
 from pftrack_sim.benchmark.kept.files import atomic_write, csv_text, sql_text, write_bytes
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
-from pftrack_sim.benchmark.kept.tables import column, read_metadata
+from pftrack_sim.benchmark.kept.tables import OPENED, column, read_metadata
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.score import Measures
 from pftrack_sim.score.following import Following
@@ -155,7 +155,7 @@ def load_summary(database: duckdb.DuckDBPyConnection, folder: RunFolder, files: 
             }
             for file, metadata in read_metadata(database, chunk)
         ]
-        names = [name for name in dict.fromkeys(name for row in rows for name in row) if name != "levels"]
+        names = [name for name in dict.fromkeys(name for row in rows for name in row) if name not in ("levels", OPENED)]
         database.register("chunk", {name: column([row.get(name) for row in rows]) for name in names})
         chosen = ", ".join(f"{name}::{_CASTS[name]} AS {name}" if name in _CASTS else name for name in names)
         select = (

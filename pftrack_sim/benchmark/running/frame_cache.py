@@ -36,12 +36,6 @@ _FIELDS = [one for one in fields(Truth) if one.name != "occluders"]  # these are
 _MODEL = "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"
 
 
-def default_folder() -> Path:
-    """`$XDG_CACHE_HOME/pftrack-sim/frames`, or `~/.cache/pftrack-sim/frames`."""
-    root = os.environ.get("XDG_CACHE_HOME")
-    return (Path(root) if root else Path.home() / ".cache") / "pftrack-sim" / "frames"
-
-
 @dataclass(frozen=True)
 class FrameCache:
     """A folder of rendered episodes.

@@ -13,6 +13,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.kept.tables import (
+    OPENED,
     PERSON,
     Column,
     Columns,
@@ -107,7 +108,7 @@ def write_results(
                 "centre_error_px": frames.centre_error_px,
                 "ms": np.array(runner.ms, dtype=np.float64),
             }
-            write(file, _RESULT, row, identity=_row(identity), estimates=estimates)
+            write(file, _RESULT, {**row, OPENED: dict(runner.opened)}, identity=_row(identity), estimates=estimates)
             contents[f"episodes/{asked.file}.parquet"] = file.read_bytes()
             rows.append(row)
     return contents, rows

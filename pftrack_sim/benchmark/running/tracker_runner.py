@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, cast, get_args
 
@@ -180,6 +180,11 @@ class TrackerRunner:
     def printed(self) -> str | None:
         """Beginning of what the tracker printed, if it runs in a process of its own."""
         return self.tracker.printed if isinstance(self.tracker, IsolatedTracker) else None
+
+    @property
+    def opened(self) -> Mapping[str, str]:
+        """Digests of the files that its code has loaded and opened, if it runs in a process of its own."""
+        return self.tracker.opened if isinstance(self.tracker, IsolatedTracker) else {}
 
     def close(self) -> None:
         """End the tracker's process, if it has one. Closing twice is fine."""

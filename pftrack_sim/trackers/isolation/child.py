@@ -32,6 +32,7 @@ from typing import Any, Literal, NoReturn, Protocol, runtime_checkable
 import numpy as np
 
 from pftrack_sim import trackers
+from pftrack_sim.core.code_digest import OpenedFiles
 from pftrack_sim.core.records import Detections, TrackedBoxes, Tracker
 from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.trackers.base import check_unmodified, checked_estimate
@@ -66,6 +67,7 @@ def serve(requests: socket.socket, settings: dict[str, Any], end_others: Callabl
 class _Server:
     def __init__(self, requests: socket.socket, settings: dict[str, Any], end_others: Callable[[], None]) -> None:
         self._requests, self._settings, self._end_others = requests, settings, end_others
+        self._opened = OpenedFiles()
         self._tracker: Tracker | None = None
         self._way: Literal["reset", "fork", "once"] | None = None
 
@@ -104,8 +106,10 @@ class _Server:
             if not self._settings["name"].startswith(TRAX):
                 _seed_generators(0)
                 trackers.factory(self._settings["name"])
+                self._opened.take()
             return
         tracker = self._make(0)
+        self._opened.take()
         if _has_reset(tracker):
             self._way, self._tracker = "reset", tracker
         else:
@@ -117,8 +121,10 @@ class _Server:
             self._tracker.reset(seed=seed)
         else:
             self._tracker = self._make(seed)
+        self._opened.take()
         return {
             "way": self._way,
+            "opened": self._opened.found,
             "needs_truth": isinstance(self._tracker, trackers.NeedsTruth),
             "needs_detections": isinstance(self._tracker, trackers.NeedsDetections),
         }
@@ -185,6 +191,8 @@ class _Server:
         return True
 
     def _reply(self, reply: dict[str, Any]) -> None:
+        if opened := self._opened.take():
+            reply["opened"] = opened
         message = json.dumps(reply).encode()
         try:
             self._requests.sendall(LENGTH.pack(len(message)) + message)

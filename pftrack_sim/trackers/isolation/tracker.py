@@ -26,16 +26,20 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.core.errors import BoxError, ParameterError, RunError, TrackerError
+from pftrack_sim.core.errors import BoxError, ParameterError, PftrackError, RunError, TrackerError
 from pftrack_sim.core.inputs import environment_of_programs
 from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes
 from pftrack_sim.core.text import LONGEST_TRACEBACK, one_line, printable
 from pftrack_sim.trackers.isolation.child import LENGTH
+from pftrack_sim.trackers.isolation.machine_code import MachineCode
 from pftrack_sim.trackers.isolation.sandbox import sandbox_command
+from pftrack_sim.trackers.registry import is_builtin
 
 _MAX_REPLY_BYTES = 16 * 1024 * 1024
 _MAX_OUTPUT_BYTES = 2000
 _MAX_PIPE_BYTES = 1 << 20
+_MAX_OPENED, _MAX_NAME = 10_000, 4096
+"""Number of files that a tracker may open, and length of a name."""
 _END_S = 5.0
 """Time in which a supervisor must report how its tracker ended, and end itself."""
 
@@ -110,6 +114,9 @@ class TrackerProcess:
         code: What it loads.
         once: Whether it serves one episode only.
 
+    Attributes:
+        opened: Digests of the files that it has loaded and opened, by name, see `OpenedFiles`.
+
     Raises:
         RunError: No process can be started.
         ParameterError: There is no sandbox here.
@@ -118,6 +125,12 @@ class TrackerProcess:
     def __init__(self, code: TrackerCode, *, once: bool) -> None:
         self.code = code
         self._broken = False
+        self._machine_code: MachineCode | None = None
+        environment = environment_of_programs()
+        if not code.sandboxed and not is_builtin(code.name):
+            with contextlib.suppress(OSError, PftrackError):  # an unknown name is reported by the process
+                self._machine_code = MachineCode(code.name)
+                environment["NUMBA_CACHE_DIR"] = str(self._machine_code.folder)
         if code.sandboxed:
             command, path = sandbox_command(code.params, code.limits.memory_mb)
         else:
@@ -144,7 +157,7 @@ class TrackerProcess:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # no Ctrl-C reaches it
-                env=environment_of_programs(),
+                env=environment,
             )
         except OSError as error:
             raise RunError(f"no process could be started for a tracker: {error}") from None
@@ -194,10 +207,22 @@ class TrackerProcess:
         except (ValueError, RecursionError) as error:
             raise self.unreadable(error) from None
         table = cast("dict[str, Any]", reply)
+        if opened := table.pop("opened", None):
+            self._note_opened(opened)
         if "error" in table:
             traceback = printable(str(table.get("traceback", "")), LONGEST_TRACEBACK)
             raise self._fault(one_line(str(table["error"])), traceback)
         return table
+
+    def _note_opened(self, opened: object) -> None:
+        entries = list(cast("dict[Any, Any]", opened).items()) if isinstance(opened, dict) else []
+        if not all(isinstance(word, str) and len(word) < _MAX_NAME for entry in entries for word in entry):
+            raise self._fault("its answer cannot be read: it names files wrongly")
+        if len(self.opened) + len(entries) > _MAX_OPENED:
+            raise self._fault(f"it opened more than {_MAX_OPENED} files")
+        self.opened |= {printable(name, _MAX_NAME): digest for name, digest in entries}
+        if self._machine_code is not None:
+            self._machine_code.note(self.opened)
 
     def _read(self, count: int, end_s: float) -> bytearray:
         """Read from the connection, and beside it what is printed: one that waits for its output never answers."""
@@ -238,7 +263,8 @@ class TrackerProcess:
         return ended == {"ended": True} and not wait([self._requests], 0.0)
 
     def listen(self) -> None:
-        """Forget what was printed so far."""
+        """Forget what was printed and opened so far."""
+        self.opened: dict[str, str] = {}
         self._kept, self._printed_bytes, self._output_ended = bytearray(), 0, False
 
     @property
@@ -376,6 +402,7 @@ class IsolatedTracker:
         took_ms: Time of the last call by this process's clock, from the image sent to the answer received.
         reported_ms: The same as its own process says.
         tracks: Everybody whom it follows in the last image; None where it follows one person or says nothing.
+        opened: Digests of the files that its code has loaded and opened, by name, see `OpenedFiles`.
     """
 
     def __init__(self, code: TrackerCode, *, seed: int, processes: TrackerProcesses | None = None) -> None:
@@ -385,6 +412,7 @@ class IsolatedTracker:
         self._extra: dict[str, Any] = {}
         self._processes = processes
         self._process = (TrackerProcesses() if processes is None else processes).take(code)
+        self.opened = self._process.opened
         self._made: dict[str, Any] | TrackerFault | None = None
         self._printed: str | None = None
         self._open = True
