@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import BoxError, ParameterError
-from pftrack_sim.core.records import Detections, Estimate, Frame, State, TrackedBoxes, Tracker, Truth, frozen_array
+from pftrack_sim.core.records import (
+    DeferredPeople,
+    Detections,
+    Estimate,
+    State,
+    TrackedBoxes,
+    Tracker,
+    Truth,
+    frozen_array,
+)
 
 
 def truth(state: State = "visible", **changed: Any) -> Truth:
@@ -108,13 +117,6 @@ def test_frozen_array_is_a_copy():
         frozen_array(mine, (4,))
 
 
-def test_frames_do_not_share_their_extras():
-    image = np.zeros((2, 2, 3), np.uint8)
-    one, other = (Frame(0, 0.0, image, truth(), ()) for _ in range(2))
-    assert one.extras == {}
-    assert one.extras is not other.extras
-
-
 def test_anything_with_init_and_update_is_a_tracker():
     class Mine:
         def init(self, image: np.ndarray, box: np.ndarray) -> None: ...
@@ -124,3 +126,63 @@ def test_anything_with_init_and_update_is_a_tracker():
 
     assert isinstance(Mine(), Tracker)
     assert not isinstance(object(), Tracker)
+
+
+def test_others_are_found_once_and_only_when_asked_for():
+    asked: list[int] = []
+    everybody = tuple(truth(name=name) for name in ("target", "distractor-1", "distractor-2"))
+
+    def others() -> tuple[Truth, ...]:
+        asked.append(1)
+        return everybody[1:]
+
+    people = DeferredPeople(everybody[0], others)
+    assert people[0].name == "target"
+    assert not asked
+    assert people[-1].name == "distractor-2"
+    assert [one.name for one in people] == [one.name for one in everybody]
+    assert people[1:] == everybody[1:]
+    assert len(people) == 3
+    assert asked == [1]
+    assert people == everybody
+    assert everybody == people
+    assert people == DeferredPeople(everybody[0], lambda: everybody[1:])
+    assert people != everybody[:2]
+    copied = pickle.loads(pickle.dumps(people))
+    assert isinstance(copied, tuple)
+    assert copied == everybody
+
+
+def test_a_deferred_record_is_found_once_and_only_when_more_than_is_known_is_read():
+    asked: list[int] = []
+    expected = Detections(np.array([[1.0, 2.0, 3.0, 4.0]]), np.array([0.5]))
+
+    def find() -> Detections:
+        asked.append(1)
+        return expected
+
+    found = Detections.deferred(find)
+    assert found.age_s == 0.0
+    assert not asked
+    assert len(found) == 1
+    np.testing.assert_array_equal(found.boxes, expected.boxes)
+    assert found == expected
+    assert expected == found
+    assert asked == [1]
+    assert type(pickle.loads(pickle.dumps(found))) is Detections
+    with pytest.raises(AttributeError, match="no attribute 'masks'"):
+        found.masks  # noqa: B018
+
+    def find_truth() -> Truth:
+        asked.append(2)
+        return truth()
+
+    target = Truth.deferred(find_truth, name="target", state="visible")
+    assert target.name == "target"
+    assert target.scored
+    assert not hasattr(target, "masks")
+    assert asked == [1]
+    assert target.luminance == 0.4
+    assert asked == [1, 2]
+    assert target == truth()
+    assert asked == [1, 2]

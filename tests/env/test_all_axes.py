@@ -1,7 +1,6 @@
 """All axes in episodes: severity 0 changes nothing, pixel axes change no truth, all work together, seeds repeat."""
 
 import hashlib
-import itertools
 from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
@@ -101,12 +100,6 @@ def assert_only_pixels_differ(changed: list[Frame], plain: list[Frame]) -> None:
         assert [replace(one, luminance=0.0) for one in mine.people] == [
             replace(one, luminance=0.0) for one in theirs.people
         ]
-
-
-@pytest.mark.slow
-def test_each_pair_of_pixel_axes_changes_no_truth(base: list[Frame]):
-    for pair in itertools.combinations(PIXEL_AXES, 2):
-        assert_only_pixels_differ(frames({**at(1.0, pair), **EVERY_FRAME}), base)
 
 
 def test_pixel_axes_change_no_truth_beside_all_others():

@@ -170,20 +170,3 @@ def test_vector_environments_take_wrappers():
     observation, reward, *_ = envs.step(np.zeros((2, 4), np.float32))
     assert reward.shape == (2,)
     envs.close()
-
-
-@pytest.mark.slow
-def test_asynchronous_vector_environments_start_afresh():
-    envs = gym.make_vec(
-        "pftrack_sim/Follow-v0",
-        num_envs=2,
-        vectorization_mode="async",
-        vector_kwargs={"context": "forkserver"},
-        scenario="easy/plaza-walk",
-        overrides=SMALL,
-    )
-    observation, _ = envs.reset(seed=[1, 2])
-    assert observation["image"].shape == (2, 72, 96, 3)
-    _, reward, *_ = envs.step(np.zeros((2, 4), np.float32))
-    assert reward.shape == (2,)
-    envs.close()

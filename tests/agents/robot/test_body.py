@@ -78,10 +78,6 @@ def test_robot_is_out_of_the_camera_s_view_at_rest(lab: Callable, mount, fovy_de
             assert not owner.startswith("robot/"), owner
 
 
-def test_camera_has_the_field_of_view_of_the_scenario(lab: Callable):
-    assert lab(fovy_deg=63.0).model.camera(CAMERA).fovy == pytest.approx(63.0)
-
-
 def test_constants_repeat_the_mjcf_file(lab: Callable):
     model = lab(height_m=1.25).model
     mass_kg = {model.body(i).name.removeprefix("robot/"): model.body_mass[i] for i in range(model.nbody)}

@@ -19,7 +19,3 @@ def test_commands_are_delayed_by_the_latency_and_the_delay_within_the_tick(laten
     # Number of the command in force at each physics step; -1 before the first.
     undelayed = np.arange(12 * CLOCK.steps) // CLOCK.steps
     np.testing.assert_array_equal(numbers, np.concatenate([np.full(delay_steps, -1), undelayed])[: undelayed.size])
-
-
-def test_without_latency_a_tick_is_one_segment():
-    assert CommandDelay(CLOCK, 0.0).segments((1.0, 2.0, 3.0, 4.0)) == [(CLOCK.steps, (1.0, 2.0, 3.0, 4.0))]

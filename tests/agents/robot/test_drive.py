@@ -116,25 +116,6 @@ def test_camera_frame_is_opencv(lab: Callable, mount: str):
     assert right[0] > 0.9
 
 
-def test_an_episode_does_not_depend_on_the_one_before(lab: Callable):
-    world = lab(mount="right")
-
-    def episode() -> bytes:
-        mujoco.mj_resetData(world.model, world.data)
-        world.drive.reset(world.data, 1.0, 2.0, 0.5, -1.2)
-        out = [world.drive.proprio(world.data).tobytes(), world.drive.camera_pose(world.data).tobytes()]
-        for index in range(90):
-            world.tick(1.0, math.sin(index / 9), math.cos(index / 7), 0.3)
-            out.append(world.data.qpos.tobytes() + world.drive.proprio(world.data).tobytes())
-        return b"".join(out)
-
-    first = episode()
-    world.drive.reset(world.data, -3.0, 0.0, 2.0)
-    world.run(1.0, forward=1.0, pan=1.0)
-    assert episode() == first
-    assert lab(mount="right").drive is not world.drive
-
-
 def test_reset_sets_the_pose(lab: Callable):
     world = lab()
     world.run(2.0, forward=1.0, turn=0.5)

@@ -106,14 +106,3 @@ def test_in_a_bend_sharper_than_the_offset_the_robot_waits(lab: Callable):
     heading = np.unwrap(run["pose"][:, 2])
     assert heading.min() > -0.3
     assert heading.max() < math.pi / 2 + 0.3
-
-
-def test_reset_restarts_the_script():
-    script = Script(Robot(route=TrailRoute(kind="trail")), Path(S_CURVE), 1.2)
-
-    def episode() -> list[tuple[float, float]]:
-        script.reset()
-        x, y, heading, _ = script.start_pose()
-        return [script.drive(t / 60, (x + t / 60, y, heading), t / 50) for t in range(120)]
-
-    assert episode() == episode()
