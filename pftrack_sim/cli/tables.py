@@ -58,6 +58,7 @@ def print_bench(results: Sequence[Result]) -> None:
         groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one)
     named = {(place, row_name(label, own)): [one.measures for one in own] for (place, label), own in groups.items()}
     print_groups("frames in which the target is visible", named)
+    _print_slowest((one.label, _where(one), one.measures) for one in results)
     for table in people(results, ("HOTA", "IDF1", "MOTA", "switches")):
         print_table(table)
     errors = [f"{one.label} ended with an error on {_where(one)}, {one.error}" for one in results if one.error]
@@ -168,6 +169,7 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     for one in results:
         groups.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
     print_groups("frames with a known box", groups)
+    _print_slowest((one.tracker.label, f"{one.sequence} seed {one.seed}", one.summary) for one in results)
     print_lines(
         f"{one.tracker.label} ended with an error on {one.sequence} seed {one.seed}, {one.error}"
         for one in results
@@ -175,6 +177,18 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     )
     said = {one.tracker.label: f"\n{one.said}" for one in reversed(results) if one.said}
     print_lines(reversed(said.values()))
+
+
+def _print_slowest(results: Iterable[tuple[str, str, Summary]]) -> None:
+    """Print each tracker's slowest frame and where it was."""
+    slowest: dict[str, tuple[str, Summary]] = {}
+    for label, where, one in results:
+        if one.ms_max > (slowest[label][1].ms_max if label in slowest else -1.0):
+            slowest[label] = where, one
+    print_lines(
+        f"slowest frame of {label}: {one.ms_max:.1f} ms, {where}, frame {one.ms_max_frame:.0f}"
+        for label, (where, one) in slowest.items()
+    )
 
 
 def print_groups(frames: str, groups: Mapping[tuple[str, str], Sequence[Summary]], unit: str = "seed") -> None:

@@ -62,7 +62,12 @@ GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "recovery_s": "recovery [s]",
             "drift_per_s": "drift [sizes/s]",
         },
-        "speed": {"ms_median": "ms per frame", "ms_p95": "ms, 95th percentile", "ms_reported": "ms, as it says"},
+        "speed": {
+            "ms_median": "ms per frame",
+            "ms_p95": "ms, 95th percentile",
+            "ms_max": "ms, slowest frame",
+            "ms_reported": "ms, as it says",
+        },
     }
 )
 """Columns of the leader board, in the groups that are shown together: names in the summary, and heads."""
@@ -220,12 +225,16 @@ def _board(
         episodes: Each with what the page tells of it, and its trackers.
     """
     rows: list[tuple[int, int, Mapping[str, Any], str | None]] = []
+    slowest: dict[int, tuple[float, int, int, float]] = {}
     curves: dict[tuple[int, int, int], _Counts] = {}
     told: list[dict[str, Any]] = []
     for number, (episode, its_trackers) in enumerate(episodes):
         for one in its_trackers:
             tracker = trackers.index(one.label)
             rows.append((tracker, number, one.values, one.error))
+            ms, frame = (one.values.get(name) for name in ("ms_max", "ms_max_frame"))
+            if ms is not None and frame is not None and ms > slowest.get(tracker, (0.0,))[0]:
+                slowest[tracker] = ms, number, int(frame), round(float(one.frames.time_s[int(frame)]), 3)
             at = (tracker, episode["scenario"], episode["condition"])
             curves.setdefault(at, _Counts()).add(one.frames)
             episode["overlap"][tracker] = _packed(one.frames.overlap)
@@ -251,6 +260,8 @@ def _board(
         "least_seeds": score.LEAST_FOR_INTERVAL,
         # Of Student's t for so many values, seeds or sequences.
         "quantiles": [0, 0, *(_json(score.student_quantile(count)) for count in range(2, most + 1))],
+        # Of each tracker its slowest frame: tracker, time [ms], episode, frame and its time in the episode [s].
+        "slowest": [[tracker, *found] for tracker, found in slowest.items()],
         "success_thresholds": score.SUCCESS_THRESHOLDS.tolist(),
         "precision_thresholds": score.PRECISION_THRESHOLDS_PX.tolist(),
         "episodes": told,

@@ -120,9 +120,11 @@ def summaries(
         mean = score.mean_summary(list(found))
         overlap = range_text(score.mean_over_seeds([one.mean_overlap for one in found]))
         cells = [overlap, *(number_text(getattr(mean, name)) for name in beside.values())]
-        rows.append([place, label, *([] if count else [str(len(found))]), *cells, _ms_text(found)])
+        rows.append(
+            [place, label, *([] if count else [str(len(found))]), *cells, _ms_text(found), number_text(mean.ms_max, 1)]
+        )
     title = f"Over{count or ' all'} {unit}{'' if count == ' 1' else 's'}{where} ({frames})"
-    heads = [*([] if count else [f"{unit}s"]), "mean\noverlap", *beside, "ms"]
+    heads = [*([] if count else [f"{unit}s"]), "mean\noverlap", *beside, "ms", "slowest\nframe"]
     if len(places) > 1:
         return Table(title, ["", "tracker"], heads, rows, score.DEFINITIONS, grouped=True)
     return Table(title, ["tracker"], heads, [row[1:] for row in rows], score.DEFINITIONS)

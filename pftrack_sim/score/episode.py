@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -43,7 +43,9 @@ class Summary:
         precision: Share of frames with a centre error of at most `PRECISION_PX`.
         centre_error_median_px: Median centre error; infinite when the tracker missed most frames.
         ms_median: Median time of the frames in which the tracker answered, without that of the initialisation.
-        ms_reported: The same as a tracker in a process of its own says; NaN for others.
+        ms_max: Longest of these times.
+        ms_max_frame: Index of the frame that took it; NaN where there is none.
+        ms_reported: `ms_median` as a tracker in a process of its own says; NaN for others.
     """
 
     frames: int
@@ -56,6 +58,8 @@ class Summary:
     precision: float
     centre_error_median_px: float
     ms_median: float
+    ms_max: float
+    ms_max_frame: float
     ms_reported: float = field(default=math.nan, kw_only=True)
 
     @property
@@ -121,6 +125,8 @@ def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
         )
     counted = counted_frames(scored)
     overlap, error = frames.overlap[counted], frames.centre_error_px[counted]
+    answered = first_scored(scored) + 1 + np.flatnonzero(~np.isnan(took[first_scored(scored) + 1 :]))
+    slowest = float(answered[np.argmax(took[answered])]) if answered.size else math.nan
     return Summary(
         frames=int(counted.sum()),
         mean_overlap=curves.average_overlap(overlap),
@@ -131,18 +137,21 @@ def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
         ceiling=curves.success_rate(fixed_shape_overlaps(frames.truth, scored)[counted]),
         precision=curves.precision(error),
         centre_error_median_px=_median(error),
-        ms_median=_median(_known(took[first_scored(scored) + 1 :])),
+        ms_median=_median(took[answered]),
+        ms_max=float(took[int(slowest)]) if answered.size else math.nan,
+        ms_max_frame=slowest,
     )
 
 
 def mean_summary(summaries: Sequence[Summary]) -> Summary:
-    """Means over at least one episode, without NaN, and the sum of the frames; `skill` is then that of the means."""
-    means = {
-        one.name: _mean([float(getattr(summary, one.name)) for summary in summaries])
-        for one in fields(Summary)
-        if one.name != "frames"
-    }
-    return Summary(frames=sum(summary.frames for summary in summaries), **means)
+    """Means over at least one episode, without NaN; the sum of the frames, the longest time, and no frame that took it.
+
+    `skill` is that of the means.
+    """
+    means = {one.name: _mean([float(getattr(summary, one.name)) for summary in summaries]) for one in fields(Summary)}
+    longest = max((one.ms_max for one in summaries if not math.isnan(one.ms_max)), default=math.nan)
+    frames = sum(one.frames for one in summaries)
+    return replace(Summary(frames=frames, **means), ms_max=longest, ms_max_frame=math.nan)
 
 
 def measure(

@@ -161,6 +161,7 @@ def test_evaluate_prints_a_mean_overlap(tmp_path: Path):
     assert done.returncode == 0, done.stderr
     assert "square" in done.stdout
     assert "ko2012" in done.stdout
+    assert re.search(r"^slowest frame of ko2012: \d+\.\d ms, square seed [01], frame [1-9]", done.stdout, re.MULTILINE)
     assert "Below each overlap, a mean over seeds: its 95 % interval (Hall 1992), or its values" in done.stdout
 
 

@@ -38,6 +38,17 @@ def test_rows_and_curves_are_those_of_the_folder(finished: Path):
     json.dumps(told, allow_nan=False)
 
 
+def test_the_slowest_frame_is_said_with_its_place(finished: Path):
+    store = RunStore(finished)
+    told = contents(store)
+    expected = store.query("SELECT label, max(ms) FROM frames WHERE status = 'ok' GROUP BY label ORDER BY label").rows
+    assert [(told["trackers"][row[0]], row[1]) for row in told["slowest"]] == expected
+    tracker, ms, episode, frame, time_s = told["slowest"][0]
+    seed = told["episodes"][episode]["seed"]
+    sql = f"SELECT time_s FROM frames WHERE label = '{told['trackers'][tracker]}' AND seed = {seed} AND ms = {ms!r}"
+    assert [round(row[0], 3) for row in store.query(f"{sql} AND frame = {frame}").rows] == [time_s]
+
+
 def test_frames_of_a_lossy_stream_have_their_own_times(tmp_path: Path, finished: Path):
     overrides = {**SMALL, "duration_s": 1.5, "axes.stream.severity": 2.0}
     store = run(make_plan(["corridor"], ["stay"], [1], overrides=overrides), tmp_path / "run", videos="none")

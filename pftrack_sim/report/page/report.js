@@ -117,13 +117,14 @@ function linkTo(text, title, act, href = "#h-episode") {
   return link;
 }
 
-// Mean over seeds, as text; of times per frame the median over episodes, as in the terminal. A time to the first loss is
+// Mean over seeds, as text; of times per frame the median over episodes, as in the terminal, of the slowest the longest. A time to the first loss is
 // known only of drives that lost the target.
 function measured(name, rows) {
   const column = measureAt(name);
   if (name.startsWith("ms")) {
     const times = finite(rows.map((row) => row[column]));
-    return { values: times, text: times.length ? number(median(times), 2) : "\u2013" };
+    const shown = name === "ms_max" ? Math.max(...times) : median(times);
+    return { values: times, text: times.length ? number(shown, 2) : "\u2013" };
   }
   const held = name === "follow_time_to_loss_s" ? rows.filter((row) => row[measureAt("follow_losses")] === 0) : [];
   const values = perSeed(rows.filter((row) => !held.includes(row)), column);
@@ -300,6 +301,11 @@ function drawMatrix() {
 }
 
 function drawSpeed() {
+  byId("slowest").replaceChildren(...DATA.slowest.filter(([tracker]) => state.trackers.has(tracker)).map(([tracker, ms, episode, frame, seconds]) => {
+    const line = element("li", `${DATA.trackers[tracker]}: slowest frame ${number(ms, 1)} ms, `);
+    line.append(linkTo(`${titleOf(DATA.episodes[episode])}, frame ${frame}`, "Show this frame", () => showAtTime(tracker, episode, seconds)));
+    return line;
+  }));
   const column = measureAt("ms_median");
   if (column < FIRST) { byId("speed").hidden = true; return; }
   const bars = [...state.trackers].map((tracker) => {
