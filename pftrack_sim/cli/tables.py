@@ -81,7 +81,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
     if len(results) > _MOST_EPISODES * len(trackers):
         return
     # Each tracker that drives has frames of its own.
-    shared = ("frames", "stay", "ceiling") if results[0].following is None else ()
+    shared = ("frames", "stay", "fixed_size") if results[0].following is None else ()
     rows: list[list[str]] = []
     for (scenario, condition, seed), own in by_episode(results).items():
         scored = {one.label: one for one in own}
@@ -155,12 +155,12 @@ def print_losses(shares: Mapping[str, LossShares]) -> None:
     for label, one in shares.items():
         if one.losses:
             rows.append([label, str(one.losses), *(f"{one.shares[tag]:.0%}" for tag in TAGS)])
-            rows.append(["  of all frames", "", *(f"{one.frames[tag]:.0%}" for tag in TAGS)])
+            rows.append(["  of all frames", str(one.frame_count), *(f"{one.frames[tag]:.0%}" for tag in TAGS)])
     print_lines(f"{label} {one.statement}." for label, one in shares.items() if one.untracked or one.errors)
     if rows:
         heads = [tag_title(tag).replace(" ", "\n") for tag in TAGS]
         notes = {"loss": LOSS, **{tag_title(tag): words for tag, (words, _) in TAGS.items()}}
-        print_table(Table("Share of the losses that begin with", ("tracker",), ("losses", *heads), rows, notes))
+        print_table(Table("Share of the losses that begin with", ("tracker",), ("count", *heads), rows, notes))
 
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:

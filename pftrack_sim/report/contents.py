@@ -31,7 +31,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "success": "tracked at 0.5",
             "success_30": "at 0.3",
             "centre_inside": "centre inside",
-            "ceiling": "ceiling",
+            "fixed_size": "fixed size",
             "ms_median": "ms per frame",
         },
         "following": {
@@ -57,6 +57,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "mean_overlap": "mean overlap",
             "failures": "failures",
             "lost_for_good": "lost for good",
+            "occlusions": "occlusions",
             "recovered_2s": "recovered within 2 s",
             "recovered": "recovered",
             "recovery_s": "recovery [s]",

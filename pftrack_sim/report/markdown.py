@@ -135,7 +135,7 @@ def _overlaps(results: Sequence[Result], places: Sequence[str]) -> str:
     In open loop the references are rows, since all trackers have the same frames.
     """
     closed = results[0].following is not None
-    beside = {**_BESIDE_OVERLAP, **({name: name for name in REFERENCES} if closed else {})}
+    beside = {**_BESIDE_OVERLAP, **({_words(name): name for name in REFERENCES} if closed else {})}
 
     def cells(measure: str, own: Sequence[Result]) -> list[str]:
         return [number_text(over_seeds(measure, [one for one in own if place_of(one) == name]).mean) for name in places]
@@ -150,10 +150,14 @@ def _overlaps(results: Sequence[Result], places: Sequence[str]) -> str:
         rows.append((overall.mean, [f"`{row_name(label, own)}`", *known, *others]))
     rows.sort(key=lambda row: (math.isnan(row[0]), -row[0]))
     references = [
-        [name, *cells(name, results), str(found.seeds), number_text(found.mean), *["-"] * len(beside)]
+        [_words(name), *cells(name, results), str(found.seeds), number_text(found.mean), *["-"] * len(beside)]
         for name, found in ((name, over_seeds(name, results)) for name in (() if closed else REFERENCES))
     ]
     return _table(["Mean overlap", *places, "seeds", "mean", *beside], [*(row for _, row in rows), *references])
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _markdown(table: Table) -> str:

@@ -112,7 +112,7 @@ def summaries(
     count = f" {min(counts)}" if len(counts) == 1 else ""
     where = f" in {next(iter(places))}" if len(places) == 1 and any(places) else ""
     beside = {"stay": "stay", "skill": "skill", "tracked\n>= 0.5": "success", "\n>= 0.3": "success_30"}
-    beside |= {"centre\ninside": "centre_inside", "ceiling": "ceiling"} | (
+    beside |= {"centre\ninside": "centre_inside", "fixed\nsize": "fixed_size"} | (
         {"precision\n@ 20 px": "precision"} if wide else {}
     )
     rows: list[list[str]] = []

@@ -14,8 +14,8 @@ DEFINITIONS: Mapping[str, str] = MappingProxyType(
         "skill": "(overlap - stay) / (1 - stay)",
         "tracked": f"share of frames with overlap >= {curves.SUCCESS_OVERLAP:g} (or {curves.LOOSE_OVERLAP:g})",
         "inside": "share of frames in which the centre of the estimate lies inside the true box",
-        "ceiling": "share of frames in which the first box's size at the true centre reaches an overlap of "
-        f"{curves.SUCCESS_OVERLAP:g}",
+        "fixed size": "share of frames in which the best box of the first one's size, at the true centre, reaches an "
+        f"overlap of {curves.SUCCESS_OVERLAP:g}; trackers that change the size can exceed it",
     }
 )
 """Columns beside the mean overlap."""

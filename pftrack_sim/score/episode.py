@@ -21,7 +21,7 @@ from pftrack_sim.score.frames import (
     FrameScores,
     counted_frames,
     first_scored,
-    fixed_shape_overlaps,
+    fixed_size_overlaps,
     stay_overlaps,
 )
 
@@ -39,7 +39,7 @@ class Summary:
         success: Share of frames with an overlap of at least `SUCCESS_OVERLAP`.
         success_30: The same with `LOOSE_OVERLAP`.
         centre_inside: Share of frames in which the centre of the estimate lies inside the true box.
-        ceiling: Highest `success` of a box with the shape of the first one, see `frames.fixed_shape_overlaps`.
+        fixed_size: Highest `success` of a box with the size of the first one, see `frames.fixed_size_overlaps`.
         precision: Share of frames with a centre error of at most `PRECISION_PX`.
         centre_error_median_px: Median centre error; infinite when the tracker missed most frames.
         ms_median: Median time of the frames in which the tracker answered, without that of the initialisation.
@@ -54,7 +54,7 @@ class Summary:
     success: float
     success_30: float
     centre_inside: float
-    ceiling: float
+    fixed_size: float
     precision: float
     centre_error_median_px: float
     ms_median: float
@@ -134,7 +134,7 @@ def summarise(frames: FrameScores, scored: ArrayLike, ms: ArrayLike) -> Summary:
         success=curves.success_rate(overlap),
         success_30=curves.success_rate(overlap, curves.LOOSE_OVERLAP),
         centre_inside=curves.average_overlap(frames.centre_inside[counted]),
-        ceiling=curves.success_rate(fixed_shape_overlaps(frames.truth, scored)[counted]),
+        fixed_size=curves.success_rate(fixed_size_overlaps(frames.truth, scored)[counted]),
         precision=curves.precision(error),
         centre_error_median_px=_median(error),
         ms_median=_median(took[answered]),
@@ -148,7 +148,8 @@ def mean_summary(summaries: Sequence[Summary]) -> Summary:
 
     `skill` is that of the means.
     """
-    means = {one.name: _mean([float(getattr(summary, one.name)) for summary in summaries]) for one in fields(Summary)}
+    names = [one.name for one in fields(Summary) if one.name != "frames"]
+    means = {name: _mean([float(getattr(summary, name)) for summary in summaries]) for name in names}
     longest = max((one.ms_max for one in summaries if not math.isnan(one.ms_max)), default=math.nan)
     frames = sum(one.frames for one in summaries)
     return replace(Summary(frames=frames, **means), ms_max=longest, ms_max_frame=math.nan)

@@ -96,13 +96,13 @@ def stay_overlaps(truth: ArrayLike, scored: ArrayLike) -> FloatArray:
     return boxes.pairwise_iou(np.broadcast_to(first, true.shape), true)
 
 
-def fixed_shape_overlaps(truth: ArrayLike, scored: ArrayLike) -> FloatArray:
+def fixed_size_overlaps(truth: ArrayLike, scored: ArrayLike) -> FloatArray:
     """`(N,)` overlap of a box about the true centre, with the width and height of the first scored one, in every frame.
 
-    No tracker with a box of this shape reaches more: of all boxes of one shape, the one about the true centre has the
+    No tracker with a box of this size reaches more: of all boxes of one size, the one about the true centre has the
     largest intersection with the true box. Arguments and errors are those of `stay_overlaps`.
 
-    >>> fixed_shape_overlaps([[0, 0, 10, 20], [5, 0, 10, 20], [8, 0, 40, 20]], [True, True, True]).tolist()
+    >>> fixed_size_overlaps([[0, 0, 10, 20], [5, 0, 10, 20], [8, 0, 40, 20]], [True, True, True]).tolist()
     [1.0, 1.0, 0.25]
     """
     true, first = _truth_and_first(truth, scored)

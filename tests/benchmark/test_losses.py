@@ -140,15 +140,18 @@ def test_a_run_answers_for_its_losses(tmp_path):
 
 def test_losses_are_stated_with_what_they_begin_with_if_it_is_more_than_usual():
     usual = dict.fromkeys(TAGS, 0.0) | {"fast_motion": 0.5}
-    lost = LossShares(4, 5, 3, 0, 0, usual | {"occluded": 0.75}, usual)
-    causes = "75% of the losses begin with: occluded (0% of all frames)"
+    lost = LossShares(4, 5, 3, 0, 0, usual | {"occluded": 0.75}, 300, usual)
+    causes = "75% of the losses begin with: occluded (0% of all 300 frames)"
     assert lost.statement == f"loses the target 4 times in 3 of 5 episodes; {causes}"
-    assert LossShares(1, 1, 1, 0, 0, usual, usual).statement == "loses the target 1 time in 1 of 1 episode"
+    assert LossShares(1, 1, 1, 0, 0, usual, 300, usual).statement == "loses the target 1 time in 1 of 1 episode"
     none = dict.fromkeys(TAGS, math.nan)
-    assert LossShares(0, 3, 0, 0, 0, none, usual).statement == "never loses the target"
+    assert LossShares(0, 3, 0, 0, 0, none, 300, usual).statement == "never loses the target"
     untracked = "never tracks the target in 2 of 3 episodes"
-    assert LossShares(0, 3, 0, 2, 0, none, usual).statement == f"{untracked}; never loses the target once it is tracked"
-    ended = LossShares(0, 3, 0, 3, 1, none, usual)
+    assert (
+        LossShares(0, 3, 0, 2, 0, none, 300, usual).statement
+        == f"{untracked}; never loses the target once it is tracked"
+    )
+    ended = LossShares(0, 3, 0, 3, 1, none, 300, usual)
     assert ended.statement == "never tracks the target in 3 of 3 episodes; ends with an error in 1 of 3 episodes"
 
 

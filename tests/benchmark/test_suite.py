@@ -59,7 +59,7 @@ def results(**identity: Any) -> list[Result]:
                 "mean_overlap": level[tracker] - 0.2 * (name == "hard") + 0.02 * draws.normal(),
                 "success": math.nan,
                 "stay": 0.2,
-                "ceiling": 0.8,
+                "fixed_size": 0.8,
                 "follow_success": 1.0,
             },
         )
@@ -145,13 +145,13 @@ def test_a_claim_without_results_needs_some():
 
 
 def test_results_are_in_the_unit_of_the_papers_table():
-    row, stay, ceiling = compare_with_paper(make_suite("t", tree()), results())
+    row, stay, fixed_size = compare_with_paper(make_suite("t", tree()), results())
     assert row.printed == (90.0, 70.0, 80.0)
     assert np.abs(np.array([one.mean for one in row.ours]) - row.printed).max() < 2.0
     assert all(one.low < one.mean < one.high for one in row.ours)
     assert [one.mean for one in stay.ours] == pytest.approx([20.0, 20.0, 20.0])
-    assert [one.mean for one in ceiling.ours] == pytest.approx([80.0, 80.0, 80.0])
-    assert all(math.isnan(value) for value in (*stay.printed, *ceiling.printed))
+    assert [one.mean for one in fixed_size.ours] == pytest.approx([80.0, 80.0, 80.0])
+    assert all(math.isnan(value) for value in (*stay.printed, *fixed_size.printed))
 
 
 @pytest.mark.parametrize(

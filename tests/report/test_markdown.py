@@ -45,7 +45,7 @@ def test_overlaps_are_those_of_the_summary(finished: Path):
     assert f"| 2 | {np.mean(stay):.3f} (" in lines[3]
     assert lines[4].startswith("| stay |")
     assert f"| {np.mean(stay):.3f} | - |" in lines[4]
-    assert lines[5].startswith("| ceiling |")
+    assert lines[5].startswith("| fixed size |")
 
 
 def test_skill_and_shares_of_frames_stand_beside_the_mean_overlap(finished: Path):

@@ -46,7 +46,7 @@ def test_summary_by_hand():
     assert summary.mean_overlap == pytest.approx((1 / 3 + 1 / 2) / 4)
     assert (summary.success, summary.success_30) == (0.25, 0.5)  # an overlap of exactly 0.5 counts
     assert summary.centre_inside == 0.5  # a centre on the edge counts
-    assert (summary.stay, summary.ceiling) == (1.0, 1.0)
+    assert (summary.stay, summary.fixed_size) == (1.0, 1.0)
     assert math.isnan(summary.skill)
     assert summary.precision == 0.5
     assert summary.centre_error_median_px == pytest.approx((5 + 100) / 2)
@@ -54,14 +54,14 @@ def test_summary_by_hand():
     assert summary.as_dict() == dataclasses.asdict(summary)
 
 
-def test_stay_and_ceiling_follow_from_the_truth_by_hand():
+def test_stay_and_fixed_size_follow_from_the_truth_by_hand():
     truth = np.array([NAN, [0, 0, 10, 10], [5, 0, 10, 10], [0, 0, 10, 20], [0, 0, 10, 25], NAN])
     scored = np.isfinite(truth[:, 0])
     perfect, missed = (
         score.summarise(score.frame_scores(said, truth), scored, MS) for said in (truth, SAID * math.nan)
     )
     assert perfect.stay == missed.stay == pytest.approx((1 / 3 + 1 / 2 + 10 / 25) / 3)
-    assert perfect.ceiling == missed.ceiling == pytest.approx(2 / 3)
+    assert perfect.fixed_size == missed.fixed_size == pytest.approx(2 / 3)
     assert perfect.skill == 1.0
     assert missed.skill == pytest.approx(-missed.stay / (1.0 - missed.stay))
 

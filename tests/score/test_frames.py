@@ -5,7 +5,7 @@ import pytest
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.score import Arm, frame_scores, overlaps_on_common_frames
-from pftrack_sim.score.frames import fixed_shape_overlaps
+from pftrack_sim.score.frames import fixed_size_overlaps
 
 RNG = np.random.default_rng(5)
 BOXES = np.column_stack([RNG.uniform(0, 400, (200, 2)), RNG.uniform(30, 90, 200), RNG.uniform(100, 130, 200)])
@@ -13,28 +13,28 @@ SEEN = np.ones(200, dtype=bool)
 
 
 def test_no_box_of_the_first_shape_overlaps_more():
-    best = fixed_shape_overlaps(BOXES, SEEN)
+    best = fixed_size_overlaps(BOXES, SEEN)
     for _ in range(20):
         centres = BOXES[:, :2] + 0.5 * BOXES[:, 2:] + RNG.normal(0.0, 10.0, (200, 2))
         estimates = np.column_stack([centres - 0.5 * BOXES[0, 2:], np.tile(BOXES[0, 2:], (200, 1))])
         assert (frame_scores(estimates, BOXES).overlap <= best + 1e-12).all()
     moving = BOXES.copy()
     moving[:, 2:] = moving[0, 2:]
-    assert fixed_shape_overlaps(moving, SEEN) == pytest.approx(1.0)
+    assert fixed_size_overlaps(moving, SEEN) == pytest.approx(1.0)
 
 
 def test_scale_and_place_of_the_boxes_do_not_matter():
     moved = 3.0 * BOXES + np.array([7.0, -40.0, 0.0, 0.0])
-    assert fixed_shape_overlaps(moved, SEEN) == pytest.approx(fixed_shape_overlaps(BOXES, SEEN))
+    assert fixed_size_overlaps(moved, SEEN) == pytest.approx(fixed_size_overlaps(BOXES, SEEN))
 
 
 def test_the_first_visible_frame_gives_the_shape():
     late = np.concatenate([np.full((3, 4), np.nan), BOXES, np.zeros((2, 4))])
     scored = np.concatenate([[False] * 3, SEEN, [False] * 2])
-    assert np.array_equal(fixed_shape_overlaps(late, scored)[3:-2], fixed_shape_overlaps(BOXES, SEEN))
-    assert not fixed_shape_overlaps(BOXES, ~SEEN).any()
+    assert np.array_equal(fixed_size_overlaps(late, scored)[3:-2], fixed_size_overlaps(BOXES, SEEN))
+    assert not fixed_size_overlaps(BOXES, ~SEEN).any()
     with pytest.raises(ParameterError, match=r"\(200, 4\) and \(3,\)"):
-        fixed_shape_overlaps(BOXES, [True] * 3)
+        fixed_size_overlaps(BOXES, [True] * 3)
 
 
 TIMES = np.arange(6) / 10.0

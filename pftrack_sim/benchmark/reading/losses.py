@@ -73,7 +73,8 @@ class LossShares:
         untracked: Number of those in which the tracker, once started, never tracked the target.
         errors: Number of those in which it ended with an error.
         shares: Share of the losses, by tag; NaN without losses.
-        frames: Share of all frames in which the target can be seen that have the tag around them.
+        frame_count: Number of frames in which the target can be seen.
+        frames: Share of these that have the tag around them.
     """
 
     losses: int
@@ -82,6 +83,7 @@ class LossShares:
     untracked: int
     errors: int
     shares: Mapping[str, float]
+    frame_count: int
     frames: Mapping[str, float]
 
     @property
@@ -94,7 +96,7 @@ class LossShares:
             often = f"{self.losses} time{'s' if self.losses != 1 else ''}"
             parts.append(f"loses the target {often} in {self.lost} {of}")
             if self.shares[tag] > self.frames[tag]:
-                usual = f"{self.frames[tag]:.0%} of all frames"
+                usual = f"{self.frames[tag]:.0%} of all {self.frame_count} frames"
                 parts.append(f"{self.shares[tag]:.0%} of the losses begin with: {tag_title(tag)} ({usual})")
         elif self.untracked < self.episodes:
             parts.append(f"never loses the target{' once it is tracked' if self.untracked else ''}")
@@ -168,7 +170,7 @@ def loss_shares(store: RunStore) -> dict[str, LossShares]:
         RunError: There is no finished episode, or a file cannot be read.
     """
     tags = ", ".join(f"avg({name}::INTEGER)" for name in TAGS)
-    seen = f"SELECT label, [{tags}] AS seen FROM moments WHERE scored GROUP BY label"
+    seen = f"SELECT label, count(*)::INTEGER, [{tags}] AS seen FROM moments WHERE scored GROUP BY label"
     ends = (
         "SELECT label, count(*)::INTEGER, count(*) FILTER (NOT tracked)::INTEGER, count(error)::INTEGER FROM summary "
         f"JOIN (SELECT scenario, condition, seed, label, {EVER_TRACKED} AS tracked FROM moments WHERE scored "
@@ -181,11 +183,13 @@ def loss_shares(store: RunStore) -> dict[str, LossShares]:
     found: dict[str, LossShares] = {}
     frames, ended, losses = ({row[0]: row[1:] for row in store.query(one).rows} for one in (seen, ends, lost))
     for label, (episodes, untracked, errors) in ended.items():
+        frame_count, usual = frames[label]
         count, episodes_lost, shares = losses.get(label, (0, 0, [math.nan] * len(TAGS)))
         found[label] = LossShares(
             *(count, episodes, episodes_lost, untracked, errors),
             dict(zip(TAGS, shares, strict=True)),
-            dict(zip(TAGS, *frames[label], strict=True)),
+            frame_count,
+            dict(zip(TAGS, usual, strict=True)),
         )
     return {label: found[label] for label in store.plan.labels if label in found}
 

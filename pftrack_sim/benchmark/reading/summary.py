@@ -35,7 +35,7 @@ _CASTS = {
     "level_values": "DOUBLE[]",
 }
 
-_MEAN_OF = ("mean_overlap", "stay", "success", "success_30", "centre_inside", "ceiling", "precision")
+_MEAN_OF = ("mean_overlap", "stay", "success", "success_30", "centre_inside", "fixed_size", "precision")
 _MEANS = {name: f'avg("{name}") FILTER (NOT isnan("{name}"))' for name in _MEAN_OF}
 # Of the means: the skill of one episode is unbounded where its target hardly moves.
 _MEANS["skill"] = "({mean_overlap} - {stay}) / nullif(1 - {stay}, 0)".format_map(_MEANS)
@@ -53,7 +53,7 @@ _TABLES: Mapping[str, str] = {
     "conditions": f"SELECT scenario, condition, label AS tracker, {_SCORES} FROM summary "
     "GROUP BY scenario, condition, label ORDER BY min(number), min(place)",
     "episodes": "SELECT scenario, condition, seed, label AS tracker, frames, mean_overlap, stay, "
-    'success, success_30, centre_inside, ceiling, "precision", error FROM summary ORDER BY number, place',
+    'success, success_30, centre_inside, fixed_size, "precision", error FROM summary ORDER BY number, place',
 }
 _LATEX_TABLES = ("trackers", "conditions")
 

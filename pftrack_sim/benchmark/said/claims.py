@@ -18,7 +18,7 @@ from pftrack_sim.benchmark.asked.suite import Beats, Claim, Harder, Reaches, Sui
 from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.score import SeedMean
 
-REFERENCES = ("stay", "ceiling")
+REFERENCES = ("stay", "fixed_size")
 """Rows below the trackers of a paper's table of overlaps or of frames tracked; see `score.DEFINITIONS`."""
 
 _VERDICTS = {"above": "holds", "below": "fails"}

@@ -114,7 +114,7 @@ function drawLosses() {
   byId("losses-body").hidden = !losses.length;
   byId("losses-none").hidden = losses.length > 0;
   const order = [...DATA.tags.keys()].sort((a, b) => shareOf(losses, b) - shareOf(losses, a));
-  fillTable(byId("shares"), ["of the losses begin with", ...trackers.map((tracker) => `${DATA.trackers[tracker]} (${losses.filter((loss) => loss[0] === tracker).length})`), "all frames"],
+  fillTable(byId("shares"), ["of the losses begin with", ...trackers.map((tracker) => `${DATA.trackers[tracker]} (${losses.filter((loss) => loss[0] === tracker).length})`), `all frames (${frames})`],
     order.map((tag) => [element("th", DATA.tags[tag][0], { scope: "row", title: DATA.tags[tag][1] }),
       ...trackers.map((tracker) => percent(shareOf(losses.filter((loss) => loss[0] === tracker), tag))),
       percent(moments.reduce((sum, row) => sum + row[4 + tag], 0) / frames)]));
@@ -123,7 +123,7 @@ function drawLosses() {
     const own = losses.filter((loss) => loss[0] === tracker), seen = moments.filter((row) => row[0] === tracker), told = [];
     const untracked = seen.filter((row) => !row[3]).length, errors = errorsOf(DATA.rows.filter((row) => row[0] === tracker && chosen(row)));
     const tag = [...order].sort((a, b) => (shareOf(own, b) - usual(b)) - (shareOf(own, a) - usual(a)))[0];
-    if (own.length && shareOf(own, tag) > usual(tag)) told.push(`${percent(shareOf(own, tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all frames)`);
+    if (own.length && shareOf(own, tag) > usual(tag)) told.push(`${percent(shareOf(own, tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all ${frames} frames)`);
     else if (own.length) told.push(`${own.length} losses`);
     if (untracked) told.push(`never tracks the target in ${untracked} of ${seen.length} episodes`);
     if (errors) told.push(`ends with an error in ${errors} of ${seen.length} episodes`);
