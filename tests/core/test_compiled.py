@@ -22,7 +22,9 @@ print(ratio(1.0, 0.0), ratio(1, 2))
 """
 
 
-@pytest.mark.parametrize(("before", "times"), [("", 1), ("compiled.compile_in_silence()\n", 0)])
+@pytest.mark.parametrize(
+    ("before", "times"), [("", 1), pytest.param("compiled.compile_in_silence()\n", 0, marks=pytest.mark.slow)]
+)
 def test_a_kernel_divides_by_zero_and_says_once_that_it_compiles(tmp_path, before: str, times: int):
     (tmp_path / "code.py").write_text(CODE.replace("print(", f"{before}print("))
     done = subprocess.run([sys.executable, tmp_path / "code.py"], capture_output=True, text=True, check=True)
