@@ -22,13 +22,18 @@ from pftrack_sim.scene.people.outfit import Outfit
 from pftrack_sim.scene.people.texture_atlas import BOTTOM, SHOES, TOP, cloth_mesh, skin_mesh
 
 _FRONT_COLUMN = 256.0
+_LEG_SHARE = 0.32  # Length over which the cloth of trousers is stretched on a thigh, in statures
 _SLEEVE_COLUMN = 96.0  # sleeves show cloth from beside the chest, outside the print
 
 
 def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
-    """Waist (the origin) to the base of the neck, in a top that hangs over the trousers."""
+    """Waist (the origin) to the base of the neck, in a top that hangs over the trousers: a jacket covers the hips."""
     h, g, f, ease = anatomy.height_m, anatomy.girth, anatomy.figure, 0.0015 + 0.007 * outfit.looseness
     table = load_profile("torso")
+    if outfit.cut == "jacket":
+        # Its hem hangs straight down from the hips, before and behind which it stands off.
+        table[:2, 0] -= 0.05
+        table[1:4, 3:] += ((0.012, 0.014, 0.010), (0.008, 0.012, 0.006), (0.004, 0.006, 0.003))
     table[1:7, 3:5] += ease
     table[7, 3:5] += (0.5 * ease, ease)
     table[2:4, 3] += 0.05 * (g - 1.0)  # belly
@@ -42,8 +47,13 @@ def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     table[:, 1] *= h
     # The skeleton sets the width of the shoulders; only the sections below them grow with girth.
     table[7:, 5] /= 1.0 + 0.85 * (g - 1.0)
-    rings = superellipse_rings(table, 14, power=2.35)
-    return cloth_mesh(rings, TOP, _FRONT_COLUMN, 0.245 * anatomy.torso_m / 0.230)
+    rings, top_m = superellipse_rings(table, 14, power=2.35), 0.245 * anatomy.torso_m / 0.230
+    torso = cloth_mesh(rings, TOP, _FRONT_COLUMN, top_m)
+    if outfit.cut != "hood":
+        return torso
+    hood = load_profile("hood") * h
+    hood[:, 0] *= anatomy.torso_m / (0.230 * h)
+    return merged([torso, cloth_mesh(superellipse_rings(hood, 10), TOP, _FRONT_COLUMN, top_m)])
 
 
 def pelvis_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
@@ -62,7 +72,7 @@ def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     garment = skin.copy()
     garment[2:, 3:] += ease * h
     if outfit.long_legs:
-        return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, 0.02, length_m=0.32 * h)
+        return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, 0.02, length_m=_LEG_SHARE * h)
     garment = garment[:7]
     garment[5:, 3:] += 0.004 * h
     shorts = superellipse_rings(np.concatenate([garment, garment[-1:] * (1, 1, 1, 0.5, 0.5, 0.5)]), 10)
@@ -87,7 +97,9 @@ def shank_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     garment[9, 1] -= 0.001 * h
     hem = garment[-1:] * (0.985, 1, 1, 0.4, 0.4, 0.4)
     rings = superellipse_rings(np.concatenate([garment, hem]), 10)
-    return cloth_mesh(rings, BOTTOM, _FRONT_COLUMN, 0.04, length_m=0.30 * h)
+    # From the knee, the cloth runs back up to the belt, whose edge becomes the hem.
+    knee_row = (0.02 + anatomy.thigh_m) / (_LEG_SHARE * h) * BOTTOM.height
+    return cloth_mesh(rings, BOTTOM, _FRONT_COLUMN, 0.0, length_m=-_LEG_SHARE * h, first_row=knee_row)
 
 
 def upper_arm_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:

@@ -34,7 +34,7 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> Image:
     down, around = np.arange(height, dtype=float), np.arange(width, dtype=float) - 0.5 * width
     rng = np.random.default_rng(garment.texture_seed)
     shares = _accent_shares(garment.pattern, down[:, None], around, garment.scale_m / PIXEL_M, rng)
-    buttoned = name == "top" and outfit.open_front
+    buttoned = name == "top" and outfit.cut == "jacket"
     dyed = (colour + (accent - colour) * shares.astype(np.float32)) * _shading(name, garment.texture_seed % 8)
     if buttoned:
         dyed[..., np.abs(around) < 1.6] *= 0.62

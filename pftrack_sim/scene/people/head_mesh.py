@@ -26,6 +26,7 @@ _RING_POINTS = 16
 _SKULL = load_profile("skull")
 _NOSE = {5: 0.0135, 6: 0.0085}  # offset of the front vertex, by ring
 _EYE_RING = 7
+_UNEVEN = 0.22  # Standard deviation of the thickness of hair, as a share of it
 
 
 def head_mesh(anatomy: Anatomy) -> TriangleMesh:
@@ -92,6 +93,9 @@ def _scalp_cover(style: HairStyle, thickness: float, flare: float, region: Regio
     falloff = (1.3, 1.3, 1.3, 1.2, 1.05, 0.9, -0.5) if style == "cap" else (1.15, 1.15, 1.1, 1.0, 0.8, 0.25, -0.5)
     flared = flare * np.clip(np.abs(angle) / np.pi, 0.3, 1.0)[None] * np.clip(share, 0, 0.8)[:, None]
     offset = (thickness * np.array(falloff))[:, None] + flared
+    if region is HAIR:
+        # Strands lie over each other.
+        offset *= 1.0 + _UNEVEN * np.random.default_rng(len(style)).standard_normal(offset.shape)
     offset[-1] = -0.003
     points = points + outward * offset[..., None]
     points[0] = points[0].mean(axis=0)

@@ -17,10 +17,14 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
+from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Colour, rgb
 
 Pattern: TypeAlias = Literal["plain", "stripes", "pinstripes", "checks", "print", "block", "dots"]
+Cut: TypeAlias = Literal["shirt", "jacket", "hood"]
+
+_CUTS: tuple[Cut, ...] = ("shirt", "shirt", "jacket", "hood")
 
 _COLOUR_SIGMA = 13.0  # standard deviation of a cloth's pixel values through folds and pattern [8-bit units]
 _CONTRAST = {"top": 70.0, "bottom": 25.0, "shoes": 60.0}  # RGB distance of the accent, for the pattern to be visible
@@ -52,7 +56,7 @@ class Outfit:
     Attributes:
         long_sleeves: Sleeves reach the wrist; else they end above the elbow.
         long_legs: Trousers reach the ankle; else they end above the knee.
-        open_front: A row of buttons runs down the front.
+        cut: Of the top: a shirt, a jacket that covers the hips and has a row of buttons, or a jumper with a hood.
         looseness: 0 for tight, 1 for wide.
     """
 
@@ -61,19 +65,21 @@ class Outfit:
     shoes: Garment
     long_sleeves: bool = True
     long_legs: bool = True
-    open_front: bool = False
+    cut: Cut = "shirt"
     looseness: float = 0.5
 
 
 def sample_outfit(rng: np.random.Generator) -> Outfit:
     """Sample everyday clothes."""
+    top, bottom, shoes = (_sample_garment(rng, name) for name in ("top", "bottom", "shoes"))
+    cut = pick(rng, _CUTS)
     return Outfit(
-        top=_sample_garment(rng, "top"),
-        bottom=_sample_garment(rng, "bottom"),
-        shoes=_sample_garment(rng, "shoes"),
-        long_sleeves=bool(rng.random() < 0.6),
+        top=top,
+        bottom=bottom,
+        shoes=shoes,
+        long_sleeves=bool(rng.random() < 0.4) or cut != "shirt",
         long_legs=bool(rng.random() < 0.88),
-        open_front=bool(rng.random() < 0.4),
+        cut=cut,
         looseness=float(rng.uniform(0.2, 0.9)),
     )
 
@@ -97,7 +103,7 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
         _similar_garment(other.shoes, reference.shoes, similarity, True),
         long_sleeves=(reference if same[0] else other).long_sleeves,
         long_legs=(reference if same[1] else other).long_legs,
-        open_front=(reference if same[2] else other).open_front,
+        cut=(reference if same[2] else other).cut,
         looseness=(reference if same[3] else other).looseness,
     )
 

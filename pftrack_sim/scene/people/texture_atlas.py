@@ -88,7 +88,8 @@ def cloth_mesh(
     """A mesh that shows cloth; texture columns are proportional to the arc length from the front.
 
     The front of the body, in `(R, N, 3)` rings [m], shows `front_column` of the region, and the height `top_m` shows
-    its row `first_row`. The region's rows are stretched over `length_m`; None keeps the scale of the cloth.
+    its row `first_row`. The region's rows are stretched over `length_m`, upwards if it is negative; None keeps the
+    scale of the cloth.
     """
     points = closed_rings(rings)
     steps = np.sqrt(((points[:, 1:] - points[:, :-1]) ** 2).sum(axis=2))

@@ -194,15 +194,25 @@ def test_similarity_applies_to_height_and_clothes():
         assert other.outfit == same[0].outfit
 
 
-def test_a_wardrobe_is_an_independent_set_of_people() -> None:
-    def cast(wardrobe: int) -> tuple[Person, ...]:
-        settings = scenario.load("plaza-walk", {"target.wardrobe": wardrobe, "distractors.count": 1}).resolve(3)
+def test_people_wear_other_clothes_in_another_place_and_wardrobe() -> None:
+    def cast(name: str, wardrobe: int) -> tuple[Person, ...]:
+        settings = scenario.load(name, {"target.wardrobe": wardrobe, "distractors.count": 1}).resolve(3)
         return add_agents(SceneSpec(), settings, 3, {}, {})[:2]
 
-    target = cast(0)[0]
-    assert target == sample_people(3, target.anatomy.height_m, 0, 0.0, ())[0]
-    assert cast(2) == cast(2)
-    assert len({person.outfit.top for wardrobe in range(3) for person in cast(wardrobe)}) == 6
+    assert cast("plaza-walk", 2) == cast("plaza-walk", 2)
+    casts = [cast("plaza-walk", wardrobe) for wardrobe in range(3)] + [cast("corridor", 0)]
+    assert len({person.outfit.top for people in casts for person in people}) == 8
+
+
+def test_jackets_cover_the_hips_and_hoods_stand_off_the_neck() -> None:
+    someone = person(0)
+    low, back = {}, {}
+    for cut in ("shirt", "jacket", "hood"):
+        torso = part_meshes(replace(someone, outfit=replace(someone.outfit, cut=cut)))["torso"].vertices
+        low[cut], back[cut] = torso[:, 2].min(), torso[torso[:, 2] > 0.9 * torso[:, 2].max(), 0].min()
+    assert low["jacket"] < low["shirt"] - 0.05
+    assert low["hood"] == low["shirt"]
+    assert back["hood"] < back["shirt"] - 0.01
 
 
 @pytest.mark.parametrize("mirror", [1.0, -1.0])
@@ -233,7 +243,7 @@ def test_cloth_runs_around_the_body_to_scale():
 
 def test_a_plain_garment_has_its_colour_on_average_and_its_details_their_own():
     plain = Garment((120, 60, 200), (10, 250, 30))
-    shirt, jacket = (Outfit(plain, plain, plain, open_front=open_front) for open_front in (False, True))
+    shirt, jacket = Outfit(plain, plain, plain), Outfit(plain, plain, plain, cut="jacket")
     top, bottom, shoes = (cloth_texture(shirt, name).astype(float) for name in ("top", "bottom", "shoes"))
     for cloth in (top[5:-5], bottom[5:]):
         assert np.abs(cloth.mean(axis=(0, 1)) / plain.colour - 1.0).max() < 0.03
