@@ -172,13 +172,12 @@ def project_bodies(
                 depth = local[index, 2]
                 height = rotations[part, 2, 0] * x + rotations[part, 2, 1] * y + rotations[part, 2, 2] * z
                 height += positions[part, 2]
-                near, far = depth if depth < near else near, depth if depth > far else far
-                lowest = height if height < lowest else lowest
+                near, far, lowest = min(near, depth), max(far, depth), min(lowest, height)
                 if depth >= near_m:
                     u, v = local[index, 0] / depth, local[index, 1] / depth
-                    left, right = u if u < left else left, u if u > right else right
-                    top, bottom = v if v < top else top, v if v > bottom else bottom
-            nearest, farthest = near if near < nearest else nearest, far if far > farthest else farthest
+                    left, right = min(left, u), max(right, u)
+                    top, bottom = min(top, v), max(bottom, v)
+            nearest, farthest = min(nearest, near), max(farthest, far)
             if near < near_m <= far:
                 # The section with the plane is the hull of its intersections with the segments between its two sides.
                 for ahead in range(first[part], first[part + 1]):
@@ -187,8 +186,8 @@ def project_bodies(
                             share = (local[ahead, 2] - near_m) / (local[ahead, 2] - local[behind, 2])
                             u = (local[ahead, 0] + share * (local[behind, 0] - local[ahead, 0])) / near_m
                             v = (local[ahead, 1] + share * (local[behind, 1] - local[ahead, 1])) / near_m
-                            left, right = u if u < left else left, u if u > right else right
-                            top, bottom = v if v < top else top, v if v > bottom else bottom
+                            left, right = min(left, u), max(right, u)
+                            top, bottom = min(top, v), max(bottom, v)
         x, y = left * fx + cx, top * fy + cy
         if farthest < near_m:
             x = y = np.nan

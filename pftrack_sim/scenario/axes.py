@@ -145,25 +145,20 @@ class DistractorsAxis(Axis, name="distractors", headline="count", unit="people")
     every_s: Positive = setting(1.5, "From one to the next.")
 
     @property
-    def times_s(self) -> tuple[float, ...]:
-        """When each is nearest to the target, or in front of it, at this severity; none at severity 0."""
+    def events_s(self) -> tuple[float, ...]:
+        """When each is nearest to the target, or in front of it."""
         # A half is a person too: severity 0.5 of one person is not severity 0.
         return tuple(self.at_s + number * self.every_s for number in range(math.ceil(self.severity * self.count)))
 
     @property
-    def events_s(self) -> tuple[float, ...]:
-        """When each person is nearest."""
-        return self.times_s
-
-    @property
     def passings_s(self) -> tuple[float, ...]:
         """Times at which people pass beside the target."""
-        return {"both": self.times_s[1::2], "across": (), "beside": self.times_s}[self.where]
+        return {"both": self.events_s[1::2], "across": (), "beside": self.events_s}[self.where]
 
     @property
     def crossings_s(self) -> tuple[tuple[float, float], ...]:
         """Beginning and length of each cover by people who cross."""
-        times = {"both": self.times_s[0::2], "across": self.times_s, "beside": ()}[self.where]
+        times = {"both": self.events_s[0::2], "across": self.events_s, "beside": ()}[self.where]
         return tuple((time_s - 0.5 * self.cover_s, self.cover_s) for time_s in times)
 
 

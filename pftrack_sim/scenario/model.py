@@ -76,23 +76,24 @@ class Sensor(Section):
     multisamples: Literal[0, 2, 4, 8] = setting(0, "Anti-aliasing samples per pixel of the colour image.")
 
 
-class LightStep(Section):
-    """A sudden change."""
-
-    kind: Literal["step"]
-    at_s: NotNegative = setting(..., "Time of the change.")
+class _LightChange(Section):
     ev: float = number(..., -10, 5, "Change of the light in stops; -1 halves it.")
     lights: Literal["all", "sun", "lamps"] = setting("all", "Which lights change.")
 
 
-class LightRamp(Section):
+class LightStep(_LightChange):
+    """A sudden change."""
+
+    kind: Literal["step"]
+    at_s: NotNegative = setting(..., "Time of the change.")
+
+
+class LightRamp(_LightChange):
     """A gradual change."""
 
     kind: Literal["ramp"]
     from_s: NotNegative = setting(..., "Time at which the ramp begins.")
     to_s: NotNegative = setting(..., "Time at which the ramp ends.")
-    ev: float = number(..., -10, 5, "Change of the light in stops; -1 halves it.")
-    lights: Literal["all", "sun", "lamps"] = setting("all", "Which lights change.")
 
     @model_validator(mode="after")
     def _ends_after_it_begins(self) -> LightRamp:
