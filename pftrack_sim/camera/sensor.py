@@ -10,6 +10,7 @@ import numpy as np
 from pftrack_sim.camera.auto_exposure import AutoExposure
 from pftrack_sim.camera.tone import Tone
 from pftrack_sim.core.errors import RenderError
+from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.records import Image
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes, NoiseAxis
@@ -28,7 +29,8 @@ class Sensor:
     def __init__(self, settings: model.Sensor, axes: Axes, seed: int, *, grey: bool = False) -> None:
         self._grey = grey
         self._exposure = AutoExposure(axes.light) if axes.light.on else None
-        self._tone = Tone(settings) if settings.level > 0.0 else None
+        self._tone = Tone(settings, stream(seed, "sensor", "tone")) if settings.level > 0.0 else None
+        self._time_s = 0.0
         self.retune(axes, seed)
         narrow = settings.psf_sigma_px <= _NARROW_PX
         self._radius_px = 1 if narrow else math.ceil(4.0 * settings.psf_sigma_px)
@@ -60,6 +62,7 @@ class Sensor:
         With `metering`, every frame that the camera takes must pass through here in order of time, whether it is
         delivered or not. Images are `(H, W, 3)` uint8 RGB; the argument itself is returned where nothing changes.
         """
+        self._time_s = time_s
         if self._sigma_px > 0.0:
             # On display-coded values, as the renderer's light.
             size = 2 * self._radius_px + 1
@@ -80,7 +83,7 @@ class Sensor:
             gains = (1.0, 1.0, 1.0) if self._exposure is None else self._exposure.gains
             image = self._noise.read(image, index, gains)
         if self._tone is not None:
-            image = self._tone.develop(image)
+            image = self._tone.develop(image, self._time_s)
         if self._grey:
             luma = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
             image = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2RGB), dtype=np.uint8)

@@ -1,8 +1,7 @@
-"""Exposure and colours of a camera: the level that cameras aim at, a curve as film's, vignette and bloom.
+"""Exposure and colours of a camera: the level aimed at, a curve as film's, vignette, bloom, a drifting white balance.
 
 The exposure is metered in the first frame and held, so that changes of the light stay visible. Of display-coded values
-x in [0, 1] the curve makes y / (1 - y) = gain * (x / (1 - x))**contrast: it has a toe and a shoulder, and only white
-becomes white.
+x in [0, 1] the curve makes y / (1 - y) = gain * x / (1 - x): it has a shoulder, and only white becomes white.
 """
 
 from __future__ import annotations
@@ -17,27 +16,28 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model
 
-_CONTRAST = 1.1
-_RINGS = 64  # Steps of the vignette from the middle of the image to its corners
+_RINGS = 32  # Steps of the vignette from the middle of the image to its corners
 _CELLS = 60  # Height of the image that bloom is computed on
 _BLOOM = (5, 5)  # Width and height of the box that light is spread over twice [cells]
 _HIGHLIGHT = 190.0  # Level above which light blooms
 _EDGE = 1e-6  # Black and white, which have no odds
+_DRIFT_HZ = np.array([0.05, 0.11, 0.23])  # Rates at which the white balance drifts
 
 
 class Tone:
     """Tone of one episode's frames."""
 
-    def __init__(self, settings: model.Sensor) -> None:
+    def __init__(self, settings: model.Sensor, rng: np.random.Generator) -> None:
         self._settings = settings
-        self._table: NDArray[np.uint8] | None = None
+        self._phases = rng.uniform(0.0, 2.0 * np.pi, (2, len(_DRIFT_HZ)))
+        self._ev: float | None = None
         self._rings = np.zeros((0, 0), dtype=np.uint8)
         self._bloom = np.rint(settings.bloom * np.maximum(np.arange(256) - _HIGHLIGHT, 0.0)).astype(np.uint8)
 
     @property
     def metered(self) -> bool:
         """Whether the exposure has been chosen."""
-        return self._table is not None
+        return self._ev is not None
 
     def meter(self, image: Image) -> None:
         """Choose the exposure by the first frame, `(H, W, 3)` uint8."""
@@ -48,18 +48,29 @@ class Tone:
         for _ in range(20):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if 255.0 * (shares @ _curve(middle)) < settings.level else (low, middle)
-        falloff = 1.0 - settings.vignette * np.linspace(0.0, 1.0, _RINGS)[:, None]
-        self._table = np.rint(255.0 * falloff * _curve(low)).astype(np.uint8)
+        self._ev = low
         y, x = (np.linspace(-1.0, 1.0, side) ** 2 for side in image.shape[:2])
         width, height = image.shape[1] ** 2, image.shape[0] ** 2
         radius = (height * y[:, None] + width * x) / (height + width)
         self._rings = np.rint((_RINGS - 1) * radius).astype(np.uint8)
 
-    def develop(self, image: Image) -> Image:
-        """A new `(H, W, 3)` image with the curve, the vignette and the bloom of the metered exposure."""
-        assert self._table is not None
-        toned = _toned(np.ascontiguousarray(image), self._rings, self._table)
+    def develop(self, image: Image, time_s: float) -> Image:
+        """A new `(H, W, 3)` image with the curve, the vignette and the bloom of the metered exposure.
+
+        The white balance is that of a time since the first frame.
+        """
+        assert self._ev is not None
+        falloff = 255.0 * (1.0 - self._settings.vignette * np.linspace(0.0, 1.0, _RINGS))
+        levels = np.stack([_curve(self._ev + drift) for drift in self._drift(time_s)])
+        curves = (falloff[:, None] * levels[:, None] + 0.5).astype(np.uint8)
+        toned = _toned(np.ascontiguousarray(image), self._rings, curves)
         return self._bloomed(toned) if self._settings.bloom > 0.0 else toned
+
+    def _drift(self, time_s: float) -> list[float]:
+        """Stops by which red, green and blue are brighter than in the first frame: sums of sines."""
+        turns = np.sin(2.0 * np.pi * _DRIFT_HZ * time_s + self._phases) - np.sin(self._phases)
+        stops = self._settings.white_balance_ev * np.sqrt(2.0 / len(_DRIFT_HZ)) * turns.sum(axis=1)
+        return [float(stops[0]), 0.0, float(stops[1])]
 
     def _bloomed(self, image: Image) -> Image:
         """Scatter the light of what is bright around it."""
@@ -77,16 +88,16 @@ class Tone:
 def _curve(ev: float) -> FloatArray:
     """`(256,)` what the codes become, in [0, 1], where dark ones are brightened by some stops."""
     x = np.linspace(_EDGE, 1.0 - _EDGE, 256)
-    return 1.0 / (1.0 + ((1.0 - x) / x) ** _CONTRAST / gain(ev))
+    return 1.0 / (1.0 + (1.0 - x) / x / gain(ev))
 
 
 @kernel
-def _toned(image: Image, rings: NDArray[np.uint8], table: NDArray[np.uint8]) -> Image:
+def _toned(image: Image, rings: NDArray[np.uint8], curves: NDArray[np.uint8]) -> Image:
     out = np.empty_like(image)
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):
-            curve = table[rings[row, column]]
-            out[row, column, 0] = curve[image[row, column, 0]]
-            out[row, column, 1] = curve[image[row, column, 1]]
-            out[row, column, 2] = curve[image[row, column, 2]]
+            ring = rings[row, column]
+            out[row, column, 0] = curves[0, ring, image[row, column, 0]]
+            out[row, column, 1] = curves[1, ring, image[row, column, 1]]
+            out[row, column, 2] = curves[2, ring, image[row, column, 2]]
     return out

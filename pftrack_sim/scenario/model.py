@@ -68,11 +68,14 @@ class Sensor(Section):
         0,
         250,
         "Mean level that the exposure brightens the first frame to, and holds; 0: the picture as it is drawn, without "
-        "the curve of tones, vignette and bloom.",
+        "the curve of tones, vignette, bloom and drift.",
     )
     exposure_limit_ev: float = number(3.6, 0, 10, "Most stops by which the exposure brightens: a night stays dark.")
     vignette: Share = setting(0.16, "Share of light that is lost in the corners.")
     bloom: Share = setting(0.6, "Share of what is brighter than level 190 that the lens scatters around it.")
+    white_balance_ev: float = number(
+        0.16, 0, 2, "Root mean square of the stops by which red and blue drift against green after the first frame."
+    )
     multisamples: Literal[0, 2, 4, 8] = setting(0, "Anti-aliasing samples per pixel of the colour image.")
 
 

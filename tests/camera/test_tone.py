@@ -5,11 +5,12 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.camera.sensor import Sensor
+from pftrack_sim.core.photometry import DISPLAY_GAMMA
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import Axes
 from pftrack_sim.simulation.simulation import Simulation
 
-PLAIN = {"psf_sigma_px": 0.0, "vignette": 0.0, "bloom": 0.0}
+PLAIN = {"psf_sigma_px": 0.0, "vignette": 0.0, "bloom": 0.0, "white_balance_ev": 0.0}
 
 
 def developed(first: np.ndarray, *later: np.ndarray, **keys: float) -> list[np.ndarray]:
@@ -64,6 +65,20 @@ def test_lamps_bloom_and_grey_does_not():
     assert gained[46, 80].min() > 10
     assert (gained[:10, :20] == 0).all()
     assert (developed(picture(60.0))[0] == developed(picture(60.0), bloom=1.0)[0]).all()
+
+
+def test_the_white_balance_drifts_from_that_of_the_first_frame():
+    card = np.full((48, 64, 3), 120, np.uint8)
+    still, drifting = (
+        np.array(developed(*[card] * 900, white_balance_ev=ev))[:, 24, 32].astype(float) for ev in (0, 0.2)
+    )
+    assert (still == still[0]).all()
+    assert (drifting[0] == still[0]).all()
+    assert (drifting[:, 1] == still[:, 1]).all()
+    red, blue = (np.log2(drifting[:, channel] / (255 - drifting[:, channel])) for channel in (0, 2))
+    assert DISPLAY_GAMMA * red.std() == pytest.approx(0.2, rel=0.35)
+    assert abs(np.corrcoef(red, blue)[0, 1]) < 0.9
+    assert abs(np.diff(drifting[:, ::2], axis=0)).max() <= 2.0, "slowly"
 
 
 def test_level_0_is_the_picture_as_drawn():
