@@ -66,6 +66,12 @@ class Gate:
 
     def refusal(self, path: str, headers: Mapping[str, str]) -> tuple[http.HTTPStatus, str] | None:
         """Status and text for a request that is refused, or None."""
+        try:
+            return self._refusal(path, headers)
+        except (ValueError, LookupError):  # unreadable, or given twice
+            return http.HTTPStatus.FORBIDDEN, "this request has headers that cannot be read"
+
+    def _refusal(self, path: str, headers: Mapping[str, str]) -> tuple[http.HTTPStatus, str] | None:
         connects = headers.get("Upgrade", "").lower() == "websocket"
         origin = headers.get("Origin")
         if origin is not None and urlsplit(origin).netloc != headers.get("Host"):

@@ -36,6 +36,17 @@ def test_elsewhere_a_token_opens_the_page_and_its_cookie_the_connection():
     assert status(gate, "/", {**away, "Cookie": f"{name}=guess"}) == http.HTTPStatus.FORBIDDEN
 
 
+@pytest.mark.parametrize("wrong", [{"Origin": "http://["}, {"Host": "["}, {"Cookie": "pftrack-sim-studio=é\udcff"}])
+def test_headers_that_cannot_be_read_are_refused(wrong: dict[str, str]):
+    assert status(Gate("secret", 2), "/", HERE | wrong) == http.HTTPStatus.FORBIDDEN
+    assert status(Gate(None, 2), "/", {"Host": "["} | wrong) == http.HTTPStatus.FORBIDDEN
+
+
+def test_headers_given_twice_are_refused():
+    headers = pytest.importorskip("websockets").Headers([*SOCKET.items(), ("Origin", "http://example.org")])
+    assert status(Gate(None, 2), "/", headers) == http.HTTPStatus.FORBIDDEN
+
+
 def test_only_so_many_pages_are_open_at_once():
     gate = Gate(None, 2)
     gate.open = 2
