@@ -60,17 +60,20 @@ class Segmenter:
         self._detail = Detail(model)
         self._coarse = model_triangles(model, self._detail.coarse != self._detail.meshes, self._detail.coarse)
 
-    def segment(self, view: View, rect: PixelRect, geoms: IntArray | None = None) -> Segmentation:
-        """Segment a rectangle of pixels, in which only the given geoms are drawn; None draws all."""
+    def segment(self, view: View, rect: PixelRect, geoms: IntArray | None = None, finer: int = 1) -> Segmentation:
+        """Segment a rectangle of pixels, in which only the given geoms are drawn; None draws all.
+
+        Pixels may be `finer`: that many times as many in each row and column.
+        """
         shape = rect.height, rect.width
         ids = np.full(shape, -1, dtype=np.int32)
         found = Segmentation(rect, ids, np.full(shape, 1.0 / self.far_m, dtype=np.float32))
-        self.add(found, view, np.flatnonzero(self.drawn) if geoms is None else geoms)
+        self.add(found, view, np.flatnonzero(self.drawn) if geoms is None else geoms, finer)
         return found
 
-    def add(self, found: Segmentation, view: View, geoms: IntArray) -> None:
+    def add(self, found: Segmentation, view: View, geoms: IntArray, finer: int = 1) -> None:
         """Draw more geoms into a segmentation of the same view."""
-        fx, fy, cx, cy = view.intrinsics
+        fx, fy, cx, cy = (finer * value for value in view.intrinsics)
         window = fx, fy, cx - found.rect.left, cy - found.rect.top
         # A copy: for a read-only pose, the kernel would be compiled once more.
         poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")

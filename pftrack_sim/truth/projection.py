@@ -23,6 +23,9 @@ _SWEEP_INSTANTS = 5  # Instants of each point's exposure whose extent is the swe
 _MARGIN_PX = 3  # Pixels around a box that may belong to the person: rounding, and the error of bands
 
 _BORDER_POINTS = 24
+# Pixels along an edge of one in which people are found: all, who is partly hidden, and a target that is little visible.
+_FINER = (1, 3, 9)
+_LITTLE_PX = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,15 +137,22 @@ def _remap(
     view = PeopleInView(finder, View(*pose, finder.segmenter.near_m), capture.render_size)
     (pixel_map,) = render_pass.pixel_maps
     for person, (top, bottom) in spans.items():
-        source, target = view.silhouette(person), silhouettes[person]
-        if source is None:
-            continue
-        columns = slice(target.rect.left, target.rect.left + target.rect.width)
-        nearest = np.rint(pixel_map[top - rows.start : bottom - rows.start, columns]).astype(np.intp)
-        x, y = nearest[..., 0] - source.rect.left, nearest[..., 1] + render_pass.rows.start - source.rect.top
-        inside = (x >= 0) & (x < source.rect.width) & (y >= 0) & (y < source.rect.height)
-        x, y = np.where(inside, x, 0), np.where(inside, y, 0)
+        target = silhouettes[person]
         span = slice(top - target.rect.top, bottom - target.rect.top)
-        target.amodal[span] = inside & source.amodal[y, x]
-        target.visible[span] = inside & source.visible[y, x]
-        target.top[span] = source.top[y, x]
+        columns = slice(target.rect.left, target.rect.left + target.rect.width)
+        # Of a sliver beside an occluder, the nearest pixel of the rendered image may show what is beside it.
+        for finer in _FINER:
+            source = view.silhouette(person, finer)
+            if source is None:
+                break
+            places = pixel_map[top - rows.start : bottom - rows.start, columns] + (0.0, render_pass.rows.start)
+            nearest = np.floor(finer * (places + 0.5)).astype(np.intp)
+            x, y = nearest[..., 0] - source.rect.left, nearest[..., 1] - source.rect.top
+            inside = (x >= 0) & (x < source.rect.width) & (y >= 0) & (y < source.rect.height)
+            x, y = np.where(inside, x, 0), np.where(inside, y, 0)
+            target.amodal[span] = inside & source.amodal[y, x]
+            target.visible[span] = inside & source.visible[y, x]
+            target.top[span] = source.top[y, x]
+            seen, whole = np.count_nonzero(target.visible[span]), np.count_nonzero(target.amodal[span])
+            if not 0 < seen < whole or (finer > 1 and (person or seen >= _LITTLE_PX)):
+                break

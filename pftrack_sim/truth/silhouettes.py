@@ -89,23 +89,32 @@ class SilhouetteFinder:
         return Measured(*self._first.boxes(*poses_of(view, self._first_geoms), *view[2:]))
 
     def find(
-        self, view: View, person: int, box: FloatArray, farthest_m: float, lowest_m: float, size: tuple[int, int]
+        self,
+        view: View,
+        person: int,
+        box: FloatArray,
+        farthest_m: float,
+        lowest_m: float,
+        size: tuple[int, int],
+        finer: int = 1,
     ) -> Silhouette | None:
         """Find a person in an image of `size` width and height [px]; None for one without pixels in it.
 
-        Box, depth of the farthest and height of the lowest point are those of `Measured`.
+        Box, depth of the farthest and height of the lowest point are those of `Measured`. The silhouette's pixels may
+        be `finer` than the image's: that many times as many in each row and column.
         """
         rect = pixels_around(box, size)
         if rect is None:
             return None
-        layer = self.segmenter.segment(view, rect, self._geoms_of[person])
+        drawn = PixelRect(*(finer * side for side in rect))
+        layer = self.segmenter.segment(view, drawn, self._geoms_of[person], finer)
         amodal, own = layer.ids >= 0, self._masks[person]
         others = np.flatnonzero(self.segmenter.drawn & ~own[:-1])
         occluders = others[self._bounds.may_occlude(view, rect, others, farthest_m, lowest_m)]
         if not occluders.size:
-            return Silhouette(rect, amodal, amodal, layer.ids)
-        self.segmenter.add(layer, view, occluders)
-        return Silhouette(rect, amodal, amodal & own.take(layer.ids), layer.ids)
+            return Silhouette(drawn, amodal, amodal, layer.ids)
+        self.segmenter.add(layer, view, occluders, finer)
+        return Silhouette(drawn, amodal, amodal & own.take(layer.ids), layer.ids)
 
 
 class PeopleInView:
@@ -113,7 +122,7 @@ class PeopleInView:
 
     def __init__(self, finder: SilhouetteFinder, view: View, size: tuple[int, int]) -> None:
         self._finder, self._view, self._size = finder, view, size
-        self._found: dict[int, Silhouette | None] = {}
+        self._found: dict[tuple[int, int], Silhouette | None] = {}
 
     @cached_property
     def first(self) -> Measured:
@@ -125,13 +134,13 @@ class PeopleInView:
         """Measures of all people, and of the parts."""
         return self._finder.measure(self._view)
 
-    def silhouette(self, person: int) -> Silhouette | None:
-        """Silhouette of a person; None for one without pixels in the image."""
-        if person not in self._found:
+    def silhouette(self, person: int, finer: int = 1) -> Silhouette | None:
+        """Silhouette of a person, see `SilhouetteFinder.find`; None for one without pixels in the image."""
+        if (person, finer) not in self._found:
             known = self.all if person else self.first
             measures = known.boxes[person], float(known.depths_m[person, 1]), float(known.lowest_m[person])
-            self._found[person] = self._finder.find(self._view, person, *measures, self._size)
-        return self._found[person]
+            self._found[person, finer] = self._finder.find(self._view, person, *measures, self._size, finer)
+        return self._found[person, finer]
 
 
 def poses_of(scene: mujoco.MjData | View, geoms: IntArray) -> tuple[FloatArray, FloatArray]:
