@@ -223,7 +223,8 @@ def _set_gait(person: Any, swing: FloatArray) -> None:
     # Linear fit to Murray et al., American Journal of Physical Medicine 45:8 (1966), and Murray et al., Acta
     # Orthopaedica Scandinavica 55 (1984): 62 % at natural speed.
     stance = min(max(0.70 - 0.06 * speed, 0.55), 0.70)
-    moving = _smoothstep(speed / 0.4)
+    moving = min(speed / 0.4, 1.0)
+    moving *= moving * (3.0 - 2.0 * moving)
     # The published 18 deg at natural speed, less when slower; and about 57 deg, less than the published 67 deg, because
     # the toes of the shoe do not bend.
     heel_strike = swing[-1, 1] * 1.25 * (1.0 - math.exp(-speed / 0.8))
@@ -380,12 +381,6 @@ def _wrapped(angle: float) -> float:
 
 
 @part_of_kernel
-def _smoothstep(share: float) -> float:
-    share = min(max(share, 0.0), 1.0)
-    return share * share * (3.0 - 2.0 * share)
-
-
-@part_of_kernel
 def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index: int, time_s: float) -> None:
     """Set the parts of a person above placed feet."""
     pelvis, torso, head = parts[index, _PELVIS], parts[index, _TORSO], parts[index, _HEAD]
@@ -419,11 +414,12 @@ def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index:
     height_m = _upright_height(person) - (_CROUCH_DEPTH * crouch + _BEND_DEPTH * bend) * leg_m
     height_m += sit * (person.seated_m - height_m)
     for side in range(2):
-        # Limited by the reach of both legs.
+        # Limited by the reach of both legs: a smooth minimum.
         foot, thigh = feet[index, side], parts[index, _THIGH + side]
         x, y, reach_m = foot.ankle_x - thigh.x, foot.ankle_y - thigh.y, _MAX_EXTENSION * leg_m
-        above = math.sqrt(max(reach_m * reach_m - x * x - y * y, 0.04))
-        height_m = _softer_minimum(height_m, foot.ankle_z + above - thigh.z)
+        most_m = foot.ankle_z + math.sqrt(max(reach_m * reach_m - x * x - y * y, 0.04)) - thigh.z
+        soft = math.log1p(math.exp(-abs(height_m - most_m) / _HEIGHT_SOFTNESS_M))
+        height_m = min(height_m, most_m) - _HEIGHT_SOFTNESS_M * soft
     pelvis.z = height_m
     _attach(pelvis, torso, 0.0, 0.0, person.pelvis_m)
     _attach(torso, head, 0.0, 0.0, person.torso_m)
@@ -510,13 +506,6 @@ def _upright_height(person: Any) -> float:
     running_travel = 0.5 - 0.5 * math.cos(2.0 * _TURN * (person.phase - 0.5 * _RUN_STANCE_FRACTION))
     travel += person.running * (running_travel - travel)
     return person.hip_low_m + (person.hip_high_m - person.hip_low_m) * travel
-
-
-@part_of_kernel
-def _softer_minimum(a: float, b: float) -> float:
-    """Smooth minimum of two heights [m]."""
-    low, apart = min(a, b), abs(a - b)
-    return low - _HEIGHT_SOFTNESS_M * math.log1p(math.exp(-apart / _HEIGHT_SOFTNESS_M))
 
 
 @part_of_kernel
