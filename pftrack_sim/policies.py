@@ -21,6 +21,7 @@ from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.trackers import NeedsDetections, NeedsTruth
+from pftrack_sim.trackers.base import as_estimate
 
 PAPER_MS: Mapping[str, float] = MappingProxyType(
     {"ko2012": 100.0, "lee2012": 55.0, "lee2012-color": 7.0, "lee2012-color-hog": 13.0}
@@ -108,7 +109,7 @@ class TrackingPolicy:
             self.estimate = Estimate(box)
             self._started = True
         else:
-            self.estimate = self.tracker.update(image) if self._started else NO_ESTIMATE
+            self.estimate = as_estimate(self.tracker.update(image)) if self._started else NO_ESTIMATE
         return np.array(self.estimate.box)
 
 

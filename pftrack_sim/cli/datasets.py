@@ -34,7 +34,13 @@ def export(
     seeds: BenchSeeds = None,
     axis: AxisLevels = None,
     settings: Settings = None,
-    image: Annotated[str, typer.Option(help="png, lossless, jpg, or mp4, a video (--format mot or lasot).")] = "png",
+    image: Annotated[
+        str | None,
+        typer.Option(
+            help="png, lossless, jpg, or mp4, a video (--format mot or lasot); default: jpg of got10k, otb and lasot, "
+            "whose readers look for that, else png."
+        ),
+    ] = None,
     quality: Annotated[
         int | None,
         typer.Option(help="Of jpg, 1 to 100 (default 95); of mp4 the constant rate factor, 0 to 51 (default 18)."),
@@ -125,22 +131,22 @@ def score(
 def _print_scored(found: Scored) -> None:
     """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
     from pftrack_sim.report.tables import Table, benchmark_table, number_text, range_text
-    from pftrack_sim.score import INTERVALS, VERDICTS, mean_over_seeds
+    from pftrack_sim.score import INTERVALS, VERDICTS, mean_summary
 
-    overlaps: dict[str, dict[str, list[float]]] = {}
-    groups: dict[tuple[str, str], list[Summary]] = {}
+    repetitions: dict[tuple[str, str], list[Summary]] = {}
     for one in found.results:
-        tracker = one.tracker.label
-        overlaps.setdefault(one.sequence, {}).setdefault(tracker, []).append(one.summary.mean_overlap)
-        groups.setdefault(("", tracker), []).append(one.summary)
-    trackers = [tracker for _, tracker in groups]
-    if len(overlaps) <= _MOST_SEQUENCES:
+        repetitions.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
+    # Repetitions on one sequence are no independent results: a sequence counts once, by their mean.
+    means = {key: mean_summary(own) for key, own in repetitions.items()}
+    sequences, trackers = (list(dict.fromkeys(key[place] for key in means)) for place in (0, 1))
+    if len(sequences) <= _MOST_SEQUENCES:
         rows = [
-            [name, *(number_text(mean_over_seeds(by_tracker.get(one, [])).mean) for one in trackers)]
-            for name, by_tracker in overlaps.items()
+            [name, *(number_text(means[name, one].mean_overlap) if (name, one) in means else "-" for one in trackers)]
+            for name in sequences
         ]
         tables.print_table(Table("Mean overlap per sequence", ("sequence",), trackers, rows))
-    tables.print_groups("frames with a known box", groups, unit="result")
+    groups = {("", one): [means[name, one] for name in sequences if (name, one) in means] for one in trackers}
+    tables.print_groups("frames with a known box", groups, unit="sequence")
     if (own := benchmark_table(found)) is not None:
         tables.print_table(own)
     if found.comparisons:

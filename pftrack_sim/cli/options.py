@@ -96,7 +96,8 @@ AxisLevels = Annotated[
     typer.Option(
         "--axis",
         metavar="AXIS=0,1,2",
-        help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated. "
+        help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated: "
+        "the levels of several axes are crossed, each with each. "
         "follow: also latency=0,13,55 in ms, for every tracker alike.",
     ),
 ]

@@ -99,9 +99,11 @@ def _print_episodes(results: Sequence[Result]) -> None:
 def print_run(plan: Plan, store: RunStore) -> None:
     """Print all results of a run: overlaps, axes, following, and each suite's table and claims beside its paper's."""
     from pftrack_sim.benchmark.said.claims import evaluate_claims
+    from pftrack_sim.benchmark.said.readings import misread_trackers
     from pftrack_sim.report.tables import axes, claim_text, following, paper_table
 
     results = store.results
+    print_warnings(misread_trackers(store))
     print_bench(results)
     for table in (*axes(store), *following(results, _FOLLOWING)):
         print_table(table)
@@ -175,6 +177,8 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
         for one in results
         if one.error
     )
+    misread = {one.tracker.label: one.misread for one in reversed(results) if one.misread}
+    print_warnings([f"{label}: {words}" for label, words in misread.items()])
     said = {one.tracker.label: f"\n{one.said}" for one in reversed(results) if one.said}
     print_lines(reversed(said.values()))
 

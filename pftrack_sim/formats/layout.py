@@ -26,6 +26,8 @@ class Layout(ABC):
     """`"masks"` and `"solids"`: what of `PersonBox` it writes besides boxes."""
     packed = False
     """Whether a sequence is a shard: an archive with a text for each image."""
+    jpeg = False
+    """Whether its readers look for `*.jpg`."""
     video = False
     """Whether a video may stand for the images: no public tool that reads the layout opens or counts them."""
 

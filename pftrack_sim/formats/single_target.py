@@ -62,6 +62,7 @@ class _Otb(_SingleTarget):
     1-based box inside the image has.
     """
 
+    jpeg = True
     title, expects = "OTB", "a folder img/ of numbered images and a file groundtruth_rect.txt"
     image = "img/{:04d}"
     _truth, _first_pixel = "groundtruth_rect.txt", 1.0
@@ -74,6 +75,7 @@ class _Lasot(_SingleTarget):
     either have no box.
     """
 
+    jpeg = True
     title = "LaSOT"
     expects = "a folder img/ of numbered images and the files groundtruth.txt, full_occlusion.txt and out_of_view.txt"
     image, video = "img/{:08d}", True
@@ -109,6 +111,7 @@ class _Got10k(_SingleTarget):
     entirely covered target have no box: the benchmark's scorer leaves out the first frame and those with cover 0.
     """
 
+    jpeg = True
     title = "GOT-10k"
     expects = "numbered images beside groundtruth.txt, absence.label, cut_by_image.label, cover.label and meta_info.ini"
     image, sequences = "{:08d}", "val"

@@ -8,8 +8,9 @@ width follows the stride (Milan et al. 2016, "MOT16", annotation rules).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.score.curves import SUCCESS_OVERLAP
 
 _SAME_S = 1e-6  # Times that differ by less are the same
 
@@ -108,6 +110,45 @@ def fixed_size_overlaps(truth: ArrayLike, scored: ArrayLike) -> FloatArray:
     true, first = _truth_and_first(truth, scored)
     corners = true[:, :2] + 0.5 * (true[:, 2:] - first[2:])
     return boxes.pairwise_iou(np.concatenate([corners, np.broadcast_to(first[2:], corners.shape)], axis=1), true)
+
+
+FIRST_FRAMES = 10
+"""Frames by which it is judged how boxes are meant."""
+
+_READINGS: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]] = MappingProxyType(
+    {
+        "corners x1, y1, x2, y2": lambda box, _: np.hstack([box[:, :2], box[:, 2:] - box[:, :2]]),
+        "centre x, centre y, w, h": lambda box, _: np.hstack([box[:, :2] - 0.5 * box[:, 2:], box[:, 2:]]),
+        "y, x, h, w": lambda box, _: box[:, [1, 0, 3, 2]],
+        "shares of the image's sides": lambda box, size: box * np.tile(size, 2),
+    }
+)
+
+
+def misread_boxes(estimates: ArrayLike, truth: ArrayLike, size: tuple[float, float]) -> str | None:
+    """A sentence if the first estimates fit the truth far better when they are not read as x, y, w, h.
+
+    Args:
+        estimates: `(N, 4)` what a tracker answered [px], NaN where it did not.
+        truth: `(N, 4)` true boxes [px], NaN where they are unknown.
+        size: Width and height of the images [px].
+    """
+    said, true = np.asarray(estimates, dtype=np.float64), np.asarray(truth, dtype=np.float64)
+    first = np.flatnonzero(np.isfinite(said).all(axis=1) & np.isfinite(true).all(axis=1))[:FIRST_FRAMES]
+    if not first.size:
+        return None
+    own = float(boxes.pairwise_iou(said[first], true[first]).mean())
+    others = {
+        name: float(boxes.pairwise_iou(read(said[first], np.array(size)), true[first]).mean())
+        for name, read in _READINGS.items()
+    }
+    best = max(others, key=others.__getitem__)
+    if others[best] < SUCCESS_OVERLAP or others[best] < 2.0 * own:
+        return None
+    return (
+        f"its first boxes overlap the truth by {others[best]:.2f} if they are {best}, and by {own:.2f} as x, y, w, h, "
+        "which update must return: convert them"
+    )
 
 
 def _truth_and_first(truth: ArrayLike, scored: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
@@ -127,13 +128,29 @@ def checked_estimate(output: object, given: Image, original: Image) -> Estimate:
         original: `(H, W, 3)` the image before the call.
 
     Raises:
-        TrackerError: The output is no `Estimate`, or the tracker modified its image.
+        TrackerError: The output is no estimate, see `as_estimate`, or the tracker modified its image.
         BoxError: The box is invalid.
         ParameterError: The confidence is not in [0, 1].
     """
     check_unmodified(given, original)
+    return as_estimate(output)
+
+
+def as_estimate(output: object) -> Estimate:
+    """What a tracker's `update` returned as a plain `Estimate`; an array, list or tuple of four numbers is a box.
+
+    Raises:
+        TrackerError: The output is neither.
+        BoxError: The box is invalid.
+        ParameterError: The confidence is not in [0, 1].
+    """
+    listed = isinstance(output, list | tuple) and len(cast("Sequence[Any]", output)) == 4
+    if listed or (isinstance(output, np.ndarray) and output.size == 4):
+        return Estimate(cast("Box", output))  # which checks it
     if not isinstance(output, Estimate):
-        raise TrackerError(f"update must return an Estimate, got {type(output).__name__}")
+        kind = type(cast("object", output)).__name__
+        shape = f" of shape {np.shape(cast('ArrayLike', output))}" if isinstance(output, np.ndarray) else ""
+        raise TrackerError(f"update must return an Estimate, or four numbers x, y, w, h, got {kind}{shape}")
     # Rebuilt, so that a subclass cannot change its values after this check.
     return Estimate(output.box, float(output.confidence), bool(output.occluded), output.particles)
 

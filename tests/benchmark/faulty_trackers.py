@@ -140,3 +140,22 @@ class _FarAway(FaultyTracker):
 
 def far_away(**_: Any) -> FaultyTracker:
     return _FarAway(lambda image: Estimate([0, 0, 1, 1]))
+
+
+def returns_a_list(**_: Any) -> FaultyTracker:
+    return _FarAway(lambda image: [1.0, 2.0, 30.0, 40.0])
+
+
+class Corners:
+    """Answers the first box by its corners, as a plain tuple."""
+
+    def init(self, image: np.ndarray, box: np.ndarray) -> None:
+        x, y, w, h = box
+        self._corners = (x, y, x + w, y + h)
+
+    def update(self, image: np.ndarray) -> Any:
+        return self._corners
+
+
+def corners(**_: Any) -> Corners:
+    return Corners()

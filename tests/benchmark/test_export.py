@@ -65,7 +65,7 @@ def scores(episode: list[Frame]) -> list[float]:
 def test_a_sequence_has_the_frames_boxes_and_scores_of_the_episode(
     tmp_path: Path, layout: str, episode: list[Frame], scores: list[float]
 ):
-    out = export(plan([3]), tmp_path / "out", layout)
+    out = export(plan([3]), tmp_path / "out", layout, image="png")
     folder = out / LAYOUTS[layout].sequences / "easy-plaza-walk-0003"
     read = read_sequence(folder)
     assert len(read) == len(episode)
@@ -84,6 +84,14 @@ def test_a_sequence_has_the_frames_boxes_and_scores_of_the_episode(
     assert json.loads((out / "dataset.json").read_text())["format"] == layout
     for name, pieces in LAYOUTS[layout].index(out, [folder.name]):
         assert (out / name).read_text() == "".join(pieces)
+
+
+@pytest.mark.parametrize(("layout", "suffix"), [("otb", "jpg"), ("lasot", "jpg"), ("got10k", "jpg"), ("vot", "png")])
+def test_images_are_by_default_what_readers_of_the_layout_look_for(tmp_path: Path, layout: str, suffix: str):
+    out = export(plan([3]), tmp_path / "out", layout)
+    folder = out / LAYOUTS[layout].sequences / "easy-plaza-walk-0003"
+    assert {path.suffix for path in folder.rglob("*") if path.suffix in (".png", ".jpg")} == {f".{suffix}"}
+    assert read_sequence(folder).image(0).shape == (72, 96, 3)
 
 
 @pytest.mark.slow
@@ -135,7 +143,7 @@ def test_a_resumed_export_has_the_bytes_of_an_uninterrupted_one(tmp_path: Path):
 
 
 def test_another_plan_or_foreign_files_are_not_touched(tmp_path: Path):
-    out = export(plan([0]), tmp_path / "out", "otb")
+    out = export(plan([0]), tmp_path / "out", "otb", image="png")
     before = files(out)
     for other, layout, image in ((plan([1]), "otb", "png"), (plan([0]), "vot", "png"), (plan([0]), "otb", "jpg")):
         with pytest.raises(RunError, match="holds another data set"):
@@ -155,7 +163,7 @@ def test_another_plan_or_foreign_files_are_not_touched(tmp_path: Path):
         ({"image": "gif"}, UnknownNameError, "known: jpg, mp4, png"),
         ({"image": "jpg", "quality": 0}, ParameterError, "quality of jpg must be 1 to 100, got 0"),
         ({"image": "mp4", "quality": 52, "layout": "mot"}, ParameterError, "quality of mp4 must be 0 to 51, got 52"),
-        ({"quality": 90}, ParameterError, "quality of png has no meaning: it is lossless"),
+        ({"quality": 90, "image": "png"}, ParameterError, "quality of png has no meaning: it is lossless"),
         ({"workers": -1}, ParameterError, "workers must be >= 0, got -1"),
         ({"image": "mp4"}, ParameterError, "tools that read otb need single images, png or jpg"),
         ({"backend": "vulkan"}, PftrackError, "vulkan"),

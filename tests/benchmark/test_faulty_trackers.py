@@ -5,20 +5,22 @@ from pathlib import Path
 
 import pytest
 
-from pftrack_sim.benchmark import RunStore, run
+from pftrack_sim.benchmark import RunStore, make_plan, run
+from pftrack_sim.benchmark.said.readings import misread_trackers
 from pftrack_sim.core.errors import TrackerError
 from pftrack_sim.report.tables import summaries
 from pftrack_sim.trackers.isolation import Limits
-from tests.benchmark.small import small_plan
+from tests.benchmark.small import SMALL, small_plan
 
 MODULE = "tests.benchmark.faulty_trackers:"
 LIMITS = Limits(frame_s=2.5, memory_mb=300)
 
+EXPECTED = "update must return an Estimate, or four numbers x, y, w, h"
 FAULTS = {
     "raises": "frame 2: ValueError: lost my way",
     "returns_nan": "frame 2: BoxError: estimated box must be finite",
-    "returns_an_array": "frame 2: TrackerError: update must return an Estimate, got ndarray",
-    "returns_none": "frame 2: TrackerError: update must return an Estimate, got NoneType",
+    "returns_an_array": f"frame 2: TrackerError: {EXPECTED}, got ndarray of shape (3,)",
+    "returns_none": f"frame 2: TrackerError: {EXPECTED}, got NoneType",
     "never_returns": "frame 2: no answer within 2.5 s",
     "segfaults": "frame 2: its process was ended by SIGSEGV",
     "calls_sys_exit": "frame 2: SystemExit: 0",
@@ -71,6 +73,19 @@ def test_the_error_is_reported_and_later_frames_are_misses(together: RunStore, n
     assert statuses == ["init", "ok"][:bad_from] + ["error"] * (4 - bad_from)
     assert all(overlap == 0.0 for _, overlap in frames[bad_from:])
     assert math.isnan(result.measures.ms_median) == (bad_from == 0)
+
+
+@pytest.mark.parametrize("isolation", ["auto", "never"])
+def test_four_numbers_are_a_box_and_corners_are_told(tmp_path: Path, isolation: str):
+    names = [MODULE + name for name in ("returns_a_list", "corners")]
+    plan = make_plan(["easy/corridor"], [*names, "stay"], [4], overrides={**SMALL, "duration_s": 0.5})
+    store = run(plan, tmp_path / "run", videos="none", workers=0, isolation=isolation)
+    assert not any(one.error for one in store.results)
+    boxes = store.query(f"SELECT DISTINCT estimate FROM frames WHERE label = '{names[0]}' AND status = 'ok'").rows
+    assert boxes == [([1.0, 2.0, 30.0, 40.0],)]
+    (told,) = misread_trackers(store)
+    assert told.startswith(f"{names[1]}: its first boxes overlap the truth by ")
+    assert "corners x1, y1, x2, y2" in told
 
 
 def test_printed_output_is_recorded_and_not_shown(together: RunStore, capfd: pytest.CaptureFixture[str]):

@@ -47,7 +47,7 @@ def folders(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     plan = make_plan(["corridor", "easy/plaza-walk"], specs, [1000, 1001], overrides={**SMALL, "duration_s": 1.5})
     finished = run(plan, root / "run", videos="none")
     for form in FORMS:
-        export(plan, root / f"data-{form}", form, image="jpg")
+        export(plan, root / f"data-{form}", form)
         export_results(finished, root / f"results-{form}", form)
     export(plan, root / "data-kitti", "kitti", image="jpg")
     return root

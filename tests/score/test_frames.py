@@ -5,7 +5,7 @@ import pytest
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.score import Arm, frame_scores, overlaps_on_common_frames
-from pftrack_sim.score.frames import fixed_size_overlaps
+from pftrack_sim.score.frames import fixed_size_overlaps, misread_boxes
 
 RNG = np.random.default_rng(5)
 BOXES = np.column_stack([RNG.uniform(0, 400, (200, 2)), RNG.uniform(30, 90, 200), RNG.uniform(100, 130, 200)])
@@ -67,3 +67,22 @@ def test_after_the_end_of_an_episode_nothing_is_held():
 def test_without_a_common_frame_there_is_no_mean():
     other = Arm(TIMES, FULL.overlap, ~FULL.counted)
     assert np.isnan(overlaps_on_common_frames([FULL, other])).all()
+
+
+CONVENTIONS = {
+    "x, y, w, h": lambda x, y, w, h: [x, y, w, h],
+    "corners x1, y1, x2, y2": lambda x, y, w, h: [x, y, x + w, y + h],
+    "centre x, centre y, w, h": lambda x, y, w, h: [x + w / 2, y + h / 2, w, h],
+    "y, x, h, w": lambda x, y, w, h: [y, x, h, w],
+    "shares of the image's sides": lambda x, y, w, h: [x / 320, y / 240, w / 320, h / 240],
+}
+
+
+@pytest.mark.parametrize("name", CONVENTIONS)
+def test_boxes_in_another_convention_are_told_from_wrong_ones(name: str):
+    truth = np.array([[80.0 + k, 60.0, 30.0, 90.0] for k in range(12)])
+    answered = np.array([CONVENTIONS[name](*box) for box in truth + 2.0])
+    said = misread_boxes(answered, truth, (320, 240))
+    assert said is None if name == "x, y, w, h" else f"if they are {name}," in str(said)
+    assert misread_boxes(truth + 200.0, truth, (320, 240)) is None, "wrong in every convention"
+    assert misread_boxes(np.full((3, 4), np.nan), truth[:3], (320, 240)) is None

@@ -36,7 +36,7 @@ def export(
     out: Path,
     layout: str,
     *,
-    image: str = "png",
+    image: str | None = None,
     quality: int | None = None,
     maps: Sequence[str] = (),
     detections: bool = False,
@@ -50,7 +50,8 @@ def export(
         plan: Scenarios, conditions and seeds; its trackers do not matter.
         out: Folder of the data set: absent, empty, or begun with the same plan and options.
         layout: One of `LAYOUTS`.
-        image: `"png"`, lossless, `"jpg"`, or `"mp4"`, one video in the place of the images.
+        image: `"png"`, lossless, `"jpg"`, or `"mp4"`, one video in the place of the images. None: `"jpg"` for layouts
+            whose readers look for that, else `"png"`.
         quality: Of JPEG, 1 to 100 (95); of a video H.264's constant rate factor, 0 to 51 (18). PNG has none.
         maps: Of `MAP_KINDS`: what is written beside each image.
         detections: Write what each scenario's detector finds, see the axis `detector`; layout `mot` only.
@@ -72,7 +73,7 @@ def export(
     if layout not in LAYOUTS:
         raise UnknownNameError("layout", layout, LAYOUTS)
     kinds = check_maps(maps)
-    form = _image_format(image)
+    form = _image_format(image or ("jpg" if LAYOUTS[layout].jpeg else "png"))
     usual, allowed = QUALITIES.get(form, (0, range(1)))
     chosen = usual if quality is None else quality
     if chosen not in allowed:

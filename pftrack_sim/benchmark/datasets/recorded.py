@@ -20,6 +20,7 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError, RunError, TrackerError
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.score import Summary
+from pftrack_sim.score.frames import misread_boxes
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
 MAX_BOX_NOISE = 0.5
@@ -33,7 +34,10 @@ def rate_of(sequence: RecordedSequence) -> float:
 
 @dataclass(frozen=True)
 class RecordedResult:
-    """Scores of one tracker on one sequence with one seed; `said` has its traceback and what it printed."""
+    """Scores of one tracker on one sequence with one seed.
+
+    `said` has its traceback and what it printed, `misread` what is wrong with its boxes, see `score.frames`.
+    """
 
     sequence: str
     tracker: TrackerSpec
@@ -41,6 +45,7 @@ class RecordedResult:
     summary: Summary
     error: str | None
     said: str = ""
+    misread: str | None = None
 
 
 def evaluate(
@@ -100,7 +105,11 @@ def evaluate(
                     summary = score.summarise(frames, scored, np.array(runner.ms))
                     summary = replace(summary, ms_reported=runner.ms_reported)
                     said = error_text(runner) if runner.error else ""
-                    results.append(RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, said))
+                    # Frame 0 has the given box.
+                    misread = misread_boxes(runner.boxes[1:], sequence.truth[1:], sequence.image(0).shape[1::-1])
+                    results.append(
+                        RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, said, misread)
+                    )
     return results
 
 
