@@ -278,6 +278,16 @@ def test_a_file_too_large_to_read_counts_by_its_size(tmp_path: Path, mine: Path)
         assert sorted(opened) == ["helper_of_mine.py", "tracker_of_mine.py"]
 
 
+def test_a_folder_that_a_full_disk_left_without_a_record_is_begun_again(tmp_path: Path):
+    for name, content in (("SHA256SUMS", ""), (".lock", "")):
+        (tmp_path / name).write_text(content)
+    (tmp_path / ".scratch").mkdir()
+    assert len(run(plan_of("0", ["stay"]), tmp_path, videos="none").results) == 1
+    (tmp_path / "run.json").unlink()
+    with pytest.raises(RunError, match="not an empty folder"):
+        run(plan_of("0", ["stay"]), tmp_path, videos="none")
+
+
 def test_an_edited_scenario_is_refused_or_refreshed(tmp_path: Path):
     scenario, out = tmp_path / "mine.toml", tmp_path / "run"
     scenario.write_text(tomli_w.dumps(load("corridor", {**SMALL, "target.actions": []}).tree))

@@ -25,7 +25,7 @@ import duckdb
 
 from pftrack_sim.benchmark.asked.plan import AskedResult, Episode, Plan
 from pftrack_sim.benchmark.asked.union import MOST_LINES, contradictions, united
-from pftrack_sim.benchmark.kept.checksums import RECORD, TABLES_OF_RESULTS, Checksums
+from pftrack_sim.benchmark.kept.checksums import RECORD, SUMS, TABLES_OF_RESULTS, Checksums
 from pftrack_sim.benchmark.kept.files import LOCK, lock_folder, remove_parts, write_bytes
 from pftrack_sim.benchmark.kept.record import Record, read_record, session, write_record
 from pftrack_sim.benchmark.kept.tables import OPENED, read_metadata
@@ -226,7 +226,8 @@ def _check_usable(path: Path) -> None:
     """Raise RunError where a folder holds anything but a run or what is left of one killed before it had begun."""
     if not path.exists() or is_run(path):
         return
-    if not path.is_dir() or any(one.name != LOCK and not one.name.startswith(".run.json.") for one in path.iterdir()):
+    begun = (LOCK, SCRATCH, *([SUMS] if is_file(path / SUMS) and not (path / SUMS).stat().st_size else []))
+    if not path.is_dir() or any(not one.name.startswith((*begun, ".run.json.")) for one in path.iterdir()):
         raise RunError(f"{path} exists and is not an empty folder: choose another with --out")
 
 
