@@ -102,9 +102,9 @@ def add_agents(
     Returns:
         The people, the target first.
     """
-    wardrobe = settings.target.wardrobe or settings.place.kind
+    wardrobe = settings.target.wardrobe
     people = sample_people(
-        int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32)),
+        int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32)) if wardrobe else seed,
         settings.target.height_m,
         settings.distractors.count,
         settings.distractors.similarity,
