@@ -15,6 +15,7 @@ from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
 from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, DIRECTIONS, hog_map
+from pftrack_sim.trackers.pftrack.parts import PartColours, describe
 from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 
@@ -203,7 +204,7 @@ def test_the_size_of_a_blurred_target_is_kept():
     for unsure in (0.0, 0.4, 0.7):
         found = run(images, (140, 90, 40, 60), scale_unsure=unsure, scale_sure=min(2 * unsure, 1.0))
         assert min(one.confidence for one in found[:6]) > 0.9
-        assert max(one.confidence for one in found[6:]) < 0.7
+        assert max(one.confidence for one in found[6:]) < 0.85
         width[unsure] = np.array([one.box[2] for one in found])
     change = {unsure: float(np.abs(np.log(widths[6:] / widths[5])).max()) for unsure, widths in width.items()}
     assert change[0.0] > 0.04
@@ -268,7 +269,7 @@ def test_small_images_are_accepted(shape: tuple[int, int]):
 def test_the_box_stays_near_the_image_and_never_collapses():
     rng = np.random.default_rng(0)
     images = [rng.integers(0, 255, (40, 50, 3), dtype=np.uint8) for _ in range(20)]
-    for one in run(images, (1, 1, 6, 6), occlusion_peak=0.0):
+    for one in run(images, (1, 1, 6, 6), unsure_likeness=0.0):
         assert (one.box[2:] >= 4 - 1e-9).all()
         assert (boxes.centre(one.box) >= -1e-9).all()
         assert (boxes.centre(one.box) <= [50 + 1e-9, 40 + 1e-9]).all()
@@ -279,3 +280,58 @@ def test_parameters_out_of_range_are_refused():
         trackers.make("pftrack", cells=2)
     with pytest.raises(ParameterError, match="padding"):
         trackers.make("pftrack", paddin=2)
+
+
+def dressed(top: tuple[int, int, int], trousers: tuple[int, int, int]) -> np.ndarray:
+    """A person of 24 x 72 px in two colours, `(72, 24, 3)` uint8."""
+    person = texture(24, 72, seed=9) // 8
+    person[:12] += np.uint8(150)
+    person[12:36] += np.asarray(top, np.uint8)
+    person[36:] += np.asarray(trousers, np.uint8)
+    return person
+
+
+BLUE_BEIGE, BEIGE_BLUE = dressed((40, 80, 190), (190, 170, 120)), dressed((190, 170, 120), (40, 80, 190))
+
+
+def scene_of(*people: tuple[np.ndarray, int]) -> np.ndarray:
+    """People at columns of a grey street, `(240, 320, 3)` uint8."""
+    image = texture(320, 240, seed=7, grain=15) // 4 + 90
+    for person, column in people:
+        image[90:162, column : column + 24] = person
+    return image
+
+
+def test_parts_tell_clothes_in_another_order_apart_and_stand_a_change_of_light():
+    size = np.array([24.0, 72])
+
+    def described(person: np.ndarray) -> np.ndarray:
+        return describe(ImagePyramid(scene_of((person, 100))), np.array([112.0, 126]), size)
+
+    parts = described(BLUE_BEIGE)
+    np.testing.assert_allclose(parts.sum(axis=1), 1.0, rtol=0, atol=1e-5)
+    target = PartColours(parts, usual=1.0)
+    assert target.likeness(parts) == pytest.approx(1.0, abs=1e-5)
+    assert target.likeness(described((BLUE_BEIGE * 0.9).astype(np.uint8))) > 0.8
+    assert target.likeness(described(BEIGE_BLUE)) < 0.6
+
+
+def test_a_person_in_other_clothes_is_not_taken_for_the_target():
+    """The target walks out of the image behind another who stays."""
+    images = [scene_of((BLUE_BEIGE, 100))] * 8
+    images += [scene_of((BLUE_BEIGE, 100 + 4 * k), (BEIGE_BLUE, 160)) for k in range(16)]
+    images += [scene_of((BEIGE_BLUE, 160))] * 20
+    found = run(images, (100, 90, 24, 72))
+    assert min(one.confidence for one in found[:7]) > 0.8
+    assert all(one.occluded and one.confidence < 0.2 for one in found[-15:])
+
+
+def test_a_lost_target_is_found_elsewhere():
+    images = [scene_of((BLUE_BEIGE, 40))] * 8 + [scene_of((BEIGE_BLUE, 40))] * 10
+    images += [scene_of((BEIGE_BLUE, 40), (BLUE_BEIGE, 250))] * 10
+    last = {after: run(images, (40, 90, 24, 72), search_after=after)[-1] for after in (0, 6)}
+    truth = np.array([250.0, 90, 24, 72])
+    assert boxes.iou(last[6].box, truth) > 0.6
+    assert last[6].confidence > 0.6
+    assert last[0].occluded
+    assert boxes.iou(last[0].box, truth) == 0.0

@@ -19,12 +19,22 @@ from pftrack_sim.trackers.parameters import NotNegative, Parameters, Share
 from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter, vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
+from pftrack_sim.trackers.pftrack.parts import Histograms, PartColours, describe
 from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 
 MIN_SIZE_PX = 4.0
-SLOW = 0.05
-"""Weight of a new frame in the running means that the occlusion test compares with."""
+SLOW, FORGETTING = 0.05, 0.1
+"""Weight of a new frame that is sure in the running means of the responses, and the share of it that others have."""
+FIRST_LIKENESS, PART_RATE = 0.85, 0.01
+"""Usual likeness of a target's parts before any was seen, and the least weight of a new frame in their histograms."""
+UNLIKE = 0.7
+"""Likeness at which the confidence is 0."""
+SEARCH_SCALES = (0.65, 0.8, 1.0, 1.25, 1.55)
+"""Sizes at which a lost target is searched, as shares of that at which it was last sure."""
+SEARCH_INTERVAL = 3  # Frames from one search to the next
+SEARCH_PX, SEARCHED, COMPARED = 10.0, 3, 3
+"""Width of the target in the image that is searched by colour, places taken at each size, and places compared."""
 APART = 0.15
 """Starts of the search nearer to each other than this share of the square root of the target's area count as one."""
 
@@ -38,8 +48,8 @@ class PftrackParameters(Parameters):
         label_sigma: Standard deviation of the correlation filter's label, as a share of the square root of the area.
         search_window: Power of the Hann window over patches that are searched; patches that are learnt have power 1.
         ridge: Regularisation of the correlation filter, as a share of the mean spectral energy of the first patch.
-        rate: Weight of a new frame of confidence 1 in the correlation filter.
-        colour_share: Weight of the colour response; the correlation filter has the rest. At 0 no occlusion is reported.
+        rate: Weight of a new frame that is sure in the correlation filter.
+        colour_share: Weight of the colour response; the correlation filter has the rest.
         colour_rate: The same in the colour histograms.
         scale_count: Number of sizes compared, odd. 1: the size is constant.
         scale_step: Ratio of successive sizes.
@@ -47,17 +57,23 @@ class PftrackParameters(Parameters):
         scale_interval: The scale filter is applied every so many frames.
         scale_cells: Approximate number of cells of its patches.
         scale_core: Share of the shorter side of an elongated box that its patches keep; 1: all of it.
-        scale_unsure: Confidence up to which the size is kept: of blurred targets it is measured too small.
-        scale_sure: Confidence from which on a change of size is taken whole; between the two its share grows linearly.
+        scale_unsure: Share of the correlation response's running mean up to which the size is kept: of blurred targets
+            it is measured too small.
+        scale_sure: The same from which on a change of size is taken whole; between the two its share grows linearly.
         camera_motion: Whether the search starts also where the camera's motion takes the target.
         camera_certainty: Least sum of the phase correlation around its peak for a motion to be used; 1 is a pure shift.
         recentre: Distance of the target from the window's centre above which the window is put around it and evaluated
             once more, as a share of its side.
         momentum: Share of the target's own velocity by which the search starts ahead; 0: no such start.
-        occlusion_peak: The target is occluded when the correlation response is below this share of its running mean ...
-        occlusion_colour: ... and the colour response is below this share of its own.
+        unsure_likeness: Likeness of the parts' colours, as a share of the usual one, below which the target is occluded
+            and nothing is learnt ...
+        sure_likeness: ... and from which on everything is; between the two the rates grow linearly.
         occlusion_hold: An occluded target whose score is below this share of its running mean is not followed; above
-            it the box moves, but nothing is learnt.
+            it the box moves.
+        search_after: After so many unsure frames the whole image is searched; 0: never.
+        found_likeness: A place found is taken from this likeness on ...
+        found_peak: ... and from this share of the correlation response's running mean on ...
+        found_gain: ... and, where the target is not occluded, if it is more alike by this.
     """
 
     cells: Annotated[int, Field(ge=8, le=128, multiple_of=2)] = 32
@@ -80,22 +96,37 @@ class PftrackParameters(Parameters):
     camera_certainty: Share = 0.3
     recentre: NotNegative = 0.1
     momentum: Share = 0.7
-    occlusion_peak: Share = 0.6
-    occlusion_colour: Share = 0.85
+    unsure_likeness: Share = 0.87
+    sure_likeness: Share = 0.95
     occlusion_hold: Share = 0.35
+    search_after: Annotated[int, Field(ge=0, le=1000)] = 6
+    found_likeness: Share = 0.92
+    found_peak: Share = 0.5
+    found_gain: Share = 0.04
 
 
 class Match(NamedTuple):
-    """The best position in a window: its score, the two responses there, and its centre [px]."""
+    """The best position in a window: its score, the correlation response there, and its centre [px]."""
 
     score: float
     peak: float
-    colour: float
     centre: FloatArray
 
 
+class Place(NamedTuple):
+    """A match, its scale, and the colours of its parts with their likeness to the target's."""
+
+    match: Match
+    scale: float
+    parts: Histograms
+    likeness: float
+
+
 class Pftrack(BaseTracker):
-    """Correlation filter with colour, scale, camera motion and an occlusion test. It draws no random numbers."""
+    """Correlation filter with colour, scale and camera motion that knows its target by the colours of its parts.
+
+    It draws no random numbers.
+    """
 
     def __init__(self, params: PftrackParameters) -> None:
         super().__init__()
@@ -110,6 +141,7 @@ class Pftrack(BaseTracker):
         self._colour: ColourModel
         self._scales: ScaleFilter
         self._camera: CameraMotion
+        self._parts: PartColours
         self._usual: FloatArray | None = None
 
     def _start(self, image: Image, box: Box) -> None:
@@ -126,7 +158,9 @@ class Pftrack(BaseTracker):
         self._scales = ScaleFilter(core(self._size, p.scale_core), p.scale_count, p.scale_step, p.scale_cells)
         self._camera = CameraMotion(p.camera_certainty)
         self._usual = None
+        self._unsure, self._sure_scale = 0, 1.0
         pyramid = ImagePyramid(image)
+        self._parts = PartColours(describe(pyramid, self._centre, self._size), FIRST_LIKENESS)
         self._camera_shift(image)
         self._learn(pyramid, 1.0)
 
@@ -135,22 +169,32 @@ class Pftrack(BaseTracker):
         self._frame += 1
         pyramid = ImagePyramid(image)
         shift = self._camera_shift(image)
-        found = self._search(pyramid, image, shift)
-        now = np.array([found.score, found.peak, found.colour])
-        usual = now if self._usual is None else self._usual
-        unseen, weak, recoloured = now < usual * (p.occlusion_hold, p.occlusion_peak, p.occlusion_colour)
-        occluded = bool(weak and recoloured)
-        confidence = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
         carried = self._centre + shift
-        self._centre = _inside(carried, image) if occluded and unseen else found.centre
+        place = self._place(pyramid, self._search(pyramid, image, shift), self._scale)
+        usual = self._usual if self._usual is not None else np.array([place.match.score, place.match.peak])
+        self._unsure = 0 if place.likeness >= p.sure_likeness else self._unsure + 1
+        searches = self._unsure >= p.search_after > 0 and (self._unsure - p.search_after) % SEARCH_INTERVAL == 0
+        if searches and (other := self._find(pyramid, image, usual, place.likeness)):
+            place, carried, self._velocity = other, other.match.centre, np.zeros(2)
+            self._scale, self._unsure = place.scale, 0
+        found = place.match
+        occluded = place.likeness < p.unsure_likeness
+        hold = occluded and found.score < p.occlusion_hold * usual[0]
+        self._centre = _inside(carried, image) if hold else found.centre
+        peak = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
+        if not hold and p.scale_count > 1 and self._frame % p.scale_interval == 0:
+            self._rescale(pyramid, image, peak)
         if not occluded:
+            trust = _ramp(place.likeness, p.unsure_likeness, p.sure_likeness)
             self._velocity = 0.5 * (self._velocity + found.centre - carried)
-            self._usual = usual + SLOW * (now - usual)
-            if p.scale_count > 1 and self._frame % p.scale_interval == 0:
-                self._rescale(pyramid, image, confidence)
-            self._learn(pyramid, confidence)
+            self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
+            if trust > 0.0:
+                self._learn(pyramid, peak * trust)
+                self._parts.learn(place.parts, trust, PART_RATE)
+                self._sure_scale = self._scale
         size = self._scale * self._size
-        return Estimate(np.concatenate([self._centre - 0.5 * size, size]), confidence, occluded)
+        box = np.concatenate([self._centre - 0.5 * size, size])
+        return Estimate(box, _ramp(place.likeness, UNLIKE, 1.0), occluded)
 
     def _camera_shift(self, image: Image) -> FloatArray:
         return self._camera.shift(image) if self.params.camera_motion else np.zeros(2)
@@ -178,7 +222,7 @@ class Pftrack(BaseTracker):
         p = self.params
         patch = self._patch(pyramid, centre)
         peaks = self._filter.respond(self._filter.spectrum(patch, searched=True))
-        scores, colours = peaks, None
+        scores = peaks
         if p.colour_share > 0.0:
             pixels = self._colour.respond(patch, *self._size_in_patch())
             colours = np.asarray(cv2.resize(pixels, (p.cells, p.cells), interpolation=cv2.INTER_LINEAR))
@@ -188,12 +232,52 @@ class Pftrack(BaseTracker):
         columns = [float(scores[row, (column + k) % p.cells]) for k in (-1, 0, 1)]
         offset = np.array([column + vertex(*columns), row + vertex(*rows)]) - p.cells // 2
         at = _inside(centre + offset * (self._scale * self._side / p.cells), image)
-        colour = 1.0 if colours is None else float(colours[row, column])
-        return Match(float(scores[row, column]), float(peaks[row, column]), colour, at)
+        return Match(float(scores[row, column]), float(peaks[row, column]), at)
 
-    def _rescale(self, pyramid: ImagePyramid, image: Image, confidence: float) -> None:
+    def _place(self, pyramid: ImagePyramid, match: Match, scale: float) -> Place:
+        parts = describe(pyramid, match.centre, scale * self._size)
+        return Place(match, scale, parts, self._parts.likeness(parts))
+
+    def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, likeness: float) -> Place | None:
+        """The best place in the whole image where the target may be; None where no other is as sure as asked for.
+
+        Places are proposed by colour at several sizes, ordered by their parts, and compared by the filter.
+        """
+        p, kept = self.params, self._scale
+        proposed: list[tuple[float, float, FloatArray]] = []
+        for scale in (share * self._sure_scale for share in SEARCH_SCALES):
+            for centre in self._colour_peaks(image, scale * self._size):
+                parts = describe(pyramid, centre, scale * self._size)
+                proposed.append((self._parts.likeness(parts), scale, centre))
+        proposed.sort(key=lambda one: -one[0])
+        least = max(p.found_likeness, 0.0 if likeness < p.unsure_likeness else likeness + p.found_gain)
+        best: Place | None = None
+        for _, self._scale, centre in proposed[:COMPARED]:
+            place = self._place(pyramid, self._match(pyramid, image, centre), self._scale)
+            sure = place.likeness >= least and place.match.peak >= p.found_peak * usual[1]
+            if sure and (best is None or place.match.score > best.match.score):
+                best = place
+        self._scale = kept
+        return best
+
+    def _colour_peaks(self, image: Image, size: FloatArray) -> list[FloatArray]:
+        """Centres [px] of boxes of `(2,)` size with the most of the target's colours that do not overlap by half."""
+        zoom = min(SEARCH_PX / float(size[0]), 1.0)
+        shape = [max(round(zoom * side), 8) for side in image.shape[1::-1]]
+        small = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        width, height = (float(side) * zoom for side in size)
+        response = self._colour.respond(small, width, height)
+        x_half, y_half = max(int(0.5 * width), 1), max(int(0.5 * height), 1)
+        peaks: list[FloatArray] = []
+        for _ in range(SEARCHED):
+            row, column = divmod(int(response.argmax()), response.shape[1])
+            peaks.append(np.array([column + 0.5, row + 0.5]) / zoom)
+            response[max(row - y_half, 0) : row + y_half + 1, max(column - x_half, 0) : column + x_half + 1] = -1.0
+        return peaks
+
+    def _rescale(self, pyramid: ImagePyramid, image: Image, peak: float) -> None:
         p = self.params
-        share = min(max((confidence - p.scale_unsure) / max(p.scale_sure - p.scale_unsure, 1e-6), 0.0), 1.0)
+        share = _ramp(peak, p.scale_unsure, p.scale_sure)
         if share == 0.0:
             return
         scale = self._scale * self._scales.factor(pyramid, self._centre, self._scale) ** share
@@ -201,15 +285,15 @@ class Pftrack(BaseTracker):
         most = max(2.0 * min(image.shape[1] / float(self._size[0]), image.shape[0] / float(self._size[1])), 1.0)
         self._scale = min(max(scale, least), most)
 
-    def _learn(self, pyramid: ImagePyramid, confidence: float) -> None:
-        """Learn at the estimate, at rates in proportion to the confidence: a covered target is learnt little."""
+    def _learn(self, pyramid: ImagePyramid, trust: float) -> None:
+        """Learn at the estimate, at rates in proportion to `trust` in [0, 1]."""
         p = self.params
         patch = self._patch(pyramid, self._centre)
-        self._filter.learn(self._filter.spectrum(patch), p.rate * confidence)
+        self._filter.learn(self._filter.spectrum(patch), p.rate * trust)
         if p.colour_share > 0.0:
-            self._colour.learn(patch, *self._size_in_patch(), p.colour_rate * confidence)
+            self._colour.learn(patch, *self._size_in_patch(), p.colour_rate * trust)
         if p.scale_count > 1 and self._frame % p.scale_interval == 0:
-            self._scales.learn(pyramid, self._centre, self._scale, p.scale_rate * confidence)
+            self._scales.learn(pyramid, self._centre, self._scale, p.scale_rate * trust)
 
     def _patch(self, pyramid: ImagePyramid, centre: FloatArray) -> Image:
         return pyramid.patch(centre, self._scale * self._side, CELL_PX * self.params.cells)
@@ -218,6 +302,11 @@ class Pftrack(BaseTracker):
         """Width and height of the target in a patch [px of the patch]."""
         width, height = self._size * (CELL_PX * self.params.cells / self._side)
         return float(width), float(height)
+
+
+def _ramp(value: float, low: float, high: float) -> float:
+    """0 up to `low`, 1 from `high` on, linear between the two."""
+    return min(max((value - low) / max(high - low, 1e-6), 0.0), 1.0)
 
 
 def _inside(point: FloatArray, image: Image) -> FloatArray:
