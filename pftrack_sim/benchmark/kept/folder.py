@@ -226,8 +226,12 @@ def _check_usable(path: Path) -> None:
     """Raise RunError where a folder holds anything but a run or what is left of one killed before it had begun."""
     if not path.exists() or is_run(path):
         return
-    begun = (LOCK, SCRATCH, *([SUMS] if is_file(path / SUMS) and not (path / SUMS).stat().st_size else []))
-    if not path.is_dir() or any(not one.name.startswith((*begun, ".run.json.")) for one in path.iterdir()):
+    left = {LOCK, SCRATCH}
+    if is_file(path / SUMS) and not (path / SUMS).stat().st_size:
+        left.add(SUMS)
+    if not path.is_dir() or any(
+        one.name not in left and not one.name.startswith(".run.json.") for one in path.iterdir()
+    ):
         raise RunError(f"{path} exists and is not an empty folder: choose another with --out")
 
 
