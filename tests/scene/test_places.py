@@ -13,7 +13,14 @@ from pftrack_sim import scenario
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
 from pftrack_sim.scene.build import build_stage
-from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP, Footprint, WalkableArea
+from pftrack_sim.scene.layout import (
+    CONTACT_M,
+    CONTACT_OF_THINGS_M,
+    HIDDEN_GROUP,
+    SCENERY_GROUP,
+    Footprint,
+    WalkableArea,
+)
 from pftrack_sim.scene.places.place import add_place
 from pftrack_sim.scene.scene_spec import SceneSpec
 
@@ -220,6 +227,19 @@ def test_drawn_ground_is_at_height_zero(kind: str) -> None:
         # Slightly beside the goal: a ray along the edge of two triangles may pass between them.
         below = distance((x + 0.013, y + 0.017, 1.0), (0.0, 0.0, -1.0))
         assert abs(below - 1.0) < 0.02
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_darkness_on_the_ground_lies_above_what_is_painted_on_it(kind: str) -> None:
+    """At the height of a marking the two would flicker through each other."""
+    model, area = built_place(kind)
+    distance = distances_to_what_is_drawn(model)
+    near = np.random.default_rng(0).uniform(-3.0, 3.0, (400, 2)) + np.tile(area.goals_m, (400, 1))[:400]
+    heights = np.array([1.0 - distance((x, y, 1.0), (0.0, 0.0, -1.0)) for x, y in near])
+    ground = heights[heights < 0.02]
+    assert ground.size > 100
+    assert ground.max() < CONTACT_OF_THINGS_M - 0.0015
+    assert CONTACT_M > CONTACT_OF_THINGS_M + 0.0015
 
 
 @pytest.mark.parametrize("kind", KINDS)

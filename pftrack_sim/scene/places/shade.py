@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.types import FloatArray, IntArray
-from pftrack_sim.scene.layout import CONTACT, Bounds, Footprint
+from pftrack_sim.scene.layout import CONTACT, CONTACT_OF_THINGS_M, Bounds, Footprint
 from pftrack_sim.scene.places.materials import texture
 from pftrack_sim.scene.places.meshes import TexturedMesh
 
@@ -24,7 +24,6 @@ _FILLED = 0.84  # Mean area of a crown with its leaves over that of a disc of th
 _BAR_M, _PANE_M, _BEAM_M = 0.09, 0.8, 0.27  # Bars of a window, their distance, and the beams between rows of windows
 _SURROUND_M = 6.0
 _DARK_M = 0.45  # Distance from a wall at which the ground is as light as elsewhere; half of it from what is low
-_ABOVE_GROUND_M = 0.003
 
 
 def foliage(bounds: Bounds, share: float, patch_m: float, height_m: float, rng: np.random.Generator) -> TexturedMesh:
@@ -106,7 +105,7 @@ def ground_contact(footprints: Sequence[Footprint], ground_m: Sequence[float]) -
     vertices = np.empty((*x.shape, 3))
     vertices[..., 0] = centre[:, 0, None, None] + cosine[:, None, None] * x - sine[:, None, None] * y
     vertices[..., 1] = centre[:, 1, None, None] + sine[:, None, None] * x + cosine[:, None, None] * y
-    vertices[..., 2] = np.asarray(ground_m)[:, None, None] + _ABOVE_GROUND_M
+    vertices[..., 2] = np.asarray(ground_m)[:, None, None] + CONTACT_OF_THINGS_M
     steps = np.array([0.0, 0.5, 0.5, 1.0])
     unit = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     corner = (np.arange(3) + 4 * np.arange(3)[:, None]).reshape(-1, 1, 1)
