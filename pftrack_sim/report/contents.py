@@ -314,7 +314,10 @@ def _entry(seed: int, rate_hz: float, frames: TrackerFrames) -> dict[str, Any]:
 
 def _matrix(results: Sequence[Result], trackers: Sequence[str]) -> dict[str, Any]:
     """Wins and differences in mean overlap of each pair of trackers, paired by seed."""
-    found = {name: by_seed([one for one in results if one.label == name], "mean_overlap") for name in trackers}
+    found = {
+        name: by_seed((one.seed, one.number("mean_overlap")) for one in results if one.label == name)
+        for name in trackers
+    }
     seeds = sorted({seed for own in found.values() for seed in own})
     scores = {name: [own.get(seed, math.nan) for seed in seeds] for name, own in found.items()}
     return _pairs(score.compare(scores), trackers)

@@ -17,8 +17,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.kept.files import atomic_write
-from pftrack_sim.benchmark.said.degradation import STAY, Crossing, Degradation, degradation
-from pftrack_sim.benchmark.said.degradation import over_seeds as degradation_over_seeds
+from pftrack_sim.benchmark.said.degradation import STAY, Crossing, Degradation, degradation, mean_degradation
 from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
@@ -196,8 +195,7 @@ def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: An
     for tracker in dict.fromkeys(one.tracker for one in own):
         levels = sorted({one.at.x for one in own})
         means = [
-            degradation_over_seeds([one for one in own if (one.tracker, one.at.x) == (tracker, x)], "overlap")
-            for x in levels
+            mean_degradation([one for one in own if (one.tracker, one.at.x) == (tracker, x)], "overlap") for x in levels
         ]
         style = _style(store, tracker)
         axes.plot(levels, [one.mean for one in means], marker="o", ms=3, label=tracker, **style)

@@ -81,7 +81,7 @@ def range_text(one: score.SeedMean, digits: int = 3, sign: str = "") -> str:
 
 def over_seeds(measure: str, results: Iterable[Result], proportion: bool = False) -> score.SeedMean:
     """Mean of a measure over the seeds of a tracker's results."""
-    values = list(by_seed(results, measure).values())
+    values = list(by_seed((one.seed, one.number(measure)) for one in results).values())
     return score.proportion_over_seeds(values) if proportion else score.mean_over_seeds(values)
 
 

@@ -15,8 +15,8 @@ HIDDEN_ROBOT_GROUP = 4
 Bounds: TypeAlias = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
 CONTACT = "contact"  # Name of the material and the mesh of the darkness under feet
 CONTACT_OF_THINGS = "contact-of-things"  # Name of the mesh of the darkness around what stands on the ground
-CONTACT_OF_THINGS_M, CONTACT_M = 0.006, 0.008
-"""Heights of both above the ground: nothing that is painted on it lies as high, so that neither flickers through."""
+CONTACT_OF_THINGS_HEIGHT_M, CONTACT_HEIGHT_M = 0.006, 0.008
+"""Heights of both above the ground, and above all that is painted on it: at equal heights they would flicker."""
 SKY = "sky"  # Name of the material whose emission is the brightness of the sky's texture
 
 

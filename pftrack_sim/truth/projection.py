@@ -23,7 +23,8 @@ _SWEEP_INSTANTS = 5  # Instants of each point's exposure whose extent is the swe
 _MARGIN_PX = 3  # Pixels around a box that may belong to the person: rounding, and the error of bands
 
 _BORDER_POINTS = 24
-# Pixels along an edge of one in which people are found: all, who is partly hidden, and a target that is little visible.
+# Finer pixels along an edge of a pixel, in which silhouettes are found: everybody's, those partly hidden, and that of a
+# target of which fewer than so many pixels are visible.
 _FINER = (1, 3, 9)
 _LITTLE_PX = 200
 

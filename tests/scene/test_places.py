@@ -14,8 +14,8 @@ from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
 from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.layout import (
-    CONTACT_M,
-    CONTACT_OF_THINGS_M,
+    CONTACT_HEIGHT_M,
+    CONTACT_OF_THINGS_HEIGHT_M,
     HIDDEN_GROUP,
     SCENERY_GROUP,
     Footprint,
@@ -238,8 +238,8 @@ def test_darkness_on_the_ground_lies_above_what_is_painted_on_it(kind: str) -> N
     heights = np.array([1.0 - distance((x, y, 1.0), (0.0, 0.0, -1.0)) for x, y in near])
     ground = heights[heights < 0.02]
     assert ground.size > 100
-    assert ground.max() < CONTACT_OF_THINGS_M - 0.0015
-    assert CONTACT_M > CONTACT_OF_THINGS_M + 0.0015
+    assert ground.max() < CONTACT_OF_THINGS_HEIGHT_M - 0.0015
+    assert CONTACT_HEIGHT_M > CONTACT_OF_THINGS_HEIGHT_M + 0.0015
 
 
 @pytest.mark.parametrize("kind", KINDS)

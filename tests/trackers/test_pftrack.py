@@ -204,7 +204,7 @@ def test_the_size_of_a_blurred_target_is_kept():
     for unsure in (0.0, 0.4, 0.7):
         found = run(images, (140, 90, 40, 60), scale_unsure=unsure, scale_sure=min(2 * unsure, 1.0))
         assert min(one.confidence for one in found[:6]) > 0.9
-        assert max(one.confidence for one in found[6:]) < 0.85
+        assert max(one.confidence for one in found[6:]) < min(one.confidence for one in found[:6]) - 0.1
         width[unsure] = np.array([one.box[2] for one in found])
     change = {unsure: float(np.abs(np.log(widths[6:] / widths[5])).max()) for unsure, widths in width.items()}
     assert change[0.0] > 0.04
@@ -310,10 +310,13 @@ def test_parts_tell_clothes_in_another_order_apart_and_stand_a_change_of_light()
 
     parts = described(BLUE_BEIGE)
     np.testing.assert_allclose(parts.sum(axis=1), 1.0, rtol=0, atol=1e-5)
-    target = PartColours(parts, usual=1.0)
-    assert target.likeness(parts) == pytest.approx(1.0, abs=1e-5)
-    assert target.likeness(described((BLUE_BEIGE * 0.9).astype(np.uint8))) > 0.8
-    assert target.likeness(described(BEIGE_BLUE)) < 0.6
+    target = PartColours(parts)
+    own = target.likeness(parts)
+    assert target.likeness(described((BLUE_BEIGE * 0.9).astype(np.uint8))) > 0.8 * own
+    assert target.likeness(described(BEIGE_BLUE)) < 0.6 * own
+    for _ in range(200):
+        target.learn(parts, target.likeness(parts), 1.0)
+    assert target.likeness(parts) == pytest.approx(1.0, abs=0.02), "a share of what is usual"
 
 
 def test_a_person_in_other_clothes_is_not_taken_for_the_target():

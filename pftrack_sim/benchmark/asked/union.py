@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.from_names import code_of, seeds_text
 from pftrack_sim.benchmark.asked.plan import Condition, Plan, ScenarioSpec, Sweep, make_checked_plan
 
-MOST_LINES = 8
+_MOST_LINES = 8
 
 
 def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
@@ -56,8 +57,13 @@ def contradictions(asked: Plan, stored: Plan) -> list[str]:
         for name in mine[kind].keys() ^ theirs[kind].keys():
             mine[kind].pop(name, None)
             theirs[kind].pop(name, None)
-    lines = list(keys.differences(mine, theirs))
-    return lines[:MOST_LINES] + ([f"and {len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else [])
+    return list(keys.differences(mine, theirs))
+
+
+def listed(lines: Sequence[str]) -> str:
+    """The first lines, indented, and how many more there are."""
+    more = [f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else []
+    return "\n".join(f"  {line}" for line in [*lines[:_MOST_LINES], *more])
 
 
 def _determinants(plan: Plan) -> dict[str, dict[str, Any]]:

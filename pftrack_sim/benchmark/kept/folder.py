@@ -24,7 +24,7 @@ from typing import Any, Self
 import duckdb
 
 from pftrack_sim.benchmark.asked.plan import AskedResult, Episode, Plan
-from pftrack_sim.benchmark.asked.union import MOST_LINES, contradictions, united
+from pftrack_sim.benchmark.asked.union import contradictions, listed, united
 from pftrack_sim.benchmark.kept.checksums import RECORD, SUMS, TABLES_OF_RESULTS, Checksums
 from pftrack_sim.benchmark.kept.files import LOCK, lock_folder, remove_parts, write_bytes
 from pftrack_sim.benchmark.kept.record import Record, read_record, session, write_record
@@ -244,14 +244,12 @@ def _wanted(folder: RunFolder, plan: Plan, refresh: bool, running: bool) -> tupl
         raise RunError(f"{path} holds another plan: choose another folder with --out\n  {error}") from None
     edited = _edited(folder) if running else []
     if (edited or folder.kept & (stored.asked.keys() - wanted.asked.keys())) and not refresh:
-        lines = [*contradictions(wanted, stored), *dict.fromkeys(line for _, changed in edited for line in changed)][
-            :MOST_LINES
-        ]
+        lines = [*contradictions(wanted, stored), *dict.fromkeys(line for _, changed in edited for line in changed)]
         coded = any(line.startswith(("trackers.", "run with.")) for line in lines)
         found = "was begun with other code" if coded else "holds another plan"
         raise RunError(
             f"{path} {found}: its results have the same names and other keys; run them again with --refresh, or choose "
-            "another folder with --out\n" + "\n".join(f"  {line}" for line in lines[:MOST_LINES])
+            f"another folder with --out\n{listed(lines)}"
         )
     stale = set[str]() if wanted is stored else _names(stored) - _names(wanted)
     for one, _ in edited:

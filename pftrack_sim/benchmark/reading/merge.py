@@ -9,7 +9,7 @@ from pathlib import Path
 import duckdb
 
 from pftrack_sim.benchmark.asked.plan import AskedResult
-from pftrack_sim.benchmark.asked.union import contradictions, united
+from pftrack_sim.benchmark.asked.union import contradictions, listed, united
 from pftrack_sim.benchmark.kept.folder import names_of_episode, names_of_result
 from pftrack_sim.benchmark.kept.tables import MAX_BYTES, read_metadata
 from pftrack_sim.benchmark.reading.store import RunStore
@@ -55,7 +55,7 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
         except ParameterError as error:
             raise RunError(f"{store.path} holds another plan than {folders[0]}\n  {error}") from None
         if (before.asked.keys() | store.plan.asked.keys()) - plan.asked.keys():
-            lines = "\n".join(f"  {line}" for line in contradictions(store.plan, before))
+            lines = listed(contradictions(store.plan, before))
             raise RunError(f"{store.path} holds another plan than {folders[0]}\n{lines}")
     added = shared = 0
     with RunStore.begin(out, plan) as merged, duckdb.connect() as database:

@@ -118,13 +118,13 @@ class Result:
         return math.nan if value is None else value
 
 
-def by_seed(results: Iterable[Result], measure: str) -> dict[int, float]:
-    """Mean of a measure over the results of each seed that has any: episodes of one seed are no repetitions."""
-    values: dict[int, list[float]] = {}
-    for one in results:
-        if not math.isnan(value := one.number(measure)):
-            values.setdefault(one.seed, []).append(value)
-    return {seed: sum(own) / len(own) for seed, own in values.items()}
+def by_seed(values: Iterable[tuple[int, float]]) -> dict[int, float]:
+    """Mean of the known values of each seed, from seeds and values: episodes of one seed are no repetitions."""
+    known: dict[int, list[float]] = {}
+    for seed, value in values:
+        if not math.isnan(value):
+            known.setdefault(seed, []).append(value)
+    return {seed: sum(own) / len(own) for seed, own in known.items()}
 
 
 def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Result]:

@@ -198,10 +198,10 @@ def _tag_rows(runs: Sequence[RunStore], names: Sequence[str]) -> list[Difference
     found: dict[tuple[str, str], list[FloatArray]] = {}
     for tag, overlaps in one.items():
         by_seed: dict[int, list[tuple[float, float]]] = {}
-        for key in overlaps.keys() & other[tag].keys():
+        for key in sorted(overlaps.keys() & other[tag].keys()):
             by_seed.setdefault(key[2], []).append((overlaps[key], other[tag][key]))
         if by_seed:
-            found["all", tag] = [np.mean(pairs, axis=0) for pairs in by_seed.values()]
+            found["all", tag] = [np.mean(by_seed[seed], axis=0) for seed in sorted(by_seed)]
     return _differences(found)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import LATENCY, Condition, Episode
 from pftrack_sim.benchmark.reading.store import RunStore
-from pftrack_sim.benchmark.reading.summary import Result
+from pftrack_sim.benchmark.reading.summary import Result, by_seed
 from pftrack_sim.scenario.axes import axes_by_name
 
 Measure: TypeAlias = Literal["overlap", "recovered"]
@@ -211,14 +211,9 @@ def _marginal(at: AxisLevel, others: Sequence[str]) -> AxisLevel:
     return replace(at, axis=f"{at.axis} over {names}", label=f"{at.label}, mean over {names}")
 
 
-def over_seeds(found: Iterable[Degradation], measure: Measure) -> score.SeedMean:
+def mean_degradation(found: Iterable[Degradation], measure: Measure) -> score.SeedMean:
     """Mean over the seeds of means over scenarios."""
-    by_seed: dict[int, list[float]] = {}
-    for one in found:
-        value = float(getattr(one, measure))
-        if not math.isnan(value):
-            by_seed.setdefault(one.seed, []).append(value)
-    return score.mean_over_seeds([float(np.mean(values)) for values in by_seed.values()])
+    return score.mean_over_seeds(list(by_seed((one.seed, float(getattr(one, measure))) for one in found).values()))
 
 
 def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]:
@@ -227,7 +222,7 @@ def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]
     rows: list[TableRow] = []
     for at in dict.fromkeys(one.at for one in found):
         own = [[one for one in found if one.at == at and one.tracker == name] for name in trackers]
-        means = [over_seeds(one, measure) for one in own]
+        means = [mean_degradation(one, measure) for one in own]
         if any(one.seeds for one in means):
             rows.append(TableRow(at, dict(zip(trackers, means, strict=True))))
     return rows

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.render.culling import View
-from pftrack_sim.scene.layout import CONTACT, CONTACT_M, CONTACT_OF_THINGS, PEOPLE_GROUP
+from pftrack_sim.scene.layout import CONTACT, CONTACT_HEIGHT_M, CONTACT_OF_THINGS, PEOPLE_GROUP
 
 _OPACITY, _OPACITY_OF_THINGS = 0.65, 0.5
 _RESTING_M, _GONE_M = 0.05, 0.22  # Heights of a foot's middle on the ground, and where it darkens nothing
@@ -51,7 +51,7 @@ class ContactShadows:
             x, y, _ = view.geom_xmat[self.feet[foot]].reshape(3, 3) @ self._forward[foot]
             length = max(float(np.hypot(x, y)), 1e-9)
             turn = np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, length]]) / length @ self._mesh_axes
-            place = np.array([*places[foot, :2], CONTACT_M])
+            place = np.array([*places[foot, :2], CONTACT_HEIGHT_M])
             colour = np.array([0.0, 0.0, 0.0, _OPACITY * opacity[foot]], dtype=np.float32)
             self._draw(scene, self._mesh, place, turn, colour)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.types import FloatArray, IntArray
-from pftrack_sim.scene.layout import CONTACT, CONTACT_OF_THINGS_M, Bounds, Footprint
+from pftrack_sim.scene.layout import CONTACT, CONTACT_OF_THINGS_HEIGHT_M, Bounds, Footprint
 from pftrack_sim.scene.places.materials import texture
 from pftrack_sim.scene.places.meshes import TexturedMesh
 
@@ -105,7 +105,7 @@ def ground_contact(footprints: Sequence[Footprint], ground_m: Sequence[float]) -
     vertices = np.empty((*x.shape, 3))
     vertices[..., 0] = centre[:, 0, None, None] + cosine[:, None, None] * x - sine[:, None, None] * y
     vertices[..., 1] = centre[:, 1, None, None] + sine[:, None, None] * x + cosine[:, None, None] * y
-    vertices[..., 2] = np.asarray(ground_m)[:, None, None] + CONTACT_OF_THINGS_M
+    vertices[..., 2] = np.asarray(ground_m)[:, None, None] + CONTACT_OF_THINGS_HEIGHT_M
     steps = np.array([0.0, 0.5, 0.5, 1.0])
     unit = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     corner = (np.arange(3) + 4 * np.arange(3)[:, None]).reshape(-1, 1, 1)

@@ -17,10 +17,13 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 
 PARTS = ((0.0, 0.17), (0.17, 0.5), (0.5, 0.92))
-"""Spans of the height; shoes are left out, which the ground takes turns with."""
+"""Spans of the height, without the feet: between steps the ground shows beside them."""
 SIDE_PX = 48  # Side of the patch that is described
 BINS = 8  # of each channel of CIE Lab
-_CHROMA = (96, 3)  # First value that has a bin of its own, and the logarithm of the bins' width, of a and b
+_LIGHTNESS_WIDTH = 256 // BINS  # Of a bin, as OpenCV scales lightness
+_CHROMA_FIRST, _CHROMA_WIDTH = 96, 8  # Where the bins of a and b begin (grey is 128), and their width
+FIRST_LIKENESS = 0.85  # Usual likeness before any was seen
+RATE = 0.01  # Least weight of a new frame
 
 _NEIGHBOURS = 0.25 * (np.eye(BINS, k=1) + 2.0 * np.eye(BINS) + np.eye(BINS, k=-1))
 _SMOOTHING = (_NEIGHBOURS / _NEIGHBOURS.sum(axis=0)).astype(np.float32)
@@ -34,8 +37,8 @@ def describe(pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> His
     width, height = (SIDE_PX * float(side) / float(size.max()) for side in size)
     lab = cv2.cvtColor(pyramid.patch(centre, float(size.max()), SIDE_PX), cv2.COLOR_RGB2LAB)
     lightness, *chroma = (one.astype(np.int32) for one in cv2.split(lab))
-    red_green, blue_yellow = (np.clip((one - _CHROMA[0]) >> _CHROMA[1], 0, BINS - 1) for one in chroma)
-    bins = (((lightness >> 5) * BINS) + red_green) * BINS + blue_yellow
+    red_green, blue_yellow = (np.clip((one - _CHROMA_FIRST) // _CHROMA_WIDTH, 0, BINS - 1) for one in chroma)
+    bins = ((lightness // _LIGHTNESS_WIDTH) * BINS + red_green) * BINS + blue_yellow
     half = max(0.25 * width, 2.0)
     left, right = int(0.5 * SIDE_PX - half), math.ceil(0.5 * SIDE_PX + half)
     top = 0.5 * (SIDE_PX - height)
@@ -50,20 +53,19 @@ def describe(pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> His
 
 
 class PartColours:
-    """Running means of the target's histograms and of their likeness to them."""
+    """Running means of the target's histograms, and of the likeness that it usually has with them."""
 
-    def __init__(self, first: Histograms, usual: float) -> None:
+    def __init__(self, first: Histograms) -> None:
         self._means = first.copy()
-        self._usual, self._count = usual, 1
+        self._usual, self._count = FIRST_LIKENESS, 1
 
     def likeness(self, found: Histograms) -> float:
         """Likeness of `(3, BINS^3)` histograms with the target's, as a share of what is usual for the target."""
         return float(np.sqrt(self._means * found).sum(axis=1).mean()) / self._usual
 
-    def learn(self, found: Histograms, trust: float, least_rate: float) -> None:
-        """Learn the target's histograms with weight `trust` in [0, 1]: a mean of the first frames, then a slow one."""
-        likeness = self._usual * self.likeness(found)
+    def learn(self, found: Histograms, likeness: float, trust: float) -> None:
+        """Learn histograms of the target and their likeness with weight `trust` in [0, 1]."""
         self._count += 1
-        rate = max(1.0 / self._count, least_rate) * trust
+        rate = max(1.0 / self._count, RATE) * trust  # a mean of the first frames, then a slow one
         self._means += np.float32(rate) * (found - self._means)
-        self._usual += rate * (likeness - self._usual)
+        self._usual *= 1.0 + rate * (likeness - 1.0)

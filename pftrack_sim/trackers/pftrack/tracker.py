@@ -26,8 +26,6 @@ from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 MIN_SIZE_PX = 4.0
 SLOW, FORGETTING = 0.05, 0.1
 """Weight of a new frame that is sure in the running means of the responses, and the share of it that others have."""
-FIRST_LIKENESS, PART_RATE = 0.85, 0.01
-"""Usual likeness of a target's parts before any was seen, and the least weight of a new frame in their histograms."""
 UNLIKE = 0.7
 """Likeness at which the confidence is 0."""
 SEARCH_SCALES = (0.65, 0.8, 1.0, 1.25, 1.55)
@@ -106,18 +104,18 @@ class PftrackParameters(Parameters):
 
 
 class Match(NamedTuple):
-    """The best position in a window: its score, the correlation response there, and its centre [px]."""
+    """The best position in a window: its score, the correlation response there, its centre [px], and the scale."""
 
     score: float
     peak: float
     centre: FloatArray
+    scale: float
 
 
 class Place(NamedTuple):
-    """A match, its scale, and the colours of its parts with their likeness to the target's."""
+    """A match, and the colours of its parts with their likeness to the target's."""
 
     match: Match
-    scale: float
     parts: Histograms
     likeness: float
 
@@ -160,7 +158,7 @@ class Pftrack(BaseTracker):
         self._usual = None
         self._unsure, self._sure_scale = 0, 1.0
         pyramid = ImagePyramid(image)
-        self._parts = PartColours(describe(pyramid, self._centre, self._size), FIRST_LIKENESS)
+        self._parts = PartColours(describe(pyramid, self._centre, self._size))
         self._camera_shift(image)
         self._learn(pyramid, 1.0)
 
@@ -170,13 +168,13 @@ class Pftrack(BaseTracker):
         pyramid = ImagePyramid(image)
         shift = self._camera_shift(image)
         carried = self._centre + shift
-        place = self._place(pyramid, self._search(pyramid, image, shift), self._scale)
+        place = self._place(pyramid, self._search(pyramid, image, shift))
         usual = self._usual if self._usual is not None else np.array([place.match.score, place.match.peak])
         self._unsure = 0 if place.likeness >= p.sure_likeness else self._unsure + 1
         searches = self._unsure >= p.search_after > 0 and (self._unsure - p.search_after) % SEARCH_INTERVAL == 0
         if searches and (other := self._find(pyramid, image, usual, place.likeness)):
             place, carried, self._velocity = other, other.match.centre, np.zeros(2)
-            self._scale, self._unsure = place.scale, 0
+            self._scale, self._unsure = place.match.scale, 0
         found = place.match
         occluded = place.likeness < p.unsure_likeness
         hold = occluded and found.score < p.occlusion_hold * usual[0]
@@ -190,7 +188,7 @@ class Pftrack(BaseTracker):
             self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
             if trust > 0.0:
                 self._learn(pyramid, peak * trust)
-                self._parts.learn(place.parts, trust, PART_RATE)
+                self._parts.learn(place.parts, place.likeness, trust)
                 self._sure_scale = self._scale
         size = self._scale * self._size
         box = np.concatenate([self._centre - 0.5 * size, size])
@@ -208,19 +206,19 @@ class Pftrack(BaseTracker):
             inside = _inside(place, image)
             if min(math.hypot(*(inside - other)) for other in starts) > apart:
                 starts.append(inside)
-        matches = [self._match(pyramid, image, start) for start in starts]
+        matches = [self._match(pyramid, image, start, self._scale) for start in starts]
         chosen = max(range(len(matches)), key=lambda k: matches[k].score)
         start, best = starts[chosen], matches[chosen]
         # Hann's window weakens a target far from the centre.
         if math.hypot(*(best.centre - start)) > self.params.recentre * side:
-            again = self._match(pyramid, image, best.centre)
+            again = self._match(pyramid, image, best.centre, self._scale)
             best = again if again.score > best.score else best
         return best
 
-    def _match(self, pyramid: ImagePyramid, image: Image, centre: FloatArray) -> Match:
-        """The best position in the window around a centre."""
+    def _match(self, pyramid: ImagePyramid, image: Image, centre: FloatArray, scale: float) -> Match:
+        """The best position of a target of this scale in the window around a centre."""
         p = self.params
-        patch = self._patch(pyramid, centre)
+        patch = self._patch(pyramid, centre, scale)
         peaks = self._filter.respond(self._filter.spectrum(patch, searched=True))
         scores = peaks
         if p.colour_share > 0.0:
@@ -231,19 +229,19 @@ class Pftrack(BaseTracker):
         rows = [float(scores[(row + k) % p.cells, column]) for k in (-1, 0, 1)]
         columns = [float(scores[row, (column + k) % p.cells]) for k in (-1, 0, 1)]
         offset = np.array([column + vertex(*columns), row + vertex(*rows)]) - p.cells // 2
-        at = _inside(centre + offset * (self._scale * self._side / p.cells), image)
-        return Match(float(scores[row, column]), float(peaks[row, column]), at)
+        at = _inside(centre + offset * (scale * self._side / p.cells), image)
+        return Match(float(scores[row, column]), float(peaks[row, column]), at, scale)
 
-    def _place(self, pyramid: ImagePyramid, match: Match, scale: float) -> Place:
-        parts = describe(pyramid, match.centre, scale * self._size)
-        return Place(match, scale, parts, self._parts.likeness(parts))
+    def _place(self, pyramid: ImagePyramid, match: Match) -> Place:
+        parts = describe(pyramid, match.centre, match.scale * self._size)
+        return Place(match, parts, self._parts.likeness(parts))
 
     def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, likeness: float) -> Place | None:
         """The best place in the whole image where the target may be; None where no other is as sure as asked for.
 
         Places are proposed by colour at several sizes, ordered by their parts, and compared by the filter.
         """
-        p, kept = self.params, self._scale
+        p = self.params
         proposed: list[tuple[float, float, FloatArray]] = []
         for scale in (share * self._sure_scale for share in SEARCH_SCALES):
             for centre in self._colour_peaks(image, scale * self._size):
@@ -252,12 +250,11 @@ class Pftrack(BaseTracker):
         proposed.sort(key=lambda one: -one[0])
         least = max(p.found_likeness, 0.0 if likeness < p.unsure_likeness else likeness + p.found_gain)
         best: Place | None = None
-        for _, self._scale, centre in proposed[:COMPARED]:
-            place = self._place(pyramid, self._match(pyramid, image, centre), self._scale)
+        for _, scale, centre in proposed[:COMPARED]:
+            place = self._place(pyramid, self._match(pyramid, image, centre, scale))
             sure = place.likeness >= least and place.match.peak >= p.found_peak * usual[1]
             if sure and (best is None or place.match.score > best.match.score):
                 best = place
-        self._scale = kept
         return best
 
     def _colour_peaks(self, image: Image, size: FloatArray) -> list[FloatArray]:
@@ -288,15 +285,14 @@ class Pftrack(BaseTracker):
     def _learn(self, pyramid: ImagePyramid, trust: float) -> None:
         """Learn at the estimate, at rates in proportion to `trust` in [0, 1]."""
         p = self.params
-        patch = self._patch(pyramid, self._centre)
+        patch = self._patch(pyramid, self._centre, self._scale)
         self._filter.learn(self._filter.spectrum(patch), p.rate * trust)
-        if p.colour_share > 0.0:
-            self._colour.learn(patch, *self._size_in_patch(), p.colour_rate * trust)
+        self._colour.learn(patch, *self._size_in_patch(), p.colour_rate * trust)
         if p.scale_count > 1 and self._frame % p.scale_interval == 0:
             self._scales.learn(pyramid, self._centre, self._scale, p.scale_rate * trust)
 
-    def _patch(self, pyramid: ImagePyramid, centre: FloatArray) -> Image:
-        return pyramid.patch(centre, self._scale * self._side, CELL_PX * self.params.cells)
+    def _patch(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> Image:
+        return pyramid.patch(centre, scale * self._side, CELL_PX * self.params.cells)
 
     def _size_in_patch(self) -> tuple[float, float]:
         """Width and height of the target in a patch [px of the patch]."""
