@@ -100,7 +100,7 @@ def print_run(plan: Plan, store: RunStore) -> None:
     """Print all results of a run: overlaps, axes, following, and each suite's table and claims beside its paper's."""
     from pftrack_sim.benchmark.said.claims import evaluate_claims
     from pftrack_sim.benchmark.said.readings import misread_trackers
-    from pftrack_sim.report.tables import axes, claim_text, following, paper_table
+    from pftrack_sim.report.tables import axes, claim_text, following, paper_tables
 
     results = store.results
     print_warnings(misread_trackers(store))
@@ -108,11 +108,11 @@ def print_run(plan: Plan, store: RunStore) -> None:
     for table in (*axes(store), *following(results, _FOLLOWING)):
         print_table(table)
     for suite in plan.suites:
-        for table in paper_table(suite, results):
+        for table in paper_tables(suite, results):
             print_table(table)
         for claim in evaluate_claims(suite, results):
             parts = [f"  {claim_text(part)}: {part.verdict}" for part in claim.comparisons]
-            print_lines([f"\n{claim.verdict.upper()}: {claim.statement}", *parts])
+            print_lines([f"\n{claim.verdict.upper()} with preset {claim.preset}: {claim.statement}", *parts])
 
 
 def print_comparison(found: RunComparison) -> None:

@@ -22,7 +22,7 @@ from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.contents import contents, scored_contents
 from pftrack_sim.report.html import render
 from pftrack_sim.report.strips import strips
-from pftrack_sim.report.tables import benchmark_table, claim_text, paper_table
+from pftrack_sim.report.tables import benchmark_table, claim_text, paper_tables
 
 _SESSION_KEYS = ("began", "command", "commit", "versions", "python", "platform")
 
@@ -141,8 +141,8 @@ def _words(value: object) -> str:
 def _suite(suite: Suite, results: Sequence[Result]) -> dict[str, Any]:
     """The paper's table beside the results, and the tested claims."""
     claims = [
-        (one.statement, one.verdict, [f"{claim_text(part)}: {part.verdict}" for part in one.comparisons])
+        (one.statement, one.preset, one.verdict, [f"{claim_text(part)}: {part.verdict}" for part in one.comparisons])
         for one in evaluate_claims(suite, results)
     ]
-    tables = list(paper_table(suite, results))
+    tables = list(paper_tables(suite, results))
     return {"title": suite.title, "source": suite.source, "tables": tables, "claims": claims}

@@ -21,7 +21,7 @@ from pftrack_sim.report.tables import (
     following,
     number_text,
     over_seeds,
-    paper_table,
+    paper_tables,
     people,
     place_of,
     range_text,
@@ -120,11 +120,11 @@ def tables(store: RunStore) -> str:
     """Tables of a run: of overlaps, of following, of everybody in view, and of its suites with their claims."""
     results, suites = store.results, store.plan.suites
     places = list(dict.fromkeys(place_of(result) for result in results))
-    wide = len(places) > _MOST_COLUMNS or any(suite.table for suite in suites)
+    wide = len(places) > _MOST_COLUMNS or any(suite.tables for suite in suites)
     found = [*axes(store), *following(results), *people(results)]
     parts = [_overlaps(results, [] if wide else places), *map(_markdown, found)]
     for suite in suites:
-        parts += [_markdown(one) for one in paper_table(suite, results)]
+        parts += [_markdown(one) for one in paper_tables(suite, results)]
         parts += _claims(suite, results)
     return "\n".join(parts)
 
@@ -173,10 +173,10 @@ def _markdown(table: Table) -> str:
 
 def _claims(suite: Suite, results: Sequence[Result]) -> list[str]:
     rows = [
-        [claim.statement, claim.verdict, "; ".join(map(claim_text, claim.comparisons))]
+        [claim.statement, claim.preset, claim.verdict, "; ".join(map(claim_text, claim.comparisons))]
         for claim in evaluate_claims(suite, results)
     ]
-    heads = ["Claim of the paper", "Verdict", "Difference (95 % interval over seeds)"]
+    heads = ["Claim of the paper", "Preset", "Verdict", "Difference (95 % interval over seeds)"]
     return [_table(heads, rows)] if rows else []
 
 

@@ -168,21 +168,18 @@ def people(results: Sequence[Result], heads: Sequence[str] = tuple(score.PEOPLE_
         yield Table("Everybody in view", ["", "tracker"], ["seeds", *heads], found, notes, grouped=True)
 
 
-def paper_table(suite: Suite, results: Sequence[Result]) -> Iterator[Table]:
-    """The table of a suite's paper, each cell beside that of the results; none where the suite has none."""
-    if suite.table is None:
-        return
-    rows: list[list[str]] = []
-    for row in compare_with_paper(suite, results):
-        ours = [*(number_text(one.mean, 1) for one in row.ours[:-1]), range_text(row.ours[-1], 1)]
-        rows.append(
-            [
-                *(row.tracker, str(row.ours[-1].seeds)),
-                *(f"{number_text(one, 1)} / {own}" for one, own in zip(row.printed, ours, strict=True)),
-            ]
-        )
-    heads = [name.rpartition("/")[2] for name in suite.table.columns]
-    yield Table(f"{suite.table.title}: printed / simulated", ["tracker"], ["seeds", *heads, "mean"], rows)
+def paper_tables(suite: Suite, results: Sequence[Result]) -> Iterator[Table]:
+    """The tables of a suite's paper, each cell beside that of the results, with a row for each preset."""
+    for table in suite.tables:
+        digits = 2 if table.is_of_times else 1
+        rows: list[list[str]] = []
+        for row in compare_with_paper(table, results):
+            ours = [*(number_text(one.mean, digits) for one in row.ours[:-1]), range_text(row.ours[-1], digits)]
+            pairs = zip(row.printed, ours, strict=True)
+            cells = [f"{number_text(printed, digits)} / {own}" for printed, own in pairs]
+            rows.append([row.tracker, str(row.ours[-1].seeds), *cells])
+        heads = [name.rpartition("/")[2] for name in table.columns]
+        yield Table(f"{table.title}: printed / simulated", ["tracker"], ["seeds", *heads, "mean"], rows)
 
 
 def claim_text(one: ClaimComparison) -> str:

@@ -6,6 +6,7 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.benchmark.asked.suite import load_suite
+from pftrack_sim.benchmark.said.claims import compare_with_paper
 
 TABLES = {
     "lee2012/01": (3015, "day", 8),
@@ -55,5 +56,15 @@ def test_no_two_are_the_same_recording(seed: int):
 def test_the_suite_runs_each_of_them():
     suite = load_suite("lee2012")
     assert suite.scenarios == tuple(TABLES)
-    assert suite.table is not None
-    assert suite.table.columns == tuple(TABLES)
+    for table in suite.tables:
+        assert table.columns == tuple(TABLES)
+        assert table.weights == tuple(frames for frames, *_ in TABLES.values())
+
+
+def test_averages_are_the_printed_ones():
+    rows = compare_with_paper(load_suite("lee2012").tables[0], [])
+    assert [round(row.printed[-1], 1) for row in rows if row.tracker in load_suite("lee2012").trackers] == [
+        71.1,
+        90.3,
+        92.4,
+    ]

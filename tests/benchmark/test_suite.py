@@ -14,6 +14,9 @@ from pftrack_sim.benchmark.asked.suite import is_suite, load_suite, make_suite, 
 from pftrack_sim.benchmark.said.claims import compare_with_paper, evaluate_claims
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.simulation.world import World
+from pftrack_sim.trackers.registry import told
+
+TABLE = {"title": "T", "columns": ["easy"], "printed": {"good": [1.0]}}
 
 
 def tree(**more: Any) -> dict[str, Any]:
@@ -21,7 +24,7 @@ def tree(**more: Any) -> dict[str, Any]:
         "title": "A test",
         "trackers": ["good", "bad", "same"],
         "run": [{"scenarios": ["easy", "hard"]}],
-        "table": {"title": "Table 1", "columns": ["easy", "hard"], "printed": {"good": [90.0, 70.0]}},
+        "tables": [{"title": "Table 1", "columns": ["easy", "hard"], "printed": {"good": [90.0, 70.0]}}],
         "claims": [
             {"kind": "beats", "statement": "good beats bad", "tracker": "good", "others": ["bad"]},
             {"kind": "beats", "statement": "good beats both", "tracker": "good", "others": ["bad", "same"]},
@@ -59,6 +62,7 @@ def results(**identity: Any) -> list[Result]:
                 "mean_overlap": level[tracker] - 0.2 * (name == "hard") + 0.02 * draws.normal(),
                 "success": math.nan,
                 "stay": 0.2,
+                "ms_median": 2.0 if tracker == "bad" else 4.0 if name == "hard" else 3.0,
                 "fixed_size": 0.8,
                 "follow_success": 1.0,
             },
@@ -88,12 +92,55 @@ def test_no_verdict_below_ten_seeds_and_all_parts_of_all_claims_are_corrected_to
     assert first.comparisons[0].difference.p > alone.comparisons[0].difference.p
 
 
-@pytest.mark.parametrize(
-    "identity", [{"preset": "paper"}, {"controller": "servo-avoid"}, {"latency_ms": 13.0, "controller": "servo"}]
-)
-def test_claims_name_trackers_whatever_their_preset_latency_and_controller(identity: dict[str, Any]):
+@pytest.mark.parametrize("identity", [{"controller": "servo-avoid"}, {"latency_ms": 13.0, "controller": "servo"}])
+def test_claims_name_trackers_whatever_their_latency_and_controller(identity: dict[str, Any]):
     suite = make_suite("t", tree())
     assert evaluate_claims(suite, results(**identity)) == evaluate_claims(suite, results())
+
+
+def test_each_preset_has_its_own_verdicts_and_rows():
+    """The preset `paper` has the scores of `bad` in place of those of `good`, and its times."""
+    swapped = {"good": "bad", "bad": "good", "same": "same"}
+    paper = [
+        Result(
+            TrackerSpec(name=swapped[one.tracker.name], preset="paper"),
+            *(one.scenario, one.condition, one.seed, one.values),
+        )
+        for one in results()
+    ]
+    suite = make_suite("t", tree(claims=tree()["claims"][:1]))
+    found = {one.preset: one for one in evaluate_claims(suite, [*paper, *results()])}
+    assert {preset: one.verdict for preset, one in found.items()} == {"paper": "fails", "default": "holds"}
+    first, second, *_ = compare_with_paper(suite.tables[0], [*paper, *results()])
+    assert (first.tracker, second.tracker) == ("good[preset=paper]", "good")
+    assert first.printed == second.printed
+    assert abs(first.ours[-1].mean - 50.0) < 2.0
+    assert abs(second.ours[-1].mean - 80.0) < 2.0
+
+
+def test_columns_may_have_weights():
+    table = {**tree()["tables"][0], "weights": [3000, 1000]}
+    row, *_ = compare_with_paper(make_suite("t", tree(tables=[table])).tables[0], results())
+    assert row.printed == (90.0, 70.0, 85.0)
+    assert abs(row.ours[-1].mean - 85.0) < 2.0
+
+
+def test_times_are_shown_over_those_of_the_first_row_and_one_number_is_the_mean():
+    printed = {"bad": [10.0, 8.0], "good": [5.0, 6.0], "same": [3.0]}
+    table = {"title": "Times", "columns": ["easy", "hard"], "measure": "frames_per_second", "printed": printed}
+    rows = compare_with_paper(make_suite("t", tree(tables=[table])).tables[0], results())
+    assert [one.tracker for one in rows] == list(printed)
+    assert rows[1].printed == pytest.approx((0.5, 0.75, 11 / 18))
+    assert rows[2].printed == pytest.approx((math.nan, math.nan, 1 / 3), nan_ok=True)
+    # 2 ms against 3 and 4 ms: 500, 333 and 250 frames per second.
+    assert [one.mean for one in rows[1].ours] == pytest.approx([2 / 3, 1 / 2, 7 / 12])
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.58, "holds"), (0.59, "fails")])
+def test_a_claim_on_speed_compares_frames_per_second(share: float, verdict: str):
+    claim = {"kind": "keeps_pace", "statement": "x", "tracker": "good", "others": ["bad"], "share": share}
+    (found,) = evaluate_claims(make_suite("t", tree(claims=[claim])), results())
+    assert found.verdict == verdict
 
 
 def test_other_parameters_are_another_tracker():
@@ -145,7 +192,7 @@ def test_a_claim_without_results_needs_some():
 
 
 def test_results_are_in_the_unit_of_the_papers_table():
-    row, stay, fixed_size = compare_with_paper(make_suite("t", tree()), results())
+    row, stay, fixed_size = compare_with_paper(make_suite("t", tree()).tables[0], results())
     assert row.printed == (90.0, 70.0, 80.0)
     assert np.abs(np.array([one.mean for one in row.ours]) - row.printed).max() < 2.0
     assert all(one.low < one.mean < one.high for one in row.ours)
@@ -159,9 +206,10 @@ def test_results_are_in_the_unit_of_the_papers_table():
     [
         ({"trakers": []}, "did you mean 'trackers'"),
         ({"run": []}, "run"),
-        ({"table": {"title": "T", "columns": ["easy"], "printed": {"good": [1.0, 2.0]}}}, "must have 1 numbers, got 2"),
-        ({"table": {"title": "T", "columns": ["other"], "printed": {}}}, r"no \[\[run\]\] has: other"),
-        ({"table": {"title": "T", "columns": ["easy"], "printed": {"best": [1.0]}}}, "`trackers` lacks: best"),
+        ({"tables": [{**TABLE, "printed": {"good": [1.0, 2.0]}}]}, "must have 1 numbers, got 2"),
+        ({"tables": [{**TABLE, "weights": [1.0, 2.0]}]}, "weights must have 1 numbers, got 2"),
+        ({"tables": [{**TABLE, "columns": ["other"]}]}, r"no \[\[run\]\] has: other"),
+        ({"tables": [{**TABLE, "printed": {"best": [1.0]}}]}, "`trackers` lacks: best"),
         ({"claims": [{"kind": "beat", "statement": "x"}]}, "did you mean 'beats'"),
     ],
 )
@@ -192,6 +240,8 @@ def test_unknown_and_unreadable_suites(tmp_path: Path):
 def test_every_shipped_suite_names_what_exists(name: str):
     suite = load_suite(name)
     assert set(suite.trackers) <= set(trackers.names())
+    # A tracker that is told where people are stands beside the others, in no verdict.
+    assert not [name for claim in suite.claims for name in claim.compared if told(name)]
     assert parse_seeds(suite.seeds)
     for episode in plan_all([name], seeds=[0], closed_loop=bool(suite.controllers)).episodes():
         assert episode.scenario.resolve(0).frame_count > 1
@@ -200,7 +250,7 @@ def test_every_shipped_suite_names_what_exists(name: str):
 def test_the_plan_of_a_suite_contains_it(tmp_path: Path):
     path = tmp_path / "t.toml"
     path.write_text(
-        'title = "T"\nseeds = "5:7"\npreset = "paper"\ntrackers = ["ko2012", "stay"]\n'
+        'title = "T"\nseeds = "5:7"\npresets = ["paper", "default"]\ntrackers = ["ko2012", "stay"]\n'
         '[[run]]\nscenarios = ["corridor"]\naxes.jitter = [0.0, 1.0]\n'
         '[[run]]\nscenarios = ["plaza-walk"]\nchanges.duration_s = 2.0\n'
     )
@@ -214,7 +264,8 @@ def test_the_plan_of_a_suite_contains_it(tmp_path: Path):
         ("plaza-walk", "base", 5),
         ("plaza-walk", "base", 6),
     ]
-    assert plan.labels == ("ko2012[preset=paper]", "stay[preset=paper]")
+    assert plan.labels == ("ko2012[preset=paper]", "ko2012", "stay[preset=paper]", "stay")
+    assert plan_all([str(path)], preset="paper").labels == ("ko2012[preset=paper]", "stay[preset=paper]")
     assert plan.suites == (suite,)
     other = plan_all([str(path)], trackers=["stay"], seeds=[1], overrides={"duration_s": 1.0}, preset="default")
     assert (other.labels, other.episode_count) == (("stay",), 3)

@@ -25,7 +25,7 @@ trackers = ["oracle", "stay"]
 [[run]]
 scenarios = ["corridor"]
 changes = { duration_s = 0.3, "camera.width_px" = 64, "camera.height_px" = 48, "lights.shadows" = false }
-[table]
+[[tables]]
 title = "Table 1"
 columns = ["corridor"]
 printed = { oracle = [99.0], stay = [11.0] }
@@ -92,8 +92,8 @@ def test_documents_and_the_page_have_a_suite_s_table_and_its_claims(tmp_path: Pa
     page = write_report(tmp_path / "run").read_text()
     assert '<tr><th scope="row">oracle</th><td>2</td><td>99.0 / 100.0</td>' in page
     assert (
-        '<td>Truth | beats a constant box.</td><td class="verdict-needs">needs 10 seeds</td><td>oracle - stay +0.'
-        in page
+        '<td>Truth | beats a constant box.</td><td>default</td><td class="verdict-needs">needs 10 seeds</td>'
+        "<td>oracle - stay +0." in page
     )
 
 

@@ -204,7 +204,7 @@ def plan_all(
         seeds: None: a suite's own; for scenarios `SEEDS`.
         axes: As in `make_plan`; they are added to those of a suite, and replace its levels of the same axis.
         overrides: As in `make_plan`; they are added to those of a suite.
-        preset: Preset of every tracker; None: a suite's own; for scenarios `"default"`.
+        preset: Preset of every tracker given by its name alone; None: a suite's own; for scenarios `"default"`.
         truth: True box that estimates are compared with: `"box"`, `"amodal_box"` or `"visible_box"`.
         controllers: Controllers of all episodes.
         latency_ms: As in `make_plan`.
@@ -233,11 +233,11 @@ def plan_all(
     plans = [
         make_plan(
             block.scenarios,
-            trackers if trackers is not None else suite.trackers,
+            trackers if trackers is not None else _with_presets(suite, preset),
             seeds if seeds is not None else parse_seeds(suite.seeds),
             axes={**block.axes, **(axes or {})},
             overrides={**block.changes, **(overrides or {})},
-            preset=preset or suite.preset,
+            preset=preset or "default",
             controllers=controllers or suite.controllers or fallback,
             latency_ms=latency_ms,
             variant=block.variant,
@@ -247,6 +247,12 @@ def plan_all(
     ]
     named = tuple(suite for suite in suites if suite.name)
     return join_plans(plans, suites=named, truth=cast("ScoredBox", truth))
+
+
+def _with_presets(suite: Suite, preset: str | None) -> list[TrackerSpec]:
+    """A suite's trackers, each with every preset of the suite, or with the given one alone."""
+    presets = suite.presets if preset is None else (preset,)
+    return [TrackerSpec(name=name, preset=one) for name in suite.trackers for one in presets]
 
 
 def parse_seeds(text: str) -> list[int]:

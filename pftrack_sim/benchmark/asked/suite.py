@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -21,6 +21,9 @@ from pftrack_sim.scenario.validation import problems
 
 Measure: TypeAlias = Literal["mean_overlap", "success", "follow_success", "follow_tracking_rate", "follow_within"]
 """A score in [0, 1] of every episode: see `score.Measures`, and `score.following.Following` for closed loop."""
+
+Time: TypeAlias = Literal["ms_per_frame", "frames_per_second"]
+"""From the median time of a tracker's update."""
 
 Names: TypeAlias = Annotated[tuple[str, ...], Field(min_length=1)]
 
@@ -40,17 +43,29 @@ class PaperTable(Section):
     """A table of a paper."""
 
     title: str = Field(description="Which table, and what its numbers are.")
-    measure: Measure = Field(default="mean_overlap", description="The measure compared with it.")
-    scale: Positive = Field(default=100.0, description="Value of 1 in the table: 100 for per cent.")
+    measure: Measure | Time = Field(default="mean_overlap", description="The measure compared with it.")
+    scale: Positive = Field(default=100.0, description="Value of 1 in the table: 100 for per cent; not for times.")
     columns: Names = Field(description="Scenarios, in the table's order.")
-    printed: dict[str, tuple[float, ...]] = Field(description="The row of each tracker.")
+    weights: tuple[Positive, ...] = Field(
+        default=(), description="Weight of each column in the mean, its number of frames for instance; none: equal."
+    )
+    printed: Annotated[dict[str, tuple[float, ...]], Field(min_length=1)] = Field(
+        description="The row of each tracker; a number alone is the mean. Times are shown over those of the first row."
+    )
 
     @model_validator(mode="after")
     def _rows_are_full(self) -> PaperTable:
-        for tracker, row in self.printed.items():
-            if len(row) != len(self.columns):
-                raise ValueError(f"printed.{tracker} must have {len(self.columns)} numbers, got {len(row)}")
+        count = len(self.columns)
+        for name, row in {"weights": self.weights or self.columns, **self.printed}.items():
+            if len(row) != count and (len(row) != 1 or name == "weights"):
+                what = name if name == "weights" else f"printed.{name}"
+                raise ValueError(f"{what} must have {count} numbers, got {len(row)}")
         return self
+
+    @property
+    def is_of_times(self) -> bool:
+        """Whether its numbers depend on the machine, so that they are shown over those of the first row."""
+        return self.measure in get_args(Time)
 
 
 class _Claim(Section):
@@ -61,6 +76,12 @@ class _Claim(Section):
 class _ClaimOfTracker(_Claim):
     tracker: str = Field(description="The tracker.")
     scenarios: tuple[str, ...] = Field(default=(), description="Scenarios; empty: all of the suite.")
+    others: tuple[str, ...] = ()
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """Trackers on which the verdict depends."""
+        return self.tracker, *self.others
 
 
 class Beats(_ClaimOfTracker):
@@ -78,6 +99,11 @@ class Harder(_Claim):
     easier: Names = Field(description="... than these.")
     trackers: Names = Field(description="For each of these trackers.")
 
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """Trackers on which the verdict depends."""
+        return self.trackers
+
 
 class Reaches(_ClaimOfTracker):
     """A tracker reaches a value."""
@@ -86,7 +112,15 @@ class Reaches(_ClaimOfTracker):
     value: Share = Field(description="Value that its mean over seeds reaches.")
 
 
-Claim: TypeAlias = Annotated[Beats | Harder | Reaches, Field(discriminator="kind")]
+class KeepsPace(_ClaimOfTracker):
+    """A tracker processes nearly as many frames per second as each of several others."""
+
+    kind: Literal["keeps_pace"]
+    others: Names = Field(description="The trackers it is compared with, one by one.")
+    share: Positive = Field(description="Share of their frames per second that it reaches.")
+
+
+Claim: TypeAlias = Annotated[Beats | Harder | Reaches | KeepsPace, Field(discriminator="kind")]
 
 
 class Suite(Section):
@@ -101,12 +135,14 @@ class Suite(Section):
     source: str = Field(default="", description="The paper, and what of it is followed.")
     seeds: str = Field(default="0:5", description="Seeds as on the command line.")
     trackers: Names = Field(description="Trackers by name.")
-    preset: Literal["default", "paper"] = "default"
+    presets: Annotated[tuple[Literal["default", "paper"], ...], Field(min_length=1)] = Field(
+        default=("default",), description="Presets that each tracker is run with."
+    )
     controllers: tuple[str, ...] = Field(
         default=(), description="Controllers that drive the robot with the trackers' estimates; none: open loop."
     )
     run: Annotated[tuple[Block, ...], Field(min_length=1)] = Field(description="What is run, block by block.")
-    table: PaperTable | None = Field(default=None, description="The paper's table.")
+    tables: tuple[PaperTable, ...] = Field(default=(), description="The paper's tables.")
     claims: tuple[Claim, ...] = Field(default=(), description="Claims of the paper.")
 
     @property
@@ -117,26 +153,24 @@ class Suite(Section):
     def open_loop(self) -> Suite:
         """The same in open loop, without tables and claims about following."""
         claims = tuple(one for one in self.claims if not one.measure.startswith("follow_"))
-        table = None if self.table is not None and self.table.measure.startswith("follow_") else self.table
-        return self.model_copy(update={"controllers": (), "claims": claims, "table": table})
+        tables = tuple(one for one in self.tables if not one.measure.startswith("follow_"))
+        return self.model_copy(update={"controllers": (), "claims": claims, "tables": tables})
 
     @model_validator(mode="after")
     def _names_agree(self) -> Suite:
-        known = set(self.scenarios)
-        mentioned = [*(self.table.columns if self.table else ())]
+        places = [name for table in self.tables for name in table.columns]
+        named = [name for table in self.tables for name in table.printed]
         for claim in self.claims:
-            mentioned += [*claim.harder, *claim.easier] if isinstance(claim, Harder) else claim.scenarios
-        unknown = [name for name in dict.fromkeys(mentioned) if name not in known]
+            places += [*claim.harder, *claim.easier] if isinstance(claim, Harder) else claim.scenarios
+            named += claim.compared
+        known = set(self.scenarios)
+        unknown = [name for name in dict.fromkeys(places) if name not in known]
         if unknown:
             raise ValueError(f"scenarios of a table or claim that no [[run]] has: {', '.join(unknown)}")
-        named = [*(self.table.printed if self.table else ())]
-        for claim in self.claims:
-            named += claim.trackers if isinstance(claim, Harder) else (claim.tracker,)
-            named += claim.others if isinstance(claim, Beats) else ()
-        missing = [name for name in dict.fromkeys(named) if name not in self.trackers]
-        measures = [claim.measure for claim in self.claims] + ([self.table.measure] if self.table else [])
+        measures = [one.measure for one in (*self.claims, *self.tables)]
         if not self.controllers and any(measure.startswith("follow_") for measure in measures):
             raise ValueError("measures of following need `controllers`")
+        missing = [name for name in dict.fromkeys(named) if name not in self.trackers]
         if missing:
             raise ValueError(f"trackers of a table or claim that `trackers` lacks: {', '.join(missing)}")
         return self

@@ -1,4 +1,4 @@
-"""Test the claims of a suite on the results of a run: each holds, fails, or is undecided.
+"""Test the claims of a suite on the results of a run: each holds, fails, or is undecided, with each preset by itself.
 
 The unit of repetition is the seed: a tracker's score at a seed is its mean over the claim's scenarios, and comparisons
 are paired by seed. All comparisons of a suite are corrected together: where none of its differences exists, at most
@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark.asked.suite import Beats, Claim, Harder, Reaches, Suite
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.suite import Beats, Claim, Harder, KeepsPace, PaperTable, Reaches, Suite
 from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.score import SeedMean
 
@@ -39,9 +40,10 @@ class ClaimComparison:
 
 @dataclass(frozen=True)
 class ClaimResult:
-    """A claim after the test."""
+    """A claim after the test on the trackers with one preset."""
 
     statement: str
+    preset: str
     comparisons: tuple[ClaimComparison, ...]
 
     @property
@@ -54,41 +56,53 @@ class ClaimResult:
 
 
 def evaluate_claims(suite: Suite, results: Iterable[Result]) -> list[ClaimResult]:
-    """Test every claim of a suite on results; those of several axis levels are averaged."""
+    """Test every claim of a suite on results, with every preset that they have; several axis levels are averaged."""
     means = _SeedMeans(results)
-    tested = [_differences(suite, claim, means) for claim in suite.claims]
+    asked = [(claim, preset) for claim in suite.claims for preset in means.presets]
+    tested = [_differences(suite, claim, preset, means) for claim, preset in asked]
     corrected = iter(score.corrected([difference for one in tested for difference in one.values()]))
     return [
-        ClaimResult(claim.statement, tuple(ClaimComparison(name, next(corrected)) for name in one))
-        for claim, one in zip(suite.claims, tested, strict=True)
+        ClaimResult(claim.statement, preset, tuple(ClaimComparison(name, next(corrected)) for name in one))
+        for (claim, preset), one in zip(asked, tested, strict=True)
     ]
 
 
-def _differences(suite: Suite, claim: Claim, means: _SeedMeans) -> dict[str, SeedMean]:
+def _differences(suite: Suite, claim: Claim, preset: str, means: _SeedMeans) -> dict[str, SeedMean]:
+    def scores(tracker: str, scenarios: Sequence[str], measure: str = claim.measure) -> dict[int, float]:
+        return means.by_seed((tracker, preset), scenarios or suite.scenarios, measure)
+
     match claim:
         case Beats():
-            where = claim.scenarios or suite.scenarios
-            own = means.by_seed(claim.tracker, where, claim.measure)
+            own = scores(claim.tracker, claim.scenarios)
             return {
-                f"{claim.tracker} - {other}": _paired(own, means.by_seed(other, where, claim.measure))
-                for other in claim.others
+                f"{claim.tracker} - {other}": _paired(own, scores(other, claim.scenarios)) for other in claim.others
             }
         case Harder():
             return {
-                f"{tracker}: easier - harder": _paired(
-                    means.by_seed(tracker, claim.easier, claim.measure),
-                    means.by_seed(tracker, claim.harder, claim.measure),
-                )
+                f"{tracker}: easier - harder": _paired(scores(tracker, claim.easier), scores(tracker, claim.harder))
                 for tracker in claim.trackers
             }
         case Reaches():
-            own = means.by_seed(claim.tracker, claim.scenarios or suite.scenarios, claim.measure)
+            own = scores(claim.tracker, claim.scenarios)
             return {f"{claim.tracker} - {claim.value:g}": _reached(list(own.values()), claim.value)}
+        case KeepsPace():
+            own = scores(claim.tracker, claim.scenarios, "frames_per_second")
+            return {
+                f"{claim.tracker} / {other} - {claim.share:g}": score.mean_over_seeds(
+                    np.array(list(_ratios(own, scores(other, claim.scenarios, "frames_per_second")).values()))
+                    - claim.share
+                )
+                for other in claim.others
+            }
 
 
 def _paired(first: Mapping[int, float], second: Mapping[int, float]) -> SeedMean:
     seeds = sorted(first.keys() & second.keys())
     return score.paired_difference([first[seed] for seed in seeds], [second[seed] for seed in seeds])
+
+
+def _ratios(first: Mapping[int, float], second: Mapping[int, float]) -> dict[int, float]:
+    return {seed: first[seed] / second[seed] for seed in sorted(first.keys() & second.keys())}
 
 
 def _reached(values: Sequence[float], value: float) -> SeedMean:
@@ -98,29 +112,36 @@ def _reached(values: Sequence[float], value: float) -> SeedMean:
 
 
 class _SeedMeans:
-    """Scores by tracker, scenario and seed."""
+    """Scores by tracker with its preset, scenario and seed."""
 
     def __init__(self, results: Iterable[Result]) -> None:
-        self._results: dict[tuple[str, str, int], list[Result]] = {}
+        self._results: dict[tuple[str, str, str, int], list[Result]] = {}
         for result in results:
-            # Suites name trackers without parameters; preset, latency and controller do not distinguish them.
+            # Suites name trackers without parameters; latency and controller do not distinguish them.
             if not result.tracker.params:
-                key = (result.tracker.name, result.scenario, result.seed)
+                key = (result.tracker.name, result.tracker.preset, result.scenario, result.seed)
                 self._results.setdefault(key, []).append(result)
+        self.presets = tuple(dict.fromkeys(preset for _, preset, _, _ in self._results)) or ("default",)
 
-    def by_seed(self, tracker: str, scenarios: Sequence[str], measure: str) -> dict[int, float]:
-        """A tracker's mean over the scenarios for each seed that has them all."""
-        seeds = sorted({seed for name, _, seed in self._results if name == tracker})
+    def by_seed(
+        self, tracker: tuple[str, str], scenarios: Sequence[str], measure: str, weights: Sequence[float] = ()
+    ) -> dict[int, float]:
+        """Mean over the scenarios of a tracker, its name and preset, for each seed that has them all."""
+        seeds = sorted({seed for *own, _, seed in self._results if tuple(own) == tracker})
         means: dict[int, float] = {}
         for seed in seeds:
-            values = [self._mean(self._results.get((tracker, scenario, seed), []), measure) for scenario in scenarios]
+            values = [self._mean(self._results.get((*tracker, name, seed), []), measure) for name in scenarios]
             if all(math.isfinite(value) for value in values):
-                means[seed] = float(np.mean(values))
+                means[seed] = float(np.average(values, weights=weights or None))
         return means
 
     @staticmethod
     def _mean(results: Sequence[Result], measure: str) -> float:
-        return float(np.mean([result.number(measure) for result in results])) if results else math.nan
+        if not results:
+            return math.nan
+        is_time = measure in ("ms_per_frame", "frames_per_second")
+        mean = float(np.mean([result.number("ms_median" if is_time else measure) for result in results]))
+        return 1000.0 / mean if measure == "frames_per_second" else mean
 
 
 @dataclass(frozen=True)
@@ -128,8 +149,8 @@ class PaperTableRow:
     """One tracker's row of a paper's table with the results of a run.
 
     Attributes:
-        tracker: Name.
-        printed: `(C + 1,)` the paper's numbers and their mean.
+        tracker: Label: its name, with its preset where that is not `default`.
+        printed: `(C + 1,)` the paper's numbers and their mean; times over those of the first row.
         ours: `(C + 1,)` the same of the run, in the table's unit.
     """
 
@@ -138,21 +159,44 @@ class PaperTableRow:
     ours: tuple[SeedMean, ...]
 
 
-def compare_with_paper(suite: Suite, results: Iterable[Result]) -> list[PaperTableRow]:
-    """The paper's table beside the results, row by row, then `REFERENCES`; empty for a suite without a table."""
-    if suite.table is None:
-        return []
-    means, measure, scale = _SeedMeans(results), suite.table.measure, suite.table.scale
-    columns = [*((name,) for name in suite.table.columns), suite.table.columns]
-
-    def row(name: str, tracker: str, printed: tuple[float, ...], measure: str) -> PaperTableRow:
-        by_column = [means.by_seed(tracker, names, measure).values() for names in columns]
-        ours = tuple(score.mean_over_seeds([scale * value for value in values]) for values in by_column)
-        return PaperTableRow(name, (*printed, sum(printed) / len(printed)), ours)
-
-    rows = [row(tracker, tracker, printed, measure) for tracker, printed in suite.table.printed.items()]
-    if rows and measure in ("mean_overlap", "success"):
+def compare_with_paper(table: PaperTable, results: Iterable[Result]) -> list[PaperTableRow]:
+    """A paper's table beside the results: a row for each tracker and preset, then `REFERENCES` of overlaps."""
+    means = _SeedMeans(results)
+    first, *_ = table.printed
+    rows: list[PaperTableRow] = []
+    for name, numbers in table.printed.items():
+        for preset in means.presets:
+            by_column = _columns(table, means, (name, preset), table.measure)
+            printed = _printed(table, numbers)
+            if table.is_of_times:
+                base = _columns(table, means, (first, preset), table.measure)
+                by_column = [_ratios(own, other) for own, other in zip(by_column, base, strict=True)]
+                printed = [
+                    one / other for one, other in zip(printed, _printed(table, table.printed[first]), strict=True)
+                ]
+            label = TrackerSpec(name=name, preset=preset).label
+            rows.append(_row(label, printed, by_column, 1.0 if table.is_of_times else table.scale))
+    if rows and table.measure in ("mean_overlap", "success"):
         # They depend on the frames only, which all trackers share in open loop.
-        unknown = (math.nan,) * len(suite.table.columns)
-        rows += [row(name, rows[0].tracker, unknown, name) for name in REFERENCES]
+        unknown = [math.nan] * (len(table.columns) + 1)
+        shared = (first, means.presets[0])
+        rows += [_row(name, unknown, _columns(table, means, shared, name), table.scale) for name in REFERENCES]
     return rows
+
+
+def _columns(table: PaperTable, means: _SeedMeans, tracker: tuple[str, str], measure: str) -> list[Mapping[int, float]]:
+    """Scores by seed in each column, and their mean over all."""
+    alone = [means.by_seed(tracker, (name,), measure) for name in table.columns]
+    return [*alone, means.by_seed(tracker, table.columns, measure, table.weights)]
+
+
+def _printed(table: PaperTable, numbers: Sequence[float]) -> list[float]:
+    """The printed numbers of the columns and their mean; a number alone is the mean."""
+    if len(numbers) < len(table.columns):
+        return [*[math.nan] * len(table.columns), *numbers]
+    return [*numbers, float(np.average(numbers, weights=table.weights or None))]
+
+
+def _row(label: str, printed: Sequence[float], by_column: Sequence[Mapping[int, float]], scale: float) -> PaperTableRow:
+    ours = tuple(score.mean_over_seeds([scale * value for value in values.values()]) for values in by_column)
+    return PaperTableRow(label, tuple(printed), ours)
