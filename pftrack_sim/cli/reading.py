@@ -131,6 +131,7 @@ def report(
             "against the time per frame (.svg, .png)."
         ),
     ] = None,
+    columns: Annotated[int, typer.Option(min=1, max=2, help="Width of --figure in columns of a paper.")] = 1,
 ) -> None:
     """Write report.html, a page with all results of a run."""
     from pftrack_sim.benchmark import RunStore
@@ -138,7 +139,7 @@ def report(
     from pftrack_sim.report import write_figure
 
     if figure is not None:
-        tables.print_folder(write_figure(run, figure))
+        tables.print_folder(write_figure(run, figure, columns))
         return
     write_page(run)
     tables.print_losses(loss_shares(RunStore(run)))

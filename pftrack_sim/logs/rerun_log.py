@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg, topics_of
 
 _TRUTH_COLOUR = (0, 200, 0)
-_COLOURS = ((230, 25, 75), (0, 130, 200), (245, 130, 48), (145, 30, 180), (0, 160, 160), (210, 160, 0))
 _ARROW_M = 0.5
 
 
@@ -58,7 +58,7 @@ class _Log:
         rr = self._library = library
         self._stream = stream
         self._trackers = topics_of(info.trackers, prefix="")
-        self._colours = {label: _COLOURS[place % len(_COLOURS)] for place, label in enumerate(info.trackers)}
+        self._colours = {label: style.colour for label, style in styles_of(info.trackers).items()}
         self._paths: dict[str, list[list[float]]] = {"robot": [], "target": []}
         stream.send_recording_name(info.name)
         stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

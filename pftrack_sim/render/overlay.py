@@ -1,7 +1,7 @@
 """Ground truth and estimates drawn over a frame.
 
-Truth is white: dashed for the amodal box, solid for the visible box. Each tracker has its colour of the run; its box is
-dashed while it reports the target as occluded.
+Truth is white: dashed for the amodal box, solid for the visible box. Each tracker has its colour and marker of the run;
+its box is dashed while it reports the target as occluded, and that of `stay` always.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
-from pftrack_sim.core.palette import Colour, colours_of
+from pftrack_sim.core.palette import STAY, Colour, Style, styles_of
 from pftrack_sim.core.records import Estimate, Frame, Image, Truth
 from pftrack_sim.core.types import FloatArray
 
@@ -27,12 +27,23 @@ _PANEL_OPACITY = 0.62
 _MAX_PARTICLES = 400
 _MIN_LABEL_HEIGHT_PX = 200  # Lower images have no room for the names of other people
 _MAX_PANEL = 0.08  # Share of the image for the legend; where it would cover more, only the overlaps are written
+# Corners of markers within [-1, 1]; a circle has 12.
+_MARKERS = {
+    "circle": np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)]),
+    "square": np.array([(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)]),
+    "triangle-up": np.array([(0.0, -1.0), (1.0, 0.8), (-1.0, 0.8)]),
+    "diamond": np.array([(0.0, -1.2), (1.2, 0.0), (0.0, 1.2), (-1.2, 0.0)]),
+    "x": np.array([(0, -0.4), (0.7, -1), (1, -0.7), (0.4, 0), (1, 0.7), (0.7, 1),
+                   (0, 0.4), (-0.7, 1), (-1, 0.7), (-0.4, 0), (-1, -0.7), (-0.7, -1)]),
+    "star": np.array([((1.2 if k % 2 == 0 else 0.5) * math.sin(k * math.pi / 5),
+                       (-1.2 if k % 2 == 0 else -0.5) * math.cos(k * math.pi / 5)) for k in range(10)]),
+}  # fmt: skip
 _OCCLUDERS_BELOW = 0.98  # Visible fraction below which occluders are named: grass over a sole is not
 
 
-def draw_frame(frame: Frame, estimates: Mapping[str, Estimate], colours: Mapping[str, Colour] | None = None) -> Image:
+def draw_frame(frame: Frame, estimates: Mapping[str, Estimate], styles: Mapping[str, Style] | None = None) -> Image:
     """Draw the truth and the estimates of a frame; see `draw_boxes`."""
-    return draw_boxes(frame.image, frame.truth, estimates, people=frame.people, colours=colours)
+    return draw_boxes(frame.image, frame.truth, estimates, people=frame.people, styles=styles)
 
 
 def draw_boxes(
@@ -42,7 +53,7 @@ def draw_boxes(
     *,
     people: Sequence[Truth] = (),
     particles: bool = True,
-    colours: Mapping[str, Colour] | None = None,
+    styles: Mapping[str, Style] | None = None,
 ) -> Image:
     """A copy of an image with boxes, a legend with overlaps, and a line with the target's state.
 
@@ -52,9 +63,9 @@ def draw_boxes(
         estimates: By tracker name.
         people: Other people to mark; the target among them is ignored.
         particles: Whether the centres of an estimate's particles are drawn.
-        colours: By tracker name; default: those of a run of exactly these trackers.
+        styles: By tracker name; default: those of a run of exactly these trackers.
     """
-    canvas = _Canvas(image, colours or colours_of(estimates))
+    canvas = _Canvas(image, styles or styles_of(estimates))
     others = [person for person in people if person.name != truth.name]
     for person in others:
         canvas.outline(person.amodal_box, _GREY, 1, dashed=True)
@@ -76,13 +87,13 @@ def draw_recorded(
     *,
     caption: str = "",
     particles: bool = True,
-    colours: Mapping[str, Colour] | None = None,
+    styles: Mapping[str, Style] | None = None,
 ) -> Image:
     """A copy of a frame of a recorded sequence with boxes; its truth is an annotated `(4,)` box [px], or NaN.
 
     The caption is a line at the bottom; the other arguments are those of `draw_boxes`.
     """
-    canvas = _Canvas(image, colours or colours_of(estimates))
+    canvas = _Canvas(image, styles or styles_of(estimates))
     if particles:
         canvas.particles(estimates)
     canvas.outline(truth, _WHITE, 1)
@@ -96,8 +107,8 @@ def draw_recorded(
 class _Canvas:
     """A copy of an image, with line and text sizes that suit its height."""
 
-    def __init__(self, image: Image, colours: Mapping[str, Colour]) -> None:
-        self._colours = colours
+    def __init__(self, image: Image, styles: Mapping[str, Style]) -> None:
+        self._styles = styles
         self.image = np.array(image, dtype=np.uint8, order="C")
         self.height, self.width = self.image.shape[:2]
         self._text_px = int(min(20, max(9, round(self.height / 34))))
@@ -108,7 +119,13 @@ class _Canvas:
 
     def estimates(self, estimates: Mapping[str, Estimate]) -> None:
         for name, estimate in estimates.items():
-            self.outline(estimate.box, self._colours[name], self._line_px, dashed=estimate.occluded)
+            self.outline(estimate.box, self._styles[name].colour, self._line_px, dashed=self._is_dashed(name, estimate))
+            if self.height >= _MIN_LABEL_HEIGHT_PX and np.isfinite(estimate.box).all():
+                # At the upper right corner: the middle of boxes may lie on each other.
+                x, y = (
+                    np.clip(estimate.box[:2] + estimate.box[2] * np.array([1.0, 0.0]), -1e3, 1e5).astype(int).tolist()
+                )
+                self._mark(name, x, y)
 
     def outline(self, box: FloatArray, colour: Colour, width: int, *, dashed: bool = False) -> None:
         """Draw the edge of a box [px], with a dark line outside it for contrast; a box with NaN is not drawn."""
@@ -144,7 +161,7 @@ class _Canvas:
             size = (self.width, self.height)
             inside = np.isfinite(centres).all(axis=1) & (centres >= 0).all(axis=1) & (centres < size).all(axis=1)
             columns, rows = np.floor(centres[inside]).astype(np.intp).T
-            self.image[rows, columns] = self._colours[name]
+            self.image[rows, columns] = self._styles[name].colour
 
     def labels(self, people: Sequence[Truth], target: Truth) -> None:
         """Write names above the boxes of other people, nearest first, where neither a name nor the target is."""
@@ -191,15 +208,27 @@ class _Canvas:
         self._write("truth", swatch + 2 * pad, base, _WHITE, text)
         for name, estimate in estimates.items():
             base += self._row_px
-            self._line(pad, swatch, base - text // 3, self._line_px, self._colours[name], dashed=estimate.occluded)
+            style, y = self._styles[name], base - text // 3
+            self._line(pad, swatch, y, self._line_px, style.colour, dashed=self._is_dashed(name, estimate))
+            self._mark(name, pad + swatch // 2, y)
             self._write(name, swatch + 2 * pad, base, _WHITE, text)
             overlap = overlaps[name]
             self._write(overlap, panel_width - pad - _text_width(overlap, text), base, self._ink(name), text)
 
     def _ink(self, name: str) -> Colour:
         """A tracker's colour, lightened so that it can be read on a dark panel."""
-        red, green, blue = ((value + 255) // 2 for value in self._colours[name])
+        red, green, blue = ((value + 255) // 2 for value in self._styles[name].colour)
         return red, green, blue
+
+    def _is_dashed(self, name: str, estimate: Estimate) -> bool:
+        return estimate.occluded or self._styles[name] == STAY
+
+    def _mark(self, name: str, x: int, y: int) -> None:
+        """Draw a tracker's marker about a pixel, with a dark edge."""
+        colour, _, marker = self._styles[name]
+        points = np.round(0.5 * self._text_px * _MARKERS[marker] + np.array([x, y])).astype(np.int32)
+        cv2.fillPoly(self.image, [points], colour)
+        cv2.polylines(self.image, [points], isClosed=True, color=_SHADE)
 
     def caption(self, *parts: str) -> None:
         """Bottom left: as many parts as fit, at least the first."""

@@ -17,8 +17,8 @@ from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.reading.losses import TAGS, loss_shares, tag_title
 from pftrack_sim.benchmark.said.comparison import Difference, EpisodeDifference, RunComparison
-from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import read_frames
 from pftrack_sim.report.html import render
@@ -50,15 +50,13 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     shown = [row.difference for row in (*found.rows, *found.tags)]
     ends = np.array([[one.mean, one.low, one.high] for one in shown])
     scale = max(0.01, float(np.nanmax(np.abs(ends), initial=0.0)))
-    # Two trackers of one run have its colours; one tracker in two runs has the same colour in both.
-    known = palette.colours_of(first.plan.labels)
-    drawn = [known[name] for name in found.names] if first.path == second.path else palette.TRACKERS[:2]
-    colours = [palette.hexadecimal(colour) for colour in drawn]
+    styles = [styles_of(store.plan.labels)[name] for store, name in zip((first, second), found.names, strict=True)]
     page = render(
         "comparison",
         ["comparison.js"],
         found=found,
-        colours=colours,
+        colours=[style.hexadecimal for style in styles],
+        markers=[style.marker for style in styles],
         rows=[_row(row, scale) for row in found.rows],
         tags=[_row(row, scale) for row in found.tags],
         intervals=score.INTERVALS,

@@ -17,7 +17,7 @@ from pftrack_sim.benchmark.datasets.results import Scored, ScoredResult
 from pftrack_sim.benchmark.reading.losses import EVER_TRACKED, LOSS, TAGS, tag_title
 from pftrack_sim.benchmark.reading.summary import by_seed
 from pftrack_sim.benchmark.said.degradation import degradation, levels_of
-from pftrack_sim.core import palette
+from pftrack_sim.core.palette import GREY, STAY, Style, styles_of
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link
 from pftrack_sim.score.events import occlusions
@@ -222,7 +222,7 @@ def _board(
 
     Args:
         trackers: Labels in the order of the page.
-        labels: All labels among which colours are chosen.
+        labels: All labels of the run, which give each its style.
         episodes: Each with what the page tells of it, and its trackers.
     """
     rows: list[tuple[int, int, Mapping[str, Any], str | None]] = []
@@ -242,12 +242,12 @@ def _board(
         told.append(episode)
     most = max(len({one[key] for one in told}) for key in ("seed", "scenario"))
     measures = [name for name in MEASURES if any(values.get(name) is not None for _, _, values, _ in rows)]
-    places, colours = palette.places_of(labels), palette.colours_of(labels)
+    styles = styles_of(labels)
     return {
         "trackers": list(trackers),
-        "colours": [palette.hexadecimal(colours[label]) for label in trackers],
-        "dashes": [(places[label] or 0) // len(palette.TRACKERS) for label in trackers],
-        "neutral": palette.hexadecimal(palette.ORACLE),
+        # Colour, dash and marker, as plotly reads them; the last are those of the first box in every frame.
+        "styles": [[one.hexadecimal, one.dash, one.marker] for one in (*(styles[label] for label in trackers), STAY)],
+        "neutral": Style(GREY).hexadecimal,
         "measures": [[name, MEASURES[name]] for name in measures],
         "groups": [
             [title, known] for title, group in GROUPS.items() if (known := [one for one in group if one in measures])

@@ -18,41 +18,53 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.kept.files import atomic_write
 from pftrack_sim.benchmark.said.degradation import STAY, Crossing, Degradation, degradation, mean_degradation
-from pftrack_sim.core import palette
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import by_episode, read_frames
 from pftrack_sim.report.tables import number_text, over_seeds
 
-LINES = ("-", "--", ":", "-.")
-"""Dashes of trackers that share a colour, in this order."""
+_DASHES = {
+    "solid": "-",
+    "dash": "--",
+    "dot": ":",
+    "dashdot": "-.",
+    "longdash": (0, (9.0, 3.0)),
+    "longdashdot": (0, (9.0, 3.0, 1.0, 3.0)),
+}
+_MARKERS = {"circle": "o", "square": "s", "triangle-up": "^", "diamond": "D", "x": "X", "star": "*"}
 
-_WIDE, _HIGH = 4.6, 3.2  # Size of a plot [inches].
-_MAP_COLUMNS = 3
-_PANEL_COLUMNS = 4
+WIDTHS_INCH = {1: 3.5, 2: 7.16}
+"""Widths of one column and of two, those of IEEE."""
+
+_HIGH_INCH = 2.6
 
 
-def write_figure(path: Path, target: Path) -> Path:
+def write_figure(path: Path, target: Path, columns: int = 1) -> Path:
     """Draw a figure of a run.
 
     Args:
         path: The run folder.
-        target: `success.pdf`, `precision.pdf`, `axis.pdf` or `cost.pdf`, in any folder; `.svg` and `.png` too.
+        target: `success.pdf`, `precision.pdf`, `axis.pdf` or `cost.pdf`, in any folder; `.svg` and `.png` too. Fonts of
+            a PDF are embedded as Type 42.
+        columns: Its width, 1 or 2 columns of a paper, see `WIDTHS_INCH`.
 
     Raises:
         UnknownNameError: No such figure.
-        ParameterError: Another kind of file, or matplotlib is not installed.
+        ParameterError: Another kind of file or width, or matplotlib is not installed.
         RunError: No complete run folder, or the file cannot be written.
     """
     if target.stem not in FIGURES:
         raise UnknownNameError("figure", target.stem, FIGURES)
     if target.suffix not in (".pdf", ".svg", ".png"):
         raise ParameterError(f"a figure is a .pdf, .svg or .png, got {target.name!r}")
+    if columns not in WIDTHS_INCH:
+        raise ParameterError(f"a figure is 1 or 2 columns wide, got {columns}")
     store = RunStore(path)
     with own_style():
         from matplotlib.figure import Figure
 
-        figure: Any = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
+        figure: Any = Figure(figsize=(WIDTHS_INCH[columns], _HIGH_INCH), layout="constrained")
         FIGURES[target.stem](store, figure)
         with atomic_write(target) as part:
             # Without a date the same run gives the same file.
@@ -72,7 +84,7 @@ def own_style() -> Generator[None]:
     mpl: Any = importlib.import_module("matplotlib")
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams["svg.hashsalt"] = "pftrack_sim"
+        mpl.rcParams.update({"svg.hashsalt": "pftrack_sim", "pdf.fonttype": 42, "font.size": 8})
         yield
 
 
@@ -94,6 +106,10 @@ def _legend(axes: Any) -> None:
         text.set_parse_math(False)  # a tracker's name is no formula
 
 
+def _is_wide(figure: Any) -> bool:
+    return figure.get_figwidth() > WIDTHS_INCH[1]
+
+
 def _write_count(axes: Any, store: RunStore) -> None:
     seeds = len({result.seed for result in store.results})
     axes.set_title(f"{seeds} seed{'s' if seeds != 1 else ''}", loc="right", fontsize=7)
@@ -106,10 +122,14 @@ def _values(axes: Any, x: float, one: score.SeedMean, colour: str) -> None:
 
 
 def _style(store: RunStore, label: str) -> dict[str, Any]:
-    place = palette.places_of(store.plan.labels).get(label)
-    colour = palette.hexadecimal(palette.colours_of(store.plan.labels).get(label, palette.ORACLE))
-    line = LINES[place // len(palette.TRACKERS) % len(LINES)] if place is not None else ":" if label == STAY else "-"
-    return {"color": colour, "linestyle": line, "lw": 1.4}
+    style = styles_of((*store.plan.labels, STAY))[label]
+    return {
+        "color": style.hexadecimal,
+        "linestyle": _DASHES[style.dash],
+        "marker": _MARKERS[style.marker],
+        "ms": 3,
+        "lw": 1.2,
+    }
 
 
 def _pooled(store: RunStore, column: Literal["overlap", "centre_error_px"]) -> dict[str, FloatArray]:
@@ -126,7 +146,8 @@ def _success(store: RunStore, figure: Any) -> None:
     axes.set(xlabel="overlap threshold", ylabel="success rate", xlim=(0, 1), ylim=(0, 1))
     for tracker, overlap in _pooled(store, "overlap").items():
         label = f"{tracker} [{score.area_under_success(overlap):.3f}]"
-        axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, **_style(store, tracker))
+        style = _style(store, tracker)
+        axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, markevery=4, **style)
     _write_count(axes, store)
     _legend(axes)
 
@@ -137,7 +158,7 @@ def _precision(store: RunStore, figure: Any) -> None:
     for tracker, error in _pooled(store, "centre_error_px").items():
         curve = score.precision_curve(error)
         label = f"{tracker} [{curve[20]:.3f}]"
-        axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=label, **_style(store, tracker))
+        axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=label, markevery=10, **_style(store, tracker))
     _write_count(axes, store)
     _legend(axes)
 
@@ -153,13 +174,14 @@ def _degradation(store: RunStore, figure: Any) -> None:
     pair = (found.maps[0].first.axis, found.maps[0].second.axis)
     maps = [one for one in found.maps if (one.first.axis, one.second.axis) == pair]
     trackers = list(dict.fromkeys(one.tracker for one in maps))
-    rows = -(-len(trackers) // _MAP_COLUMNS)
-    figure.set_size_inches(2.0 * _WIDE, 0.8 * _HIGH * rows + _HIGH)
+    columns = 3 if _is_wide(figure) else 2
+    rows = -(-len(trackers) // columns)
+    figure.set_figheight(0.8 * _HIGH_INCH * rows + _HIGH_INCH)
     upper, lower = figure.subfigures(2, 1, height_ratios=[0.8 * rows, 1.0])
     shown: Any = None
     for place, tracker in enumerate(trackers):
         own = [one for one in maps if one.tracker == tracker]
-        axes = upper.add_subplot(rows, _MAP_COLUMNS, place + 1)
+        axes = upper.add_subplot(rows, columns, place + 1)
         shown = _map(own, axes)
         axes.set_title(tracker, fontsize=8, parse_math=False)
     upper.colorbar(shown, ax=upper.axes, label="mean overlap")
@@ -173,10 +195,10 @@ def _degradation(store: RunStore, figure: Any) -> None:
 
 def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None:
     labels = list(dict.fromkeys(one.at.label for one in curves))
-    columns = min(_PANEL_COLUMNS, len(labels))
+    columns = min(4 if _is_wide(figure) else 2, len(labels))
     rows = -(-len(labels) // columns)
     if len(labels) > 1:
-        figure.set_size_inches(0.6 * _WIDE * columns, 0.7 * _HIGH * rows + 0.5)
+        figure.set_figheight(0.7 * _HIGH_INCH * rows + 0.5)
     for place, label in enumerate(labels):
         axes = _plot(figure, rows, columns, place + 1)
         _curves(store, curves, label, axes)
@@ -184,7 +206,7 @@ def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None
             axes.set(ylabel="", yticklabels=[])
     # Beside the curves, which may lie anywhere.
     names = figure.axes[0].get_legend_handles_labels()
-    legend = figure.legend(*names, loc="outside lower center", ncols=4, fontsize=7, frameon=False)
+    legend = figure.legend(*names, loc="outside lower center", ncols=3 if columns < 4 else 5, fontsize=7, frameon=False)
     for text in legend.get_texts():
         text.set_parse_math(False)
 
@@ -198,7 +220,7 @@ def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: An
             mean_degradation([one for one in own if (one.tracker, one.at.x) == (tracker, x)], "overlap") for x in levels
         ]
         style = _style(store, tracker)
-        axes.plot(levels, [one.mean for one in means], marker="o", ms=3, label=tracker, **style)
+        axes.plot(levels, [one.mean for one in means], label=tracker, **style)
         axes.fill_between(
             levels, [one.low for one in means], [one.high for one in means], color=style["color"], alpha=0.15, lw=0
         )
@@ -244,8 +266,9 @@ def _cost(store: RunStore, figure: Any) -> None:
         found = over_seeds("mean_overlap", own)
         if label in ms and found.seeds:
             points[label] = (ms[label], found.mean)
-            colour = _style(store, label)["color"]
-            axes.plot(*points[label], "o", ms=4, color=colour)
+            style = _style(store, label)
+            colour = style["color"]
+            axes.plot(*points[label], style["marker"], ms=4, color=colour)
             _values(axes, ms[label], found, colour)
             if not math.isnan(found.low):
                 axes.plot([ms[label]] * 2, [found.low, found.high], "-", lw=1.0, color=colour)

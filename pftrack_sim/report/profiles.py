@@ -12,7 +12,7 @@ import numpy as np
 
 from pftrack_sim.benchmark.kept.files import atomic_write
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.core.palette import TRACKERS, hexadecimal
+from pftrack_sim.core.palette import COLOURS, Style
 from pftrack_sim.report.figure import own_style
 from pftrack_sim.report.tables import Table
 from pftrack_sim.scenario import load
@@ -172,10 +172,10 @@ def write_profile_figure(profiles: Mapping[str, Profile], target: Path) -> Path:
             strip.xaxis.set_minor_locator(NullLocator())
         strip.set(xlim=ends, ylim=(0, 1), yticks=[])
         for index, (label, one) in enumerate(profiles.items()):
-            colour, marker = TRACKERS[index % len(TRACKERS)], _MARKERS[index // len(TRACKERS) % len(_MARKERS)]
+            colour, marker = COLOURS[index % len(COLOURS)], _MARKERS[index // len(COLOURS) % len(_MARKERS)]
             # Spread over the height of the strip, so that equal numbers can be told apart; 0 lies at the left end.
             height, place = (index + 1) / (len(profiles) + 1), np.clip(getattr(one, name), *ends)
-            strip.plot([place], [height], marker, ms=4, color=hexadecimal(colour), label=label, clip_on=False)
+            strip.plot([place], [height], marker, ms=4, color=Style(colour).hexadecimal, label=label, clip_on=False)
         strip.set_ylabel(name, rotation=0, ha="right", va="center", fontsize=8)
         strip.tick_params(labelsize=6, pad=1, which="both")
         strip.spines[["top", "left", "right"]].set_visible(False)

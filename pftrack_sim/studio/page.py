@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
-from pftrack_sim.core.palette import colours_of
+from pftrack_sim.core.palette import GREY, Style, styles_of
 from pftrack_sim.studio.controls import Controls
 from pftrack_sim.studio.player import Player
 from pftrack_sim.studio.scene_view import SceneView
@@ -25,6 +25,14 @@ _PICTURES_HZ, _SCENE_HZ, _STATE_HZ = 30.0, 12.0, 4.0
 _SPAN_S = 12.0
 _TRUTH = "truth"
 _HEIGHT_PX = 110
+_DASHES = {
+    "solid": (),
+    "dash": (8, 4),
+    "dot": (2, 3),
+    "dashdot": (8, 3, 2, 3),
+    "longdash": (14, 5),
+    "longdashdot": (14, 4, 2, 4),
+}  # Pixels drawn and left out
 _SHARE = {"range": (-0.05, 1.2)}
 """Limits of what lies in [0, 1], with room for a line at either end and for the label above."""
 
@@ -80,12 +88,12 @@ class _Curves:
             return
         for plot in self._plots:
             plot.remove()
-        colours = colours_of(recent[-1].ms)
+        styles = styles_of(recent[-1].ms)
         with self._tab:
             self._plots = [
                 self._gui.add_uplot(
                     arrays,
-                    ({"label": "s"}, *(_line(name, colours.get(name, (90, 90, 90))) for name in found)),
+                    ({"label": "s"}, *(_line(name, styles.get(name, Style(GREY))) for name in found)),
                     title=quantity.title,
                     scales={"x": {"time": False}, "y": quantity.scale},
                     legend={"show": quantity is _QUANTITIES[0]},
@@ -96,8 +104,9 @@ class _Curves:
         self._names = names
 
 
-def _line(name: str, colour: tuple[int, int, int]) -> dict[str, Any]:
-    return {"label": name, "stroke": f"rgb{colour}", "width": 2, "points": {"show": False}}
+def _line(name: str, style: Style) -> dict[str, Any]:
+    dash = _DASHES[style.dash]
+    return {"label": name, "stroke": style.hexadecimal, "width": 2, "dash": dash, "points": {"show": False}}
 
 
 class Page:

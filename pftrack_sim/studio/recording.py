@@ -13,7 +13,7 @@ import numpy as np
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, check_trackers
 from pftrack_sim.core.boxes import NO_BOX
 from pftrack_sim.core.errors import ParameterError, SequenceError, UnknownNameError
-from pftrack_sim.core.palette import colours_of
+from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.records import Frame, Image, Truth
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats import RecordedSequence
@@ -65,7 +65,7 @@ class RecordedMoment(Moment):
             self.truth.amodal_box,
             self.estimates,
             caption=f"{self.frame.time_s:.2f} s" if self.estimates else "no box yet: draw one",
-            colours=colours_of(self.ms),
+            styles=styles_of(self.ms),
         )
 
 

@@ -18,7 +18,7 @@ from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import BoxError
-from pftrack_sim.core.palette import colours_of
+from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.records import Estimate, Frame, Image, Truth
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.overlay import draw_boxes
@@ -79,8 +79,8 @@ class Moment:
 
     def picture(self) -> Image:
         """`(H, W, 3)` uint8: the frame with truth and estimates drawn as in reports."""
-        colours = colours_of(self.ms)
-        return draw_boxes(self.frame.image, self.truth, self.estimates, people=self.frame.people, colours=colours)
+        people, styles = self.frame.people, styles_of(self.ms)
+        return draw_boxes(self.frame.image, self.truth, self.estimates, people=people, styles=styles)
 
 
 class TrackedSession(ABC):

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pftrack_sim.core.palette import ORACLE, TRACKERS, colours_of
+from pftrack_sim.core.palette import GREY, styles_of
 from pftrack_sim.core.records import Estimate, Frame, State, Truth
 from pftrack_sim.render.overlay import draw_boxes, draw_frame
+
+KO2012 = styles_of(["ko2012"])["ko2012"].colour
 
 
 def truth(box=(100.0, 60.0, 40.0, 90.0), *, name: str = "target", state: State = "visible", **changes) -> Truth:
@@ -53,7 +55,8 @@ def test_every_tracker_has_its_colour_on_the_edges_of_its_box():
     image = np.zeros((240, 320, 3), np.uint8)
     estimates = {f"tracker-{i}": Estimate(np.array([150.0 + 12 * i, 100 + 9 * i, 30, 60])) for i in range(3)}
     drawn = draw_boxes(image, truth((20, 150, 10, 20)), estimates)
-    for colour, estimate in zip(TRACKERS, estimates.values(), strict=False):
+    for name, estimate in estimates.items():
+        colour = styles_of(estimates)[name].colour
         x, y, w, h = (int(v) for v in estimate.box)
         assert tuple(drawn[y + h - 1, x]) == colour  # lower left corner: never under a later box
         assert (drawn[y : y + h, x : x + w] == colour).all(axis=2).sum() > w
@@ -63,11 +66,11 @@ def test_the_box_of_an_estimate_that_reports_occlusion_is_dashed():
     image = np.zeros((240, 320, 3), np.uint8)
     box = np.array([150.0, 100, 60, 100])
     open_edge, dashed = (
-        (draw_boxes(image, truth((20, 150, 10, 20)), {"a": Estimate(box, occluded=flag)}) == TRACKERS[0]).all(axis=2)
+        (draw_boxes(image, truth((20, 150, 10, 20)), {"ko2012": Estimate(box, occluded=flag)}) == KO2012).all(axis=2)
         for flag in (False, True)
     )
-    assert open_edge[100, 150:210].all()
-    assert 0.3 < dashed[100, 150:210].mean() < 0.8
+    assert open_edge[100, 150:200].all()
+    assert 0.3 < dashed[100, 150:200].mean() < 0.8
 
 
 def test_drawing_is_deterministic():
@@ -105,7 +108,7 @@ def test_particles_are_drawn_inside_the_image_only():
     estimate = {"ko2012": Estimate(np.array([250.0, 50, 20, 20]), particles=particles)}
     with_dots = draw_boxes(image, truth((20, 150, 10, 20)), estimate)
     without = draw_boxes(image, truth((20, 150, 10, 20)), estimate, particles=False)
-    assert tuple(with_dots[202, 202]) == TRACKERS[0]
+    assert tuple(with_dots[202, 202]) == KO2012
     assert (with_dots != without).any(axis=2).sum() == 1
 
 
@@ -127,11 +130,22 @@ def test_other_people_of_a_frame_are_marked():
 
 def test_a_tracker_has_the_colour_of_its_run_whatever_others_are_drawn():
     image, box = np.zeros((240, 320, 3), np.uint8), np.array([150.0, 100, 60, 100])
-    for label, colour in zip(("a", "oracle+servo", "b"), (TRACKERS[0], ORACLE, TRACKERS[1]), strict=True):
-        drawn = draw_boxes(
-            image, truth((20, 150, 10, 20)), {label: Estimate(box)}, colours=colours_of(["a", "oracle+servo", "b"])
-        )
-        assert tuple(drawn[100, 180]) == colour
+    styles = styles_of(["a", "oracle+servo", "b"])
+    assert styles["oracle+servo"].colour == GREY
+    for label, style in styles.items():
+        drawn = draw_boxes(image, truth((20, 150, 10, 20)), {label: Estimate(box)}, styles=styles)
+        assert tuple(drawn[100, 180]) == style.colour
+
+
+def test_stay_is_grey_and_dashed_and_trackers_of_one_colour_differ_in_their_marker():
+    image, box = np.zeros((240, 320, 3), np.uint8), np.array([150.0, 100, 60, 100])
+    stay, ko2012, chau2011 = (
+        draw_boxes(image, truth((20, 150, 10, 20)), {name: Estimate(box)}) for name in ("stay", "ko2012", "chau2011")
+    )
+    assert 0.3 < (stay[120:180, 150] == GREY).all(axis=1).mean() < 0.8
+    assert (ko2012[120:180, 150] == KO2012).all()
+    assert (chau2011[120:180, 150] == KO2012).all()
+    assert (ko2012 != chau2011)[92:109, 202:219].any()
 
 
 @pytest.mark.parametrize("size", [(320, 240), (640, 480)])

@@ -51,15 +51,17 @@ def test_it_shows_differences_and_videos_at_the_moment_of_parting(show: Callable
         report.write_comparison(store, store, found, tmp_path / "comparison.txt")
 
 
-def test_videos_of_two_runs_have_the_colours_of_their_curves_beside_them(lost: Path, tmp_path: Path):
+def test_videos_of_two_runs_have_the_look_of_their_curves_beside_them(lost: Path, tmp_path: Path):
     other = tmp_path / "other"
     shutil.copytree(lost, other)
     first, second = RunStore(lost), RunStore(other)
     found = compare_runs(first, second, ["oracle", "stay"])
     page = report.write_comparison(first, second, found, tmp_path / "comparison.html").read_text()
     assert page.count("<video") == 2
-    assert page.count('<figcaption><span class="swatch"') == 2
-    assert "In each video boxes have the colours of its own run." in page
+    assert page.count('<figcaption><span class="swatch ') == 2
+    for marker in ("circle", "square"):
+        assert f'<span class="swatch {marker}" style="background: #888888">' in page
+    assert page.count("<polyline") == 2 * page.count("stroke-dasharray=")
 
 
 def test_every_measure_that_runs_are_compared_by_is_defined(lost: Path, tmp_path: Path):

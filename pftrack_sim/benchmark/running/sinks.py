@@ -20,7 +20,7 @@ from pftrack_sim.benchmark.kept.tables import Column, column
 from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
-from pftrack_sim.core.palette import colours_of
+from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.proprioception import PROPRIO_NAMES, RANGES
 from pftrack_sim.core.records import Frame, Image, Truth
 from pftrack_sim.core.text import one_line
@@ -41,15 +41,15 @@ def picture(
     Args:
         sample: The frame.
         runners: The trackers.
-        labels: All trackers of the run, which give each its colour; default: those of the runners.
+        labels: All trackers of the run, which give each its colour and marker; default: those of the runners.
         last: Draw each tracker's last estimate where it has none in this frame.
     """
-    colours = colours_of(labels or [runner.spec.label for runner in runners])
+    styles = styles_of(labels or [runner.spec.label for runner in runners])
     latest = {runner.spec.label: runner.last_estimate if last else runner.estimates[-1] for runner in runners}
     estimates = {label: estimate for label, estimate in latest.items() if estimate is not None}
     if sample.frame is not None:
-        return draw_frame(sample.frame, estimates, colours)
-    return draw_recorded(sample.image, sample.true_box, estimates, caption=sample.caption, colours=colours)
+        return draw_frame(sample.frame, estimates, styles)
+    return draw_recorded(sample.image, sample.true_box, estimates, caption=sample.caption, styles=styles)
 
 
 def nearest_look_alike(frame: Frame) -> float:

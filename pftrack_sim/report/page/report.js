@@ -1,11 +1,9 @@
 "use strict";
 // Names come from third-party code: they reach the page as text, and Plotly, which reads a little HTML in labels, only escaped.
 const DATA = JSON.parse(document.getElementById("data").textContent);
-const DASHES = ["solid", "dash", "dot", "dashdot"];
 const byId = (id) => document.getElementById(id);
 const escaped = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
-const colour = (tracker) => tracker < 0 ? DATA.neutral : DATA.colours[tracker]; // -1: the first box in every frame
-const dash = (tracker) => tracker < 0 ? "dot" : DASHES[DATA.dashes[tracker] % DASHES.length];
+const [colour, dash, marker] = [0, 1, 2].map((part) => (tracker) => DATA.styles.at(tracker)[part]); // -1: the first box in every frame
 const finite = (values) => values.filter((value) => value !== null && Number.isFinite(value));
 const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 const median = (values) => {
@@ -98,10 +96,15 @@ function fillTable(table, names, lines) {
   table.tBodies[0].replaceChildren(...lines.map((cells) => rowOf(names, cells)));
 }
 
+function swatch(tracker) {
+  const made = element("span", null, { class: `swatch ${marker(tracker)}` });
+  made.style.background = colour(tracker);
+  return made;
+}
+
 function trackerHead(tracker) {
-  const head = element("th", null, { scope: "row" }), swatch = element("span", null, { class: "swatch" });
-  swatch.style.background = colour(tracker);
-  head.append(swatch, document.createTextNode(DATA.trackers[tracker]));
+  const head = element("th", null, { scope: "row" });
+  head.append(swatch(tracker), document.createTextNode(DATA.trackers[tracker]));
   return head;
 }
 
@@ -219,7 +222,7 @@ function bySeed(entries) {
   return [...keys].map(([key, seeds]) => [key, [...seeds.values()].map(mean)]);
 }
 
-// Overlaps on the frames that all levels of an axis share; grey and dotted: the first box in every frame.
+// Overlaps on the frames that all levels of an axis share; grey and dashed: the first box in every frame.
 function drawAxes() {
   const room = byId("axes"), maps = byId("maps");
   const own = (scenario, overlap, name) => overlap !== null && (state.scenario < 0 || scenario === state.scenario)
@@ -240,10 +243,11 @@ function drawAxes() {
           fill: "toself", fillcolor: colour(tracker) + "22", line: { width: 0 }, mode: "lines" });
       } else { // too few seeds for a band: a point for each
         traces.push({ ...more, x: points.flatMap((point) => point.values.map(() => point.x)), y: points.flatMap((point) => point.values),
-          mode: "markers", marker: { color: colour(tracker) + "66", size: 4 } });
+          mode: "markers", marker: { color: colour(tracker) + "66", symbol: marker(tracker), size: 4 } });
       }
       traces.push({ x, y: points.map((point) => mean(point.values)), legendgroup: more.legendgroup, name: escaped(name), tracker,
-        text: points.map((point) => `${point.values.length} seeds`), mode: "lines+markers", line: { color: colour(tracker), dash: dash(tracker), width: 2 } });
+        text: points.map((point) => `${point.values.length} seeds`), mode: "lines+markers", marker: { symbol: marker(tracker), size: 8 },
+        line: { color: colour(tracker), dash: dash(tracker), width: 2 } });
     }
     if (traces.length) curves.push({ label, traces, plot: element("div", null, { class: "plot" }) });
   }
@@ -338,9 +342,7 @@ function start() {
       state.trackers = new Set([...state.trackers].sort((a, b) => a - b));
       drawAll();
     });
-    const swatch = element("span", null, { class: "swatch" });
-    swatch.style.background = colour(index);
-    label.append(box, swatch, document.createTextNode(name));
+    label.append(box, swatch(index), document.createTextNode(name));
     byId("filter-trackers").append(label);
   });
   fill(byId("filter-scenario"), DATA.scenarios, "all");

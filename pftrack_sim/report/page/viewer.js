@@ -11,7 +11,7 @@ function drawEpisode() {
   const episode = DATA.episodes[state.episode];
   const traces = [...state.trackers].filter((tracker) => episode.overlap[tracker]).map((tracker) => {
     const y = [...unpacked(episode.overlap[tracker])];
-    return { x: y.map((_, k) => k), y, name: escaped(DATA.trackers[tracker]), mode: "lines+markers", marker: { size: 3 },
+    return { x: y.map((_, k) => k), y, name: escaped(DATA.trackers[tracker]), mode: "lines+markers", marker: { size: 3, symbol: marker(tracker) },
       line: { color: colour(tracker), dash: dash(tracker), width: 1.5 } };
   });
   const shapes = (episode.occluded || []).map(([first, end]) => ({ type: "rect", xref: "x", yref: "paper", x0: first - 0.5,
