@@ -54,6 +54,7 @@ def list_names(
     from rich.table import Table
 
     from pftrack_sim import controllers, scenario, trackers
+    from pftrack_sim.benchmark.asked.plan import RUN_AXES
     from pftrack_sim.benchmark.asked.suite import load_suite, suite_names
     from pftrack_sim.scenario.axes import axes_by_name
 
@@ -63,6 +64,8 @@ def list_names(
             yield name, f"{tree.get('tier', 'easy'):5} {tree['title']}"
 
     def axes() -> Iterator[tuple[str, str]]:
+        for name, (unit, about) in RUN_AXES.items():
+            yield name, f"of the run: {about} [{unit}]"
         for name, axis in axes_by_name().items():
             typical = f"{axis(severity=1.0).physical:g} {axis.unit}"
             about = " ".join((axis.__doc__ or "").split())

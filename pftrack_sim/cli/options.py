@@ -98,8 +98,18 @@ AxisLevels = Annotated[
         metavar="AXIS=0,1,2",
         help="Severities of a stress axis, or AXIS.PARAMETER=5,10 for one of its parameters; may be repeated: "
         "the levels of several axes are crossed, each with each. "
-        "follow: also latency=0,13,55 in ms, for every tracker alike.",
+        "Axes of the run: box_noise, start (see --box-noise, --starts); follow: latency=0,13,55 in ms.",
     ),
+]
+BoxNoise = Annotated[
+    float,
+    typer.Option(
+        metavar="SHARE",
+        help="Trackers start from boxes whose centre and sides are off by up to this share, by seed (OTB's SRE).",
+    ),
+]
+Starts = Annotated[
+    int, typer.Option(min=1, metavar="K", help="They start at K moments, a K-th of the episode apart (OTB's TRE).")
 ]
 Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, worst:N (of each tracker), or none.")]
 Log = Annotated[
@@ -137,6 +147,8 @@ class RunOptions:
     params: Params = None
     seeds: BenchSeeds = None
     axis: AxisLevels = None
+    box_noise: BoxNoise = 0.0
+    starts: Starts = 1
     settings: Settings = None
     preset: BenchPreset = None
     truth: ScoredBox = "box"
@@ -166,7 +178,19 @@ class RunOptions:
     @property
     def changed(self) -> list[str]:
         """Keys of scenarios that are set or swept."""
-        return [*parse_settings(self.settings or []), *(f"axes.{name}" for name in parse_axes(self.axis or []))]
+        return [*parse_settings(self.settings or []), *(f"axes.{name}" for name in self.axes)]
+
+    @property
+    def axes(self) -> dict[str, list[float]]:
+        """Levels of all axes, those of `--box-noise` and `--starts` among them."""
+        axes = parse_axes(self.axis or [])
+        given = {"box_noise": [self.box_noise] * (self.box_noise != 0.0), "start": starts(self.starts)}
+        for name, levels in given.items():
+            if levels not in ([], [0.0]):
+                if name in axes:
+                    raise ParameterError(f"--axis {name} and --{name.replace('_', '-')} are one and the same: give one")
+                axes[name] = levels
+        return axes
 
     def plan(self, scenarios: list[str], **more: Any) -> Plan:
         """The plan of these scenarios and options; `more` goes to `plan_all`."""
@@ -183,12 +207,17 @@ class RunOptions:
             scenarios,
             trackers=specs,
             seeds=parse_seeds(self.seeds) if self.seeds is not None else None,
-            axes=parse_axes(self.axis or []),
+            axes=self.axes,
             overrides=parse_settings(self.settings or []),
             preset=self.preset,
             truth=self.truth,
             **more,
         )
+
+
+def starts(count: int) -> list[float]:
+    """Shares of an episode at which trackers start, so many, from 0 on."""
+    return [place / count for place in range(count)]
 
 
 def with_run_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -12,6 +12,7 @@ from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import (
     AllowTruth,
     Backend,
+    BoxNoise,
     Cache,
     CacheFolder,
     CacheLimit,
@@ -22,9 +23,11 @@ from pftrack_sim.cli.options import (
     Seeds,
     SequenceLayout,
     Settings,
+    Starts,
     Trackers,
     with_run_options,
 )
+from pftrack_sim.cli.options import starts as start_shares
 from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.reading import write_page
 from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse_settings, parse_trackers
@@ -198,12 +201,8 @@ def evaluate(
         str | None,
         typer.Option(metavar="X,Y,W,H|FILE", help="Box of a video's first frame, or a file with it or one per frame."),
     ] = None,
-    box_noise: Annotated[
-        float,
-        typer.Option(
-            metavar="SHARE", help="Start from boxes whose centre and sides are off by up to this share, by seed."
-        ),
-    ] = 0.0,
+    box_noise: BoxNoise = 0.0,
+    starts: Starts = 1,
     isolation: Isolation = "auto",
     allow_truth: AllowTruth = "",
 ) -> None:
@@ -224,6 +223,7 @@ def evaluate(
             contestants,
             chosen,
             box_noise=box_noise,
+            starts=start_shares(starts),
             video=video,
             isolation=checked_isolation(isolation),
             on_frame=tick,

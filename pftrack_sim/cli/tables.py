@@ -167,10 +167,16 @@ def print_losses(shares: Mapping[str, LossShares]) -> None:
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:
     """Print the scores of each tracker on each sequence, over all seeds."""
-    groups: dict[tuple[str, str], list[Summary]] = {}
+    from pftrack_sim.score import mean_summary
+
+    by_seed: dict[tuple[str, str, int], list[Summary]] = {}
     for one in results:
-        groups.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
-    print_groups("frames with a known box", groups)
+        by_seed.setdefault((one.sequence, one.tracker.label, one.seed), []).append(one.summary)
+    groups: dict[tuple[str, str], list[Summary]] = {}
+    for (sequence, label, _), starts in by_seed.items():
+        groups.setdefault((sequence, label), []).append(mean_summary(starts))
+    starts = max(map(len, by_seed.values()), default=1)
+    print_groups("frames with a known box" + (f", means of {starts} starts" if starts > 1 else ""), groups)
     _print_slowest((one.tracker.label, f"{one.sequence} seed {one.seed}", one.summary) for one in results)
     print_lines(
         f"{one.tracker.label} ended with an error on {one.sequence} seed {one.seed}, {one.error}"

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.benchmark import Plan, make_plan, plan_all, run
+from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
@@ -116,3 +117,48 @@ def test_another_box_is_another_plan(tmp_path: Path):
     assert not plans["box"].asked.keys() & plans["visible_box"].asked.keys()
     with pytest.raises(UnknownNameError, match=r"unknown box of the truth 'visible'; did you mean 'visible_box'\?"):
         plan_all(["warehouse"], truth="visible")
+
+
+def test_first_boxes_and_starts_are_axes_of_the_run_on_the_same_frames(tmp_path: Path):
+    cache = FrameCache(tmp_path / "cache", 10**9)
+    axes = {"box_noise": (0.0, 0.2), "start": (0.0, 0.5)}
+    small = {**SMALL, "duration_s": 0.8, "camera.rate_hz": 10}
+    plan = make_plan(["corridor"], ["oracle", "stay"], [0, 1], axes=axes, overrides=small)
+    store = run(plan, tmp_path / "run", videos="none", cache=cache)
+    base = run(make_plan(["corridor"], ["stay"], [0], overrides=small), tmp_path / "base", videos="none", cache=cache)
+    assert len(list(cache.folder.iterdir())) == 2, "an entry for each seed"
+    assert len({one.values["frames_digest"] for one in store.results if one.seed == 0}) == 1
+    overlaps = {
+        (one.condition.name, one.seed, one.label): (one.number("mean_overlap"), one.number("frames"))
+        for one in store.results
+    }
+    assert overlaps["box_noise=0,start=0", 0, "stay"] == (
+        base.results[0].number("mean_overlap"),
+        base.results[0].number("frames"),
+    )
+    assert overlaps["box_noise=0.2,start=0", 0, "stay"][0] != overlaps["box_noise=0,start=0", 0, "stay"][0]
+    assert overlaps["box_noise=0.2,start=0", 0, "oracle"] == (1.0, 7.0)
+    assert overlaps["box_noise=0.2,start=0.5", 0, "oracle"] == (1.0, 3.0)
+    rows = store.query(
+        "SELECT count(*), count(*) FILTER (scored), min(frame) FILTER (status = 'init') FROM frames "
+        "WHERE condition = 'box_noise=0,start=0.5' AND label = 'stay' AND seed = 1"
+    ).rows
+    assert rows == [(8, 4, 4)]
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ({"box_noise": [0.6]}, r"box noise must be a share of the sides in \[0, 0.5\], got 0.6"),
+        ({"start": [1.0]}, r"a start must be a share of the episode in \[0, 1\), got 1"),
+        ({"latency": [5.0]}, "latency is charged only where the tracker drives"),
+    ],
+)
+def test_axes_of_the_run_have_limits(axes: dict[str, list[float]], words: str):
+    with pytest.raises(ParameterError, match=words):
+        make_plan(["corridor"], ["stay"], [0], axes=axes)
+
+
+def test_where_trackers_drive_they_start_at_once():
+    with pytest.raises(ParameterError, match="only in open loop"):
+        make_plan(["corridor"], ["oracle"], [0], axes={"start": [0.0, 0.5]}, controllers=["servo"])

@@ -12,7 +12,10 @@ from typing import Any, cast, get_args
 
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark.asked.plan import (
+    BOX_NOISE,
     LATENCY,
+    RUN_AXES,
+    START,
     Condition,
     Plan,
     ScenarioSpec,
@@ -37,6 +40,7 @@ CONTROLLERS = ("servo-avoid",)
 SEEDS = tuple(range(5))
 """Defaults of scenarios without a suite."""
 
+MAX_BOX_NOISE = 0.5
 MAX_CONDITIONS = 10_000
 MAX_SEEDS = 1_000_000
 _MAX_DIGITS = 18
@@ -60,7 +64,8 @@ def make_plan(
         names: Scenarios.
         trackers: Names for `trackers.make`, or specifications with presets and parameters.
         seeds: Root seeds.
-        axes: For a stress axis its severities, and for `axis.parameter` the parameter's values at severity 1.
+        axes: For a stress axis its severities, for `axis.parameter` the parameter's values at severity 1, and for one
+            of `RUN_AXES` its levels.
         overrides: Dotted keys set in every scenario.
         preset: Preset of every tracker given by its name alone.
         controllers: Controllers that drive the robot, each with every tracker; without one the loop is open.
@@ -74,8 +79,8 @@ def make_plan(
         ParameterError: No scenario, tracker or seed, one given twice, or an impossible latency.
     """
     for axis, levels in (axes or {}).items():
-        if axis == LATENCY:
-            _check_latency(levels)
+        if axis in RUN_AXES:
+            check_run_axis(axis, levels)
         else:
             _check_axis(axis)
     loaded = [scenarios.load(name, overrides or {}) for name in names]
@@ -86,7 +91,7 @@ def make_plan(
     plan = make_checked_plan((sweep,), _with_controllers(specs, controllers, latency_ms or {}))
     for episode in plan.first_episodes:
         scenario = episode.scenario  # wrong levels are reported now
-        axes_on = [axis.partition(".")[0] for axis, level in episode.condition.levels if level and axis != LATENCY]
+        axes_on = [axis.partition(".")[0] for axis, level in episode.condition.levels if level and axis not in RUN_AXES]
         settings = scenario.resolve(episode.seed) if axes_on else None
         problems = [scenarios.axis_without_effect(settings, name) for name in dict.fromkeys(axes_on) if settings]
         if any(problems):
@@ -122,7 +127,7 @@ def _with_controllers(
     trackers: Sequence[TrackerSpec], controllers: Sequence[str], latency_ms: Mapping[str, float]
 ) -> tuple[TrackerSpec, ...]:
     """Every tracker with its latency and every controller."""
-    _check_latency(latency_ms.values())
+    check_run_axis(LATENCY, latency_ms.values())
     latencies = {spec.base_label: latency_ms[key] for key, spec in match_trackers(latency_ms, trackers)}
     for name in controllers:
         make_controller(name)  # a wrong name is reported now
@@ -159,10 +164,15 @@ def match_trackers(keys: Mapping[str, object], trackers: Sequence[TrackerSpec]) 
     return [(key, spec) for key, spec in found if key in keys]
 
 
-def _check_latency(values: Iterable[float]) -> None:
-    for value in values:
-        if not (math.isfinite(value) and value >= 0.0):
-            raise ParameterError(f"a latency must be 0 ms or more, got {value!r}")
+def check_run_axis(axis: str, levels: Iterable[float]) -> None:
+    """Raise ParameterError for a level that one of `RUN_AXES` cannot have."""
+    for level in levels:
+        if axis == LATENCY and not (math.isfinite(level) and level >= 0.0):
+            raise ParameterError(f"a latency must be 0 ms or more, got {level!r}")
+        if axis == BOX_NOISE and not 0.0 <= level <= MAX_BOX_NOISE:
+            raise ParameterError(f"box noise must be a share of the sides in [0, {MAX_BOX_NOISE}], got {level:g}")
+        if axis == START and not 0.0 <= level < 1.0:
+            raise ParameterError(f"a start must be a share of the episode in [0, 1), got {level:g}")
 
 
 def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: ScoredBox = "box") -> Plan:
@@ -299,7 +309,7 @@ def _check_axis(axis: str) -> None:
     name, dot, parameter = axis.partition(".")
     known = axes_by_name()
     if name not in known:
-        raise UnknownNameError("axis", name, [*known, LATENCY])
+        raise UnknownNameError("axis", name, [*known, *RUN_AXES])
     if dot and parameter not in known[name].model_fields:
         raise UnknownNameError(f"parameter of the axis {name}", parameter, known[name].model_fields)
 

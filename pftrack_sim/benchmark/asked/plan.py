@@ -9,9 +9,10 @@ import itertools
 import json
 import random
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -32,8 +33,16 @@ EpisodeKind: TypeAlias = Literal["open", "follow"]
 """`"open"`: the robot follows its script, and all trackers share the frames. `"follow"`: a tracker drives the robot in
 closed loop, and each has its own episode."""
 
-LATENCY = "latency"
-"""Name of the axis of the run (not of scenarios) that charges every tracker the same milliseconds per frame."""
+LATENCY, BOX_NOISE, START = "latency", "box_noise", "start"
+
+RUN_AXES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        LATENCY: ("ms", "time charged to every tracker for each frame; closed loop only"),
+        BOX_NOISE: ("share of sides", "most by which centre and sides of the first box are off, by seed: OTB's SRE"),
+        START: ("share of episode", "where trackers start and scores begin: OTB's TRE; open loop only"),
+    }
+)
+"""Axes of the run, not of scenarios: unit, and what a level is."""
 
 ScoredBox: TypeAlias = Literal["box", "amodal_box", "visible_box"]
 """True box that estimates are compared with, by its name in `Truth`."""
@@ -107,8 +116,8 @@ class Condition(Section):
     """One combination of axis levels; without levels the scenario is unchanged.
 
     Attributes:
-        levels: Pairs of an axis and its severity, of `axis.parameter` and its value at severity 1, or of `latency` and
-            milliseconds.
+        levels: Pairs of an axis and its severity, of `axis.parameter` and its value at severity 1, or of one of
+            `RUN_AXES` and its level.
         variant: Name of the other changes of a condition, where its levels do not identify it: `"stranger"`.
     """
 
@@ -122,9 +131,9 @@ class Condition(Section):
         return f"{self.variant} {levels}" if self.variant else levels
 
     @property
-    def latency_ms(self) -> float | None:
-        """Latency charged to every tracker, or None where each has its own."""
-        return dict(self.levels).get(LATENCY)
+    def of_run(self) -> dict[str, float]:
+        """The levels of `RUN_AXES` that it has."""
+        return {name: level for name, level in self.levels if name in RUN_AXES}
 
     @cached_property
     def overrides(self) -> dict[str, float]:
@@ -133,7 +142,7 @@ class Condition(Section):
         dotted: dict[str, float] = {}
         for axis, level in self.levels:
             name, _, parameter = axis.partition(".")
-            if name == LATENCY:
+            if name in RUN_AXES:
                 continue
             dotted[f"axes.{name}.{parameter or 'severity'}"] = level
             if parameter and name not in with_severity:
@@ -208,16 +217,28 @@ class Episode:
     @property
     def latency_ms(self) -> float:
         """Latency of its tracker in closed loop."""
-        by_condition = self.condition.latency_ms
-        return self.trackers[0].latency_ms if by_condition is None else by_condition
+        return self.condition.of_run.get(LATENCY, self.trackers[0].latency_ms)
+
+    @property
+    def box_noise(self) -> float:
+        """Share of its sides by which the first box is off at most."""
+        return self.condition.of_run.get(BOX_NOISE, 0.0)
+
+    @property
+    def first_frame(self) -> int:
+        """Frame before which no tracker starts and nothing is scored."""
+        return round(self.condition.of_run.get(START, 0.0) * self.scenario.frame_count(self.seed))
 
     @cached_property
     def frames_key(self) -> str:
-        """Key of the frames: in open loop of what is drawn, in closed loop the result's, as the tracker steers."""
-        return self._drawn_key if self.kind == "open" else self.results[0].key
+        """Key of the table of the frames: in closed loop the result's, as the tracker steers."""
+        if self.kind == "follow":
+            return self.results[0].key
+        return keys.digest(self.drawn_key, self.condition.of_run) if self.condition.of_run else self.drawn_key
 
     @cached_property
-    def _drawn_key(self) -> str:
+    def drawn_key(self) -> str:
+        """Key of what is drawn in open loop."""
         drawn_by = keys.environment_digest(self.environment, scoring=False)
         return keys.digest(self.spec.digest, self.condition.overrides, self.seed, drawn_by)
 
@@ -226,7 +247,7 @@ class Episode:
         """The result of each tracker."""
         scored_by = keys.environment_digest(self.environment, scoring=True)
         condition = self.condition.levels, self.condition.variant
-        common = keys.digest(self._drawn_key, self.spec.name, condition, self.truth, scored_by)
+        common = keys.digest(self.drawn_key, self.spec.name, condition, self.truth, scored_by)
         return tuple(AskedResult(self, one, keys.digest(common, one.digest)) for one in self.trackers)
 
     @property
@@ -310,10 +331,11 @@ class Plan(Section):
                 raise ValueError(f"{kind} given twice: {', '.join(map(str, dict.fromkeys(repeated)))}")
         if len({tracker.controller is None for tracker in self.trackers}) > 1:
             raise ValueError("either every tracker needs a controller, or none may have one")
-        latencies = [condition.latency_ms for sweep in self.sweeps for condition in sweep.conditions]
-        charged = any(tracker.latency_ms for tracker in self.trackers) or any(one is not None for one in latencies)
-        if charged and self.kind == "open":
+        swept = {name for sweep in self.sweeps for condition in sweep.conditions for name in condition.of_run}
+        if self.kind == "open" and (LATENCY in swept or any(tracker.latency_ms for tracker in self.trackers)):
             raise ValueError("latency is charged only where the tracker drives the robot: see follow")
+        if self.kind == "follow" and START in swept:
+            raise ValueError("trackers start later only in open loop: where they drive, the robot would stand still")
         return self
 
     @property

@@ -11,19 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.benchmark.asked.from_names import check_run_axis
+from pftrack_sim.benchmark.asked.plan import BOX_NOISE, START, TrackerSpec
 from pftrack_sim.benchmark.running.rollout import Sink, recorded, rollout
 from pftrack_sim.benchmark.running.sinks import error_text, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
-from pftrack_sim.core import boxes, random_streams
-from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError, RunError, TrackerError
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.score import Summary
-from pftrack_sim.score.frames import misread_boxes
+from pftrack_sim.score.frames import first_scored, misread_boxes
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
-MAX_BOX_NOISE = 0.5
 _RATE_HZ = 25.0
 
 
@@ -46,6 +44,7 @@ class RecordedResult:
     error: str | None
     said: str = ""
     misread: str | None = None
+    start: float = 0.0
 
 
 def evaluate(
@@ -54,6 +53,7 @@ def evaluate(
     seeds: Sequence[int],
     *,
     box_noise: float = 0.0,
+    starts: Sequence[float] = (0.0,),
     video: Path | None = None,
     isolation: Isolation = "never",
     limits: Limits | None = None,
@@ -69,6 +69,7 @@ def evaluate(
         seeds: Seeds of the trackers.
         box_noise: Trackers start from boxes whose centre and sides differ from the annotated ones by up to this share
             of the sides, in [0, 0.5], uniformly, another for each seed. All trackers of a seed have the same.
+        starts: Shares of the sequence, in [0, 1), after which they start and scores begin.
         video: Where to write the annotated and estimated boxes and particles at the first seed; see `video_paths`.
         isolation: Which trackers run in a process of their own.
         limits: Limits of those.
@@ -78,12 +79,12 @@ def evaluate(
         UnknownNameError: An unknown tracker.
         TrackerError: A tracker whose requirements are missing, or that follows detections where a sequence has none.
         SequenceError: An image cannot be read.
-        ParameterError: No such preset or parameter, an impossible name of a video, or noise outside [0, 0.5].
+        ParameterError: No such preset or parameter, an impossible name of a video, or noise or start.
         RunError: A video cannot be written.
     """
     # Wrong names and presets are reported before anything is written.
-    if not 0.0 <= box_noise <= MAX_BOX_NOISE:
-        raise ParameterError(f"box noise must be a share of the sides in [0, {MAX_BOX_NOISE}], got {box_noise:g}")
+    check_run_axis(BOX_NOISE, [box_noise])
+    check_run_axis(START, starts)
     limits = limits or Limits()
     specs = [one if isinstance(one, TrackerSpec) else TrackerSpec(name=one) for one in trackers]
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
@@ -92,34 +93,25 @@ def evaluate(
         check_trackers(specs, isolation, limits, processes)
         made = partial(make_runners, specs, isolation=isolation, limits=limits, processes=processes)
         for sequence, path in zip(sequences, videos, strict=True):
-            by_seed = {seed: made(seed=seed) for seed in seeds}
-            _check_detections(sequence, [one for runners in by_seed.values() for one in runners])
-            for seed, runners in by_seed.items():
-                for runner in runners:
-                    runner.start_from = partial(_perturbed, seed=seed, share=box_noise)
-            _run(sequence, list(by_seed.values()), path, on_frame)
-            scored = np.isfinite(sequence.truth[:, 0])
-            for seed, runners in by_seed.items():
-                for runner in runners:
+            arms = [(seed, start, round(start * len(sequence))) for seed in seeds for start in starts]
+            runners = [made(seed=seed, box_noise=box_noise, first_frame=frame) for seed, _, frame in arms]
+            _check_detections(sequence, [one for own in runners for one in own])
+            _run(sequence, runners, path, on_frame)
+            for (seed, start, first_frame), own in zip(arms, runners, strict=True):
+                scored = np.isfinite(sequence.truth[:, 0])
+                scored[:first_frame] = False
+                for runner in own:
                     frames = score.frame_scores(runner.boxes, sequence.truth)
                     summary = score.summarise(frames, scored, np.array(runner.ms))
                     summary = replace(summary, ms_reported=runner.ms_reported)
                     said = error_text(runner) if runner.error else ""
-                    # Frame 0 has the given box.
-                    misread = misread_boxes(runner.boxes[1:], sequence.truth[1:], sequence.image(0).shape[1::-1])
+                    # The first scored frame has the given box.
+                    size, after = sequence.image(0).shape[1::-1], first_scored(scored) + 1
+                    misread = misread_boxes(runner.boxes[after:], sequence.truth[after:], size)
                     results.append(
-                        RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, said, misread)
+                        RecordedResult(sequence.name, runner.spec, seed, summary, runner.error, said, misread, start)
                     )
     return results
-
-
-def _perturbed(box: Box, *, seed: int, share: float) -> Box:
-    """`(4,)` box [px] whose centre and sides are off by up to a share of the sides, by the seed."""
-    if share == 0.0:
-        return box
-    offsets = random_streams.stream(seed, "first_box").uniform(-share, share, 4)
-    sides = box[2:] * (1.0 + offsets[2:])
-    return np.concatenate([boxes.centre(box) + offsets[:2] * box[2:] - 0.5 * sides, sides])
 
 
 def _check_detections(sequence: RecordedSequence, runners: Sequence[TrackerRunner]) -> None:
@@ -135,19 +127,19 @@ def _check_detections(sequence: RecordedSequence, runners: Sequence[TrackerRunne
 
 def _run(
     sequence: RecordedSequence,
-    by_seed: Sequence[Sequence[TrackerRunner]],
+    arms: Sequence[Sequence[TrackerRunner]],
     video: Path | None,
     on_frame: Callable[[], None],
 ) -> None:
-    """Show every frame to every tracker, and film those of the first seed."""
+    """Show every frame to every tracker, and film those of the first seed and start."""
     sinks: list[Sink] = [lambda step: on_frame()]
-    runners = [one for runners in by_seed for one in runners]
+    runners = [one for runners in arms for one in runners]
     with ExitStack() as opened:
         for runner in runners:
             opened.callback(runner.close)
         if video is not None:
             add = opened.enter_context(video_writer(video, rate_of(sequence)))
-            sinks.append(lambda step: add(picture(step.sample, by_seed[0]), step.sample.time_s))
+            sinks.append(lambda step: add(picture(step.sample, arms[0]), step.sample.time_s))
         rollout(recorded(sequence, rate_of(sequence)), runners, sinks)
 
 

@@ -125,6 +125,8 @@ def _run(
             limits=job.limits,
             dropped=job.dropped,
             processes=processes,
+            box_noise=episode.box_noise,
+            first_frame=episode.first_frame,
         )
         for place, runner in enumerate(runners):
             stack.callback(runner.close)
@@ -183,7 +185,7 @@ def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log:
         wanted = any(runner.needs_detections for runner in runners)
         return detected(samples, episode.scenario.resolve(episode.seed), episode.seed) if wanted else samples
 
-    entry = frames.entry(episode.frames_key, job.backend) if frames is not None else None
+    entry = frames.entry(episode.drawn_key, job.backend) if frames is not None else None
     if frames is not None and entry is not None and (cached := frames.open(entry)) is not None:
         rollout(with_detections(cached.samples()), runners, sinks)
         if log.frames_digest != cached.frames_digest:

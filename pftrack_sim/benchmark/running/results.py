@@ -62,6 +62,7 @@ def write_results(
     truths, file = log.truths, folder / "table.parquet"
     true_boxes = np.array([getattr(truth, episode.truth) for truth in truths])
     scored = np.array([truth.scored for truth in truths])
+    scored[: episode.first_frame] = False
     visible = np.array([truth.visible_fraction for truth in truths])
     times = np.array([truth.time_s for truth in truths])
     names = {
@@ -70,7 +71,12 @@ def write_results(
         "condition": episode.condition.name,
         "seed": episode.seed,
     }
-    drawn = {**truth_columns(truths), "nearest_look_alike": np.array(log.nearest_look_alike), **course}
+    drawn = {
+        **truth_columns(truths),
+        "scored": scored,
+        "nearest_look_alike": np.array(log.nearest_look_alike),
+        **course,
+    }
     people = people_columns(log.people)
     contents: dict[str, bytes] = {}
     rows: list[dict[str, Any]] = []

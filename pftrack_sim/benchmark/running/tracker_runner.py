@@ -12,7 +12,7 @@ import numpy as np
 
 from pftrack_sim import trackers
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
-from pftrack_sim.core import boxes
+from pftrack_sim.core import boxes, random_streams
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes, Tracker
@@ -54,7 +54,9 @@ class TrackerRunner:
         started: Whether the tracker was initialised.
         took_ms: Time taken by the last call.
         announce: Called with True before the tracker runs and with False afterwards.
-        start_from: Box that the tracker is initialised with, given the true one.
+        seed: Root seed of the episode.
+        box_noise: Share of the first box's sides by which its centre and sides are off at most, by the seed.
+        first_frame: Frame before which the tracker does not start.
     """
 
     spec: TrackerSpec
@@ -69,7 +71,9 @@ class TrackerRunner:
     started: bool = False
     took_ms: float = 0.0
     announce: Callable[[bool], None] = lambda running: None
-    start_from: Callable[[Box], Box] = lambda box: box
+    seed: int = 0
+    box_noise: float = 0.0
+    first_frame: int = 0
 
     def step(self, image: Image, true_box: Box, visible_fraction: float, detections: Detections | None = None) -> None:
         """Call the tracker on the next frame and record the result.
@@ -77,12 +81,13 @@ class TrackerRunner:
         Args:
             image: `(H, W, 3)` uint8 RGB; the tracker gets its own copy.
             true_box: `(4,)` box [px]: for initialisation, and for trackers that need the truth.
-            visible_fraction: Share of the target that can be seen: a tracker is initialised in the first frame above 0.
+            visible_fraction: Share of the target that can be seen: a tracker is initialised in the first frame above 0
+                from `first_frame` on.
             detections: For trackers that need them; None where there are none.
         """
         if self.error is not None:
             self.record(None, "error")
-        elif not self.started and not visible_fraction > 0.0:
+        elif not self.started and (len(self.ms) < self.first_frame or not visible_fraction > 0.0):
             self.record(None, "waiting")
         else:
             status: TrackerStatus = "ok" if self.started else "init"
@@ -96,7 +101,7 @@ class TrackerRunner:
     def call(
         self, image: Image, true_box: Box, visible_fraction: float, detections: Detections | None = None
     ) -> Estimate:
-        """Initialise the tracker with `start_from(true_box)` when called first, update it afterwards; record nothing.
+        """Initialise the tracker when called first, update it afterwards; record nothing.
 
         Raises:
             TrackerFault: The tracker raised, crashed, timed out, or returned no valid estimate. It is closed then.
@@ -115,7 +120,7 @@ class TrackerRunner:
             shown = image if isolated else image.copy()
             start_s = time.perf_counter()
             if first:
-                estimate = Estimate(self.start_from(true_box))
+                estimate = Estimate(_perturbed(true_box, self.seed, self.box_noise))
                 tracker.init(shown, np.array(estimate.box))
             else:
                 estimate = tracker.update(shown)
@@ -192,6 +197,15 @@ class TrackerRunner:
             self.tracker.close()
 
 
+def _perturbed(box: Box, seed: int, share: float) -> Box:
+    """`(4,)` box [px] whose centre and sides are off by up to a share of the sides, by the seed."""
+    if share == 0.0:
+        return box
+    offsets = random_streams.stream(seed, "first_box").uniform(-share, share, 4)
+    sides = box[2:] * (1.0 + offsets[2:])
+    return np.concatenate([boxes.centre(box) + offsets[:2] * box[2:] - 0.5 * sides, sides])
+
+
 def _needs_truth(tracker: object) -> bool:
     return tracker.needs_truth if isinstance(tracker, IsolatedTracker) else isinstance(tracker, trackers.NeedsTruth)
 
@@ -232,6 +246,8 @@ def make_runners(
     limits: Limits | None = None,
     dropped: Collection[str] = (),
     processes: TrackerProcesses | None = None,
+    box_noise: float = 0.0,
+    first_frame: int = 0,
 ) -> list[TrackerRunner]:
     """Make fresh trackers.
 
@@ -242,6 +258,8 @@ def make_runners(
         limits: Limits of those.
         dropped: Labels of trackers that fail in their first frame and are not made, because they end their worker.
         processes: Where isolated trackers' processes are kept; None: they end with the episode.
+        box_noise: See `TrackerRunner`.
+        first_frame: See `TrackerRunner`.
 
     Raises:
         UnknownNameError: No such tracker.
@@ -258,7 +276,7 @@ def make_runners(
             made = IsolatedTracker(code, seed=seed, processes=processes)
         else:
             made = trackers.make(spec.name, seed=seed, preset=spec.preset, **spec.params)
-        runners.append(TrackerRunner(spec, made))
+        runners.append(TrackerRunner(spec, made, seed=seed, box_noise=box_noise, first_frame=first_frame))
     return runners
 
 

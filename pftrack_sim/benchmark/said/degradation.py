@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark.asked.plan import LATENCY, Condition, Episode
+from pftrack_sim.benchmark.asked.plan import RUN_AXES, Condition, Episode
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result, by_seed
 from pftrack_sim.scenario.axes import axes_by_name
@@ -130,8 +130,8 @@ def levels_of(condition: Condition) -> tuple[AxisLevel, ...]:
 
 def _level(name: str, level: float, variant: str) -> AxisLevel:
     axis, _, parameter = name.partition(".")
-    if name == LATENCY:
-        return AxisLevel(name, level, level, "latency [ms]")
+    if name in RUN_AXES:
+        return AxisLevel(name, level, level, f"{name} [{RUN_AXES[name][0]}]")
     if parameter:
         return AxisLevel(name, level, level, name)
     known = axes_by_name()[axis]
@@ -254,7 +254,7 @@ def _without_axes(episode: Episode) -> dict[str, Any]:
 
 
 def _compared_from_s(episode: Episode, seed: int) -> float:
-    axes = {name.partition(".")[0] for name, level in episode.condition.levels if level and name != LATENCY}
+    axes = {name.partition(".")[0] for name, level in episode.condition.levels if level and name not in RUN_AXES}
     settings = episode.scenario.resolve(seed) if axes else None
     return max((getattr(settings.axes, name).compared_from_s for name in axes if settings), default=0.0)
 
