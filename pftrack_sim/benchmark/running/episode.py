@@ -47,7 +47,7 @@ class EpisodeJob:
         backend: Renderer, by name; `WITHOUT_IMAGES` for an episode without images.
         cache: Where frames of open loops are kept, on the worker's machine; None: nowhere.
         scratch: Folder for temporary files, if the worker has it.
-        dropped: Labels of trackers that are not run: they ended the process of a worker.
+        apart: Whether each tracker runs in a process of its own: one of them may have ended the process of a worker.
     """
 
     episode: Episode
@@ -57,7 +57,7 @@ class EpisodeJob:
     limits: Limits = field(default_factory=Limits)
     logs: tuple[str, ...] = ()
     scratch: Path | None = None
-    dropped: tuple[str, ...] = ()
+    apart: bool = False
     labels: tuple[str, ...] = ()
     cache: FrameCache | None = None
 
@@ -80,7 +80,6 @@ class EpisodeFiles:
 def run_episode(
     job: EpisodeJob,
     on_frame: Callable[[], None] = lambda: None,
-    on_tracker: Callable[[int | None], None] = lambda place: None,
     processes: TrackerProcesses | None = None,
 ) -> EpisodeFiles:
     """Run an episode.
@@ -88,7 +87,6 @@ def run_episode(
     Args:
         job: What to run.
         on_frame: Called after every frame.
-        on_tracker: Called with the place of a tracker before it runs, and with None afterwards.
         processes: Where isolated trackers' processes are kept; None: they end with the episode.
 
     Raises:
@@ -100,17 +98,12 @@ def run_episode(
     if lines:
         raise RunError(f"this worker has other code or versions than the run, so its results would differ\n{lines}")
     try:
-        return _run(job, on_frame, on_tracker, processes)
+        return _run(job, on_frame, processes)
     except DamagedEntry:  # it is gone: the frames are drawn
-        return _run(job, on_frame, on_tracker, processes)
+        return _run(job, on_frame, processes)
 
 
-def _run(
-    job: EpisodeJob,
-    on_frame: Callable[[], None],
-    on_tracker: Callable[[int | None], None],
-    processes: TrackerProcesses | None,
-) -> EpisodeFiles:
+def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProcesses | None) -> EpisodeFiles:
     episode = job.episode
     with _render_lock, ExitStack() as stack:
         try:
@@ -123,14 +116,13 @@ def _run(
             seed=episode.seed,
             isolation=job.isolation,
             limits=job.limits,
-            dropped=job.dropped,
+            apart=job.apart,
             processes=processes,
             box_noise=episode.box_noise,
             first_frame=episode.first_frame,
         )
-        for place, runner in enumerate(runners):
+        for runner in runners:
             stack.callback(runner.close)
-            runner.announce = lambda running, place=place: on_tracker(place if running else None)
         settings = episode.scenario.resolve(episode.seed)
         log, course = TruthLog(), FollowLog()
         following: dict[str, Any] = {}

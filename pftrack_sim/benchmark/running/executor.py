@@ -11,7 +11,7 @@ import os
 import signal
 import threading
 import time
-from collections import defaultdict, deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
@@ -28,12 +28,9 @@ from pftrack_sim.core.errors import RunError, ScenarioError
 from pftrack_sim.trackers.isolation import TrackerProcesses
 
 MAX_DEATHS = 3
-"""An episode whose worker dies this often is given up."""
+"""An episode whose worker dies this often is given up. The last time, each of its trackers has a process of its own, so
+that one that ends its process is named and the others go on."""
 
-DEATHS_OF_ONE = 2
-"""A tracker that was running as often as this when the worker of an episode died is dropped from the episode."""
-
-_SLOTS = 3
 
 _PROGRESS_PERIOD_S = 0.2
 _CONNECT_S = 30
@@ -111,17 +108,15 @@ class LocalExecutor:
 
     def __init__(self, count: int) -> None:
         self._context = _RecordingContext()
-        # For each worker the number of rendered frames, the process id, and the tracker that runs (its place in the
-        # episode, from 1; 0 for none); only the worker writes them.
-        self._shared: Any = self._context.RawArray("q", _SLOTS * count)
-        self._culprits: defaultdict[str, list[str | None]] = defaultdict(list)
+        self._frames: Any = self._context.RawArray("q", count)  # rendered by each worker, which alone writes its number
+        self._deaths: Counter[str] = Counter()
         self._pools = [self._start(index) for index in range(count)]
 
     def _start(self, index: int) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(1, self._context, initializer=_initialise, initargs=(self._shared, index))
+        return ProcessPoolExecutor(1, self._context, initializer=_initialise, initargs=(self._frames, index))
 
     def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
-        """See `Executor`. An episode whose worker dies is run again by a new one, without a tracker that caused it."""
+        """See `Executor`. An episode whose worker dies is run again by a new one."""
         repeated: deque[EpisodeJob] = deque()
         running: dict[Future[EpisodeFiles], tuple[int, EpisodeJob]] = {}
         idle = list(range(len(self._pools)))
@@ -138,7 +133,7 @@ class LocalExecutor:
                 try:
                     yield _finish(job, future.result)
                 except BrokenExecutor:
-                    again = self._after_death(index, job)
+                    again = self._after_death(job)
                     self._restart(index)
                     if again is not None:
                         repeated.append(again)
@@ -146,17 +141,11 @@ class LocalExecutor:
                         yield FinishedJob(job, None, f"{job.episode.name}: its worker died {MAX_DEATHS} times")
             yield None
 
-    def _after_death(self, index: int, job: EpisodeJob) -> EpisodeJob | None:
+    def _after_death(self, job: EpisodeJob) -> EpisodeJob | None:
         """The job that is run in place of one whose worker died; None to give it up."""
-        running: int = self._shared[_SLOTS * index + 2]
-        self._shared[_SLOTS * index + 2] = 0
-        label = job.episode.labels[running - 1] if running else None
-        culprits = self._culprits[job.episode.path]
-        culprits.append(label)
-        if label is not None and culprits.count(label) >= DEATHS_OF_ONE:
-            culprits.clear()
-            return replace(job, dropped=(*job.dropped, label))
-        return job if len(culprits) < MAX_DEATHS else None
+        self._deaths[job.episode.path] += 1
+        deaths = self._deaths[job.episode.path]
+        return replace(job, apart=deaths == MAX_DEATHS - 1) if deaths < MAX_DEATHS else None
 
     def _submit(self, index: int, job: EpisodeJob) -> Future[EpisodeFiles]:
         try:
@@ -172,12 +161,12 @@ class LocalExecutor:
     @property
     def frames_done(self) -> int:
         """See `Executor`."""
-        return sum(self._shared[::_SLOTS])
+        return sum(self._frames)
 
     @property
     def process_ids(self) -> list[int]:
-        """Ids of the workers that have started."""
-        return [pid for pid in self._shared[1::_SLOTS] if pid]
+        """Ids of the workers."""
+        return [one.pid for one in self._context.started if one.pid is not None]
 
     def close(self) -> None:
         """See `Executor`."""
@@ -276,7 +265,6 @@ class DaskExecutor:
 
 
 _count_frame: Callable[[], None] = lambda: None  # noqa: E731 - set once in each worker
-_note_tracker: Callable[[int | None], None] = lambda place: None  # noqa: E731 - set once in each worker
 
 
 @cache
@@ -286,7 +274,7 @@ def _processes() -> TrackerProcesses:
 
 
 def _run(job: EpisodeJob) -> EpisodeFiles:
-    return run_episode(job, lambda: _count_frame(), lambda place: _note_tracker(place), _processes())
+    return run_episode(job, lambda: _count_frame(), _processes())
 
 
 def prepare_worker() -> None:
@@ -306,21 +294,17 @@ def prepare_worker() -> None:
     cv2.setNumThreads(1)
 
 
-def _initialise(shared: Any, index: int) -> None:
+def _initialise(frames: Any, index: int) -> None:
     """Prepare a worker process that counts its frames."""
-    global _count_frame, _note_tracker
+    global _count_frame
     prepare_worker()
     if index:  # one of several says that it compiles
         compile_in_silence()
 
     def count() -> None:
-        shared[_SLOTS * index] += 1
+        frames[index] += 1
 
-    def note(place: int | None) -> None:
-        shared[_SLOTS * index + 2] = 0 if place is None else place + 1
-
-    _count_frame, _note_tracker = count, note
-    shared[_SLOTS * index + 1] = os.getpid()
+    _count_frame = count
 
 
 def _exit_with_parent() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, cast, get_args
 
@@ -53,7 +53,6 @@ class TrackerRunner:
         traceback: Traceback of the error; empty without one.
         started: Whether the tracker was initialised.
         took_ms: Time taken by the last call.
-        announce: Called with True before the tracker runs and with False afterwards.
         seed: Root seed of the episode.
         box_noise: Share of the first box's sides by which its centre and sides are off at most, by the seed.
         first_frame: Frame before which the tracker does not start.
@@ -70,7 +69,6 @@ class TrackerRunner:
     traceback: str = ""
     started: bool = False
     took_ms: float = 0.0
-    announce: Callable[[bool], None] = lambda running: None
     seed: int = 0
     box_noise: float = 0.0
     first_frame: int = 0
@@ -108,7 +106,6 @@ class TrackerRunner:
         """
         tracker, first, self.started = self.tracker, not self.started, True
         isolated = isinstance(tracker, IsolatedTracker)
-        self.announce(True)
         try:
             if self.needs_detections:
                 if detections is None:
@@ -138,8 +135,6 @@ class TrackerRunner:
         except (Exception, SystemExit) as error:  # a third-party tracker may raise anything
             self.close()
             raise fault_of(error) from error
-        finally:
-            self.announce(False)
 
     @property
     def needs_detections(self) -> bool:
@@ -228,23 +223,13 @@ def fault_of(error: BaseException) -> TrackerFault:
     return TrackerFault(describe_error(error) + locate_error(error), traceback_text(error))
 
 
-class _DroppedTracker:
-    """Stands for a tracker that ended the worker process it ran in."""
-
-    def init(self, image: Image, box: Box) -> None:
-        raise TrackerFault("its worker process died twice while it ran")
-
-    def update(self, image: Image) -> Estimate:
-        raise TrackerFault("it was dropped")
-
-
 def make_runners(
     specs: Sequence[str | TrackerSpec],
     *,
     seed: int,
     isolation: Isolation = "never",
     limits: Limits | None = None,
-    dropped: Collection[str] = (),
+    apart: bool = False,
     processes: TrackerProcesses | None = None,
     box_noise: float = 0.0,
     first_frame: int = 0,
@@ -256,7 +241,7 @@ def make_runners(
         seed: Root seed of the episode: every tracker draws from its own `tracker` stream of it.
         isolation: Which trackers run in a process of their own.
         limits: Limits of those.
-        dropped: Labels of trackers that fail in their first frame and are not made, because they end their worker.
+        apart: Whether all others do so too.
         processes: Where isolated trackers' processes are kept; None: they end with the episode.
         box_noise: See `TrackerRunner`.
         first_frame: See `TrackerRunner`.
@@ -269,9 +254,7 @@ def make_runners(
     runners: list[TrackerRunner] = []
     for given in specs:
         spec = given if isinstance(given, TrackerSpec) else TrackerSpec(name=given)
-        if spec.label in dropped:
-            made = _DroppedTracker()
-        elif is_isolated(spec.name, isolation):
+        if apart or is_isolated(spec.name, isolation):
             code = _code_of(spec, isolation, limits or Limits())
             made = IsolatedTracker(code, seed=seed, processes=processes)
         else:
@@ -305,7 +288,8 @@ def check_trackers(
 
 
 def _code_of(spec: TrackerSpec, isolation: Isolation, limits: Limits) -> TrackerCode:
-    return TrackerCode(spec.name, spec.preset, spec.params, limits, sandboxed=isolation == "container")
+    sandboxed = isolation == "container" and not trackers.is_builtin(spec.name)
+    return TrackerCode(spec.name, spec.preset, spec.params, limits, sandboxed=sandboxed)
 
 
 def checked_isolation(name: str) -> Isolation:
