@@ -1,6 +1,5 @@
 """Closed-loop runs: the plan, the folder and the workers of the benchmark, with the tracker driving the robot."""
 
-import shutil
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -8,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pftrack_sim.benchmark import Interrupted, Plan, RunStore, TrackerSpec, make_plan, plan_all, run
+from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec, make_plan, plan_all, run
 from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.running.latency import measure_ms, resolve_latencies
-from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES
 from pftrack_sim.env import TrackAndFollowEnv
@@ -24,6 +22,8 @@ THIS = "tests.benchmark.test_follow"
 class Raises:
     """Fails after two frames."""
 
+    command = (0.5, 0.5, 0.5, 0.5)
+
     def __init__(self) -> None:
         self.frames = 0
 
@@ -32,23 +32,17 @@ class Raises:
 
     def act(self, estimate, proprio):
         self.frames += 1
-        if self.frames > 2:
+        if type(self) is Raises and self.frames > 2:
             raise RuntimeError("the motor is on fire")
-        return np.full(4, 0.5)
+        return np.array(self.command)
 
 
 class Unsure(Raises):
-    """Gives commands that are not finite."""
-
-    def act(self, estimate, proprio):
-        return np.full(4, np.nan)
+    command = (np.nan,) * 4
 
 
 class Greedy(Raises):
-    """Gives commands beyond the limits."""
-
-    def act(self, estimate, proprio):
-        return np.array([0.0, 7.0, 0.0, 0.0])
+    command = (0.0, 7.0, 0.0, 0.0)
 
 
 def driving(seeds: range = range(2), trackers: tuple[Any, ...] = ("oracle", "stay"), **more: Any) -> Plan:
@@ -130,32 +124,6 @@ def test_without_images_the_robot_drives_the_same_way(one: RunStore, tmp_path: P
 def test_two_workers_and_another_order_give_the_same_bits(one: RunStore, tmp_path: Path):
     two = run(one.plan, tmp_path / "two", workers=2, videos="none", shuffle=1)
     assert contents(two.path) == contents(one.path)
-
-
-@pytest.mark.slow
-def test_a_resumed_run_runs_only_missing_episodes(one: RunStore, tmp_path: Path):
-    begun = tmp_path / "run"
-    shutil.copytree(one.path, begun)
-    lost, *kept = RunStore(begun).present
-    half = lost.with_name(f".{lost.name}.0badcafe.part")
-    half.write_bytes(lost.read_bytes()[:1000])
-    lost.unlink()
-    times = [file.stat().st_mtime_ns for file in kept]
-    seen: list[RunProgress] = []
-
-    def press(status: RunProgress) -> None:
-        seen.append(status)
-        if len(seen) > 1:
-            raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted, match="3 of 4 episodes are finished"):
-        run(one.plan, begun, workers=1, videos="none", on_progress=press)
-    seen.clear()
-    run(one.plan, begun, videos="none", on_progress=seen.append)
-    assert [status.done for status in seen if status.episode] == [4]
-    assert [file.stat().st_mtime_ns for file in kept] == times
-    assert contents(begun) == contents(one.path)
-    assert not half.exists()
 
 
 @pytest.mark.slow

@@ -16,27 +16,14 @@ from pftrack_sim.benchmark.asked.union import held_besides, united
 from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.reading.merge import merge
 from pftrack_sim.benchmark.running.filming import film, worst
+from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.code_digest import MAX_CODE_BYTES
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.scenario import load
 from tests.benchmark.small import SMALL, contents
 from tests.trackers.test_sandbox import sandbox_works
 
-STILL = "tests.benchmark.test_keys:still"
-
-
-class Still:
-    def init(self, image: Any, box: Any) -> None:
-        self.box = box
-
-    def update(self, image: Any) -> Any:
-        from pftrack_sim.core.records import Estimate
-
-        return Estimate(self.box)
-
-
-def still(**_: Any) -> Still:
-    return Still()
+STILL = "tests.benchmark.faulty_trackers:good"
 
 
 def plan_of(seeds: str, trackers: list[str], axes: dict[str, list[float]] | None = None, **more: Any) -> Plan:
@@ -78,15 +65,22 @@ def test_other_code_of_the_package_is_another_result_and_of_the_simulator_other_
 
 
 def test_a_run_is_resumed_by_the_keys_that_are_missing(tmp_path: Path):
-    plan = plan_of("0:2", ["oracle", "stay"])
-    whole = contents(run(plan, tmp_path / "run", videos="none").path)
-    kept = files(tmp_path / "run")
+    out, plan = tmp_path / "run", plan_of("0:2", ["oracle", "stay"])
+    whole, kept = contents(run(plan, out, videos="none").path), files(out)
     lost = sorted(kept)[1]
-    (tmp_path / "run" / lost).unlink()
-    run(plan, tmp_path / "run", videos="none")
-    again = files(tmp_path / "run")
+    (out / lost).unlink()
+    half = (out / lost).with_name(f".{Path(lost).name}.0badcafe.part")
+    half.write_bytes(kept[lost][1][:1000])
+    seen: list[RunProgress] = []
+    run(plan, out, videos="none", on_progress=seen.append)
+    assert [status.done for status in seen if status.episode] == [2]
+    again = files(out)
     assert [name for name in kept if again[name] != kept[name]] == [lost]
-    assert contents(tmp_path / "run") == whole
+    assert contents(out) == whole
+    assert not half.exists()
+    run(plan, out, videos="none", on_progress=seen.append)
+    assert seen[-1].frames == 0
+    assert files(out) == again
 
 
 @pytest.mark.slow

@@ -24,25 +24,6 @@ SMALL: dict[str, Any] = {
 }
 
 
-class Raises:
-    """A third-party tracker that fails at its third frame."""
-
-    def init(self, image: np.ndarray, box: np.ndarray) -> None:
-        self.seen = 0
-
-    def update(self, image: np.ndarray) -> Any:
-        self.seen += 1
-        if self.seen == 3:
-            raise ValueError("lost my way")
-        from pftrack_sim.core.records import Estimate
-
-        return Estimate([0, 0, 5, 5])
-
-
-def breaking(**_: Any) -> Raises:
-    return Raises()
-
-
 def rows(path: Path, query: str) -> list[tuple[Any, ...]]:
     return duckdb.sql(query.replace("{}", str(path))).fetchall()
 
@@ -77,14 +58,14 @@ def test_a_run_folder_holds_plan_frames_scores_and_videos(tmp_path: Path):
 def test_an_exception_ends_only_its_own_tracker(tmp_path: Path):
     overrides = {**SMALL, "camera.width_px": 160, "camera.height_px": 120}
     alone = run(make_plan(["corridor"], ["ko2012"], [4], overrides=overrides), tmp_path / "a", videos="none")
-    names = ["tests.benchmark.test_run:breaking", "ko2012"]
+    names = ["tests.benchmark.faulty_trackers:raises", "ko2012"]
     plan = make_plan(["corridor"], names, [4], overrides=overrides)
     both = run(plan, tmp_path / "b", videos="none", isolation="never").results
     query = "SELECT * EXCLUDE ms FROM '{}/episodes/*/*/*.parquet' WHERE tracker = 'ko2012' ORDER BY frame"
     assert str(rows(tmp_path / "a", query)) == str(rows(tmp_path / "b", query))
     assert alone.results[0].measures.mean_overlap == both[1].measures.mean_overlap
     assert both[0].error is not None
-    assert both[0].error.startswith("frame 3: ValueError: lost my way (test_run.py, line ")
+    assert both[0].error.startswith("frame 2: ValueError: lost my way (faulty_trackers.py, line ")
     assert both[1].error is None
 
 
