@@ -210,11 +210,6 @@ class Episode:
         return _kind(self.trackers)
 
     @property
-    def labels(self) -> tuple[str, ...]:
-        """Labels of its trackers."""
-        return tuple(tracker.label for tracker in self.trackers)
-
-    @property
     def latency_ms(self) -> float:
         """Latency of its tracker in closed loop."""
         return self.condition.of_run.get(LATENCY, self.trackers[0].latency_ms)
@@ -269,7 +264,7 @@ class Episode:
     def name(self) -> str:
         """For people: `"plaza-walk jitter=2 seed 3"`."""
         condition = [self.condition.name] if self.condition != Condition() else []
-        driver = self.labels if self.kind == "follow" else ()
+        driver = [self.trackers[0].label] if self.kind == "follow" else []
         return " ".join([self.spec.name, *condition, f"seed {self.seed}", *driver])
 
 

@@ -21,8 +21,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
-import duckdb
-
 from pftrack_sim.benchmark.asked.plan import AskedResult, Episode, Plan
 from pftrack_sim.benchmark.asked.union import contradictions, listed, united
 from pftrack_sim.benchmark.kept.checksums import RECORD, SUMS, TABLES_OF_RESULTS, Checksums
@@ -147,8 +145,7 @@ class RunFolder:
             RunError: A result cannot be read.
         """
         theirs = {file: one for file, one in self.present.items() if not is_builtin(one.tracker.name)}
-        with duckdb.connect() as database:
-            known = [(theirs[file], metadata.get(OPENED, {})) for file, metadata in read_metadata(database, theirs)]
+        known = ((theirs[file], metadata.get(OPENED, {})) for file, metadata in read_metadata(theirs))
         return [(one, {str(name): str(was) for name, was in files.items()}) for one, files in known]
 
     @property

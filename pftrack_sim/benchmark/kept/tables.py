@@ -29,7 +29,8 @@ from pftrack_sim.core.text import one_line
 METADATA_KEY = "pftrack_sim"
 OPENED = "opened"
 """Entry of a result's metadata: digests of the files that its tracker has loaded and opened, by name."""
-_CHUNK = 500
+CHUNK = 500
+"""Results whose metadata are read at once."""
 MAX_BYTES = 1 << 30
 """Largest file that is read."""
 
@@ -127,29 +128,25 @@ def parquet(files: Iterable[Path]) -> str:
     return f"read_parquet([{', '.join(map(sql_text, files))}], hive_partitioning = false)"
 
 
-def read_metadata(
-    database: duckdb.DuckDBPyConnection, files: Mapping[Path, AskedResult]
-) -> Iterator[tuple[Path, dict[str, Any]]]:
+def read_metadata(files: Mapping[Path, AskedResult]) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Metadata of results' tables, read a few hundred at a time.
 
     Raises:
         RunError: One of them is no result's table, or that of another result.
     """
     waiting = iter(files.items())
-    while chunk := dict(islice(waiting, _CHUNK)):
-        yield from _read_chunk(database, chunk)
+    while chunk := dict(islice(waiting, CHUNK)):
+        yield from _read_chunk(chunk)
 
 
-def _read_chunk(
-    database: duckdb.DuckDBPyConnection, files: Mapping[Path, AskedResult]
-) -> Iterator[tuple[Path, dict[str, Any]]]:
+def _read_chunk(files: Mapping[Path, AskedResult]) -> Iterator[tuple[Path, dict[str, Any]]]:
     for path in files:
         if not is_file(path) or path.stat().st_size > MAX_BYTES:
             raise RunError(f"{path}: not a result's table: not a regular file of at most {MAX_BYTES} bytes")
     listed = f"[{', '.join(sql_text(path) for path in files)}]"
     query = f"SELECT file_name, value FROM parquet_kv_metadata({listed}) WHERE key = '{METADATA_KEY}'::BLOB"
     try:
-        with query_deadline(database):
+        with duckdb.connect() as database, query_deadline(database):
             found = {Path(name): value for name, value in database.execute(query).fetchall()}
     except duckdb.Error as error:
         raise RunError(f"not a result's table: {one_line(str(error))}") from None

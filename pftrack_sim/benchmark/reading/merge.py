@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import duckdb
+from typing import Any
 
 from pftrack_sim.benchmark.asked.plan import AskedResult
 from pftrack_sim.benchmark.asked.union import contradictions, listed, united
@@ -58,16 +57,17 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
             lines = listed(contradictions(store.plan, before))
             raise RunError(f"{store.path} holds another plan than {folders[0]}\n{lines}")
     added = shared = 0
-    with RunStore.begin(out, plan) as merged, duckdb.connect() as database:
+    with RunStore.begin(out, plan) as merged:
         for source in (store for store in stores if store.path.resolve() != out.resolve()):
             there, found = merged.present, source.present
             source.verify(name for one in found.values() for name in source.names_of_tables(one))
-            for file, one in found.items():
-                if (mine := merged.result_file(one)) in there:
-                    _check_equal(database, one, mine, file)
+            ours = read_metadata({file: one for one in found.values() if (file := merged.result_file(one)) in there})
+            for file, theirs in read_metadata(found):
+                one = found[file]
+                if merged.result_file(one) in there:
+                    _check_equal(one, next(ours), (file, theirs))
                     shared += 1
                 else:
-                    list(read_metadata(database, {file: one}))  # raises unless it is this result's file
                     merged.add(_contents(source.path, [*names_of_result(one), *source.names_of_tables(one)]))
                     added += 1
             for episode in {one.episode.number: one.episode for one in found.values()}.values():
@@ -87,11 +87,11 @@ def _contents(folder: Path, names: Sequence[str]) -> dict[str, bytes]:
         raise RunError(f"{folder} cannot be read: {error.strerror}") from None
 
 
-def _check_equal(database: duckdb.DuckDBPyConnection, asked: AskedResult, merged: Path, other: Path) -> None:
-    (_, one), (_, two) = read_metadata(database, {merged: asked, other: asked})
+def _check_equal(asked: AskedResult, merged: tuple[Path, dict[str, Any]], other: tuple[Path, dict[str, Any]]) -> None:
+    (path, one), (other_path, two) = merged, other
     if (one["content_sha256"], one["frames_digest"]) != (two["content_sha256"], two["frames_digest"]):
         frames = "; their frames differ" if one["frames_digest"] != two["frames_digest"] else ""
         raise RunError(
-            f"{merged} and {other} have different content for {asked.episode.name}, {asked.tracker.label}{frames} "
+            f"{path} and {other_path} have different content for {asked.episode.name}, {asked.tracker.label}{frames} "
             f"({one['graphics']}, version {one['version']}; {two['graphics']}, version {two['version']})"
         )

@@ -14,7 +14,7 @@ import duckdb
 from pftrack_sim.benchmark.asked.plan import AskedResult, Condition, Plan, TrackerSpec
 from pftrack_sim.benchmark.kept.files import atomic_write, csv_text, sql_text, write_bytes
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
-from pftrack_sim.benchmark.kept.tables import OPENED, column, read_metadata
+from pftrack_sim.benchmark.kept.tables import CHUNK, OPENED, column, read_metadata
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.score import Measures
 from pftrack_sim.score.following import Following
@@ -22,7 +22,6 @@ from pftrack_sim.score.following import Following
 SCORES = ("hota", "deta", "assa", "idf1", "mota", "switches")
 """Columns of everybody in view, for multi-object trackers; see `score.multi_object`."""
 
-_CHUNK = 500
 
 # Types are given, because a column without any value has none.
 _CASTS = {
@@ -141,19 +140,19 @@ def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Resu
 def load_summary(database: duckdb.DuckDBPyConnection, folder: RunFolder, files: Mapping[Path, AskedResult]) -> None:
     """Fill a table `summary` of results of a run folder; they are read a few hundred at a time."""
     places = {label: place for place, label in enumerate(folder.plan.labels)}
-    waiting, made = iter(files.items()), False
-    while chunk := dict(islice(waiting, _CHUNK)):
+    found, made = read_metadata(files), False
+    while chunk := list(islice(found, CHUNK)):
         rows = [
             {
-                "number": chunk[file].episode.number,
-                "place": places[chunk[file].tracker.label],
+                "number": files[file].episode.number,
+                "place": places[files[file].tracker.label],
                 **dict.fromkeys(SCORES),
                 **metadata,
                 "level_names": list(metadata["levels"]),
                 "level_values": list(metadata["levels"].values()),
                 "file": file.relative_to(folder.path).as_posix(),
             }
-            for file, metadata in read_metadata(database, chunk)
+            for file, metadata in chunk
         ]
         names = [name for name in dict.fromkeys(name for row in rows for name in row) if name not in ("levels", OPENED)]
         database.register("chunk", {name: column([row.get(name) for row in rows]) for name in names})

@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import duckdb
-
 from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.kept.tables import read_metadata
 from pftrack_sim.benchmark.reading.store import RunStore
@@ -64,10 +62,9 @@ class ProgressCounter:
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
-        with duckdb.connect() as database:
-            present = {file: one for file, one in store.present.items() if one.episode.number in mine}
-            for _, row in read_metadata(database, present):
-                self._count(row)
+        present = {file: one for file, one in store.present.items() if one.episode.number in mine}
+        for _, row in read_metadata(present):
+            self._count(row)
 
     def add(self, episode: Episode, files: EpisodeFiles) -> None:
         """Count a finished episode."""

@@ -81,7 +81,7 @@ def write_results(
     contents: dict[str, bytes] = {}
     rows: list[dict[str, Any]] = []
     with table_writer(truth=drawn, people=people) as write:
-        driver = episode.labels[0] if episode.kind == "follow" else None
+        driver = episode.trackers[0].label if episode.kind == "follow" else None
         write(file, _FRAMES, identity=_row({**names, "label": driver, "frames_key": episode.frames_key}))
         contents[f"frames/{episode.frames_file}.parquet"] = file.read_bytes()
         for asked, runner in zip(episode.results, runners, strict=True):
