@@ -130,21 +130,35 @@ def from_mask(mask: BoolArray) -> Box:
     return np.array([left, top, float(columns[-1]) + 1.0 - left, float(rows[-1]) + 1.0 - top])
 
 
-def polygon_box(values: FloatArray) -> Box:
-    """`(4,)` box [px] around a polygon `(x, y, x, y, ...)`; NaN where a corner is."""
-    corners = values.reshape(-1, 2)
-    return np.concatenate([corners.min(axis=0), np.ptp(corners, axis=0)])
+def region_box(text: str, *, mask: str = "m") -> Box | None:
+    """`(4,)` box [px] around a region as VOT and TraX write them; None where the text is none.
 
-
-def mask_box(values: FloatArray) -> Box | None:
-    """`(4,)` box [px] around the pixels of a mask, of zero size without any; None if the numbers are no mask.
+    A region is a rectangle `x,y,w,h`, a polygon `x,y,x,y,...` or a mask `mx,y,w,h,n,n,...`, whose lengths of runs of
+    pixels outside and inside alternate row by row. The box of a mask without pixels has no size; that of a rectangle
+    or polygon with NaN has NaN.
 
     Args:
-        values: x, y, width and height [px], then the lengths of runs of pixels outside and inside by turns, row by row.
+        text: The region.
+        mask: What a mask begins with.
 
-    >>> mask_box(np.array([10.0, 20, 5, 4, 7, 2, 3, 2])).tolist()
-    [12.0, 21.0, 2.0, 2.0]
+    >>> [region_box(text).tolist() for text in ("10,20,30,25,28,40", "m10,20,5,4,7,2,3,2")]
+    [[10.0, 20.0, 20.0, 20.0], [12.0, 21.0, 2.0, 2.0]]
     """
+    try:
+        values = np.array([float(field) for field in text.removeprefix(mask).split(",")])
+    except ValueError:
+        return None
+    if np.isinf(values).any():
+        return None
+    if text.startswith(mask):
+        return _mask_box(values)
+    if values.size < 6:
+        return values if values.size == 4 else None
+    corners = values.reshape(-1, 2) if values.size % 2 == 0 else None
+    return None if corners is None else np.concatenate([corners.min(axis=0), np.ptp(corners, axis=0)])
+
+
+def _mask_box(values: FloatArray) -> Box | None:
     if values.size < 4 or (values != np.round(values)).any() or (values[2:] < 0).any():
         return None
     x, y, width, height = values[:4]

@@ -1,4 +1,4 @@
-"""Image files from outside: decoded where their header announces no more pixels than are read."""
+"""Image files: encoded, and those from outside decoded where their header announces no more pixels than are read."""
 
 from __future__ import annotations
 
@@ -27,6 +27,17 @@ def check_pixels(width_px: int, height_px: int) -> None:
     """
     if not (width_px > 0 and height_px > 0 and width_px * height_px <= MAX_PIXELS):
         raise ValueError(f"has {width_px} x {height_px} pixels: images have 1 to {MAX_PIXELS} pixels")
+
+
+def encode(image: Image, suffix: str, *settings: int) -> bytes:
+    """Content of an image file of `(H, W, 3)` uint8 RGB.
+
+    Args:
+        image: The image.
+        suffix: Of the file: `".png"`.
+        settings: Of OpenCV, in pairs: `cv2.IMWRITE_JPEG_QUALITY, 90`.
+    """
+    return cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), settings)[1].tobytes()
 
 
 def decode(content: bytes) -> Image:

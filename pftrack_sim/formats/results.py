@@ -21,6 +21,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from pftrack_sim.core.boxes import NO_BOX, Box
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
@@ -202,7 +203,7 @@ def read_result(file: ResultFile, count: int, layout: str) -> TrackerResult:
 
 
 def _read_vot(path: Path) -> tuple[FloatArray, int]:
-    rows: list[list[float]] = []
+    rows: list[Box] = []
     first = 0
     lines = _binary_lines(path) if path.suffix == _BINARY else read_text(path).splitlines()
     for index, line in enumerate(lines):
@@ -210,7 +211,7 @@ def _read_vot(path: Path) -> tuple[FloatArray, int]:
             raise SequenceError(f"{path}, line {index + 1}: the tracker was reset; only runs without resets are scored")
         if line.strip() in ("0", "1"):
             first = index if line.strip() == "1" else first
-            rows.append([np.nan] * 4)
+            rows.append(NO_BOX)
             continue
         box = region_box(line.strip())
         if box is None:

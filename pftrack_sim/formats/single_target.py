@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pftrack_sim.core.boxes import mask_box, polygon_box
+from pftrack_sim.core import boxes
+from pftrack_sim.core.boxes import NO_BOX, Box
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.formats.files import box_lines, number, number_rows, present_boxes, read_text
@@ -176,14 +177,14 @@ class _Vot(_SingleTarget):
         return folder / "color" if (folder / "color").is_dir() else folder
 
     def _boxes(self, path: Path) -> FloatArray:
-        boxes: list[list[float]] = []
+        found: list[Box] = []
         for index, line in enumerate(read_text(path).rstrip().splitlines(), start=1):
             box = region_box(line.strip())
             if box is None:
                 words = "a rectangle x,y,w,h, a polygon x,y,x,y,... or a mask m..."
                 raise SequenceError(f"{path}, line {index}: expected {words}, got {line.strip()[:60]!r}")
-            boxes.append(box)
-        return present_boxes(np.array(boxes, dtype=np.float64).reshape(-1, 4))
+            found.append(box)
+        return present_boxes(np.array(found, dtype=np.float64).reshape(-1, 4))
 
     def _rate_hz(self, folder: Path) -> float | None:
         path = folder / self._sequence
@@ -224,27 +225,10 @@ class _Vot(_SingleTarget):
         (folder / "visibility.value").write_text(shares, encoding="utf-8")
 
 
-def region_box(text: str) -> list[float] | None:
-    """Box x, y, w, h [px] around a region as VOT writes them, or None where the text is none.
-
-    Regions are rectangles `x,y,w,h`, polygons `x,y,x,y,...` and masks `mX,Y,W,H,N,N,...`, whose numbers of pixels off
-    and on alternate row by row from the corner X, Y on. A mask without pixels and a polygon with NaN have NaN.
-
-    >>> region_box("10,20,30,25,28,40"), region_box("m3,4,4,2,1,2,2,1,2"), region_box("1,2,x,4")
-    ([10.0, 20.0, 20.0, 20.0], [4.0, 4.0, 2.0, 2.0], None)
-    """
-    try:
-        values = np.array([float(field) for field in text.removeprefix("m").split(",")])
-    except ValueError:
-        return None
-    if np.isinf(values).any():
-        return None
-    if text.startswith("m"):
-        box = mask_box(values)
-        return box if box is None else box.tolist() if box[2:].all() else [np.nan] * 4
-    if values.size == 4:
-        return values.tolist()
-    return polygon_box(values).tolist() if values.size >= 6 and values.size % 2 == 0 else None
+def region_box(text: str) -> Box | None:
+    """`(4,)` box [px] around a region, see `core.boxes.region_box`; NaN for a mask without pixels."""
+    box = boxes.region_box(text)
+    return NO_BOX if text.startswith("m") and box is not None and not box[2:].all() else box
 
 
 def _write_flags(path: Path, flags: Iterable[float]) -> None:

@@ -7,10 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import cv2
-import numpy as np
 
 from pftrack_sim.core import boxes
-from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.records import Estimate, Frame, Image
 from pftrack_sim.core.types import FloatArray
 
@@ -64,11 +63,7 @@ class LogFrame:
 
 def encode_jpeg(image: Image) -> bytes:
     """`(H, W, 3)` uint8 RGB as JPEG."""
-    options = (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY)
-    done, encoded = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
-    if not done:
-        raise RunError("an image cannot be encoded as JPEG")
-    return np.asarray(encoded, dtype=np.uint8).tobytes()
+    return encode(image, ".jpg", cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY)
 
 
 def topics_of(labels: Iterable[str], prefix: str = "/trackers/") -> dict[str, str]:

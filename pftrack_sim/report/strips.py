@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.records import Image
 from pftrack_sim.formats.images import video as read_video
 
@@ -59,5 +60,5 @@ def _pictures(video: Path) -> list[tuple[int, str]]:
 def _data_uri(image: Image) -> str:
     height, width = image.shape[:2]
     small = cv2.resize(image, (WIDTH_PX, round(WIDTH_PX * height / width)), interpolation=cv2.INTER_AREA)
-    _, encoded = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode()
+    encoded = encode(np.asarray(small, dtype=np.uint8), ".jpg", cv2.IMWRITE_JPEG_QUALITY, _QUALITY)
+    return "data:image/jpeg;base64," + base64.b64encode(encoded).decode()

@@ -10,11 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import axes_by_name
@@ -300,8 +300,7 @@ class Controls:
         self._player.request(press)
 
     def _save_picture(self, event: Any) -> None:
-        coded = cv2.imencode(".png", cv2.cvtColor(self.shown.picture(), cv2.COLOR_RGB2BGR))[1]
-        event.client.send_file_download("studio.png", coded.tobytes(), save_immediately=True)
+        event.client.send_file_download("studio.png", encode(self.shown.picture(), ".png"), save_immediately=True)
 
     def _save_clip(self, event: Any) -> None:
         with tempfile.TemporaryDirectory() as folder:

@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError, PftrackError, TrackerError
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.trackers.isolation import IsolatedTracker, TrackerCode
-from pftrack_sim.trackers.trax.client import Message, TraxTracker, decode_box, encode_box, encode_png, parse
+from pftrack_sim.trackers.trax.client import Message, TraxTracker, decode_box, encode_box, parse
 from pftrack_sim.trackers.trax.server import serve
 
 PROGRAMS = Path(__file__).with_name("trax_programs")
@@ -244,13 +245,13 @@ def test_the_library_drives_our_tracker_to_the_same_boxes(client: Any, tmp_path:
     trax = pytest.importorskip("trax")
     process, session = client
     frames = [np.roll(IMAGE, shift, axis=1) for shift in range(3)]
-    (tmp_path / "a b.png").write_bytes(encode_png(frames[2]))
+    (tmp_path / "a b.png").write_bytes(encode(frames[2], ".png"))
     ours = trackers.make("ncc")
     ours.init(frames[0], np.array([5.0, 4.0, 6.0, 8.0]))
     assert session.tracker_name == "ncc"
     region = trax.Rectangle.create(5, 4, 6, 8)
     session.initialize({"color": trax.MemoryImage.create(frames[0])}, [(region, {})], {})
-    sent = [trax.BufferImage.create(encode_png(frames[1])), trax.FileImage.create(str(tmp_path / "a b.png"))]
+    sent = [trax.BufferImage.create(encode(frames[1], ".png")), trax.FileImage.create(str(tmp_path / "a b.png"))]
     for image, frame in zip(sent, frames[1:], strict=True):
         expected = ours.update(frame)
         found, _ = session.frame({"color": image}, {}, [])
@@ -273,7 +274,7 @@ def test_the_library_drives_our_tracker_to_the_same_boxes(client: Any, tmp_path:
 def test_a_wrong_request_quits_with_its_reason(client: Any, tmp_path: Path, path: str, box: Any, words: str):
     trax = pytest.importorskip("trax")
     process, session = client
-    encoded = encode_png(IMAGE)
+    encoded = encode(IMAGE, ".png")
     (tmp_path / "image.png").write_bytes(encoded)
     (tmp_path / "large.png").write_bytes(encoded[:16] + struct.pack(">II", 30000, 30000) + encoded[24:])
     with pytest.raises(trax.TraxException, match=words):

@@ -22,6 +22,7 @@ from pftrack_sim.benchmark.kept.tables import table_writer, truth_columns
 from pftrack_sim.benchmark.running.rollout import Step, detected, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.records import Detections, Frame, Image, Truth
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.formats import LAYOUTS, Annotations, PersonBox
@@ -157,8 +158,7 @@ class _SequenceWriter:
         else:
             suffix = f".{self.job.image}"
             options = [cv2.IMWRITE_JPEG_QUALITY, self.job.quality] if self.job.image == "jpg" else []
-            _, encoded = cv2.imencode(suffix, cv2.cvtColor(frame.image, cv2.COLOR_RGB2BGR), options)
-            self.held.append((name + suffix, encoded.tobytes()))
+            self.held.append((name + suffix, encode(frame.image, suffix, *options)))
         if layout.packed:
             text = sample(self.job.folder.name, frame.index, frame.time_s, self.people[-1])
             self.held.append((f"{name}.json", text))

@@ -7,14 +7,13 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-import cv2
-
 from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import ErrorLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
-from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.records import Image
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.simulation.simulation import Simulation
@@ -88,14 +87,7 @@ def save_image(
     last: deque[Step] = deque(maxlen=1)
     with Simulation(scenario, backend=backend) as simulation:
         rollout(simulated(simulation, seed, until_s=at_s), runners, [last.append])
-    image = _drawn(last[0].sample, truth, runners)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        written = cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    except (OSError, cv2.error) as error:
-        raise RunError(f"cannot write the image {path}: {error}") from None
-    if not written:
-        raise RunError(f"cannot write the image {path}")
+    write_bytes(path, encode(_drawn(last[0].sample, truth, runners), path.suffix))
 
 
 def _drawn(sample: Sample, truth: bool, runners: Sequence[TrackerRunner]) -> Image:

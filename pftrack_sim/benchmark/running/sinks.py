@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import av
-import cv2
 import numpy as np
 from av.error import FFmpegError
 
@@ -20,6 +19,7 @@ from pftrack_sim.benchmark.kept.tables import Column, column
 from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.proprioception import PROPRIO_NAMES, RANGES
 from pftrack_sim.core.records import Frame, Image, Truth
@@ -262,7 +262,7 @@ class ErrorLog:
             label = runner.spec.label
             if runner.error is not None and label not in self._pictures:
                 drawn = picture(step.sample, [runner], self._labels, last=True)
-                self._pictures[label] = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))[1].tobytes()
+                self._pictures[label] = encode(drawn, ".png")
 
     def files(self, stems: Iterable[str]) -> dict[str, bytes]:
         """Picture and text of each error, by name: the given stem of each tracker, with `.png` and `.txt`."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import math
 import os
 import queue
 import re
@@ -31,8 +32,9 @@ from typing import IO, Any, TypeAlias
 import cv2
 import numpy as np
 
-from pftrack_sim.core.boxes import Box, mask_box, polygon_box
+from pftrack_sim.core.boxes import Box, region_box
 from pftrack_sim.core.errors import ParameterError, TrackerError
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.inputs import environment_of_programs
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.text import one_line
@@ -45,7 +47,7 @@ _MESSAGE = re.compile(r"[a-z]+(?=\s|$)")
 _TOKEN = re.compile(r'\s*(?:"([^"\\]*(?:\\.[^"\\]*)*)"|([^\s"]+))')
 _PROPERTY = re.compile(r"([A-Za-z0-9._]{1,64})=(.*)", re.DOTALL)
 _ESCAPED = re.compile(r"\\(.)")
-_PNG_OPTIONS = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+_PNG = (".png", cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
 @dataclass(frozen=True)
@@ -134,33 +136,19 @@ def decode_box(region: str) -> Box | None:
     >>> decode_box("3,2,5,2,4,7").tolist(), decode_box("mask:10,20,5,4,7,2,3,2").tolist()
     ([3.0, 2.0, 2.0, 5.0], [12.0, 21.0, 2.0, 2.0])
     """
-    is_mask = region.startswith("mask:")
-    try:
-        values = np.array([float(one) for one in region.removeprefix("mask:").split(",")])
-    except ValueError:
-        values = np.zeros(0)
-    box: Box | None = None
-    if not np.isfinite(values).all():
-        pass
-    elif is_mask:
-        box = mask_box(values)
-    elif values.size == 4:
-        box = values
-    elif values.size >= 6 and values.size % 2 == 0:
-        box = polygon_box(values)
-    elif values.size == 1:
+    box = region_box(region, mask="mask:")
+    if box is None and _is_number(region):
         return None
-    if box is None or (box[2:] < 0.0).any():
+    if box is None or not np.isfinite(box).all() or (box[2:] < 0.0).any():
         raise TrackerError(f"a region that is no rectangle, polygon or mask: {one_line(region, 60)!r}")
     return box if (box[2:] > 0.0).all() else None
 
 
-def encode_png(image: Image) -> bytes:
-    """`(H, W, 3)` uint8 RGB as PNG."""
-    done, encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), _PNG_OPTIONS)
-    if not done:
-        raise TrackerError("the image cannot be encoded as PNG")
-    return encoded.tobytes()
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def encode_raw(image: Image) -> str:
@@ -171,7 +159,7 @@ def encode_raw(image: Image) -> str:
 
 def encode_buffer(image: Image) -> str:
     """`(H, W, 3)` uint8 RGB as an image of the kind `buffer`, losslessly."""
-    return f"data:image/png;{base64.b64encode(encode_png(image)).decode()}"
+    return f"data:image/png;{base64.b64encode(encode(image, *_PNG)).decode()}"
 
 
 def encode_path(path: Path) -> str:
@@ -365,7 +353,7 @@ def _sent(image: Image, formats: list[str]) -> Generator[str]:
         try:
             with tempfile.TemporaryDirectory(prefix="pftrack-sim-") as folder:
                 path = Path(folder) / "image.png"
-                path.write_bytes(encode_png(image))
+                path.write_bytes(encode(image, *_PNG))
                 yield encode_path(path)
         except OSError as error:
             raise TrackerError(f"no image can be written for the tracker: {error.strerror}") from None
