@@ -118,7 +118,6 @@ class ScoredResult(RecordedResult):
 
     Attributes:
         summary: All measures; an occlusion is a span of frames without a true box.
-        frames: Scores of the frames.
         rate_hz: Frames per second of the sequence; 25 where its layout does not tell.
     """
 

@@ -50,14 +50,7 @@ class ExportJob:
 
     Attributes:
         episode: What is simulated; the robot follows its script.
-        folder: Folder of the sequence.
-        layout: One of `LAYOUTS`.
-        image: `"png"`, lossless, `"jpg"`, or `"mp4"`: one video in the place of the images.
         quality: Of `QUALITIES`; PNG has none.
-        maps: What is written beside each image.
-        backend: Renderer, by name.
-        number: Place of the sequence in the data set, from 0.
-        detections: Whether what the scenario's detector finds is written too.
     """
 
     episode: Episode

@@ -64,13 +64,7 @@ class EpisodeJob:
 
 @dataclass(frozen=True)
 class EpisodeFiles:
-    """What an episode leaves.
-
-    Attributes:
-        contents: Contents of files by their paths within the run folder.
-        frames: Number of frames.
-        rows: Each tracker's scores.
-    """
+    """What an episode leaves: contents of files by their paths within the run folder, and each tracker's scores."""
 
     contents: dict[str, bytes]
     frames: int
@@ -82,12 +76,7 @@ def run_episode(
     on_frame: Callable[[], None] = lambda: None,
     processes: TrackerProcesses | None = None,
 ) -> EpisodeFiles:
-    """Run an episode.
-
-    Args:
-        job: What to run.
-        on_frame: Called after every frame.
-        processes: Where isolated trackers' processes are kept; None: they end with the episode.
+    """Run an episode; processes of isolated trackers stay in `processes`, or else end with it.
 
     Raises:
         RenderError: No renderer works.

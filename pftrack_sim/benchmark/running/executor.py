@@ -76,11 +76,7 @@ class Executor(Protocol):
 
 
 class SerialExecutor:
-    """Runs one episode after the other in this process.
-
-    Args:
-        processes: Of isolated trackers; closed with this executor.
-    """
+    """Runs one episode after the other in this process; closes the processes of isolated trackers with itself."""
 
     def __init__(self, processes: TrackerProcesses) -> None:
         self.frames_done = 0
@@ -100,11 +96,7 @@ class SerialExecutor:
 
 
 class LocalExecutor:
-    """Runs episodes in local worker processes, which end with this process.
-
-    Args:
-        count: Number of processes.
-    """
+    """Runs episodes in local worker processes, which end with this process."""
 
     def __init__(self, count: int) -> None:
         self._context = _RecordingContext()
@@ -215,9 +207,6 @@ class _RecordingContext(SpawnContext):
 
 class DaskExecutor:
     """Runs episodes on the workers of a scheduler. They need this package in the same version, and no common disk.
-
-    Args:
-        address: Of the scheduler, for example `tcp://10.0.0.1:8786`.
 
     Raises:
         RunError: `distributed` is not installed, or the scheduler does not answer.

@@ -22,13 +22,8 @@ class RunProgress:
     Attributes:
         done: Finished episodes, with those of earlier sessions.
         total: Episodes of the plan, or of this machine's part of it.
-        frames: Frames rendered in this session.
-        share: Finished share of the work, in [0, 1].
-        elapsed_s: Time since this session began.
         left_s: Estimated time to the end; NaN while it is unknown.
         means: Mean overlap of each tracker so far, by label; NaN before its first episode.
-        errors: Numbers of episodes in which a tracker ended with an error, by label.
-        episode: The episode that was just finished, or None.
     """
 
     done: int
@@ -43,12 +38,7 @@ class RunProgress:
 
 
 class ProgressCounter:
-    """Counts the episodes of a run, in constant memory.
-
-    Args:
-        store: The run folder, with the episodes of earlier sessions.
-        part: This machine's part of the plan.
-    """
+    """Counts the episodes of this machine's part of a run, with those of earlier sessions, in constant memory."""
 
     def __init__(self, store: RunStore, part: tuple[int, int]) -> None:
         plan = store.plan

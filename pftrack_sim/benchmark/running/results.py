@@ -46,15 +46,7 @@ def write_results(
     course: Columns,
     metadata: Mapping[str, Any],
 ) -> tuple[dict[str, bytes], list[dict[str, Any]]]:
-    """Score every tracker of an episode.
-
-    Args:
-        folder: For temporary files.
-        episode: The episode.
-        log: Its frames.
-        runners: Its trackers, in the episode's order.
-        course: Columns of the robot in closed loop.
-        metadata: What all results' metadata hold besides scores and names.
+    """Score every tracker of an episode; `metadata` is what all results share, `folder` for temporary files.
 
     Returns:
         Contents of the tables by their paths in a run folder, and the scores of each tracker: a row of the summary.
@@ -139,12 +131,7 @@ def _estimate_columns(runner: TrackerRunner) -> dict[str, Column]:
 
 
 def people_scores(people: Sequence[Sequence[Truth]], runner: TrackerRunner) -> dict[str, float]:
-    """HOTA, IDF1, MOTA and so on of a tracker in an episode; empty for a tracker of one person.
-
-    Args:
-        people: Everybody in view in each frame, the target first.
-        runner: The tracker.
-    """
+    """HOTA, IDF1, MOTA and so on of a tracker in an episode; empty for a tracker of one person."""
     if all(one is None for one in runner.tracks):
         return {}
     seen = [(frame, one) for frame, there in enumerate(people) for one in there if one.state != "out_of_view"]

@@ -75,13 +75,7 @@ Sink: TypeAlias = Callable[[Step], None]
 
 
 def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: Sequence[Sink] = ()) -> None:
-    """Show every frame to every tracker, in open loop.
-
-    Args:
-        samples: The frames, from `simulated` or `recorded`.
-        runners: Fresh trackers.
-        sinks: Called after every frame, in this order.
-    """
+    """Show every frame to fresh trackers, in open loop, and then to sinks, in this order."""
     for sample in samples:
         for runner in runners:
             runner.step(sample.image, sample.true_box, sample.visible_fraction, sample.detections)
@@ -90,14 +84,7 @@ def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: 
 
 
 def drive(env: TrackAndFollowEnv, seed: int, act: Callable[[Sample], Action], sinks: Sequence[Sink] = ()) -> None:
-    """Let actions move the robot until the environment ends the episode.
-
-    Args:
-        env: The environment.
-        seed: Root seed of the episode.
-        act: Gives the action that answers a frame; it calls its tracker itself.
-        sinks: Called after every frame, in this order.
-    """
+    """Let `act`, which calls a tracker itself, answer each frame until the environment ends the episode; sinks as in `rollout`."""
 
     def posed(info: Mapping[str, Any]) -> dict[str, Any]:
         return {**info, "robot_pose": env.simulation.world.robot_pose()}
@@ -116,13 +103,9 @@ def drive(env: TrackAndFollowEnv, seed: int, act: Callable[[Sample], Action], si
 def simulated(
     simulation: Simulation, seed: int, *, until_s: float = math.inf, sensors: bool = False
 ) -> Iterator[Sample]:
-    """Frames of a scenario in which the robot follows its script.
+    """Frames of an episode in which the robot follows its script, up to the one at `until_s`.
 
-    Args:
-        simulation: The simulation.
-        seed: Root seed of the episode.
-        until_s: The frame at this time is the last one.
-        sensors: Add proprioception and the robot's pose to the samples.
+    With `sensors` they have proprioception and the robot's pose.
     """
 
     def sample(frame: Frame) -> Sample:
@@ -175,11 +158,8 @@ class Driver:
     Errors of the tracker and of the controller are recorded in the runner; from there on the robot stands still.
 
     Args:
-        runner: The tracker.
-        controller: The controller.
         robot: What the controller may know of the robot.
         latency_ms: Simulated time that the tracker takes for a frame.
-        rate_hz: Frames per second of the camera.
     """
 
     def __init__(

@@ -38,11 +38,8 @@ def picture(
 ) -> Image:
     """A frame with its truth and the trackers' latest estimates, `(H, W, 3)` uint8 RGB.
 
-    Args:
-        sample: The frame.
-        runners: The trackers.
-        labels: All trackers of the run, which give each its colour and marker; default: those of the runners.
-        last: Draw each tracker's last estimate where it has none in this frame.
+    The `labels` of all trackers of the run, by default of these, give each its colour and marker; `last` draws the last
+    estimate where a tracker has none in this frame.
     """
     styles = styles_of(labels or [runner.spec.label for runner in runners])
     latest = {runner.spec.label: runner.last_estimate if last else runner.estimates[-1] for runner in runners}
@@ -206,11 +203,7 @@ class FollowLog:
 def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequence[TrackerRunner]) -> Generator[Sink]:
     """Write a log of an episode; the file appears under its name when it is complete.
 
-    Args:
-        path: File to write; its suffix gives the format.
-        name: Of the episode, for people.
-        settings: The resolved scenario.
-        runners: The trackers.
+    The suffix of the path gives the format, the name is for people.
 
     Yields:
         A sink for samples with proprioception and robot pose.
@@ -244,12 +237,7 @@ def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequ
 
 
 class ErrorLog:
-    """A sink that keeps the frame in which a tracker ended with an error.
-
-    Args:
-        runners: The trackers.
-        labels: All trackers of the run; default: those of the runners.
-    """
+    """A sink that keeps the frame in which a tracker ended with an error."""
 
     def __init__(self, runners: Sequence[TrackerRunner], labels: Sequence[str] = ()) -> None:
         self._runners = runners

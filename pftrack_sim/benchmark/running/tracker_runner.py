@@ -42,17 +42,11 @@ class TrackerRunner:
     """A tracker with a record of every frame of an episode.
 
     Attributes:
-        spec: Which tracker.
-        tracker: The tracker itself.
         estimates: One for each frame; None without a valid one.
         tracks: For each frame everybody whom a multi-object tracker follows; None elsewhere.
         ms: Time taken for each frame by this process's clock; NaN where the tracker was not called or raised an error.
         reported_ms: Time of each update as the tracker's own process says, if it has one.
-        statuses: One for each frame.
         error: The first error with its frame; None without one. Every frame from there on is a miss.
-        traceback: Traceback of the error; empty without one.
-        started: Whether the tracker was initialised.
-        took_ms: Time taken by the last call.
         seed: Root seed of the episode.
         box_noise: Share of the first box's sides by which its centre and sides are off at most, by the seed.
         first_frame: Frame before which the tracker does not start.
