@@ -142,62 +142,6 @@ def test_a_log_is_read_as_a_sequence(bag: Path, frames: list[LogFrame], tmp_path
         read_sequence(tmp_path)
 
 
-def sqlite_bag(path: Path, source: Path, definitions: bool) -> Path:
-    """The messages of an MCAP file as rosbag2 stores them in SQLite."""
-    from mcap.reader import make_reader
-
-    with source.open("rb") as opened, closing(sqlite3.connect(path)) as bag:
-        bag.execute("CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
-        bag.execute("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
-        bag.execute(
-            "CREATE TABLE message_definitions (topic_type TEXT, encoding TEXT, encoded_message_definition TEXT)"
-        )
-        for schema, channel, message in make_reader(opened).iter_messages():
-            row = (channel.id, channel.topic, schema.name, "cdr")
-            if bag.execute("INSERT OR IGNORE INTO topics VALUES (?, ?, ?, ?)", row).rowcount and definitions:
-                given = (schema.name, "ros2msg", schema.data.decode())
-                bag.execute("INSERT INTO message_definitions VALUES (?, ?, ?)", given)
-            row = (channel.id, message.log_time, message.data)
-            bag.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", row)
-        if not definitions:
-            bag.execute("DROP TABLE message_definitions")
-        bag.commit()
-    return path
-
-
-@pytest.mark.parametrize("definitions", [True, False])
-def test_a_bag_in_sqlite_is_the_same_sequence(bag: Path, tmp_path: Path, definitions: bool):
-    source = read_sequence(bag)
-    path = sqlite_bag(tmp_path / "bag_0.db3", bag, definitions)
-    found = read_sequence(path)
-    assert found.rate_hz == source.rate_hz
-    np.testing.assert_array_equal(found.truth, source.truth)
-    for index in range(COUNT):
-        np.testing.assert_array_equal(found.image(index), source.image(index))
-    with pytest.raises(SequenceError, match="no topic /nowhere"):
-        read_sequence(path, topics=["/nowhere"])
-    assert [one.name for one in tmp_path.iterdir()] == ["bag_0.db3"]
-
-
-def test_damaged_bags_in_sqlite_are_one_clear_error(bag: Path, tmp_path: Path):
-    path = sqlite_bag(tmp_path / "bag_0.db3", bag, definitions=False)
-    whole = path.read_bytes()
-    for content in (b"", b"text" * 300, whole[: len(whole) // 2]):
-        path.write_bytes(content)
-        with pytest.raises(SequenceError, match=r"is no ROS 2 bag, or it is damaged: \w+"):
-            [read_sequence(path).image(index) for index in range(COUNT)]
-    for change, words in (
-        ("UPDATE messages SET data = substr(data, 1, 30)", "damaged"),
-        ("DELETE FROM messages", "no image on /camera/image/compressed"),
-        ("DELETE FROM topics", "needs one image topic"),
-    ):
-        path.write_bytes(whole)
-        with closing(sqlite3.connect(path)) as database, database:
-            database.execute(change)
-        with pytest.raises(SequenceError, match=words):
-            read_sequence(path)
-
-
 def write_bag(path: Path, numbers: range, version: Any, plugin: str, mode: str = "NONE") -> np.ndarray:
     """Raw images and boxes, one each for a number, as `rosbags` writes them; all images up to the last number."""
     rosbag2: Any = pytest.importorskip("rosbags.rosbag2")
@@ -239,6 +183,29 @@ def test_a_bag_folder_is_read_whatever_its_storage_and_compression(
 ):
     """In the format of Humble (8) and with definitions (9)."""
     check_bag(tmp_path / "bag", write_bag(tmp_path / "bag", range(3), version, plugin, mode))
+
+
+def test_a_bag_file_in_sqlite_is_read_without_its_folder_and_damage_is_one_clear_error(tmp_path: Path):
+    pixels = write_bag(tmp_path / "bag", range(3), 8, "SQLITE3")
+    (path,) = (tmp_path / "bag").glob("*.db3")
+    (tmp_path / "bag/metadata.yaml").unlink()
+    check_bag(path, pixels)
+    assert [one.name for one in (tmp_path / "bag").iterdir()] == [path.name]
+    whole = path.read_bytes()
+    for content in (b"", b"text" * 300, whole[: len(whole) // 2]):
+        path.write_bytes(content)
+        with pytest.raises(SequenceError, match=r"is no ROS 2 bag, or it is damaged: \w+"):
+            [read_sequence(path).image(index) for index in range(3)]
+    for change, words in (
+        ("UPDATE messages SET data = substr(data, 1, 30)", "damaged"),
+        ("DELETE FROM messages", "no image on /image"),
+        ("DELETE FROM topics", "needs one image topic"),
+    ):
+        path.write_bytes(whole)
+        with closing(sqlite3.connect(path)) as database, database:
+            database.execute(change)
+        with pytest.raises(SequenceError, match=words):
+            read_sequence(path)
 
 
 def test_a_raw_image_with_too_many_pixels_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -4,9 +4,8 @@
 
 One thread, 640x480, a box of 80x160 px, the medians over `FRAMES` frames; 100 particles for the methods of the three
 papers, those of the preset `default` for the methods that Ko et al. name beside theirs, five detections for `chau2011`.
-Every frame is shown to all in turn, so that a noisy machine disturbs all alike. Then, for `ko2012`, the cost against
-the number of particles and the size of the box, and where its time goes. Run as a program, with names of trackers if
-not all are wanted.
+Every frame is shown to all in turn, so that a noisy machine disturbs all alike. Run as a program, with names of
+trackers if not all are wanted.
 """
 
 from __future__ import annotations
@@ -28,10 +27,6 @@ import numpy as np
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Detections
-from pftrack_sim.trackers.features import histogram, pixel_codes
-from pftrack_sim.trackers.features.image_region import crop
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
-from pftrack_sim.trackers.papers import ko2012
 
 WIDTH, HEIGHT, FRAMES, COUNT = 640, 480, 300, 100
 TARGETS = {
@@ -58,12 +53,12 @@ write = sys.stdout.write
 class Walk:
     """A textured target that sways over a textured background."""
 
-    def __init__(self, width_px: int = 80, height_px: int = 160) -> None:
+    def __init__(self) -> None:
         rng = np.random.default_rng(0)
         self._background = _blotches(rng, WIDTH, HEIGHT, 20)
-        self._target = _blotches(rng, width_px, height_px, 5)
+        self._target = _blotches(rng, 80, 160, 5)
         self._target[..., 2] //= 3
-        self._room = (WIDTH - width_px, HEIGHT - height_px)
+        self._room = (WIDTH - 80, HEIGHT - 160)
 
     def box(self, index: int) -> np.ndarray:
         """`(4,)` true box [px]."""
@@ -117,15 +112,10 @@ def clock_ms(call: Callable[[], Any]) -> float:
     return (time.thread_time() - began) * 1e3
 
 
-def make(name: str, count: int | None = None) -> Any:
-    """A tracker with `count` particles, if it has that parameter.
-
-    By default those of `PAPERS` have `COUNT`, and others as many as their preset `default` says.
-    """
-    if count is None and not name.startswith(PAPERS):
-        return trackers.make(name)
+def make(name: str) -> Any:
+    """A tracker with `COUNT` particles, if it has that parameter and is one of `PAPERS`."""
     try:
-        return trackers.make(name, particle_count=count or COUNT)
+        return trackers.make(name, particle_count=COUNT) if name.startswith(PAPERS) else trackers.make(name)
     except ParameterError:
         return trackers.make(name)
 
@@ -142,74 +132,10 @@ def compare(names: list[str]) -> None:
         write(f"{name:<24}{value:>8.3f}{f'1/{ratio:.1f}':>10}{least:>10}{verdict}\n")
 
 
-def curves(name: str) -> None:
-    """Cost against particles and against the size of the box, each beside its own smallest."""
-    write(f"\n{name}: particles, ms, and the growth of each beside the least\n")
-    counts = (50, 100, 200, 500, 1000, 2000, 5000)
-    ms = costs_ms({str(count): make(name, count) for count in counts}, Walk(), 40)
-    for count in counts:
-        value = ms[str(count)]
-        write(f"{count:>10}{value:>9.3f}   particles x{count / counts[0]:<6.0f}time x{value / ms['50']:.1f}\n")
-    write(f"\n{name}: box, ms at {COUNT} particles\n")
-    for scale in (1, 2, 4, 8):
-        width, height = 20 * scale, 40 * scale
-        value = costs_ms({name: make(name)}, Walk(width, height), 40)[name]
-        write(f"{f'{width}x{height}':>10}{value:>9.3f}   area x{scale**2}\n")
-
-
-def breakdown() -> None:
-    """Where the time of a frame of `ko2012` goes, each part alone on what it would be given."""
-    walk, tracker = Walk(), make("ko2012")
-    tracker.init(walk.image(0), walk.box(0))
-    params, box = tracker.params, walk.box(0)
-    rng = np.random.default_rng(0)
-    state = np.array([box[0] + 40, box[1] + 80, 80.0, 160.0])
-    filtered = ParticleFilter(np.tile(state, (COUNT, 1)), rng)
-    side = np.sqrt(box[2] * box[3])
-    walk_sigma = (params.sigma_centre * side,) * 2 + (params.sigma_size * box[2], params.sigma_size * box[3])
-    filtered.predict(RandomWalk(walk_sigma, params.size_correlation))
-    particles = np.concatenate([filtered.states[:, :2] - 0.5 * filtered.states[:, 2:], filtered.states[:, 2:]], axis=1)
-    image = walk.image(1)
-    region = crop(image, particles)
-    part, local = region.pixels, region.to_region(particles)
-    hsv, patterns = pixel_codes.hsv_codes(part, ko2012.COLOUR_BINS), pixel_codes.cs_lbp_codes(part)
-    kernel, cells = (one.layout for one in tracker.features)
-    models = [histogram.histogram(codes, local[0], one) for codes, one in ((hsv, kernel), (patterns, cells))]
-
-    def steps() -> None:
-        filtered.predict(RandomWalk(walk_sigma, params.size_correlation))
-        filtered.weigh(np.zeros(COUNT))
-        filtered.mean(params.top_count)
-        filtered.restart(state)
-
-    parts: dict[str, Callable[[], Any]] = {
-        "colour histograms of the particles": lambda: histogram.similarities(hsv, local, kernel, models[0]),
-        "texture histograms of the particles": lambda: histogram.similarities(patterns, local, cells, models[1]),
-        f"colours of the {part.shape[1]}x{part.shape[0]} window into codes": lambda: pixel_codes.hsv_codes(
-            part, ko2012.COLOUR_BINS
-        ),
-        "its texture into codes": lambda: pixel_codes.cs_lbp_codes(part),
-        "predict, weigh, estimate, resample": steps,
-    }
-    whole = median(costs_ms({"ko2012": tracker}, walk, 100).values())
-    write(f"\nko2012, {COUNT} particles: {whole:.3f} ms a frame, of which\n")
-    rest = whole
-    for what, call in parts.items():
-        value = median(clock_ms(call) for _ in range(100))
-        rest -= value
-        write(f"{value:>9.3f}   {100 * value / whole:>3.0f} %  {what}\n")
-    write(f"{rest:>9.3f}   {100 * rest / whole:>3.0f} %  checks, copies, and the confidence of the estimate\n")
-
-
 def main() -> None:
-    """Print the tables."""
+    """Print the table."""
     cv2.setNumThreads(1)
-    names = sys.argv[1:] or list(TARGETS)
-    compare(names)
-    for name in [one for one in names if one in PAPERS]:
-        curves(name)
-    if "ko2012" in names:
-        breakdown()
+    compare(sys.argv[1:] or list(TARGETS))
 
 
 if __name__ == "__main__":

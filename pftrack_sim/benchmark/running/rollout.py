@@ -84,7 +84,7 @@ def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: 
 
 
 def drive(env: TrackAndFollowEnv, seed: int, act: Callable[[Sample], Action], sinks: Sequence[Sink] = ()) -> None:
-    """Let `act`, which calls a tracker itself, answer each frame until the environment ends the episode; sinks as in `rollout`."""
+    """Let `act`, which calls a tracker itself, answer each frame until the environment ends the episode."""
 
     def posed(info: Mapping[str, Any]) -> dict[str, Any]:
         return {**info, "robot_pose": env.simulation.world.robot_pose()}
