@@ -28,23 +28,34 @@ _PEDESTRIAN = 1
 _COLUMNS = "frame, identity, left, top, width, height, considered, class, visibility"
 
 
+def read_boxes(path: Path, count: int) -> FloatArray:
+    """`(M, 7)` frame from 0, identity, box [px] and score of what trackers or detectors found in `count` images.
+
+    Raises:
+        SequenceError: The file is missing, or a line has another frame, no whole number as identity, or no box.
+    """
+    what = "frame, identity, left, top, width, height, confidence"
+    rows = number_rows(path, what, 7, more=True) if read_text(path).strip() else np.empty((0, 7))
+    outside = (rows[:, 0] < 1) | (rows[:, 0] > count) | (rows[:, :2] % 1 != 0).any(axis=1)
+    no_box = ~np.isfinite(rows[:, 2:7]).all(axis=1) | (rows[:, 4:6] < 0.0).any(axis=1)
+    for index in np.flatnonzero(outside | no_box)[:1].tolist():
+        words = f"frame {rows[index, 0]:g} or identity {rows[index, 1]:g} is wrong"
+        if not outside[index]:
+            words = f"a box has finite numbers and a width and height >= 0, got {rows[index, 2:7]}"
+        raise SequenceError(f"{path}, line {index + 1}: {words}")
+    return rows - np.array([1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+
+
 def _read_detections(folder: Path, count: int) -> tuple[Detections, ...] | None:
     """Detections of each of `count` images; None without a file. Scores outside [0, 1] are mapped to it linearly."""
-    path = folder / _DETECTIONS
-    if not path.is_file():
+    if not (folder / _DETECTIONS).is_file():
         return None
-    what = "frame, identity, left, top, width, height, score"
-    rows = number_rows(path, what, 7, more=True) if read_text(path).strip() else np.empty((0, 7))
-    wrong = ~np.isfinite(rows[:, :7]).all(axis=1) | (rows[:, 4:6] < 0.0).any(axis=1)
-    wrong |= (rows[:, 0] < 1) | (rows[:, 0] > count) | (rows[:, 0] % 1 != 0)
-    if wrong.any():
-        raise SequenceError(f"{path}, line {int(np.argmax(wrong)) + 1}: expected {what} of one of {count} images")
+    rows = read_boxes(folder / _DETECTIONS, count)
     scores = rows[:, 6]
     if len(scores) and (scores.min() < 0.0 or scores.max() > 1.0):
         scores = (scores - scores.min()) / max(float(np.ptp(scores)), 1e-9)
-    boxes = rows[:, 2:6] - [1.0, 1.0, 0.0, 0.0]
-    frames = [rows[:, 0] == frame for frame in range(1, count + 1)]
-    return tuple(Detections(boxes[here], scores[here]) for here in frames)
+    frames = [rows[:, 0] == frame for frame in range(count)]
+    return tuple(Detections(rows[here, 2:6], scores[here]) for here in frames)
 
 
 def read_people(folder: Path) -> FloatArray:

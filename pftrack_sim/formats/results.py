@@ -26,6 +26,7 @@ from pftrack_sim.core.errors import SequenceError, UnknownNameError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
+from pftrack_sim.formats.mot import read_boxes
 from pftrack_sim.formats.single_target import VOT_EXPERIMENT, region_box
 
 ResultFormat: TypeAlias = Literal["otb", "got10k", "vot", "mot"]
@@ -252,21 +253,7 @@ def _binary_lines(path: Path) -> list[str]:
 
 
 def _read_mot(path: Path, count: int) -> TrackerResult:
-    what = "frame, identity, left, top, width, height, confidence"
-    rows = number_rows(path, what, 7, more=True) if read_text(path).strip() else np.empty((0, 7))
-    outside = (rows[:, 0] < 1) | (rows[:, 0] > count) | (rows[:, 0] % 1 != 0) | (rows[:, 1] % 1 != 0)
-    if outside.any():
-        index = int(np.argmax(outside))
-        raise SequenceError(
-            f"{path}, line {index + 1}: frame {rows[index, 0]:g} or identity {rows[index, 1]:g} is wrong"
-        )
-    no_box = ~np.isfinite(rows[:, 2:6]).all(axis=1) | (rows[:, 4:6] < 0.0).any(axis=1)
-    if no_box.any():
-        index = int(np.argmax(no_box))
-        raise SequenceError(
-            f"{path}, line {index + 1}: a box has finite numbers and a width and height >= 0, got {rows[index, 2:6]}"
-        )
-    rows = rows - np.array([1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    rows = read_boxes(path, count)
     boxes, confidence = np.full((count, 4), np.nan), np.full(count, np.nan)
     # One track: of a single-object tracker. Of several, the caller chooses.
     if len(np.unique(rows[:, 1])) == 1:
