@@ -37,76 +37,60 @@ class FaultyTracker:
         return Estimate(self._box)
 
 
-def good(**_: Any) -> FaultyTracker:
-    return FaultyTracker(lambda image: Estimate([1, 2, 30, 40]))
+def _with(
+    fault: Callable[[np.ndarray], Any], kind: type[FaultyTracker] = FaultyTracker
+) -> Callable[..., FaultyTracker]:
+    """A factory of trackers with this fault."""
+    return lambda **_: kind(fault)
 
 
-def raises(**_: Any) -> FaultyTracker:
-    def fault(image: np.ndarray) -> Any:
-        raise ValueError("lost my way")
+class _AtOnce(FaultyTracker):
+    """Has its fault from the first update on."""
 
-    return FaultyTracker(fault)
-
-
-def returns_nan(**_: Any) -> FaultyTracker:
-    return FaultyTracker(lambda image: Estimate([np.nan, 0, 5, 5]))
+    def update(self, image: np.ndarray) -> Any:
+        return self._fault(image)
 
 
-def returns_an_array(**_: Any) -> FaultyTracker:
-    return FaultyTracker(lambda image: np.zeros(3))
+def _raise(image: np.ndarray) -> Any:
+    raise ValueError("lost my way")
 
 
-def returns_none(**_: Any) -> FaultyTracker:
-    return FaultyTracker(lambda image: None)
+def _hang(image: np.ndarray) -> Any:
+    while True:
+        pass
 
 
-def never_returns(**_: Any) -> FaultyTracker:
-    def fault(image: np.ndarray) -> Any:
-        while True:
-            pass
-
-    return FaultyTracker(fault)
+def _take_memory(image: np.ndarray) -> Any:
+    arrays = [np.empty(10_000_000) for _ in range(100)]
+    return Estimate([float(len(arrays)), 0, 5, 5])
 
 
-def segfaults(**_: Any) -> FaultyTracker:
-    return FaultyTracker(lambda image: ctypes.string_at(0))
+def _draw(image: np.ndarray) -> Any:
+    image[:] = 0
+    return Estimate([1, 2, 30, 40])
 
 
-def kills_its_process(**_: Any) -> FaultyTracker:
-    return FaultyTracker(lambda image: os.kill(os.getpid(), signal.SIGKILL))
+def _print(image: np.ndarray) -> Any:
+    os.write(1, b"rubbish " * 20_000)
+    os.write(2, b"more rubbish\n")
+    return Estimate([1, 2, 30, 40])
 
 
-def calls_sys_exit(**_: Any) -> FaultyTracker:
-    return FaultyTracker(lambda image: sys.exit(0))
-
-
-def calls_os_exit(**_: Any) -> FaultyTracker:
-    return FaultyTracker(lambda image: os._exit(3))
-
-
-def takes_too_much_memory(**_: Any) -> FaultyTracker:
-    def fault(image: np.ndarray) -> Any:
-        arrays = [np.empty(10_000_000) for _ in range(100)]
-        return Estimate([float(len(arrays)), 0, 5, 5])
-
-    return FaultyTracker(fault)
-
-
-def writes_into_its_image(**_: Any) -> FaultyTracker:
-    def fault(image: np.ndarray) -> Any:
-        image[:] = 0
-        return Estimate([1, 2, 30, 40])
-
-    return FaultyTracker(fault)
-
-
-def prints(**_: Any) -> FaultyTracker:
-    def fault(image: np.ndarray) -> Any:
-        os.write(1, b"rubbish " * 20_000)
-        os.write(2, b"more rubbish\n")
-        return Estimate([1, 2, 30, 40])
-
-    return FaultyTracker(fault)
+good = _with(lambda image: Estimate([1, 2, 30, 40]))
+raises = _with(_raise)
+returns_nan = _with(lambda image: Estimate([np.nan, 0, 5, 5]))
+returns_an_array = _with(lambda image: np.zeros(3))
+returns_none = _with(lambda image: None)
+returns_a_list = _with(lambda image: [1.0, 2.0, 30.0, 40.0], _AtOnce)
+far_away = _with(lambda image: Estimate([0, 0, 1, 1]), _AtOnce)
+never_returns = _with(_hang)
+segfaults = _with(lambda image: ctypes.string_at(0))
+kills_its_process = _with(lambda image: os.kill(os.getpid(), signal.SIGKILL))
+calls_sys_exit = _with(lambda image: sys.exit(0))
+calls_os_exit = _with(lambda image: os._exit(3))
+takes_too_much_memory = _with(_take_memory)
+writes_into_its_image = _with(_draw)
+prints = _with(_print)
 
 
 class StopsItsClock(FaultyTracker):
@@ -133,29 +117,15 @@ def ends_while_imported(**_: Any) -> FaultyTracker:
     os._exit(5)
 
 
-class _FarAway(FaultyTracker):
-    def update(self, image: np.ndarray) -> Any:
-        return self._fault(image)
-
-
-def far_away(**_: Any) -> FaultyTracker:
-    return _FarAway(lambda image: Estimate([0, 0, 1, 1]))
-
-
-def returns_a_list(**_: Any) -> FaultyTracker:
-    return _FarAway(lambda image: [1.0, 2.0, 30.0, 40.0])
-
-
-class Corners:
+class Corners(FaultyTracker):
     """Answers the first box by its corners, as a plain tuple."""
 
-    def init(self, image: np.ndarray, box: np.ndarray) -> None:
-        x, y, w, h = box
-        self._corners = (x, y, x + w, y + h)
+    def __init__(self, **_: Any) -> None:
+        super().__init__(lambda image: None)
 
     def update(self, image: np.ndarray) -> Any:
-        return self._corners
+        x, y, w, h = self._box
+        return (x, y, x + w, y + h)
 
 
-def corners(**_: Any) -> Corners:
-    return Corners()
+corners = Corners

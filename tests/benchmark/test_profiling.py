@@ -10,34 +10,28 @@ from pftrack_sim.cli.app import app
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.formats import read_sequence
 from pftrack_sim.score.profile import NUMBERS
+from tests.cli.test_cli import sequence
 
 SMALL = {"camera.width_px": 64, "camera.height_px": 48, "duration_s": 0.2, "lights.shadows": False}
 
 
 @pytest.fixture
-def sequence(tmp_path):
-    folder = tmp_path / "moving"
-    (folder / "img").mkdir(parents=True)
-    rng = np.random.default_rng(0)
-    scenery = rng.integers(0, 255, (60, 80, 3), dtype=np.uint8)
-    for number in range(1, 6):
-        cv2.imwrite(str(folder / "img" / f"{number:04}.png"), scenery)
-    (folder / "groundtruth_rect.txt").write_text("".join(f"{10 + 5 * i},11,20,30\n" for i in range(5)))
-    return folder
+def moving(tmp_path):
+    return sequence(tmp_path / "moving")
 
 
-def test_a_sequence_is_measured_from_its_annotation(sequence):
-    found = profile_sequence(read_sequence(sequence))
-    assert found.step_median_per_s == pytest.approx(25.0 * 5 / np.sqrt(600))
+def test_a_sequence_is_measured_from_its_annotation(moving):
+    found = profile_sequence(read_sequence(moving))
+    assert found.step_median_per_s == pytest.approx(25.0 / np.sqrt(24 * 30))
     assert found.camera_step_median_per_s == pytest.approx(0.0, abs=0.03)
 
 
 @pytest.mark.filterwarnings("error")
-def test_the_command_prints_and_plots(sequence, tmp_path):
+def test_the_command_prints_and_plots(moving, tmp_path):
     settings = [text for key, value in SMALL.items() for text in ("--set", f"{key}={str(value).lower()}")]
     out = tmp_path / "out"
     result = CliRunner().invoke(
-        app, ["profile", "plaza-walk", str(sequence), "--seeds", "0", *settings, "--out", str(out)]
+        app, ["profile", "plaza-walk", str(moving), "--seeds", "0", *settings, "--out", str(out)]
     )
     assert result.exit_code == 0, result.output
     written = json.loads((out / "profile.json").read_text())
