@@ -155,11 +155,6 @@ class LocalExecutor:
         """See `Executor`."""
         return sum(self._frames)
 
-    @property
-    def process_ids(self) -> list[int]:
-        """Ids of the workers."""
-        return [one.pid for one in self._context.started if one.pid is not None]
-
     def close(self) -> None:
         """See `Executor`."""
         for pool in self._pools:
