@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
 from pftrack_sim.benchmark.asked.from_names import code_of
-from pftrack_sim.benchmark.keys import distinct_slugs, slug
+from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 
 
@@ -110,8 +110,3 @@ def test_no_name_leaves_the_folder(name: str):
     assert "/" not in made
     assert "\0" not in made
     assert not made.startswith(".")
-
-
-def test_similar_names_get_different_files():
-    made = distinct_slugs(["a/b", "a b", "A-B", "a-b-2"])
-    assert len({one.lower() for one in made.values()}) == 4

@@ -122,10 +122,6 @@ def test_same_input_same_output_after_reset(name: str):
     assert len(controllers.describe(name)) > 10
 
 
-def test_still_stands():
-    assert not controllers.make("still").act(Estimate(np.ones(4)), np.zeros(len(PROPRIO_NAMES))).any()
-
-
 def test_unknown_names_and_parameters_report_the_nearest():
     with pytest.raises(UnknownNameError, match="did you mean 'servo'"):
         controllers.make("sevro")

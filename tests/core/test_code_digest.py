@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pftrack_sim import controllers, trackers
-from pftrack_sim.core.code_digest import code_digest, file_digest
+from pftrack_sim.core.code_digest import code_digest
 
 
 @pytest.fixture
@@ -84,12 +84,6 @@ def test_installed_modules_have_one_and_broken_ones_too(modules: Path):
     assert code_digest("pytest")
     (modules / "helper_of_mine.py").write_text("def (")
     assert code_digest("helper_of_mine")
-
-
-def test_the_digest_of_a_file_is_that_of_its_bytes(tmp_path: Path):
-    for name, content in (("a", b"1"), ("b", b"1"), ("c", b"2")):
-        (tmp_path / name).write_bytes(content)
-    assert file_digest(tmp_path / "a") == file_digest(tmp_path / "b") != file_digest(tmp_path / "c")
 
 
 def test_modules_of_a_package_of_one_s_own_count_and_no_others(modules: Path):

@@ -16,7 +16,6 @@ from pftrack_sim.core.records import (
     TrackedBoxes,
     Tracker,
     Truth,
-    frozen_array,
 )
 
 
@@ -106,15 +105,6 @@ def test_only_real_numbers_are_boxes(values: Any):
 def test_identities_are_whole_numbers(identity: Any):
     with pytest.raises(ParameterError, match="whole numbers"):
         TrackedBoxes(np.ones((1, 4)), np.array([identity]))
-
-
-def test_frozen_array_is_a_copy():
-    mine = np.arange(3.0)
-    frozen = frozen_array(mine, (3,))
-    mine[0] = 7
-    assert frozen.tolist() == [0, 1, 2]
-    with pytest.raises(ParameterError, match="expected an array of shape"):
-        frozen_array(mine, (4,))
 
 
 def test_anything_with_init_and_update_is_a_tracker():

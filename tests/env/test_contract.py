@@ -181,8 +181,10 @@ def test_invalid_boxes_are_errors(env: gym.Env[Any, Any], action: object, words:
 def test_invalid_commands_are_errors_and_large_ones_clipped():
     env = make(IDS[1])
     env.reset(seed=1)
-    with pytest.raises(CommandError, match="finite"):
-        env.unwrapped.step([0, 0, math.nan, 0])
+    for wrong in ([0, 0, math.nan, 0], [0, math.inf, 0, 0]):
+        with pytest.raises(CommandError, match="finite"):
+            env.unwrapped.step(wrong)
+    assert env.unwrapped.simulation.world.time_s == 0.0, "nothing moves"
     with pytest.raises(CommandError, match="shape"):
         env.unwrapped.step([0, 0, 0])
     info = env.unwrapped.step([5, 0, 0, -5])[4]

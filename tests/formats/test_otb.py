@@ -72,14 +72,6 @@ def test_no_truth_becomes_nan(tmp_path: Path, none: str):
     assert np.isfinite(truth[[0, 2]]).all()
 
 
-def test_the_sequence_starts_at_the_first_frame_with_truth(tmp_path: Path):
-    sequence = read_sequence(write(tmp_path / "walk", ["NaN,NaN,NaN,NaN", *BOXES[1:]]))
-    assert len(sequence) == 2
-    assert sequence.where(0).endswith("0002.png")
-    assert sequence.truth[0].tolist() == [2, 3, 10.5, 20]
-    assert sequence.image(0)[0, 0, 0] == 100
-
-
 def test_numbers_may_start_anywhere_and_are_sorted_as_numbers(tmp_path: Path):
     folder = write(tmp_path / "walk", first=9999)
     read = read_sequence(folder)

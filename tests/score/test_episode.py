@@ -9,7 +9,6 @@ import pytest
 
 from pftrack_sim import score
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.score import curves
 
 NAN = [math.nan] * 4
 TRUTH = np.array([[0, 0, 10, 10], [0, 0, 10, 10], [0, 0, 10, 10], NAN, [0, 0, 10, 10], [0, 0, 10, 10]])
@@ -88,14 +87,6 @@ def test_nothing_scored_is_nan_without_a_warning(scored: list[bool]):
         summary = score.summarise(score.frame_scores(boxes, boxes), scored, np.ones(len(scored)))
     assert summary.frames == 0
     assert all(math.isnan(value) for key, value in summary.as_dict().items() if key != "frames")
-
-
-def test_edges_of_the_thresholds():
-    assert curves.success_rate([0.5, 0.4999, 1.0, 0.0]) == 0.5
-    assert curves.success_rate([0.5, 0.7], threshold=0.7) == 0.5
-    assert curves.precision([20.0, 20.001, 0.0, math.nan, math.inf]) == 0.4
-    assert math.isnan(curves.success_rate([]))
-    assert math.isnan(curves.precision([]))
 
 
 def test_arguments_are_not_edited():
