@@ -65,8 +65,8 @@ def test_two_writers_of_the_same_episode_leave_one_entry(tmp_path: Path):
         EntryWriter(cache, entry) as other,
     ):
         rollout(simulated(simulation, 0), (), [log, one, other])
-        one.finish(log.frames_digest, "test")
-        other.finish(log.frames_digest, "test")
+        one.finish(log, "test")
+        other.finish(log, "test")
     assert list(cache.folder.iterdir()) == [entry]
     cached, again = cache.open(entry), TruthLog()
     assert cached is not None

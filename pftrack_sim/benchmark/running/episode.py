@@ -182,7 +182,7 @@ def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log:
         frames_drawn = simulated(simulation, episode.seed, sensors=bool(job.logs))
         rollout(with_detections(frames_drawn), runners, [*sinks, *([writer] if writer else [])])
         if writer is not None:
-            writer.finish(log.frames_digest, simulation.graphics)
+            writer.finish(log, simulation.graphics)
         return simulation.graphics
 
 

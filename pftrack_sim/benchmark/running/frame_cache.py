@@ -15,7 +15,7 @@ import os
 import shutil
 import tempfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cache
 from itertools import islice
@@ -28,6 +28,7 @@ import numpy as np
 
 from pftrack_sim.benchmark.keys import digest
 from pftrack_sim.benchmark.running.rollout import Sample, Step
+from pftrack_sim.benchmark.running.sinks import TruthLog
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.render.renderer import open_renderer
@@ -140,8 +141,6 @@ class EntryWriter:
         cache_.folder.mkdir(parents=True, exist_ok=True)
         self._part = Path(tempfile.mkdtemp(prefix=".part-", dir=cache_.folder))
         self._file = open(self._part / "frames.raw", "wb")  # noqa: SIM115 - closed in close
-        self._people: list[Sequence[Truth]] = []
-        self._times_s: list[float] = []
         self._shape: tuple[int, ...] = ()
         self._whole = True
 
@@ -153,16 +152,14 @@ class EntryWriter:
             self._file.write(np.ascontiguousarray(frame.image).data)
         except OSError:  # a full disk costs the entry, not the run
             self._whole = False
-        self._people.append(frame.people)
-        self._times_s.append(frame.time_s)
         self._shape = frame.image.shape
 
-    def finish(self, frames_digest: str, graphics: str) -> None:
-        """Give the entry its name, and remove old ones if there are too many."""
+    def finish(self, log: TruthLog, graphics: str) -> None:
+        """Add the truth of the frames, give the entry its name, and remove old ones if there are too many."""
         with contextlib.suppress(OSError):  # a full disk, or another worker wrote the same episode
             self._file.close()
             if self._whole:
-                people = [one for there in self._people for one in there]
+                people = [one for there in log.people for one in there]
                 arrays: dict[str, Any] = {
                     one.name: np.array([getattr(truth, one.name) for truth in people]) for one in _FIELDS
                 }
@@ -170,10 +167,10 @@ class EntryWriter:
                     self._part / "truth.npz",
                     **arrays,
                     occluders=np.array([json.dumps(truth.occluders) for truth in people]),
-                    times_s=np.array(self._times_s),
-                    counts=np.array([len(there) for there in self._people]),
-                    shape=np.array([len(self._people), *self._shape]),
-                    frames_digest=np.array(frames_digest),
+                    times_s=np.array([truth.time_s for truth in log.truths]),
+                    counts=np.array([len(there) for there in log.people]),
+                    shape=np.array([len(log.people), *self._shape]),
+                    frames_digest=np.array(log.frames_digest),
                     graphics=np.array(graphics),
                 )
                 self._part.rename(self._entry)
