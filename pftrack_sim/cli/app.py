@@ -110,7 +110,7 @@ def render(
 ) -> None:
     """Render an episode as a video, or a frame as an image."""
     from pftrack_sim import scenario as scenarios
-    from pftrack_sim.benchmark.running.rendering import save_image, save_video
+    from pftrack_sim.benchmark.running.filming import save_image, save_video
     from pftrack_sim.benchmark.running.sinks import error_text
     from pftrack_sim.benchmark.running.tracker_runner import check_trackers, checked_isolation, make_runners
     from pftrack_sim.trackers.isolation import Limits

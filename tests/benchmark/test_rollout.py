@@ -6,7 +6,7 @@ import av
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.benchmark.running.rendering import save_video
+from pftrack_sim.benchmark.running.filming import save_video
 from pftrack_sim.benchmark.running.rollout import Step, rollout, simulated
 from pftrack_sim.benchmark.running.tracker_runner import make_runners
 from pftrack_sim.simulation.simulation import Simulation

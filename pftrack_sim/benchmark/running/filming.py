@@ -1,8 +1,12 @@
-"""Videos of episodes that have been run: the frames are drawn again, the estimates are those that were stored."""
+"""Videos, images and logs of an episode that is drawn for them, and videos of episodes that have been run.
+
+Of the latter the frames are drawn again; the estimates are those that were stored.
+"""
 
 from __future__ import annotations
 
 import contextlib
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,18 +15,97 @@ import numpy as np
 
 from pftrack_sim import trackers
 from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.benchmark.running.rollout import Action, Sink, Step, drive, rollout, simulated
-from pftrack_sim.benchmark.running.sinks import TruthLog, picture, video_writer
+from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, Step, drive, rollout, simulated
+from pftrack_sim.benchmark.running.sinks import ErrorLog, TruthLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
-from pftrack_sim.core.records import Estimate
+from pftrack_sim.core.image_files import encode
+from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.env import TrackAndFollowEnv
+from pftrack_sim.scenario import Scenario
 from pftrack_sim.simulation.simulation import Simulation
 
 _COLUMNS = ("estimate", "confidence", "estimate_occluded", "answered")
 _COMMAND = ("command_forward", "command_turn", "command_pan", "command_tilt", "late_s")
+
+
+def save_video(
+    scenario: Scenario,
+    seed: int,
+    path: Path | None,
+    *,
+    log: Path | None = None,
+    truth: bool = False,
+    runners: Sequence[TrackerRunner] = (),
+    backend: str | None = None,
+    on_frame: Callable[[], None] = lambda: None,
+) -> None:
+    """Write an episode as H.264, as a log, or as both; beside it the picture and text of every tracker's error.
+
+    Args:
+        scenario: The scenario.
+        seed: Root seed.
+        path: File ending in `.mp4`, or None.
+        log: File ending in `.rrd` or `.mcap`, or None.
+        truth: Draw the true boxes.
+        runners: Fresh trackers; their estimates are drawn, with the true boxes.
+        backend: Renderer, by name.
+        on_frame: Called after every frame.
+    """
+    settings = scenario.resolve(seed)
+    with Simulation(scenario, backend=backend) as simulation, contextlib.ExitStack() as opened:
+        sinks: list[Sink] = [lambda step: on_frame()]
+        if path is not None:
+            add = opened.enter_context(video_writer(path, settings.camera.rate_hz))
+            sinks.append(lambda step: add(_drawn(step.sample, truth, runners), step.sample.time_s))
+        if log is not None:
+            sinks.append(opened.enter_context(episode_log(log, f"{scenario.name} seed {seed}", settings, runners)))
+        errors = ErrorLog(runners)
+        rollout(simulated(simulation, seed, sensors=log is not None), runners, [*sinks, errors])
+    beside = path or log or Path()
+    stems = [f"{beside.stem}-error-{slug(runner.spec.label)}" for runner in runners]
+    for name, content in errors.files(stems).items():
+        write_bytes(beside.with_name(name), content)
+
+
+def save_image(
+    scenario: Scenario,
+    seed: int,
+    path: Path,
+    *,
+    at_s: float = 0.0,
+    truth: bool = False,
+    runners: Sequence[TrackerRunner] = (),
+    backend: str | None = None,
+) -> None:
+    """Write one frame as PNG or JPEG.
+
+    Args:
+        scenario: The scenario.
+        seed: Root seed.
+        path: File ending in `.png` or `.jpg`.
+        at_s: Time of the frame since the start of the episode, within its duration.
+        truth: Draw the true boxes.
+        runners: Fresh trackers, run up to this frame; their estimates are drawn, with the true boxes.
+        backend: Renderer, by name.
+    """
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise ParameterError(f"an image's name must end in .png or .jpg, got {str(path)!r}")
+    duration_s = scenario.resolve(seed).duration_s
+    if at_s > duration_s:
+        raise ParameterError(f"the episode lasts {duration_s:g} s, so there is no frame at {at_s:g} s")
+    last: deque[Step] = deque(maxlen=1)
+    with Simulation(scenario, backend=backend) as simulation:
+        rollout(simulated(simulation, seed, until_s=at_s), runners, [last.append])
+    write_bytes(path, encode(_drawn(last[0].sample, truth, runners), path.suffix))
+
+
+def _drawn(sample: Sample, truth: bool, runners: Sequence[TrackerRunner]) -> Image:
+    return picture(sample, runners) if truth or runners else sample.image
 
 
 def worst(results: Sequence[Result], count: int, *, tracker: str | None = None, lost: bool = False) -> list[Result]:
