@@ -1,6 +1,5 @@
 """Sequences on disk in the layouts of public data sets. Box conventions other than the package's exist only here."""
 
-from pftrack_sim.formats.layout import Layout
 from pftrack_sim.formats.layouts import (
     LAYOUTS,
     find_sequences,
@@ -9,7 +8,7 @@ from pftrack_sim.formats.layouts import (
     read_sequences,
     read_video,
 )
-from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
+from pftrack_sim.formats.sequence import Annotations, Layout, PersonBox, RecordedSequence
 
 __all__ = [
     "LAYOUTS",

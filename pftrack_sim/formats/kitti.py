@@ -20,8 +20,7 @@ import numpy as np
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.formats.files import number, present_boxes, read_text
 from pftrack_sim.formats.images import ImageFiles, numbered_images
-from pftrack_sim.formats.layout import Layout
-from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
+from pftrack_sim.formats.sequence import Annotations, Layout, PersonBox, RecordedSequence
 
 TARGET = 1
 _IMAGES = "image_02"

@@ -16,9 +16,8 @@ from pftrack_sim.formats.coco import COCO
 from pftrack_sim.formats.files import number_rows, present_boxes
 from pftrack_sim.formats.images import video
 from pftrack_sim.formats.kitti import KITTI
-from pftrack_sim.formats.layout import Layout
 from pftrack_sim.formats.mot import MOT
-from pftrack_sim.formats.sequence import RecordedSequence
+from pftrack_sim.formats.sequence import Layout, RecordedSequence
 from pftrack_sim.formats.single_target import GOT10K, LASOT, OTB, VOT
 from pftrack_sim.formats.webdataset import WEBDATASET
 

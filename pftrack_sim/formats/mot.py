@@ -19,8 +19,7 @@ from pftrack_sim.core.records import Detections
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
 from pftrack_sim.formats.images import image_suffix, images_in
-from pftrack_sim.formats.layout import Layout
-from pftrack_sim.formats.sequence import Annotations, RecordedSequence
+from pftrack_sim.formats.sequence import Annotations, Layout, RecordedSequence
 
 TARGET = 1
 _TRUTH, _INFO, _DETECTIONS = "gt/gt.txt", "seqinfo.ini", "det/det.txt"

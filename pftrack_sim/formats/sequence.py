@@ -1,8 +1,9 @@
-"""Sequences of images with boxes of one target: recorded ones on disk, and the annotations that are written."""
+"""Sequences of images with boxes of one target, the annotations that are written, and what a layout does with both."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -145,3 +146,46 @@ class Annotations:
     def absent(self) -> NDArray[np.bool_]:
         """`(N,)` whether the target cannot be seen."""
         return np.isnan(self.boxes[:, 0])
+
+
+class Layout(ABC):
+    """How a data set lays out its sequences."""
+
+    title: str
+    """The data set."""
+    expects: str
+    """Files of a sequence, for messages."""
+    image: str
+    """Path of an image within the folder of its sequence without its suffix, formatted with its number."""
+    first = 1
+    """Number of the first image."""
+    sequences = "."
+    """Folder of the sequences within the data set."""
+    needs: frozenset[str] = frozenset()
+    """`"masks"` and `"solids"`: what of `PersonBox` it writes besides boxes."""
+    packed = False
+    """Whether a sequence is a shard: an archive with a text for each image."""
+    jpeg = False
+    """Whether its readers look for `*.jpg`."""
+    video = False
+    """Whether a video may stand for the images: no public tool that reads the layout opens or counts them."""
+
+    @abstractmethod
+    def matches(self, folder: Path) -> bool:
+        """Whether a folder has this layout."""
+
+    @abstractmethod
+    def read(self, folder: Path) -> RecordedSequence:
+        """Read the sequence in a folder.
+
+        Raises:
+            SequenceError: Images or boxes are missing, damaged, or differ in number.
+        """
+
+    @abstractmethod
+    def write(self, folder: Path, annotations: Annotations) -> None:
+        """Write the annotations of a sequence into the folder that holds its images."""
+
+    def index(self, root: Path, names: Sequence[str]) -> Iterator[tuple[str, Iterator[str]]]:
+        """Files of the data set in `root` besides its sequences of these names, in pieces, by their path."""
+        yield from ()

@@ -15,8 +15,7 @@ from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.formats.files import box_lines, number, number_rows, present_boxes, read_text
 from pftrack_sim.formats.images import image_suffix, images_in
-from pftrack_sim.formats.layout import Layout
-from pftrack_sim.formats.sequence import Annotations, RecordedSequence
+from pftrack_sim.formats.sequence import Annotations, Layout, RecordedSequence
 
 VOT_EXPERIMENT = "unsupervised"
 """Name of VOT's experiment in which the tracker starts once and is not reset."""

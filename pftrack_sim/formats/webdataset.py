@@ -21,8 +21,7 @@ from pftrack_sim.core.image_files import MAX_FILE_BYTES
 from pftrack_sim.core.records import Image
 from pftrack_sim.formats.files import JsonBox, JsonNumber, json_content, present_boxes
 from pftrack_sim.formats.images import SUFFIXES, Images, decoded_image
-from pftrack_sim.formats.layout import Layout
-from pftrack_sim.formats.sequence import Annotations, PersonBox, RecordedSequence
+from pftrack_sim.formats.sequence import Annotations, Layout, PersonBox, RecordedSequence
 
 SHARD = "frames.tar"
 TARGET = 1
