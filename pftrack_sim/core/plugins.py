@@ -23,13 +23,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class BuiltIn(Generic[T]):
-    """A factory of this package.
-
-    Attributes:
-        factory: It.
-        description: One line.
-        module: Dotted name of the module with its code.
-    """
+    """A factory of this package, its description in one line, and the dotted name of the module with its code."""
 
     factory: Callable[..., T]
     description: str

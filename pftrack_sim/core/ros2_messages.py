@@ -6,6 +6,9 @@ import functools
 import importlib
 from typing import Any
 
+HALF_PIXEL = 0.5
+"""In ROS the centre of the first pixel is 0, where it is 0.5 in the rest of this package."""
+
 _VISION = {
     "Point2D": "float64 x\nfloat64 y",
     "Pose2D": "vision_msgs/Point2D position\nfloat64 theta",

@@ -23,9 +23,8 @@ from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.formats.files import JsonBox, json_content, present_boxes
 from pftrack_sim.formats.images import ImageFiles, image_suffix, numbered_images
-from pftrack_sim.formats.sequence import Annotations, Layout, PersonBox, RecordedSequence
+from pftrack_sim.formats.sequence import TARGET, Annotations, Layout, PersonBox, RecordedSequence
 
-TARGET = 1
 _INSTANCES = "annotations/instances.json"
 _MAX_INSTANCES_BYTES = 1 << 30
 _LISTED, _PEOPLE = "images.jsonl", "annotations.jsonl"

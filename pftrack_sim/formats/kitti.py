@@ -20,9 +20,8 @@ import numpy as np
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.formats.files import number, present_boxes, read_text
 from pftrack_sim.formats.images import ImageFiles, numbered_images
-from pftrack_sim.formats.sequence import Annotations, Layout, PersonBox, RecordedSequence
+from pftrack_sim.formats.sequence import TARGET, Annotations, Layout, PersonBox, RecordedSequence
 
-TARGET = 1
 _IMAGES = "image_02"
 _LABELS, _CALIBRATION, _LIST = "label.txt", "calib.txt", "evaluate_tracking.seqmap.training"
 _FULLY, _PARTLY, _LARGELY, _UNKNOWN = 0.95, 0.5, 0.0, 3

@@ -19,9 +19,8 @@ from pftrack_sim.core.records import Detections
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
 from pftrack_sim.formats.images import image_suffix, images_in
-from pftrack_sim.formats.sequence import Annotations, Layout, RecordedSequence
+from pftrack_sim.formats.sequence import TARGET, Annotations, Layout, RecordedSequence
 
-TARGET = 1
 _TRUTH, _INFO, _DETECTIONS = "gt/gt.txt", "seqinfo.ini", "det/det.txt"
 _PEDESTRIAN = 1
 _COLUMNS = "frame, identity, left, top, width, height, considered, class, visibility"

@@ -27,12 +27,12 @@ from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
 from pftrack_sim.formats.mot import read_boxes
+from pftrack_sim.formats.sequence import TARGET
 from pftrack_sim.formats.single_target import VOT_EXPERIMENT, region_box
 
 ResultFormat: TypeAlias = Literal["otb", "got10k", "vot", "mot"]
 
 RESULT_FORMATS: tuple[ResultFormat, ...] = get_args(ResultFormat)
-_TARGET = 1
 _BINARY = ".bin"
 _MAX_BINARY_BYTES = 64 << 20
 _ONE_BASED = ("otb", "lasot", "mot")
@@ -120,7 +120,7 @@ def result_files(form: ResultFormat, tracker: str, sequence: str, result: Tracke
         lines = box_lines(result.boxes[kept], first_pixel=1.0).splitlines()
         confidence = [number(value) for value in np.nan_to_num(result.confidence[kept], nan=1.0).tolist()]
         rows = zip(kept.tolist(), lines, confidence, strict=True)
-        text = "".join(f"{frame + 1},{_TARGET},{line},{sure},-1,-1,-1\n" for frame, line, sure in rows)
+        text = "".join(f"{frame + 1},{TARGET},{line},{sure},-1,-1,-1\n" for frame, line, sure in rows)
         yield f"pftrack-train/{tracker}/data/{sequence}.txt", text
 
 

@@ -21,7 +21,7 @@ from pftrack_sim.core.boxes import NO_BOX, Box
 from pftrack_sim.core.errors import RunError, SequenceError
 from pftrack_sim.core.image_files import check_pixels
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.ros2_messages import type_store
+from pftrack_sim.core.ros2_messages import HALF_PIXEL, type_store
 from pftrack_sim.core.text import one_line
 from pftrack_sim.formats.files import present_boxes
 from pftrack_sim.formats.images import ImageStream, decoded_image
@@ -31,7 +31,6 @@ _SUFFIXES = (".mcap", ".db3")
 _IMAGES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 _BOXES = ("vision_msgs/msg/Detection2DArray",)
 _TRUTH, _TARGET = "/truth", "target"
-_HALF_PIXEL = 0.5
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1}
 
 
@@ -130,7 +129,7 @@ def _target(detections: list[Any], named: bool) -> Box:
         return NO_BOX
     box = found[0].bbox
     centre, width, height = box.center.position, box.size_x, box.size_y
-    return np.array([centre.x + _HALF_PIXEL - 0.5 * width, centre.y + _HALF_PIXEL - 0.5 * height, width, height])
+    return np.array([centre.x + HALF_PIXEL - 0.5 * width, centre.y + HALF_PIXEL - 0.5 * height, width, height])
 
 
 def _decoded(path: Path, message: Any) -> Image:

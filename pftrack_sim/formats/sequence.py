@@ -15,6 +15,9 @@ from pftrack_sim.core.records import Detections, Image, frozen_array
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.images import Images
 
+TARGET = 1
+"""Identity of the target among people."""
+
 
 @dataclass(frozen=True, eq=False)
 class RecordedSequence:
@@ -87,7 +90,7 @@ class PersonBox:
     """One person in one frame.
 
     Attributes:
-        identity: The same number for the same person throughout the sequence; 1 is the target.
+        identity: The same number for the same person throughout the sequence; `TARGET` is the target.
         box: x, y, w, h [px], clipped to the image.
         visible_fraction: Visible share of the person's pixels inside the image.
         truncation: Share of the whole box outside the image.

@@ -21,10 +21,9 @@ from pftrack_sim.core.image_files import MAX_FILE_BYTES
 from pftrack_sim.core.records import Image
 from pftrack_sim.formats.files import JsonBox, JsonNumber, json_content, present_boxes
 from pftrack_sim.formats.images import SUFFIXES, Images, decoded_image
-from pftrack_sim.formats.sequence import Annotations, Layout, PersonBox, RecordedSequence
+from pftrack_sim.formats.sequence import TARGET, Annotations, Layout, PersonBox, RecordedSequence
 
 SHARD = "frames.tar"
-TARGET = 1
 _MAX_SAMPLE_BYTES = 1 << 20
 
 

@@ -22,11 +22,10 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.records import Truth
-from pftrack_sim.core.ros2_messages import type_store
+from pftrack_sim.core.ros2_messages import HALF_PIXEL, type_store
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg, topics_of
 
-HALF_PIXEL = 0.5
 _Message: TypeAlias = dict[str, Any]
 _ZEROS_36 = [0.0] * 36
 
