@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import tomllib
 import typing
@@ -68,11 +66,6 @@ class Scenario:
     def frame_count(self, seed: int) -> int:
         """Number of frames delivered in the episode of a seed."""
         return frame_count(self.resolve(seed), seed)
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the contents, independent of the order of keys."""
-        return hashlib.sha256(json.dumps(self.tree, sort_keys=True).encode()).hexdigest()
 
 
 ScenarioLike: TypeAlias = str | Path | Mapping[str, Any] | Scenario

@@ -63,7 +63,6 @@ def test_trees_of_scenarios(name: str, data: Any):
         try:
             loaded = scenarios.load(tree)
             loaded.frame_count(0)
-            assert len(loaded.digest) == 64
         except PftrackError as error:
             one_error(error)
 

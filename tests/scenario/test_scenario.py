@@ -166,13 +166,6 @@ def test_files_that_cannot_be_read(tmp_path):
         scenario.load("plaza-wal")
 
 
-def test_digest_knows_the_content_and_not_the_order():
-    tree = minimal()
-    shuffled = dict(reversed(tree.items()))
-    assert scenario.load(tree).digest == scenario.load(shuffled).digest
-    assert scenario.load(tree).digest != scenario.load(tree, {"duration_s": 5}).digest
-
-
 def test_a_scenario_is_frozen_and_a_negative_seed_refused():
     loaded = scenario.load(minimal(target={"path_m": [[0, 0], [8, 0]], "speed_m_s": {"uniform": [1, 2]}}))
     with pytest.raises(ParameterError, match="seed must be >= 0"):

@@ -132,7 +132,7 @@ def test_an_environment_gives_the_settings_of_a_studio():
     base = env.unwrapped
     assert isinstance(base, TrackEnv)
     settings = settings_of(base.scenario, 3)
-    assert settings.scenario().digest == base.scenario.digest
+    assert settings.scenario().tree == base.scenario.tree
     assert settings.name == "easy/corridor"
     assert settings.overrides["axes.jitter.severity"] == 0.5
     assert [key for key in settings.overrides if key not in overrides] == []
