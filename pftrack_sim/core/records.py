@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, Protocol, Self, TypeAlias, cast, overload, runtime_checkable
 
 import numpy as np
@@ -311,7 +311,6 @@ class Frame:
         image: `(H, W, 3)` uint8 RGB, read-only; black where the simulation draws no images.
         truth: The target.
         people: Persons in view, the target first; the target is listed also when out of view.
-        extras: Additional data of a renderer or reader; not used by scores.
     """
 
     index: int
@@ -319,7 +318,6 @@ class Frame:
     image: Image
     truth: Truth
     people: Sequence[Truth]
-    extras: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 @runtime_checkable
