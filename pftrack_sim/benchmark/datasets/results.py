@@ -148,7 +148,6 @@ def score_results(
     *,
     layout: str | None = None,
     form: str | None = None,
-    on_result: Callable[[], None] = lambda: None,
 ) -> Scored:
     """Score result files that any toolkit wrote with the measures of this package, and with the benchmark's own.
 
@@ -157,7 +156,6 @@ def score_results(
         dataset: Folder of the data set, or of one sequence.
         layout: Of the data set; None finds it out.
         form: Format of the results; None finds it out.
-        on_result: Called after every file.
 
     Raises:
         UnknownNameError: No such layout or format.
@@ -190,7 +188,6 @@ def score_results(
             estimated = content.rows if content.rows is not None else _single_track(boxes)
             pair = (_tracks(read_people(folders[file.sequence]), file), _tracks(estimated, file))
             people.setdefault(file.tracker, []).append(pair)
-        on_result()
     benchmark = {tracker: PROTOCOLS[known](runs) for tracker, runs in tracked.items()}
     benchmark |= {tracker: multi_object(pairs) for tracker, pairs in people.items()}
     return Scored(scored, benchmark, _compare(scored, list(sequences)))

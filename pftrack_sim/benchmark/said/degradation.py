@@ -8,7 +8,7 @@ swept together share the frames of all their combinations.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Literal, TypeAlias, TypeVar
@@ -140,14 +140,10 @@ def _level(name: str, level: float, variant: str) -> AxisLevel:
     return AxisLevel(series, level, level * known(severity=1.0).physical, f"{named} [{known.unit}]")
 
 
-def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> Degradations:
+def degradation(store: RunStore) -> Degradations:
     """Scores over the axes of a run.
 
     A condition whose severities are all 0 is level 0 of every axis of the same scenario that was swept alone.
-
-    Args:
-        store: The run.
-        on_episode: Called after every scenario and seed that was read.
 
     Raises:
         RunError: A file is missing, broken, or outside the run folder.
@@ -191,7 +187,6 @@ def degradation(store: RunStore, on_episode: Callable[[], None] = lambda: None) 
                 for one, other in combinations(swept, 2):
                     cells = _means([(at[one], at[other]) for at in levels], overlaps)
                     maps += [Crossing(*pair, label, scenario, seed, overlap) for pair, overlap in cells]
-        on_episode()
     return Degradations(tuple(curves), tuple(maps))
 
 
