@@ -17,6 +17,7 @@ from pftrack_sim import scenario
 from pftrack_sim.core.records import Truth
 from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.observer import TruthObserver
 
@@ -31,7 +32,7 @@ def observed(stage: Stage, pose: np.ndarray) -> dict[str, Truth]:
     return {truth.name: truth for truth in people}
 
 
-def truths(name: str, overrides: Mapping[str, Any], seed: int, from_s: float, until_s: float) -> list[Truth]:
+def truths(name: ScenarioLike, overrides: Mapping[str, Any], seed: int, from_s: float, until_s: float) -> list[Truth]:
     """Truth of the target, without images, in the first frame and in those from a time on."""
     with Simulation(scenario.load(name, overrides), image=False) as simulation:
         observed, rate_hz = [simulation.reset(seed).truth], simulation.settings.camera.rate_hz

@@ -6,6 +6,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import observing
 import pytest
 
 from pftrack_sim import scenario
@@ -128,9 +129,7 @@ def test_a_pedestrian_covers_an_approaching_target_when_planned(seed: int):
         "target.actions": [{"kind": "approach", "at_s": 3.0, "distance_m": 1.2}],
         "occluders": [{"kind": "walker", "at_s": 5.0, "duration_s": 0.6}],
     }
-    with Simulation(scenario.load("easy/plaza-walk", {**SMALL, **keys}), image=False) as simulation:
-        simulation.reset(seed)
-        frames = [simulation.advance() for _ in range(round(7.0 * RATE_HZ))]
-    covered = [frame.time_s for frame in frames if frame.truth.visible_fraction < 0.3]
+    observed = observing.truths("easy/plaza-walk", {**SMALL, **keys}, seed, 0.0, 7.0)
+    covered = [one.time_s for one in observed if one.visible_fraction < 0.3]
     assert 4.7 < min(covered) < 5.3
     assert 5.2 < max(covered) < 6.2

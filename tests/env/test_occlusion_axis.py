@@ -9,7 +9,6 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import OcclusionAxis
-from pftrack_sim.simulation.simulation import Simulation
 
 PLACES = [name for name in scenario.names() if name.startswith("easy/")]
 """One scenario for each place; the suites use the same places."""
@@ -134,9 +133,5 @@ def test_occlusions_are_equal_on_every_route(route: dict[str, Any]):
         "axes.occlusion.duration_s": 1.0,
         "axes.occlusion.end_s": AT_S + 1.0,
     }
-    with Simulation(scenario.load("easy/plaza-walk", {**CLEAR, **keys}), image=False) as simulation:
-        simulation.reset(3)
-        for _ in range(round((AT_S - 0.5) * RATE_HZ)):
-            simulation.world.advance()
-        fraction = np.array([1.0] + [simulation.advance().truth.visible_fraction for _ in range(60)])
-    assert_as_requested(fraction, AT_S - 0.5, ((AT_S, 1.0),), 1.0)
+    observed = observing.truths("easy/plaza-walk", {**CLEAR, **keys}, 3, AT_S - 0.5, AT_S + 1.5)
+    assert_as_requested(np.array([one.visible_fraction for one in observed]), AT_S - 0.5, ((AT_S, 1.0),), 1.0)

@@ -9,7 +9,6 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import TargetAxis
-from pftrack_sim.simulation.simulation import Simulation
 
 PLACES = [name for name in scenario.names() if name.startswith("easy/")]
 """One scenario for each place; the suites use the same places."""
@@ -54,8 +53,7 @@ def test_a_stopped_target_stands_still():
 def test_a_crouch_lowers_the_amodal_box_and_rises_again():
     route = {"robot.route": {"kind": "still", "start_m": [4.0, -4.5], "heading_deg": 90.0}}
     keys = {f"axes.target.{key}": value for key, value in {"manoeuvres": ["crouch"], **ONLY_MANOEUVRES}.items()}
-    with Simulation(scenario.load("easy/plaza-walk", {**CALM, **route, **keys}), image=False) as simulation:
-        observed = [simulation.reset(3).truth, *(simulation.advance().truth for _ in range(130))]
+    observed = observing.truths("easy/plaza-walk", {**CALM, **route, **keys}, 3, 0.0, 4.33)
     # Height in metres, independent of the distance.
     height = np.array([one.amodal_box[3] * one.distance_m for one in observed])
     upright, down = height[:12].mean(), height[round(2.8 * RATE_HZ)]
