@@ -1,17 +1,19 @@
-"""Evidence for two choices in docs/papers: pictures of what a method's parts do where the truth is known.
+"""Evidence for choices in docs/papers: what a method's parts do where the truth is known.
 
     python examples/paper_evidence.py walking-off --out kwon2005-walking-off.png
     python examples/paper_evidence.py learning --out lee2012-learning.png
+    python examples/paper_evidence.py noise
 
 `walking-off`: the robot stands, the person walks away, and the height of the box of `kwon2005` is compared with the
 true height, with three settings of its template. `learning`: the likelihood of `lee2012`
-around the true box, after learning from its own estimates and after learning from the true boxes.
+around the true box, after learning from its own estimates and after learning from the true boxes. `noise`: a table of
+the target's motion in the videos after Ko et al. 2012 beside the noise of `ko2012`, and its effective sample size.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -23,6 +25,9 @@ from numpy.typing import NDArray
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import trackers
 from pftrack_sim.core.records import Estimate
+from pftrack_sim.trackers.filters import ParticleFilter
+from pftrack_sim.trackers.papers.ko2012 import METHODS as KO2012_METHODS
+from pftrack_sim.trackers.papers.ko2012 import Ko2012, Ko2012Parameters, Mixture
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
 
 SMALL = MappingProxyType({"camera.width_px": 320, "camera.height_px": 240, "lights.shadows": False})
@@ -138,13 +143,53 @@ def learning(seed: int) -> plt.Figure:
     return figure
 
 
+class Weighed(Ko2012):
+    """`ko2012` that keeps what it observed and its particles."""
+
+    def _observe(self, image: Any, near: NDArray[np.float64]) -> Mixture:
+        self.particles, self.observed = near[:-1], super()._observe(image, near)
+        return self.observed
+
+    def effective_share(self) -> float:
+        """Effective sample size over the number of particles, in the last frame."""
+        weighed = ParticleFilter(self.particles, np.random.default_rng(0))
+        weighed.weigh(self.observed.log_likelihood(self.particles))
+        return weighed.effective_share
+
+
+def noise(seed: int, videos: Iterable[str], changes: Mapping[str, Any]) -> Iterator[str]:
+    """Lines of a table: motion of the centre per frame, noise of the centre, effective sample size over N."""
+    yield "| | motion: median, 0.9 quantile [px] | sigma_centre [px], ESS / N: paper | default |"
+    yield "| --- | --- | --- | --- |"
+    for video in videos:
+        episode = list(frames(video, seed, changes))
+        middles = np.array([truth.amodal_box[:2] + 0.5 * truth.amodal_box[2:] for _, truth in episode])
+        moved = np.hypot(*np.diff(middles, axis=0).T)
+        cells = [f"{np.median(moved):.2f}, {np.quantile(moved, 0.9):.2f}"]
+        for preset in ("paper", "default"):
+            params = Ko2012Parameters.from_preset("ko2012", preset, {})
+            tracker = Weighed(KO2012_METHODS["ko2012"], params, seed)
+            tracker.init(episode[0][0], episode[0][1].box)
+            shares = [(tracker.update(image), tracker.effective_share())[1] for image, _ in episode[1:]]
+            width, height = episode[0][1].box[2:]
+            sigma, *_ = params.sigma_px(np.array([0.0, 0.0, width, height]))
+            cells.append(f"{sigma:.1f}, {np.median(shares):.3f}")
+        yield f"| {video} | {' | '.join(cells)} |"
+
+
 def main() -> None:
-    """Draw one of the pictures."""
+    """Draw one of the pictures, or print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("walking-off", "learning"))
+    parser.add_argument("what", choices=("walking-off", "learning", "noise"))
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", required=True)
+    parser.add_argument("--out", help="file of the picture")
     given = parser.parse_args()
+    if given.what == "noise":
+        for line in noise(given.seed, [f"ko2012/video-{number}" for number in range(1, 6)], {}):
+            print(line)
+        return
+    if given.out is None:
+        parser.error("a picture needs --out")
     draw = {"walking-off": walking_off, "learning": learning}[given.what]
     draw(given.seed).savefig(given.out, dpi=110)
 

@@ -27,6 +27,7 @@ from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Posi
 NoiseUnit: TypeAlias = Literal["px", "box"]  # Unit of the dynamics' noise: pixels, or a share of the estimated box
 MIN_SIZE_PX = 2.0
 USUAL_RATE = 0.03  # Share of a new similarity in the running mean: after a second, a lasting change counts as usual
+HELD_RATE = 0.003  # The same while the state is kept: what covers the target for some seconds does not become usual
 CARRIED_SHARE = 0.75  # Of the particles, by the camera's motion; the others find a target that the camera follows
 
 
@@ -140,7 +141,8 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         box = _box(state)
         similarity = observation.similarity(box)
         self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
-        self._usual += (USUAL_RATE if self._usual else 1.0) * (similarity - self._usual)
+        rate = HELD_RATE if held else USUAL_RATE
+        self._usual += (rate if self._usual else 1.0) * (similarity - self._usual)
         if not held:
             self._state, self._shift = state, np.zeros(2)
         # After a rejected jump the particles surround a wrong state: they restart at the previous one.

@@ -111,6 +111,11 @@ class ParticleFilter:
         raw /= raw.sum()
         return raw
 
+    @property
+    def effective_share(self) -> float:
+        """Effective sample size 1 / sum(w^2) over the number of particles, in (0, 1]; 1 where weights tell nothing."""
+        return 1.0 / float(np.sum(np.square(self.weights)) * self.log_weights.size)
+
     def predict(self, dynamics: Dynamics) -> None:
         """Move every particle by the dynamics."""
         self.states = dynamics.draw(self.states, self._rng)
@@ -131,9 +136,10 @@ class ParticleFilter:
         origin = states[0]
         return origin + (weights / weights.sum()) @ (states - origin)
 
-    def resample(self) -> None:
-        """Systematic resampling; all weights are equal afterwards."""
-        chosen = systematic_resampling(self.weights, self._rng)
+    def resample(self, *, multinomial: bool = False) -> None:
+        """Systematic resampling, or independent draws by weight; all weights are equal afterwards."""
+        resampling = multinomial_resampling if multinomial else systematic_resampling
+        chosen = resampling(self.weights, self._rng)
         self.states = self.states[chosen]
         self.log_weights = np.zeros(chosen.size)
 
@@ -159,6 +165,14 @@ def systematic_resampling(weights: FloatArray, rng: np.random.Generator, count: 
     total = float(edges[-1])
     points = (rng.random() + np.arange(draws)) * (total / draws)
     # Rounding may put the last point on the upper end, beyond the last particle.
+    return np.searchsorted(edges, np.minimum(points, np.nextafter(total, 0.0)), side="right")
+
+
+def multinomial_resampling(weights: FloatArray, rng: np.random.Generator) -> NDArray[np.intp]:
+    """`(N,)` independent indices, each drawn with the probabilities of the `(N,)` weights (Lee et al. 2012, sec. V)."""
+    edges = np.cumsum(weights)
+    total = float(edges[-1])
+    points = rng.random(weights.size) * total
     return np.searchsorted(edges, np.minimum(points, np.nextafter(total, 0.0)), side="right")
 
 

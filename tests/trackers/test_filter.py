@@ -1,5 +1,7 @@
 """The particle filter against closed-form results."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +10,12 @@ from hypothesis.extra.numpy import arrays
 from scipy import stats
 
 from pftrack_sim.trackers.box_filter import clip_states
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk, systematic_resampling
+from pftrack_sim.trackers.filters import (
+    ParticleFilter,
+    RandomWalk,
+    multinomial_resampling,
+    systematic_resampling,
+)
 from pftrack_sim.trackers.relatives.yang2005 import SobolNormals
 
 WEIGHTS = np.array([0.02, 0.2, 0.0, 0.31, 0.07, 0.15, 0.25])
@@ -23,11 +30,29 @@ def test_systematic_resampling_is_unbiased():
     assert stats.chisquare(seen[some], WEIGHTS[some] * draws.size).pvalue > 0.001
 
 
-def test_systematic_resampling_of_n_particles_is_unbiased():
+@pytest.mark.parametrize("resampling", [systematic_resampling, multinomial_resampling])
+def test_resampling_of_n_particles_is_unbiased(resampling: Callable[..., np.ndarray]):
     rng = np.random.default_rng(1)
-    counts = np.array([np.bincount(systematic_resampling(WEIGHTS, rng), minlength=7) for _ in range(15_000)])
+    counts = np.array([np.bincount(resampling(WEIGHTS, rng), minlength=7) for _ in range(15_000)])
     error = counts.mean(axis=0) - 7 * WEIGHTS
     assert (np.abs(error) <= 4 * counts.std(axis=0) / np.sqrt(len(counts)) + 1e-12).all()
+
+
+def test_multinomial_draws_are_independent():
+    rng = np.random.default_rng(2)
+    pairs = np.array([multinomial_resampling(WEIGHTS, rng)[:2] for _ in range(20_000)])
+    together = np.histogram2d(*pairs.T, bins=np.arange(8))[0] / len(pairs)
+    assert np.abs(together - np.outer(WEIGHTS, WEIGHTS)).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("likelihoods", "share"), [([1, 1, 1, 1], 1.0), ([0, 0, 5, 0], 0.25), ([0, 2, 2, 0], 0.5), ([0, 0, 0, 0], 1.0)]
+)
+def test_effective_sample_size(likelihoods: list[float], share: float):
+    particle_filter = ParticleFilter(np.zeros((4, 1)), np.random.default_rng(0))
+    with np.errstate(divide="ignore"):
+        particle_filter.weigh(np.log(np.array(likelihoods, dtype=float)))
+    assert particle_filter.effective_share == pytest.approx(share)
 
 
 positive = arrays(np.float64, st.integers(1, 40), elements=st.floats(0, 1)).filter(lambda w: w.sum() > 1e-6)

@@ -26,6 +26,18 @@ def test_paper_preset_holds_the_printed_values():
     assert paper.size_correlation == 0.0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_paper_s_values_track_motion_within_their_noise(make_scene: Callable[..., Scene], seed: int):
+    """Linear weights hardly differ, so that particles drawn by them walk at random."""
+    images, truth = make_scene(count=90, width=160, height=120, step_px=1.0)
+    overlaps = [
+        boxes.pairwise_iou(run(images, truth[0], preset="paper", seed=seed, likelihood=form), truth[1:]).mean()
+        for form in ("exponential", "linear")
+    ]
+    assert overlaps[0] > 0.8
+    assert overlaps[1] < 0.7
+
+
 def test_a_turn_of_the_camera_beyond_the_noise_is_compensated():
     coarse = np.random.default_rng(0).integers(20, 235, (14, 72, 3), dtype=np.uint8)
     world = cv2.resize(coarse, (640, 120), interpolation=cv2.INTER_CUBIC)
@@ -86,18 +98,19 @@ def test_a_jump_is_rejected(make_scene: Callable[..., Scene]):
         assert np.allclose(estimate.box, truth[0], rtol=0, atol=1e-12)
 
 
-def test_a_covered_target_is_waited_for_where_it_was(make_scene: Callable[..., Scene]):
-    """While the similarity is low the state is kept, so that the particles do not walk off on the occluder."""
-    images, truth = make_scene(count=30, step_px=0.5)
+@pytest.mark.parametrize("frames", [10, 300])
+def test_a_covered_target_is_waited_for_where_it_was(make_scene: Callable[..., Scene], frames: int):
+    """The state is kept while the similarity is low, for ten seconds too: the particles do not leave with the occluder."""
+    images, truth = make_scene(count=20, step_px=0.5)
     grey = np.random.default_rng(0).integers(90, 130, (*images[0].shape[:2], 1), dtype=np.uint8)
-    shown = [image if not 10 <= index < 20 else np.repeat(grey, 3, axis=2) for index, image in enumerate(images)]
+    shown = [*images[:10], *[np.repeat(grey, 3, axis=2)] * frames, *images[10:]]
     tracker = trackers.make("ko2012")
     tracker.init(shown[0], truth[0])
     found = [tracker.update(image) for image in shown[1:]]
-    covered = found[9:19]
+    covered = found[9 : 9 + frames]
     assert all(one.occluded for one in covered)
     assert all(np.array_equal(one.box, found[8].box) for one in covered)
-    assert not found[19].occluded
+    assert not found[9 + frames].occluded
     assert boxes.pairwise_iou(np.array([one.box for one in found[-5:]]), truth[-5:]).min() > 0.6
 
 

@@ -98,7 +98,9 @@ def test_paper_preset_holds_the_printed_values():
 
 
 @pytest.mark.parametrize(
-    ("rule", "false_alarms"), [({}, 0.2), ({"preset": "paper", "outliers": "all"}, 0.0)], ids=["default", "all"]
+    ("rule", "false_alarms"),
+    [({}, 0.2), ({"preset": "paper"}, 0.0), ({"preset": "paper", "outliers": "all"}, 0.0)],
+    ids=["default", "paper", "all"],
 )
 def test_an_occlusion_is_detected_and_the_target_recovered(covered: Scene, rule: dict[str, Any], false_alarms: float):
     images, truth = covered

@@ -36,6 +36,8 @@ def test_paper_preset_holds_the_printed_values():
         "noise_velocity_x": 6.5,
         "noise_velocity_y": 2.5,
         "noise_unit": "px",
+        "start": "image",
+        "resampling": "multinomial",
         "alpha": 0.1,
         "sigma_colour": 0.4,
         "sigma_hog": 0.4,
@@ -47,6 +49,22 @@ def test_paper_preset_holds_the_printed_values():
         "anchored": False,
     }
     assert {name: getattr(Lee2012Parameters(), name) for name in printed} == printed
+
+
+def test_the_first_particles_are_all_over_the_image_or_around_the_box():
+    image, box = np.zeros((120, 160, 3), np.uint8), np.array([100.0, 20, 20, 40])
+    spans = {}
+    for start in ("image", "box"):
+        still = {"noise_width": 0.0, "noise_height": 0.0, "noise_velocity_x": 0.0, "noise_velocity_y": 0.0}
+        tracker = trackers.make("lee2012", preset="paper", start=start, particle_count=1000, particles=True, **still)
+        tracker.init(image, box)
+        particles = tracker.update(image).particles
+        assert particles is not None
+        centres = particles[:, :2] + 0.5 * particles[:, 2:]
+        assert np.array_equal(np.unique(particles[:, 2:], axis=0), [[20.0, 40.0]])
+        spans[start] = np.concatenate([centres.min(axis=0), centres.max(axis=0)])
+    assert np.abs(spans["image"] - [0, 0, 160, 120]).max() < 2.0
+    assert np.abs(spans["box"] - [108, 36, 112, 44]).max() < 0.5
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -121,7 +139,7 @@ def test_checked_learns_from_reliable_estimates_only(make_scene: Callable[..., S
     blank = np.full_like(images[0], 30)
     for name, remembers in (("lee2012", False), ("lee2012-checked", True)):
         still = {"noise_unit": "box", "noise_velocity_x": 0.02, "noise_velocity_y": 0.02}
-        tracker = trackers.make(name, preset="paper", window=10, learn_above=0.5, alpha=1.0, **still)
+        tracker = trackers.make(name, preset="paper", start="box", window=10, learn_above=0.5, alpha=1.0, **still)
         tracker.init(images[0], truth[0])
         for image in images[1:]:
             tracker.update(image)

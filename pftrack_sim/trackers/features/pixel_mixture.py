@@ -32,10 +32,10 @@ class MixtureParameters(Parameters):
     """
 
     half_life: Annotated[float, Field(ge=0.1, le=1e9)] = 20.0
-    sigma_wandering: Positive = 0.4
-    sigma_stable: Positive = 0.4
-    sigma_fixed: Positive = 0.4
-    sigma_min: Positive = 0.2
+    sigma_wandering: Positive = 0.6
+    sigma_stable: Positive = 0.6
+    sigma_fixed: Positive = 0.6
+    sigma_min: Positive = 0.6
     share_min: Annotated[float, Field(ge=1e-9, le=0.3)] = 0.001
     outlier_c: Positive = 1.3
 

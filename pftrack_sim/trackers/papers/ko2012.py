@@ -31,7 +31,7 @@ from pftrack_sim.trackers.features.histogram import (
     uniform_layout,
 )
 from pftrack_sim.trackers.features.pixel_codes import cs_lbp_codes, hsv_codes, rgb_codes
-from pftrack_sim.trackers.parameters import Share
+from pftrack_sim.trackers.parameters import Count, Share
 
 COLOUR_BINS = 128
 LikelihoodForm: TypeAlias = Literal["linear", "exponential"]
@@ -43,14 +43,15 @@ class Ko2012Parameters(BoxFilterParameters):
 
     Those of the filter: `BoxFilterParameters`. Printed: the noise (11), 1 px of the centre, 0.64 px of width and height
     (for 320x240 images). Not printed: the number of particles, N of the top-N mean (12) (with 1 it is the heaviest
-    particle, as in the abstract), T of the jump (13), and how particles are redrawn: `"estimate"` is another reading of
-    section 3.3.2. Not in the paper: `size_correlation`, `hold_below`, `held_noise`, `camera_motion`.
+    particle, as in the abstract), T of the jump (13), and how particles are redrawn: `"weights"` is section 3.1,
+    `"estimate"` the abstract and section 3.3.2. Not in the paper: `size_correlation`, `hold_below`, `held_noise`,
+    `camera_motion`.
 
     Attributes:
         alpha: Weight of texture in the mixture (9). Printed: 0.4. Not used by the methods of one histogram.
-        likelihood: `"linear"`: the Bhattacharyya similarity 1 - d^2, the decreasing function of d nearest to the
-            printed one; `"exponential"`: exp(-lambda d^2). The printed weight (8, 9) is d^2, which would favour the
-            least similar particle.
+        likelihood: The printed weight (8, 9) is d^2, which would favour the least similar particle. Decreasing ones:
+            `"linear"`, the Bhattacharyya similarity 1 - d^2, which hardly differs between particles, so that they walk
+            at random where they are redrawn by weight; and `"exponential"`, exp(-lambda d^2).
         lambda_colour: lambda of colour's exponential likelihood. Not printed.
         lambda_texture: lambda of texture's exponential likelihood. Not printed.
     """
@@ -61,16 +62,15 @@ class Ko2012Parameters(BoxFilterParameters):
     TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
         {
             **TUNED_FILTER,
-            "particle_count": 400,
-            "likelihood": "exponential",
             "hold_below": 0.88,
             "held_noise": 2.5,
             "camera_motion": True,
         }
     )
 
+    particle_count: Count = 400
     alpha: Share = 0.4
-    likelihood: LikelihoodForm = "linear"
+    likelihood: LikelihoodForm = "exponential"
     lambda_colour: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
     lambda_texture: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
 

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -53,8 +53,10 @@ class Lee2012Parameters(OnlineFeatureParameters):
         noise_unit: `"px"`, as printed (for 640x480 images), or `"box"`, see `noise_scales`: the noise then fits near
             and far targets and every image size.
         keep_shape: Whether width and height share one noise, so that the box keeps its shape: False as printed.
-        start_spread: The first particles' centres are uniform around the first box, up to this share of its width and
-            height away. Not printed: 0.1.
+        start: The first particles' centres are uniform over the whole `"image"`, as printed (section II), or around the
+            `"box"`, up to `start_spread` of its width and height away.
+        start_spread: See `start`. Not printed: 0.1.
+        resampling: `"multinomial"`: particles are drawn independently, as in the printed pseudocode, or `"systematic"`.
         alpha: Weight of colour in the mixture (14). Printed: 0.1. Not used by colour alone.
         sigma_colour: Width of the colour's likelihood before learning (10). Printed: 0.4. The printed exponent has
             1 - D^2, which would favour the least similar particle: D^2 is meant.
@@ -79,6 +81,8 @@ class Lee2012Parameters(OnlineFeatureParameters):
             "noise_velocity_x": 0.1,
             "noise_velocity_y": 0.05,
             "keep_shape": True,
+            "start": "box",
+            "resampling": "systematic",
             "sigma_colour": 0.22,
             "sigma_hog": 0.22,
             "component_count": 4,
@@ -94,6 +98,8 @@ class Lee2012Parameters(OnlineFeatureParameters):
     noise_velocity_y: NotNegative = 2.5
     noise_unit: NoiseUnit = "px"
     keep_shape: bool = False
+    start: Literal["image", "box"] = "image"
+    resampling: Literal["multinomial", "systematic"] = "multinomial"
     start_spread: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
     alpha: Share = 0.1
     sigma_colour: Positive = 0.4
@@ -142,7 +148,11 @@ class Lee2012(BaseTracker):
         rng = random_streams.stream(self._seed, "tracker")
         self._state = np.concatenate([state_of(box), np.zeros(2)])
         states = np.tile(self._state, (p.particle_count, 1))
-        states[:, :2] += rng.uniform(-1.0, 1.0, (p.particle_count, 2)) * p.start_spread * box[2:]
+        offsets = rng.uniform(-1.0, 1.0, (p.particle_count, 2))
+        if p.start == "image":
+            states[:, :2] = 0.5 * (1.0 + offsets) * (image.shape[1], image.shape[0])
+        else:
+            states[:, :2] += offsets * p.start_spread * box[2:]
         self._filter = ParticleFilter(states, rng)
         self._learnt_confidences: deque[float] = deque(maxlen=p.window)
         self._first_size = np.array(box[2:])
@@ -165,7 +175,7 @@ class Lee2012(BaseTracker):
             likelihood = sum(share * model.likelihood(features) for share, model, features in parts)
             particle_filter.weigh(np.log(likelihood))
         self._state = particle_filter.mean()
-        particle_filter.resample()
+        particle_filter.resample(multinomial=self.params.resampling == "multinomial")
         box = boxes.from_states(self._state[None])
         features = region.features(box)
         parts = zip(self._shares, self._models, features, strict=True)
