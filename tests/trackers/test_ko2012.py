@@ -100,7 +100,7 @@ def test_a_jump_is_rejected(make_scene: Callable[..., Scene]):
 
 @pytest.mark.parametrize("frames", [10, 300])
 def test_a_covered_target_is_waited_for_where_it_was(make_scene: Callable[..., Scene], frames: int):
-    """The state is kept while the similarity is low, for ten seconds too: the particles do not leave with the occluder."""
+    """The state is kept while the similarity is low, for ten seconds too: particles do not leave with the cover."""
     images, truth = make_scene(count=20, step_px=0.5)
     grey = np.random.default_rng(0).integers(90, 130, (*images[0].shape[:2], 1), dtype=np.uint8)
     shown = [*images[:10], *[np.repeat(grey, 3, axis=2)] * frames, *images[10:]]
