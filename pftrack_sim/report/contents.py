@@ -320,7 +320,7 @@ def _matrix(results: Sequence[Result], trackers: Sequence[str]) -> dict[str, Any
     }
     seeds = sorted({seed for own in found.values() for seed in own})
     scores = {name: [own.get(seed, math.nan) for seed in seeds] for name, own in found.items()}
-    return _pairs(score.compare(scores), trackers)
+    return _pairs(score.compare(scores, (0.0, 1.0)), trackers)
 
 
 def _pairs(compared: Sequence[Comparison], trackers: Sequence[str]) -> dict[str, Any]:

@@ -82,7 +82,9 @@ def range_text(one: score.SeedMean, digits: int = 3, sign: str = "") -> str:
 def over_seeds(measure: str, results: Iterable[Result], proportion: bool = False) -> score.SeedMean:
     """Mean of a measure over the seeds of a tracker's results."""
     values = list(by_seed((one.seed, one.number(measure)) for one in results).values())
-    return score.proportion_over_seeds(values) if proportion else score.mean_over_seeds(values)
+    return (
+        score.proportion_over_seeds(values) if proportion else score.mean_over_seeds(values, score.bounds_of(measure))
+    )
 
 
 def row_name(label: str, results: Iterable[Result]) -> str:
@@ -118,7 +120,7 @@ def summaries(
     rows: list[list[str]] = []
     for (place, label), found in groups.items():
         mean = score.mean_summary(list(found))
-        overlap = range_text(score.mean_over_seeds([one.mean_overlap for one in found]))
+        overlap = range_text(score.mean_over_seeds([one.mean_overlap for one in found], (0.0, 1.0)))
         cells = [overlap, *(number_text(getattr(mean, name)) for name in beside.values())]
         rows.append(
             [place, label, *([] if count else [str(len(found))]), *cells, _ms_text(found), number_text(mean.ms_max, 1)]

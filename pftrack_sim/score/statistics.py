@@ -34,6 +34,18 @@ LEAST_FOR_VERDICT = 10
 LEVEL = 0.05
 """A difference counts as shown when its p-value is below this."""
 
+Bounds = tuple[float, float]
+"""Least and greatest value that a score can have."""
+
+UNBOUNDED: Bounds = (-math.inf, math.inf)
+
+_SHARES = {
+    *("overlap", "mean_overlap", "stay", "success", "success_30", "centre_inside", "fixed_size", "precision", "auc"),
+    *("normalised_precision", "sr_50", "sr_75", "recovered", "recovered_2s", "lost_for_good"),
+    *("hota", "deta", "assa", "idf1"),
+    *("follow_success", "follow_collision", "follow_tracking_rate", "follow_within"),
+}
+
 _RESAMPLES = 2000
 
 
@@ -74,8 +86,17 @@ class SeedMean:
         return "undecided" if not self.p < LEVEL else "above" if self.mean > 0.0 else "below"
 
 
-def mean_over_seeds(values: ArrayLike) -> SeedMean:
-    """Mean of `(N,)` values, one per seed, with its 95 % interval; NaN are left out.
+def bounds_of(measure: str) -> Bounds:
+    """Bounds of a column of the summary: shares lie in [0, 1], `mota` and `skill` below 1, counts and sizes above 0."""
+    if measure in _SHARES:
+        return 0.0, 1.0
+    return (
+        (-math.inf, 1.0) if measure in ("mota", "skill") else UNBOUNDED if measure == "drift_per_s" else (0.0, math.inf)
+    )
+
+
+def mean_over_seeds(values: ArrayLike, bounds: Bounds = UNBOUNDED) -> SeedMean:
+    """Mean of `(N,)` values, one per seed, with its 95 % interval, clipped to what a mean can be; NaN are left out.
 
     Raises:
         ParameterError: `values` is not `(N,)`.
@@ -88,6 +109,7 @@ def mean_over_seeds(values: ArrayLike) -> SeedMean:
     low = high = p = math.nan
     if known.size >= LEAST_FOR_INTERVAL:
         low, high, p = (float(one) for one in mean_intervals(known))
+        low, high = max(low, bounds[0]), min(high, bounds[1])
     return SeedMean(tuple(known.tolist()), mean, low, high, p if known.size >= LEAST_FOR_VERDICT else math.nan)
 
 
@@ -145,8 +167,8 @@ def proportion_over_seeds(values: ArrayLike, reference: float = 0.0) -> SeedMean
     return replace(found, low=float(ends.low) - reference, high=float(ends.high) - reference, p=p)
 
 
-def paired_difference(first: ArrayLike, second: ArrayLike) -> SeedMean:
-    """Mean of first - second, scores `(N,)` of two trackers on the same N seeds.
+def paired_difference(first: ArrayLike, second: ArrayLike, bounds: Bounds = UNBOUNDED) -> SeedMean:
+    """Mean of first - second, scores `(N,)` within `bounds` of two trackers on the same N seeds.
 
     Raises:
         ParameterError: The lengths differ.
@@ -154,7 +176,7 @@ def paired_difference(first: ArrayLike, second: ArrayLike) -> SeedMean:
     one, other = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     if one.ndim != 1 or one.shape != other.shape:
         raise ParameterError(f"paired scores must have one number per seed, got {one.shape} and {other.shape}")
-    return mean_over_seeds(one - other)
+    return mean_over_seeds(one - other, (bounds[0] - bounds[1], bounds[1] - bounds[0]))
 
 
 def holm(p_values: ArrayLike) -> FloatArray:
@@ -194,16 +216,16 @@ class Comparison:
     difference: SeedMean
 
 
-def compare(scores: Mapping[str, ArrayLike]) -> list[Comparison]:
+def compare(scores: Mapping[str, ArrayLike], bounds: Bounds = UNBOUNDED) -> list[Comparison]:
     """Comparison of every pair of trackers, corrected for the number of pairs.
 
-    Scores are `(N,)` for each tracker, in the same order of seeds; NaN where one is missing.
+    Scores are `(N,)` within `bounds` for each tracker, in the same order of seeds; NaN where one is missing.
 
     Raises:
         ParameterError: The lengths differ.
     """
     pairs = list(itertools.combinations(scores, 2))
-    differences = corrected([paired_difference(scores[first], scores[second]) for first, second in pairs])
+    differences = corrected([paired_difference(scores[first], scores[second], bounds) for first, second in pairs])
     return [Comparison(*pair, difference) for pair, difference in zip(pairs, differences, strict=True)]
 
 

@@ -195,7 +195,12 @@ def test_tables_are_written(one: RunStore):
     text = (one.path / "tables/trackers.csv").read_text().splitlines()
     assert text[0].startswith("tracker,episodes,mean_overlap")
     assert text[1].startswith("oracle,5,1.0")
-    assert "ko2012 & 5 & " in (one.path / "tables/trackers.tex").read_text()
+    assert text[0].startswith("tracker,episodes,seeds,mean_overlap,mean_overlap_low,mean_overlap_high,stay,skill")
+    low, mean, high = (float(text[1].split(",")[place]) for place in (4, 3, 5))
+    assert 0.0 <= low < mean < high <= 1.0
+    latex = (one.path / "tables/trackers.tex").read_text()
+    assert f"ko2012 & 5 & 5 & {mean:.3f} ({low:.3f} to {high:.3f}) & " in latex
+    assert r"tracker & episodes & seeds & mean overlap (95 \% interval over seeds) & " in latex
 
 
 @pytest.mark.parametrize("busy", [pytest.param(True, marks=pytest.mark.slow), False], ids=["busy", "starting"])

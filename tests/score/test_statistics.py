@@ -60,6 +60,17 @@ def test_an_interval_agrees_with_halls_formula_and_is_no_narrower_than_student_s
     assert found.spread == pytest.approx(values.std(ddof=1))
 
 
+def test_no_interval_leaves_what_a_score_can_be():
+    values = [0.0, 0.02, 0.95, 0.97, 1.0]
+    wide, clipped = score.mean_over_seeds(values), score.mean_over_seeds(values, score.bounds_of("mean_overlap"))
+    assert wide.low < 0.0
+    assert wide.high > 1.0
+    assert (clipped.low, clipped.high, clipped.mean) == (0.0, 1.0, wide.mean)
+    difference = score.paired_difference([1.0] * 5, [0.0, 0.0, 0.0, 0.0, 1.0], score.bounds_of("success"))
+    assert difference.high == 1.0
+    assert score.bounds_of("follow_distance_rms_m") == (0.0, np.inf)
+
+
 def test_equal_values_leave_no_room():
     same = score.mean_over_seeds([0.25] * 12)
     assert (same.low, same.high, same.p, same.verdict) == (0.25, 0.25, 0.0, "above")

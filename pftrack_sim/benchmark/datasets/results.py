@@ -245,7 +245,7 @@ def _compare(results: Sequence[RecordedResult], sequences: Sequence[str]) -> lis
         tracker: [float(np.mean(by_sequence[name])) if name in by_sequence else np.nan for name in sequences]
         for tracker, by_sequence in overlaps.items()
     }
-    return score.compare(rows)
+    return score.compare(rows, (0.0, 1.0))
 
 
 def score_text(value: float) -> str:

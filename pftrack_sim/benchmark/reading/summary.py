@@ -16,7 +16,7 @@ from pftrack_sim.benchmark.kept.files import atomic_write, csv_text, sql_text, w
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
 from pftrack_sim.benchmark.kept.tables import CHUNK, OPENED, column, read_metadata
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.score import Measures
+from pftrack_sim.score import Measures, bounds_of, mean_over_seeds
 from pftrack_sim.score.following import Following
 
 SCORES = ("hota", "deta", "assa", "idf1", "mota", "switches")
@@ -38,10 +38,13 @@ _MEAN_OF = ("mean_overlap", "stay", "success", "success_30", "centre_inside", "f
 _MEANS = {name: f'avg("{name}") FILTER (NOT isnan("{name}"))' for name in _MEAN_OF}
 # Of the means: the skill of one episode is unbounded where its target hardly moves.
 _MEANS["skill"] = "({mean_overlap} - {stay}) / nullif(1 - {stay}, 0)".format_map(_MEANS)
+_INTERVAL = "mean_overlap_low"
 _SCORES = ", ".join(
     [
-        "count(*)::INTEGER AS episodes",
-        *(f'{_MEANS[name]} AS "{name}"' for name in (*_MEAN_OF[:2], "skill", *_MEAN_OF[2:])),
+        "count(*)::INTEGER AS episodes, count(DISTINCT seed)::INTEGER AS seeds",
+        f"{_MEANS['mean_overlap']} AS mean_overlap, "
+        f"coalesce(list((seed, mean_overlap) ORDER BY number) FILTER (NOT isnan(mean_overlap)), []) AS {_INTERVAL}",
+        *(f'{_MEANS[name]} AS "{name}"' for name in ("stay", "skill", *_MEAN_OF[2:])),
         "count(error)::INTEGER AS errors",
     ]
 )
@@ -56,7 +59,15 @@ _TABLES: Mapping[str, str] = {
 }
 _LATEX_TABLES = ("trackers", "conditions")
 
+_LATEX_HEADS = {
+    "mean_overlap": "mean overlap (95 % interval over seeds)",
+    "success": "overlap ≥ 0.5",
+    "success_30": "overlap ≥ 0.3",
+    "precision": "precision at 20 px",
+}
+
 _LATEX_ESCAPES = {
+    "≥": r"$\geq$",
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
@@ -190,9 +201,25 @@ def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]
     for name, query in _TABLES.items():
         table = database.execute(query)
         heads, rows = [str(one[0]) for one in table.description or ()], table.fetchall()
+        if _INTERVAL in heads:
+            at = heads.index(_INTERVAL)
+            heads.insert(at + 1, "mean_overlap_high")
+            rows = [(*row[:at], *_interval(row[at]), *row[at + 1 :]) for row in rows]
         yield f"tables/{name}.csv", csv_text(heads, rows).encode()
         if name in _LATEX_TABLES:
-            yield f"tables/{name}.tex", latex(heads, rows).encode()
+            ranged = [(*row[: at - 1], _ranged(*row[at - 1 : at + 2]), *row[at + 2 :]) for row in rows]
+            shown = [_LATEX_HEADS.get(head, head) for head in heads[:at] + heads[at + 2 :]]
+            yield f"tables/{name}.tex", latex(shown, ranged).encode()
+
+
+def _interval(scores: Iterable[tuple[int, float]]) -> tuple[float | None, float | None]:
+    """Ends of the interval of the mean over seeds of scores by seed; None where there is none."""
+    found = mean_over_seeds(list(by_seed(scores).values()), bounds_of("mean_overlap"))
+    return (None, None) if math.isnan(found.low) else (found.low, found.high)
+
+
+def _ranged(mean: float | None, low: float | None, high: float | None) -> str | float | None:
+    return mean if low is None else f"{mean:.3f} ({low:.3f} to {high:.3f})"
 
 
 def latex(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -208,7 +235,10 @@ def latex(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     \end{tabular}
     <BLANKLINE>
     """
-    sides = "".join("l" if rows and isinstance(rows[0][place], str) else "r" for place in range(len(heads)))
+    sides = "".join(
+        "l" if rows and isinstance(rows[0][place], str) and not rows[0][place][:1].isdigit() else "r"
+        for place in range(len(heads))
+    )
     lines = [f"\\begin{{tabular}}{{{sides}}}", "\\toprule", _latex_row([head.replace("_", " ") for head in heads])]
     lines += ["\\midrule", *(_latex_row(row) for row in rows), "\\bottomrule", "\\end{tabular}", ""]
     return "\n".join(lines)

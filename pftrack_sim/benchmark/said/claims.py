@@ -98,7 +98,7 @@ def _differences(suite: Suite, claim: Claim, preset: str, means: _SeedMeans) -> 
 
 def _paired(first: Mapping[int, float], second: Mapping[int, float]) -> SeedMean:
     seeds = sorted(first.keys() & second.keys())
-    return score.paired_difference([first[seed] for seed in seeds], [second[seed] for seed in seeds])
+    return score.paired_difference([first[seed] for seed in seeds], [second[seed] for seed in seeds], (0.0, 1.0))
 
 
 def _ratios(first: Mapping[int, float], second: Mapping[int, float]) -> dict[int, float]:
@@ -108,7 +108,7 @@ def _ratios(first: Mapping[int, float], second: Mapping[int, float]) -> dict[int
 def _reached(values: Sequence[float], value: float) -> SeedMean:
     if set(values) <= {0.0, 1.0}:
         return score.proportion_over_seeds(values, value)
-    return score.mean_over_seeds(np.array(values) - value)
+    return score.mean_over_seeds(np.array(values) - value, (-value, 1.0 - value))
 
 
 class _SeedMeans:
@@ -175,12 +175,12 @@ def compare_with_paper(table: PaperTable, results: Iterable[Result]) -> list[Pap
                     one / other for one, other in zip(printed, _printed(table, table.printed[first]), strict=True)
                 ]
             label = TrackerSpec(name=name, preset=preset).label
-            rows.append(_row(label, printed, by_column, 1.0 if table.is_of_times else table.scale))
+            rows.append(_row(label, printed, by_column, table))
     if rows and table.measure in ("mean_overlap", "success"):
         # They depend on the frames only, which all trackers share in open loop.
         unknown = [math.nan] * (len(table.columns) + 1)
         shared = (first, means.presets[0])
-        rows += [_row(name, unknown, _columns(table, means, shared, name), table.scale) for name in REFERENCES]
+        rows += [_row(name, unknown, _columns(table, means, shared, name), table) for name in REFERENCES]
     return rows
 
 
@@ -197,6 +197,10 @@ def _printed(table: PaperTable, numbers: Sequence[float]) -> list[float]:
     return [*numbers, float(np.average(numbers, weights=table.weights or None))]
 
 
-def _row(label: str, printed: Sequence[float], by_column: Sequence[Mapping[int, float]], scale: float) -> PaperTableRow:
-    ours = tuple(score.mean_over_seeds([scale * value for value in values.values()]) for values in by_column)
+def _row(
+    label: str, printed: Sequence[float], by_column: Sequence[Mapping[int, float]], table: PaperTable
+) -> PaperTableRow:
+    scale = 1.0 if table.is_of_times else table.scale
+    low, high = (scale * end for end in score.bounds_of(table.measure))
+    ours = tuple(score.mean_over_seeds([scale * one for one in own.values()], (low, high)) for own in by_column)
     return PaperTableRow(label, tuple(printed), ours)

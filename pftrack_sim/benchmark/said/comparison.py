@@ -184,12 +184,13 @@ def _rows(pairs: Sequence[EpisodeDifference], measure: str) -> list[Difference]:
         group = groups.setdefault((pair.first.scenario, pair.first.condition.name), {})
         if math.isfinite(sum(scores)):
             group[pair.first.seed] = scores
-    rows = _differences({names: list(group.values()) for names, group in groups.items()})
+    bounds = score.bounds_of(measure)
+    rows = _differences({names: list(group.values()) for names, group in groups.items()}, bounds)
     if len(groups) > 1:
         # A seed counts where every condition has it; otherwise conditions with more seeds would weigh more.
         shared = set[int].intersection(*(set(group) for group in groups.values()))
         means = [np.mean([group[seed] for group in groups.values()], axis=0) for seed in sorted(shared)]
-        rows += _differences({("all", ""): means})
+        rows += _differences({("all", ""): means}, bounds)
     return rows
 
 
@@ -202,13 +203,15 @@ def _tag_rows(runs: Sequence[RunStore], names: Sequence[str]) -> list[Difference
             by_seed.setdefault(key[2], []).append((overlaps[key], other[tag][key]))
         if by_seed:
             found["all", tag] = [np.mean(by_seed[seed], axis=0) for seed in sorted(by_seed)]
-    return _differences(found)
+    return _differences(found, (0.0, 1.0))
 
 
-def _differences(scores: Mapping[tuple[str, str], Sequence[ArrayLike]]) -> list[Difference]:
+def _differences(
+    scores: Mapping[tuple[str, str], Sequence[ArrayLike]], bounds: tuple[float, float]
+) -> list[Difference]:
     """Differences by scenario and condition of pairs of scores, one for each seed, corrected for their number."""
     pairs = {names: np.array(own, dtype=np.float64).reshape(-1, 2) for names, own in scores.items()}
-    differences = score.corrected([score.paired_difference(both[:, 1], both[:, 0]) for both in pairs.values()])
+    differences = score.corrected([score.paired_difference(both[:, 1], both[:, 0], bounds) for both in pairs.values()])
     means = [both.mean(axis=0).tolist() if len(both) else [math.nan, math.nan] for both in pairs.values()]
     return [
         Difference(*names, first, second, difference)

@@ -208,7 +208,8 @@ def _marginal(at: AxisLevel, others: Sequence[str]) -> AxisLevel:
 
 def mean_degradation(found: Iterable[Degradation], measure: Measure) -> score.SeedMean:
     """Mean over the seeds of means over scenarios."""
-    return score.mean_over_seeds(list(by_seed((one.seed, float(getattr(one, measure))) for one in found).values()))
+    by = by_seed((one.seed, float(getattr(one, measure))) for one in found)
+    return score.mean_over_seeds(list(by.values()), score.bounds_of(measure))
 
 
 def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]:

@@ -22,7 +22,7 @@ function element(tag, text, attributes = {}) {
   return made;
 }
 
-// The interval of score.statistics.mean_intervals; null for too few values.
+// The interval of score.statistics.mean_over_seeds of shares; null for too few values.
 function interval(values) {
   const count = values.length;
   if (count < DATA.least_seeds) return null;
@@ -32,7 +32,7 @@ function interval(values) {
   const shift = mean(values.map((value) => ((value - centre) / spread) ** 3)) / (6 * Math.sqrt(count));
   const a = Math.abs(2 * shift) < 1e-9 ? 1e-9 : 2 * shift;
   const [above, below] = [t, -t].map((end) => (Math.cbrt(1 + 3 * a * (end - shift)) - 1) / a);
-  return [centre - error * Math.max(above, t), centre - error * Math.min(below, -t)];
+  return [Math.max(centre - error * Math.max(above, t), 0), Math.min(centre - error * Math.min(below, -t), 1)];
 }
 
 // An interval, or the values of which there are too few for one.
