@@ -133,6 +133,7 @@ def _print_scored(found: Scored) -> None:
     from pftrack_sim.report.tables import Table, benchmark_table, number_text, range_text
     from pftrack_sim.score import INTERVALS, VERDICTS, mean_summary
 
+    tables.print_warnings(found.misread)
     repetitions: dict[tuple[str, str], list[Summary]] = {}
     for one in found.results:
         repetitions.setdefault((one.sequence, one.tracker.label), []).append(one.summary)

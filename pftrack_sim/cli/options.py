@@ -15,7 +15,7 @@ from pftrack_sim.cli.values import parse_axes, parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark import Plan
+    from pftrack_sim.benchmark import Plan, TrackerSpec
     from pftrack_sim.trackers.isolation import Limits
 
 Settings = Annotated[
@@ -111,6 +111,14 @@ BoxNoise = Annotated[
 Starts = Annotated[
     int, typer.Option(min=1, metavar="K", help="They start at K moments, a K-th of the episode apart (OTB's TRE).")
 ]
+Search = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[TRACKER.]KEY=V,V",
+        help="Try these values of a tracker's parameter on --search-seeds; the best run on --seeds. May be repeated.",
+    ),
+]
+SearchSeeds = Annotated[str | None, typer.Option(metavar="SEEDS", help="Seeds of --search; none of --seeds.")]
 Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, worst:N (of each tracker), or none.")]
 Log = Annotated[
     str,
@@ -192,21 +200,28 @@ class RunOptions:
                 axes[name] = levels
         return axes
 
-    def plan(self, scenarios: list[str], **more: Any) -> Plan:
-        """The plan of these scenarios and options; `more` goes to `plan_all`."""
+    @property
+    def specs(self) -> list[TrackerSpec] | None:
+        """The trackers; None: a suite's own, or the usual ones."""
+        if self.trackers is not None:
+            return parse_trackers(self.trackers, self.preset or "default", self.params or [], self.allow_truth)
+        if self.params:
+            raise ParameterError("--param needs --trackers: it is theirs")
+        if self.allow_truth:
+            raise ParameterError("--allow-truth needs --trackers: it names some of them")
+        return None
+
+    def plan(
+        self, scenarios: list[str], trackers: list[TrackerSpec] | None = None, seeds: str | None = None, **more: Any
+    ) -> Plan:
+        """The plan of these scenarios and options, but for other trackers and seeds; `more` goes to `plan_all`."""
         from pftrack_sim.benchmark import parse_seeds, plan_all
 
-        if self.params and self.trackers is None:
-            raise ParameterError("--param needs --trackers: it is theirs")
-        if self.allow_truth and self.trackers is None:
-            raise ParameterError("--allow-truth needs --trackers: it names some of them")
-        specs = None
-        if self.trackers is not None:
-            specs = parse_trackers(self.trackers, self.preset or "default", self.params or [], self.allow_truth)
+        chosen = seeds or self.seeds
         return plan_all(
             scenarios,
-            trackers=specs,
-            seeds=parse_seeds(self.seeds) if self.seeds is not None else None,
+            trackers=trackers or self.specs,
+            seeds=parse_seeds(chosen) if chosen is not None else None,
             axes=self.axes,
             overrides=parse_settings(self.settings or []),
             preset=self.preset,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +21,8 @@ from pftrack_sim.cli.options import (
     Params,
     Preset,
     RunOptions,
+    Search,
+    SearchSeeds,
     Seeds,
     SequenceLayout,
     Settings,
@@ -30,11 +33,11 @@ from pftrack_sim.cli.options import (
 from pftrack_sim.cli.options import starts as start_shares
 from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.reading import write_page
-from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse_settings, parse_trackers
+from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse_search, parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark import Plan
+    from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec
     from pftrack_sim.benchmark.running.frame_cache import FrameCache
     from pftrack_sim.studio.recording import Source
 
@@ -45,6 +48,8 @@ def bench(
     cache: Cache = False,
     cache_folder: CacheFolder = None,
     cache_gb: CacheLimit = 20.0,
+    search: Search = None,
+    search_seeds: SearchSeeds = None,
     *,
     run: RunOptions,
 ) -> None:
@@ -53,16 +58,60 @@ def bench(
     Every frame is rendered once for all trackers. The same command with another --seeds, --trackers or --axis adds to
     a run folder; your own tracker is module:factory, for example my_tracker:make.
     """
+    from pftrack_sim.benchmark import new_run_path
     from pftrack_sim.benchmark.running.frame_cache import FrameCache
     from pftrack_sim.core.data_files import cache_dir
 
     kept = FrameCache(cache_folder or cache_dir() / "frames", round(cache_gb * 1e9)) if cache or cache_folder else None
-    _run(run.plan(scenarios), run, kept)
+    plan = run.plan(scenarios)
+    if search or search_seeds:
+        run = replace(run, out=run.out or new_run_path(plan))
+        plan = run.plan(scenarios, _searched(plan, scenarios, search or [], search_seeds, run, kept))
+    _run(plan, run, kept)
+
+
+def _searched(
+    plan: Plan,
+    scenarios: list[str],
+    search: list[str],
+    seeds: str | None,
+    options: RunOptions,
+    cache: FrameCache | None,
+) -> list[TrackerSpec]:
+    """The trackers of a plan, each with the parameters that are best on other seeds than the plan's."""
+    from pftrack_sim.benchmark import parse_seeds
+    from pftrack_sim.report.tables import over_seeds, range_text
+
+    specs = options.specs
+    if not search or seeds is None or specs is None:
+        raise ParameterError(
+            "a search needs --trackers, --search and --search-seeds, for example --search-seeds 100:110"
+        )
+    if shared := sorted({one.seed for one in plan.episodes()} & set(parse_seeds(seeds))):
+        raise ParameterError(f"--search-seeds must be none of the seeds of the report, got {shared[0]} in both")
+    grids = parse_search(search, [one.name for one in specs])
+    assert options.out is not None
+    path = options.out.with_name(f"{options.out.name}-search")
+    tried = {
+        spec.label: [spec.model_copy(update={"params": {**spec.params, **more}}) for more in grids[spec.name]]
+        for spec in specs
+        if spec.name in grids
+    }
+    searched = options.plan(scenarios, [one for own in tried.values() for one in own], seeds)
+    found = _execute(searched, replace(options, videos="none", log=""), path, cache)
+    means = {one.label: over_seeds("mean_overlap", (by for by in found.results if by.label == one.label))
+             for one in searched.trackers}  # fmt: skip
+    best = {label: max(own, key=lambda one: means[one.label].mean) for label, own in tried.items()}
+    tables.print_lines(
+        f"{one.label}: the best of {len(tried[label])} on seeds {seeds}, {range_text(means[one.label])}; all: {path}"
+        for label, one in best.items()
+    )
+    return [best.get(spec.label, spec) for spec in specs]
 
 
 def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> None:
     """Run a plan, print its results, and write the report."""
-    from pftrack_sim.benchmark import RunStore, new_run_path, run
+    from pftrack_sim.benchmark import RunStore, new_run_path
     from pftrack_sim.benchmark.asked.from_names import late_events
     from pftrack_sim.benchmark.asked.union import held_besides
     from pftrack_sim.benchmark.kept.folder import is_run
@@ -73,26 +122,7 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
     more = held_besides(RunStore(path).plan, plan) if is_run(path) else ""
     if more:
         tables.print_warnings([f"{path} holds more than is asked for, and all of it is run and shown: {more}"])
-    workers = options.workers if options.workers is not None else cores()
-    counts = {"episode": plan.episode_count, "tracker": len(plan.trackers), "worker": workers}
-    what = ", ".join(f"{count} {name}{'s' if count != 1 else ''}" for name, count in counts.items())
-    with show_run(options.progress, path, what) as on_progress:
-        finished = run(
-            plan,
-            path,
-            workers=workers,
-            scheduler=options.scheduler,
-            videos=options.videos,
-            logs=parse_names(options.log) if options.log else (),
-            backend=options.backend,
-            isolation=options.isolation,
-            limits=options.limits,
-            part=parse_part(options.part),
-            refresh=options.refresh,
-            stop_on_error=options.stop_on_error,
-            cache=cache,
-            on_progress=on_progress,
-        )
+    finished = _execute(plan, options, path, cache)
     tables.print_run(plan, finished)
     tables.print_folder(path)
     write_page(path)
@@ -110,7 +140,36 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
         tables.print_lines([f"cache: {size_gb:.2f} GB of {limit_gb:g} GB in {cache.folder}"])
     if options.stop_on_error and not finished.finished:
         tables.print_lines(["stopped after the first error; without --stop-on-error the same command runs the rest"])
+    tables.print_next(finished)
     raise typer.Exit(1 if any(one.error for one in finished.results) else 0)
+
+
+def _execute(plan: Plan, options: RunOptions, path: Path, cache: FrameCache | None) -> RunStore:
+    """Say what a plan is, and run it."""
+    from pftrack_sim.benchmark import run
+
+    workers = options.workers if options.workers is not None else cores()
+    counts = {"episode": plan.episode_count, "tracker": len(plan.trackers), "worker": workers}
+    if len(plan.conditions) > 1:
+        counts = {"episode": counts.pop("episode"), "condition": len(plan.conditions), **counts}
+    what = ", ".join(f"{count} {name}{'s' if count != 1 else ''}" for name, count in counts.items())
+    with show_run(options.progress, path, what) as on_progress:
+        return run(
+            plan,
+            path,
+            workers=workers,
+            scheduler=options.scheduler,
+            videos=options.videos,
+            logs=parse_names(options.log) if options.log else (),
+            backend=options.backend,
+            isolation=options.isolation,
+            limits=options.limits,
+            part=parse_part(options.part),
+            refresh=options.refresh,
+            stop_on_error=options.stop_on_error,
+            cache=cache,
+            on_progress=on_progress,
+        )
 
 
 @with_run_options

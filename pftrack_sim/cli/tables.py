@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -22,7 +23,10 @@ if TYPE_CHECKING:
     from pftrack_sim.score import Summary
 
 # Longer lists are in the run folder.
-_MOST_EPISODES, _MOST_LINES, _MOST_WORSE = 40, 20, 10
+_MOST_EPISODES, _MOST_LINES, _MOST_WORSE, _MOST_SLOW = 40, 20, 10, 3
+
+_SLOW_MS = 1.0
+"""Frames that took less are named nowhere."""
 
 _LEAST_NAME = 10
 """Least width of a column of names [characters]."""
@@ -61,9 +65,16 @@ def print_bench(results: Sequence[Result]) -> None:
     _print_slowest((one.label, _where(one), one.measures) for one in results)
     for table in people(results, ("HOTA", "IDF1", "MOTA", "switches")):
         print_table(table)
-    errors = [f"{one.label} ended with an error on {_where(one)}, {one.error}" for one in results if one.error]
+    errors: dict[tuple[str, str], list[Result]] = {}
+    for one in results:
+        if one.error:
+            errors.setdefault((one.label, one.error), []).append(one)
+    ended = [
+        f"{label} ended with an error on {_where(own[0])}{f' and {len(own) - 1} more' if own[1:] else ''}, {error}"
+        for (label, error), own in errors.items()
+    ]
     unseen = dict.fromkeys(_where(one) for one in results if one.never_seen)
-    for lines in (errors, [f"the target is never visible, and nothing is scored, in {where}" for where in unseen]):
+    for lines in (ended, [f"the target is never visible, and nothing is scored, in {where}" for where in unseen]):
         print_lines(lines[:_MOST_LINES])
         if len(lines) > _MOST_LINES:
             console.print(f"and {len(lines) - _MOST_LINES} more: see summary.parquet")
@@ -81,7 +92,9 @@ def _print_episodes(results: Sequence[Result]) -> None:
     if len(results) > _MOST_EPISODES * len(trackers):
         return
     # Each tracker that drives has frames of its own.
-    shared = ("frames", "stay", "fixed_size") if results[0].following is None else ()
+    shared = [
+        name for name in ("frames", "stay", "fixed_size") if results[0].following is None and name not in trackers
+    ]
     rows: list[list[str]] = []
     for (scenario, condition, seed), own in by_episode(results).items():
         scored = {one.label: one for one in own}
@@ -93,7 +106,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
         rows.append([scenario, condition, str(seed), *cells])
     title = "Mean overlap per episode (frames in which the target is visible)"
     notes = {"!": "ended with an error; frames after it count as 0"} if any(one.error for one in results) else {}
-    print_table(Table(title, ("scenario", "condition"), ("seed", *shared, *trackers), rows, notes))
+    print_table(Table(title, ("scenario", "condition"), ("seed", *shared, *trackers), rows, notes, keys=1))
 
 
 def print_run(plan: Plan, store: RunStore) -> None:
@@ -167,6 +180,7 @@ def print_losses(shares: Mapping[str, LossShares]) -> None:
 
 def print_recorded(results: Sequence[RecordedResult]) -> None:
     """Print the scores of each tracker on each sequence, over all seeds."""
+    from pftrack_sim.benchmark.datasets.recorded import misread_of
     from pftrack_sim.score import mean_summary
 
     by_seed: dict[tuple[str, str, int], list[Summary]] = {}
@@ -183,21 +197,22 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
         for one in results
         if one.error
     )
-    misread = {one.tracker.label: one.misread for one in reversed(results) if one.misread}
-    print_warnings([f"{label}: {words}" for label, words in misread.items()])
+    print_warnings(misread_of(results))
     said = {one.tracker.label: f"\n{one.said}" for one in reversed(results) if one.said}
     print_lines(reversed(said.values()))
 
 
 def _print_slowest(results: Iterable[tuple[str, str, Summary]]) -> None:
-    """Print each tracker's slowest frame and where it was."""
+    """Print the slowest frames of the slowest trackers and where they were."""
     slowest: dict[str, tuple[str, Summary]] = {}
     for label, where, one in results:
         if one.ms_max > (slowest[label][1].ms_max if label in slowest else -1.0):
             slowest[label] = where, one
+    ranked = sorted(slowest.items(), key=lambda item: -item[1][1].ms_max)[:_MOST_SLOW]
     print_lines(
         f"slowest frame of {label}: {one.ms_max:.1f} ms, {where}, frame {one.ms_max_frame:.0f}"
-        for label, (where, one) in slowest.items()
+        for label, (where, one) in ranked
+        if one.ms_max >= _SLOW_MS
     )
 
 
@@ -212,31 +227,50 @@ def print_groups(frames: str, groups: Mapping[tuple[str, str], Sequence[Summary]
 
 
 def print_table(table: Table) -> None:
-    """Print a table, intervals below their means; one that does not fit into the terminal is printed whole."""
+    """Print a table, intervals below their means; columns that do not fit into the terminal follow in further parts."""
     console.print(f"\n{table.title}", soft_wrap=True)
+    first, count = table.keys, len(table.numbers)
+    while first < max(count, 1):
+        ends = [end for end in range(first + 1, count + 1) if _least_width(_shown(table, first, end)) <= console.width]
+        last = max(ends, default=first + 1)
+        part = _shown(table, first, last)
+        least = _least_width(part)
+        if least > console.width:
+            part.width = least
+        console.print(part, soft_wrap=True)
+        first = last
+    print_lines(f"{name}: {words}" for name, words in table.notes.items())
+
+
+def _shown(table: Table, first: int, last: int) -> RichTable:
+    """The columns of names and keys of a table, and those of numbers from `first` to before `last`."""
     shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for head in table.names[1:] if table.grouped else table.names:
         shown.add_column(head, overflow="fold", min_width=_LEAST_NAME)
-    for head in table.numbers:
-        shown.add_column(head, justify="right", no_wrap=True)
+    chosen = [*range(table.keys), *range(first, last)]
+    for place in chosen:
+        shown.add_column(table.numbers[place] if table.numbers else "", justify="right", no_wrap=True)
     place = None
     for row in table.rows:
         cells = [_SHARES.sub(r"\n\1-\2", _BRACKETS.sub(_below, cell)) for cell in row]
+        cells = [*cells[: len(table.names)], *(cells[len(table.names) + one] for one in chosen if table.numbers)]
         if table.grouped:
             if row[0] != place:
                 shown.add_row(place := row[0])
             cells = [f"  {cells[1]}", *cells[2:]]
         shown.add_row(*cells)
+    return shown
+
+
+def _least_width(shown: RichTable) -> int:
+    """Width of a table whose names are folded as far as they can be [characters]."""
     names = [column for column in shown.columns if not column.no_wrap]
     for column in names:
         column.max_width = _LEAST_NAME
     least = Measurement.get(console, console.options.update_width(_MOST_WIDE), shown).maximum
     for column in names:
         column.max_width = None
-    if least > console.width:
-        shown.width = least
-    console.print(shown, soft_wrap=True)
-    print_lines(f"{name}: {words}" for name, words in table.notes.items())
+    return least
 
 
 def _below(brackets: re.Match[str]) -> str:
@@ -246,6 +280,19 @@ def _below(brackets: re.Match[str]) -> str:
 def print_folder(path: Path | None) -> None:
     """Print the path of the results."""
     console.print(f"written: {path}", soft_wrap=True)
+
+
+def print_next(run: RunStore) -> None:
+    """Print what can be done with a run."""
+    from pftrack_sim.score import LEAST_FOR_VERDICT
+
+    path, labels = shlex.quote(str(run.path)), run.plan.labels
+    steps = [f"open {path}/report.html"]
+    if len(labels) > 1:
+        steps.append(f"pftrack-sim compare {path} --trackers {shlex.quote(f'{labels[-1]},{labels[0]}')}")
+    if len({one.seed for one in run.results}) < LEAST_FOR_VERDICT:
+        steps.append(f"the same command with {LEAST_FOR_VERDICT} or more --seeds, as verdicts need, adds them")
+    print_lines([f"next: {'; '.join(steps)}"])
 
 
 def print_tracebacks(run: RunStore) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import tomllib
 from collections.abc import Sequence
@@ -65,13 +66,42 @@ def _parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, di
     found: dict[str, dict[str, Any]] = {}
     given = parse_settings(pairs, option="--param", example="ko2012.particle_count=200")
     for key, value in given.items():
-        # A factory that is spelled out has dots of its own: the last one divides.
-        tracker, _, name = key.rpartition(".")
-        if tracker and tracker not in trackers:
-            raise UnknownNameError("tracker before a parameter's name", tracker, trackers)
-        for one in [tracker] if tracker else trackers:
+        whose, name = _parameter(key, trackers)
+        for one in whose:
             found.setdefault(one, {})[name] = value
     return found
+
+
+def _parameter(key: str, trackers: Sequence[str]) -> tuple[Sequence[str], str]:
+    """Trackers that `[TRACKER.]KEY` is for, and the parameter."""
+    # A factory that is spelled out has dots of its own: the last one divides.
+    tracker, _, name = key.strip().rpartition(".")
+    if tracker and tracker not in trackers:
+        raise UnknownNameError("tracker before a parameter's name", tracker, trackers)
+    return [tracker] if tracker else trackers, name
+
+
+def parse_search(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
+    """By the tracker's name, all combinations of `[TRACKER.]KEY=VALUE,VALUE` pairs.
+
+    >>> parse_search(["ko2012.alpha=0.1,0.3"], ["ko2012", "stay"])
+    {'ko2012': [{'alpha': 0.1}, {'alpha': 0.3}]}
+    """
+    grids: dict[str, dict[str, list[Any]]] = {}
+    for pair in pairs:
+        key, _, text = pair.partition("=")
+        values = [_value(one.strip()) for one in re.split(_COMMA_OUTSIDE_BRACKETS, text)]
+        if not key.strip() or len(values) < 2:
+            raise ParameterError(
+                f"--search takes [TRACKER.]KEY=VALUE,VALUE, for example ko2012.alpha=0.1,0.3; got {pair!r}"
+            )
+        whose, name = _parameter(key, trackers)
+        for one in whose:
+            grids.setdefault(one, {})[name] = values
+    return {
+        one: [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
+        for one, grid in grids.items()
+    }
 
 
 def _value(text: str) -> Any:

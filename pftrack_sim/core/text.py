@@ -12,7 +12,8 @@ LONGEST_TRACEBACK = 8000  # Characters kept of a traceback
 _MOST_FRAMES = 100
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
 _INSTALLED = tuple(sysconfig.get_path(name) + os.sep for name in ("purelib", "platlib"))
-_STANDARD = (_PACKAGE, sysconfig.get_path("stdlib") + os.sep, "<frozen ")
+_GENERATED = "<string>"  # by dataclasses
+_STANDARD = (_PACKAGE, _GENERATED, sysconfig.get_path("stdlib") + os.sep, "<frozen ")
 
 
 def printable(text: str, limit: int = LONGEST) -> str:
@@ -87,6 +88,6 @@ def _is_standard(file: str) -> bool:
 def _foreign_frames(error: BaseException) -> list[FrameSummary]:
     """Frames from the first one outside this package on."""
     found = list(extract_tb(error.__traceback__, limit=-_MOST_FRAMES))
-    while found and found[0].filename.startswith(_PACKAGE):
+    while found and found[0].filename.startswith((_PACKAGE, _GENERATED)):
         del found[0]
     return found

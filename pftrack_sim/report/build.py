@@ -18,6 +18,7 @@ from pftrack_sim.benchmark.datasets.results import Scored
 from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
 from pftrack_sim.benchmark.said.claims import evaluate_claims
+from pftrack_sim.benchmark.said.readings import misread_trackers
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.contents import contents, scored_contents
 from pftrack_sim.report.html import render
@@ -55,6 +56,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         store.path.resolve().name,
         data,
         strips=strips(store),
+        misread=misread_trackers(store),
         suites=[_suite(suite, store.results) for suite in store.plan.suites],
         how=_provenance(store),
         scenarios={name: scenario.digest for name, scenario in store.plan.scenarios.items()},
@@ -83,7 +85,8 @@ def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
         for one in found.results
     ]
     how = [*sources.items(), ("version", pftrack_sim.__version__)]
-    page = _render(out.resolve().name, scored_contents(found), benchmark=benchmark_table(found), how=how)
+    contents, benchmark = scored_contents(found), benchmark_table(found)
+    page = _render(out.resolve().name, contents, benchmark=benchmark, how=how, misread=found.misread)
     write_bytes(out / "report.html", page.encode())
     write_bytes(out / "results.csv", csv_text(list(rows[0]), [list(row.values()) for row in rows]).encode())
     return out / "report.html"
@@ -91,7 +94,14 @@ def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
 
 def _render(title: str, data: Mapping[str, Any], **values: Any) -> str:
     """The page of `data`, see `contents`; what is not in `values` is left out."""
-    nothing: dict[str, Any] = {"strips": (), "suites": (), "scenarios": {}, "errors": (), "benchmark": None}
+    nothing: dict[str, Any] = {
+        "misread": (),
+        "strips": (),
+        "suites": (),
+        "scenarios": {},
+        "errors": (),
+        "benchmark": None,
+    }
     return render(
         "report",
         [plotly.offline.get_plotlyjs(), "report.js", "viewer.js", "drives.js"],

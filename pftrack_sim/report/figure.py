@@ -101,8 +101,11 @@ def _plot(figure: Any, *at: int) -> Any:
     return axes
 
 
-def _legend(axes: Any) -> None:
-    for text in axes.legend(fontsize=7, frameon=False).get_texts():
+def _legend_below(figure: Any, abreast: int) -> None:
+    """Write the names of the curves below them all, as they may lie anywhere."""
+    names = figure.axes[0].get_legend_handles_labels()
+    legend = figure.legend(*names, loc="outside lower center", ncols=abreast, fontsize=7, frameon=False)
+    for text in legend.get_texts():
         text.set_parse_math(False)  # a tracker's name is no formula
 
 
@@ -149,7 +152,7 @@ def _success(store: RunStore, figure: Any) -> None:
         style = _style(store, tracker)
         axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, markevery=4, **style)
     _write_count(axes, store)
-    _legend(axes)
+    _legend_below(figure, 5 if _is_wide(figure) else 2)
 
 
 def _precision(store: RunStore, figure: Any) -> None:
@@ -160,7 +163,7 @@ def _precision(store: RunStore, figure: Any) -> None:
         label = f"{tracker} [{curve[20]:.3f}]"
         axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=label, markevery=10, **_style(store, tracker))
     _write_count(axes, store)
-    _legend(axes)
+    _legend_below(figure, 5 if _is_wide(figure) else 2)
 
 
 def _degradation(store: RunStore, figure: Any) -> None:
@@ -190,7 +193,7 @@ def _degradation(store: RunStore, figure: Any) -> None:
     for place, label in enumerate(labels):
         axes = _plot(lower, 1, len(labels), place + 1)
         _curves(store, found.curves, label, axes)
-        _legend(axes)
+    _legend_below(lower, 2 * columns - 1)
 
 
 def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None:
@@ -204,11 +207,7 @@ def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None
         _curves(store, curves, label, axes)
         if place % columns:
             axes.set(ylabel="", yticklabels=[])
-    # Beside the curves, which may lie anywhere.
-    names = figure.axes[0].get_legend_handles_labels()
-    legend = figure.legend(*names, loc="outside lower center", ncols=3 if columns < 4 else 5, fontsize=7, frameon=False)
-    for text in legend.get_texts():
-        text.set_parse_math(False)
+    _legend_below(figure, 5 if _is_wide(figure) else 2)
 
 
 def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: Any) -> None:

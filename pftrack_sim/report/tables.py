@@ -48,6 +48,7 @@ class Table:
         rows: Its cells.
         notes: Definitions of heads, by name.
         grouped: Whether the first column is a place, under which the rows of its trackers belong together.
+        keys: How many of the columns of numbers belong to the name of a row.
     """
 
     title: str
@@ -56,6 +57,7 @@ class Table:
     rows: Sequence[Sequence[str]]
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
     grouped: bool = False
+    keys: int = 0
 
     @property
     def heads(self) -> list[str]:
@@ -107,16 +109,15 @@ def summaries(
         frames: Which frames count.
         groups: Summaries by place and tracker.
         unit: What the means are over.
-        wide: Whether there is room for the precision at 20 px.
+        wide: Whether there is room for more columns.
     """
     places = dict.fromkeys(place for place, _ in groups)
     counts = {len(found) for found in groups.values()}
     count = f" {min(counts)}" if len(counts) == 1 else ""
     where = f" in {next(iter(places))}" if len(places) == 1 and any(places) else ""
     beside = {"stay": "stay", "skill": "skill", "tracked\n>= 0.5": "success", "\n>= 0.3": "success_30"}
-    beside |= {"centre\ninside": "centre_inside", "fixed\nsize": "fixed_size"} | (
-        {"precision\n@ 20 px": "precision"} if wide else {}
-    )
+    beside |= {"centre\ninside": "centre_inside"}
+    beside |= {"fixed\nsize": "fixed_size", "precision\n@ 20 px": "precision"} if wide else {}
     rows: list[list[str]] = []
     for (place, label), found in groups.items():
         mean = score.mean_summary(list(found))
@@ -200,12 +201,12 @@ def axes(store: RunStore) -> Iterator[Table]:
         if rows:
             cells = [
                 [
-                    *(row.at.label, f"{row.at.level:g}", f"{row.at.x:g}", row.seeds),
+                    *(row.at.label, f"{row.at.level:.3g}", f"{row.at.x:.3g}", row.seeds),
                     *(number_text(one.mean) for one in row.means.values()),
                 ]
                 for row in rows
             ]
-            yield Table(title, ["axis"], ["level", "in its unit", "seeds", *rows[0].means], cells)
+            yield Table(title, ["axis"], ["level", "in its unit", "seeds", *rows[0].means], cells, keys=2)
 
 
 def benchmark_table(found: Scored) -> Table | None:

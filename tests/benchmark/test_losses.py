@@ -57,8 +57,12 @@ def test_a_loss_begins_with_the_last_tracked_frame_and_ends_with_the_next():
 def test_half_a_second_below_a_tenth_is_a_loss_and_counts_once():
     assert losses([1.0] * 5 + [0.05] * 4 + [0.2] + [0.05] * 4 + [0.6] * 5) == []
     assert losses([1.0] * 5 + [0.1] * 20) == []
-    found = losses([1.0] + [0.05] * 5 + [0.4] + [0.0] * 6 + [0.2] + [0.0] * 6)
-    assert [(loss["frame"], loss["found_s"]) for loss in found] == [(0, 0.6), (6, None)]
+    found = losses([1.0] * 2 + [0.05] * 5 + [0.4] + [0.0] * 6 + [0.2] + [0.0] * 6)
+    assert [(loss["frame"], loss["found_s"]) for loss in found] == [(1, 0.7), (7, None)]
+
+
+def test_a_target_that_was_never_tracked_after_the_given_box_is_not_lost():
+    assert losses([1.0] + [0.0] * 20) == []
 
 
 def test_frames_after_an_error_are_no_loss():

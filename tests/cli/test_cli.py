@@ -13,9 +13,12 @@ from unittest.mock import patch
 import cv2
 import numpy as np
 import pytest
+from rich.console import Console
 
 from pftrack_sim import score
-from pftrack_sim.cli import main
+from pftrack_sim.benchmark import RunStore
+from pftrack_sim.cli import main, tables
+from pftrack_sim.report.tables import Table
 
 SETTINGS = ("camera.width_px=96", "camera.height_px=72", "duration_s=0.5", "lights.shadows=false", "occluders=[]")
 SMALL = [word for setting in SETTINGS for word in ("--set", setting)]
@@ -190,8 +193,47 @@ def test_tables_name_a_tracker_with_its_parameters(tmp_path: Path):
         "bench", "corridor", "--trackers", trackers, "--seeds", "0:2", "--out", str(tmp_path / "a"), *SMALL
     )
     assert done.returncode == 0, done.stderr
-    # In the head of one table, in a row of the other, and beside its slowest frame.
-    assert done.stdout.count("ncc[preset=paper]") == 3, done.stdout
+    # In the head of one table, in a row of the other, beside its slowest frame, and in the command that compares.
+    assert done.stdout.count("ncc[preset=paper]") == 4, done.stdout
+    assert done.stdout.splitlines()[-1].startswith(f"next: open {tmp_path / 'a'}/report.html; pftrack-sim compare ")
+
+
+def test_a_search_reports_the_best_on_other_seeds(tmp_path: Path):
+    command = ["bench", "corridor", "--trackers", "ko2012[particle_count=10],stay", *SMALL, *HERE]
+    command += ["--search", "ko2012.sigma_centre=0.001,4", "--out", str(tmp_path / "a")]
+    shared = pftrack_sim(*command, "--seeds", "0:2", "--search-seeds", "1:3")
+    assert shared.returncode == 2
+    assert "must be none of the seeds of the report, got 1 in both" in shared.stderr
+    assert "needs --trackers, --search and --search-seeds" in pftrack_sim(*command).stderr
+    assert not (tmp_path / "a").exists()
+    done = pftrack_sim(*command, "--seeds", "0:2", "--search-seeds", "5,6")
+    assert done.returncode == 0, done.stderr
+    found = re.search(r"^(ko2012\[\S+\]): the best of 2 on seeds 5,6, ", done.stdout, re.MULTILINE)
+    assert found is not None
+    searched, told = RunStore(tmp_path / "a-search"), RunStore(tmp_path / "a")
+    assert {one.seed for one in searched.results} == {5, 6}
+    assert {one.seed for one in told.results} == {0, 1}
+    assert told.plan.labels == (found[1], "stay")
+    means = {
+        label: np.mean([one.number("mean_overlap") for one in searched.results if one.label == label])
+        for label in searched.plan.labels
+    }
+    assert max(means, key=means.__getitem__) == found[1]
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_tables_fit_into_the_terminal(width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.setattr(tables, "console", Console(width=width, markup=False, highlight=False))
+    names = [f"tracker-{k}" for k in range(8)]
+    rows = [["corridor", str(seed), *(f"0.{k}{seed}" for k in range(8))] for seed in range(2)]
+    tables.print_table(Table("Overlap", ["scenario"], ["seed", *names], rows, {"note": "words"}, keys=1))
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert max(map(len, lines)) <= width
+    heads = [line.split() for line in lines if "scenario" in line]
+    assert all(head[:2] == ["scenario", "seed"] for head in heads)
+    assert [name for head in heads for name in head[2:]] == names
+    assert (len(heads) == 1) == (width == 200)
+    assert "note: words" in lines
 
 
 def test_a_tracker_that_needs_what_is_not_there_says_so(tmp_path: Path):

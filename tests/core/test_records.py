@@ -17,6 +17,7 @@ from pftrack_sim.core.records import (
     Tracker,
     Truth,
 )
+from pftrack_sim.core.text import locate_error
 
 
 def truth(state: State = "visible", **changed: Any) -> Truth:
@@ -176,3 +177,10 @@ def test_a_deferred_record_is_found_once_and_only_when_more_than_is_known_is_rea
     assert asked == [1, 2]
     assert target == truth()
     assert asked == [1, 2]
+
+
+def test_an_error_of_a_record_is_located_in_the_line_that_made_it():
+    made = "from pftrack_sim.core.records import Estimate\nEstimate([float('nan')] * 4)"
+    with pytest.raises(BoxError, match="must be finite") as caught:
+        exec(compile(made, "/home/me/mine.py", "exec"), {})
+    assert locate_error(caught.value) == " (mine.py, line 2)"

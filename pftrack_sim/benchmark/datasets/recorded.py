@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -45,6 +45,12 @@ class RecordedResult:
     said: str = ""
     misread: str | None = None
     start: float = 0.0
+
+
+def misread_of(results: Iterable[RecordedResult]) -> list[str]:
+    """A sentence for each tracker whose first boxes fit the truth far better in another convention."""
+    found = {one.tracker.label: one.misread for one in results if one.misread}
+    return [f"{label}: {words}" for label, words in found.items()]
 
 
 def evaluate(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.benchmark.datasets.export import sequence_names
-from pftrack_sim.benchmark.datasets.recorded import RecordedResult, rate_of
+from pftrack_sim.benchmark.datasets.recorded import RecordedResult, misread_of, rate_of
 from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.keys import distinct_slugs
 from pftrack_sim.benchmark.reading.store import RunStore
@@ -33,7 +33,7 @@ from pftrack_sim.formats.results import (
     result_files,
 )
 from pftrack_sim.score.episode import Measures
-from pftrack_sim.score.frames import FrameScores
+from pftrack_sim.score.frames import FrameScores, first_scored, misread_boxes
 from pftrack_sim.score.multi_object import Tracks, multi_object
 from pftrack_sim.score.protocols import PROTOCOLS, TrackedSequence
 from pftrack_sim.score.statistics import Comparison
@@ -141,6 +141,11 @@ class Scored:
     benchmark: dict[str, dict[str, float]]
     comparisons: list[Comparison]
 
+    @property
+    def misread(self) -> list[str]:
+        """See `misread_of`."""
+        return misread_of(self.results)
+
 
 def score_results(
     results: Path,
@@ -180,7 +185,9 @@ def score_results(
         content = read_result(file, sequence.start + len(sequence), known)
         truth = np.concatenate([np.full((sequence.start, 4), np.nan), sequence.truth])
         boxes = content.boxes if content.rows is None else _target_boxes(content.rows, content.boxes, truth)
-        scored.append(_scored(file, boxes, truth, content.ms, rate_of(sequence)))
+        one = _scored(file, boxes, truth, np.where(content.ms > 0.0, content.ms, np.nan), rate_of(sequence))
+        after = first_scored(np.isfinite(truth[:, 0])) + 1
+        scored.append(replace(one, misread=misread_boxes(boxes[after:], truth[after:], sizes[file.sequence])))
         if known in PROTOCOLS:
             width, height = sizes[file.sequence]
             tracked.setdefault(file.tracker, []).append(TrackedSequence(boxes, truth, (width, height)))

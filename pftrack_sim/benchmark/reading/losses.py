@@ -145,7 +145,7 @@ def create_loss_views(database: duckdb.DuckDBPyConnection) -> None:
             -- A span begins with a frame in which the target is tracked; in it a run of low overlaps ends with one that
             -- is not low. Frames without the target do neither, nor do they count.
             SELECT *, time_s - lag(time_s) OVER episode AS lasts_s,
-                max(CASE WHEN scored AND overlap >= {TRACKED} THEN frame END) OVER episode AS tracked,
+                max(CASE WHEN scored AND status = 'ok' AND overlap >= {TRACKED} THEN frame END) OVER episode AS tracked,
                 count(*) FILTER (scored AND overlap >= {LOST}) OVER episode AS run
             FROM moments WHERE status <> 'error'
             WINDOW episode AS (PARTITION BY scenario, condition, seed, label ORDER BY frame)

@@ -57,8 +57,6 @@ _TABLES: Mapping[str, str] = {
     "episodes": "SELECT scenario, condition, seed, label AS tracker, frames, mean_overlap, stay, "
     'success, success_30, centre_inside, fixed_size, "precision", error FROM summary ORDER BY number, place',
 }
-_LATEX_TABLES = ("trackers", "conditions")
-
 _LATEX_HEADS = {
     "mean_overlap": "mean overlap (95 % interval over seeds)",
     "success": "overlap ≥ 0.5",
@@ -201,15 +199,17 @@ def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]
     for name, query in _TABLES.items():
         table = database.execute(query)
         heads, rows = [str(one[0]) for one in table.description or ()], table.fetchall()
-        if _INTERVAL in heads:
-            at = heads.index(_INTERVAL)
-            heads.insert(at + 1, "mean_overlap_high")
-            rows = [(*row[:at], *_interval(row[at]), *row[at + 1 :]) for row in rows]
+        if name == "episodes":
+            yield f"tables/{name}.csv", csv_text(heads, rows).encode()
+            continue
+        at = heads.index(_INTERVAL)
+        ends = [_interval(row[at]) for row in rows]
+        heads.insert(at + 1, "mean_overlap_high")
+        rows = [(*row[:at], *own, *row[at + 1 :]) for row, own in zip(rows, ends, strict=True)]
         yield f"tables/{name}.csv", csv_text(heads, rows).encode()
-        if name in _LATEX_TABLES:
-            ranged = [(*row[: at - 1], _ranged(*row[at - 1 : at + 2]), *row[at + 2 :]) for row in rows]
-            shown = [_LATEX_HEADS.get(head, head) for head in heads[:at] + heads[at + 2 :]]
-            yield f"tables/{name}.tex", latex(shown, ranged).encode()
+        ranged = [(*row[: at - 1], _ranged(*row[at - 1 : at + 2]), *row[at + 2 :]) for row in rows]
+        shown = [_LATEX_HEADS.get(head, head) for head in heads[:at] + heads[at + 2 :]]
+        yield f"tables/{name}.tex", latex(shown, ranged).encode()
 
 
 def _interval(scores: Iterable[tuple[int, float]]) -> tuple[float | None, float | None]:
@@ -235,10 +235,8 @@ def latex(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     \end{tabular}
     <BLANKLINE>
     """
-    sides = "".join(
-        "l" if rows and isinstance(rows[0][place], str) and not rows[0][place][:1].isdigit() else "r"
-        for place in range(len(heads))
-    )
+    texts = [isinstance(cell, str) and not cell[:1].isdigit() for cell in (rows[0] if rows else heads)]
+    sides = "".join("l" if is_text else "r" for is_text in texts)
     lines = [f"\\begin{{tabular}}{{{sides}}}", "\\toprule", _latex_row([head.replace("_", " ") for head in heads])]
     lines += ["\\midrule", *(_latex_row(row) for row in rows), "\\bottomrule", "\\end{tabular}", ""]
     return "\n".join(lines)
