@@ -45,7 +45,7 @@ def test_intervals_are_those_of_the_tables(opened: Any):
     assert opened.evaluate("interval([0.1, 0.2])") is None
     values = [0.1, 0.2, 0.2, 0.4, 0.9, 0.3]
     opened.evaluate("t => DATA.quantiles[6] = t", score.student_quantile(6))
-    ours = score.mean_over_seeds(values)
+    ours = score.mean_over_seeds(values, (0.0, 1.0))
     assert opened.evaluate("values => interval(values)", values) == pytest.approx([ours.low, ours.high])
 
 

@@ -76,3 +76,18 @@ def test_a_file_is_no_folder_for_the_report(scored: Scored, tmp_path: Path):
     with pytest.raises(RunError, match="is not a folder"):
         write_scored(scored, tmp_path / "out", {})
     assert (tmp_path / "out").read_text() == "precious"
+
+
+def test_results_in_another_convention_are_told_by_page_and_command(tmp_path: Path):
+    boxes = np.column_stack([np.arange(COUNT) + 10.0, np.full(COUNT, 8.0), np.full((COUNT, 2), 15.0)])
+    (tmp_path / "data/a/img").mkdir(parents=True)
+    (tmp_path / "results/mine").mkdir(parents=True)
+    for number in range(COUNT):
+        cv2.imwrite(str(tmp_path / f"data/a/img/{number + 1:04d}.png"), np.zeros((48, 64, 3), np.uint8))
+    np.savetxt(tmp_path / "data/a/groundtruth_rect.txt", boxes, delimiter=",")
+    corners = np.hstack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]])
+    np.savetxt(tmp_path / "results/mine/a.txt", corners, delimiter=",")
+    found = score_results(tmp_path / "results", tmp_path / "data")
+    (told,) = found.misread
+    assert told.startswith("mine: its first boxes overlap the truth by 0.88 if they are corners x1, y1, x2, y2")
+    assert told in write_scored(found, tmp_path / "out", {}).read_text()
