@@ -65,7 +65,7 @@ def list_names(
 
     def axes() -> Iterator[tuple[str, str]]:
         for name, (unit, about) in RUN_AXES.items():
-            yield name, f"of the run: {about} [{unit}]"
+            yield name, f"{about} [{unit}]"
         for name, axis in axes_by_name().items():
             typical = f"{axis(severity=1.0).physical:g} {axis.unit}"
             about = " ".join((axis.__doc__ or "").split())

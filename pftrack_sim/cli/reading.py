@@ -15,7 +15,7 @@ from rich.text import Text
 
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.progress import progress_bar
-from pftrack_sim.cli.values import parse_labels
+from pftrack_sim.cli.values import parse_names
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def compare(
     from pftrack_sim.report import write_comparison
     from pftrack_sim.report.comparison import losses_of_both
 
-    names = parse_labels(trackers) if trackers is not None else []
+    names = parse_names(trackers) if trackers is not None else []
     one, other = RunStore(first), RunStore(second or first)
     found = compare_runs(one, other, names, measure=measure)
     tables.print_comparison(found)

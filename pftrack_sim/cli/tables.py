@@ -65,19 +65,26 @@ def print_bench(results: Sequence[Result]) -> None:
     _print_slowest((one.label, _where(one), one.measures) for one in results)
     for table in people(results, ("HOTA", "IDF1", "MOTA", "switches")):
         print_table(table)
-    errors: dict[tuple[str, str], list[Result]] = {}
-    for one in results:
-        if one.error:
-            errors.setdefault((one.label, one.error), []).append(one)
-    ended = [
-        f"{label} ended with an error on {_where(own[0])}{f' and {len(own) - 1} more' if own[1:] else ''}, {error}"
-        for (label, error), own in errors.items()
-    ]
+    _print_errors((one.label, _where(one), one.error) for one in results if one.error)
     unseen = dict.fromkeys(_where(one) for one in results if one.never_seen)
-    for lines in (ended, [f"the target is never visible, and nothing is scored, in {where}" for where in unseen]):
-        print_lines(lines[:_MOST_LINES])
-        if len(lines) > _MOST_LINES:
-            console.print(f"and {len(lines) - _MOST_LINES} more: see summary.parquet")
+    print_lines(_first([f"the target is never visible, and nothing is scored, in {where}" for where in unseen]))
+
+
+def _print_errors(errors: Iterable[tuple[str, str, str]]) -> None:
+    """Print a line for each tracker and error, from labels, places and errors."""
+    places: dict[tuple[str, str], list[str]] = {}
+    for label, where, error in errors:
+        places.setdefault((label, error), []).append(where)
+    lines = [
+        f"{label} ended with an error on {own[0]}{f' and {len(own) - 1} more' if own[1:] else ''}, {error}"
+        for (label, error), own in places.items()
+    ]
+    print_lines(_first(lines))
+
+
+def _first(lines: Sequence[str]) -> list[str]:
+    more = [f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else []
+    return [*lines[:_MOST_LINES], *more]
 
 
 def _where(one: Result) -> str:
@@ -192,11 +199,7 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
     starts = max(map(len, by_seed.values()), default=1)
     print_groups("frames with a known box" + (f", means of {starts} starts" if starts > 1 else ""), groups)
     _print_slowest((one.tracker.label, f"{one.sequence} seed {one.seed}", one.summary) for one in results)
-    print_lines(
-        f"{one.tracker.label} ended with an error on {one.sequence} seed {one.seed}, {one.error}"
-        for one in results
-        if one.error
-    )
+    _print_errors((one.tracker.label, f"{one.sequence} seed {one.seed}", one.error) for one in results if one.error)
     print_warnings(misread_of(results))
     said = {one.tracker.label: f"\n{one.said}" for one in reversed(results) if one.said}
     print_lines(reversed(said.values()))
@@ -316,6 +319,5 @@ def print_lines(lines: Iterable[str]) -> None:
 
 def print_warnings(lines: Sequence[str]) -> None:
     """Print warnings on standard error, one line each."""
-    more = [f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else []
-    for line in [*lines[:_MOST_LINES], *more]:
+    for line in _first(lines):
         print(f"pftrack-sim: warning: {line}", file=sys.stderr)  # noqa: T201

@@ -20,24 +20,15 @@ _COMMA_OUTSIDE_BRACKETS = r",(?![^\[\]]*\])"
 
 
 def parse_names(text: str) -> list[str]:
-    """Names between commas.
+    """Names between commas; commas in brackets belong to a name.
 
-    >>> parse_names("ko2012, stay")
-    ['ko2012', 'stay']
+    >>> parse_names("ko2012[alpha=0.3,particles=true], stay")
+    ['ko2012[alpha=0.3,particles=true]', 'stay']
     """
-    names = [name.strip() for name in text.split(",") if name.strip()]
+    names = [name.strip() for name in re.split(_COMMA_OUTSIDE_BRACKETS, text) if name.strip()]
     if not names:
         raise ParameterError(f"expected names between commas, got {text!r}")
     return names
-
-
-def parse_labels(text: str) -> list[str]:
-    """Labels of trackers between commas; commas in brackets belong to a label.
-
-    >>> parse_labels("ko2012[alpha=0.3,particles=true], stay")
-    ['ko2012[alpha=0.3,particles=true]', 'stay']
-    """
-    return [label.strip() for label in re.split(_COMMA_OUTSIDE_BRACKETS, text) if label.strip()]
 
 
 def parse_settings(
@@ -126,7 +117,7 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = (), allow_trut
     from pftrack_sim.benchmark import TrackerSpec
 
     found: list[tuple[str, str, dict[str, Any]]] = []
-    for part in (one.strip() for one in re.split(_COMMA_OUTSIDE_BRACKETS, text) if one.strip()):
+    for part in parse_names(text):
         match = re.fullmatch(r"([^\[\]]+)(?:\[([^\[\]]*)\])?", part)
         inside = [pair for pair in (match[2] or "").split(",") if pair] if match else []
         if not match or any("=" not in pair for pair in inside):
@@ -136,8 +127,6 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = (), allow_trut
         params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in inside)}
         chosen = str(params.pop("preset", preset))
         found.append((match[1].strip(), chosen, params))
-    if not found:
-        parse_names(text)  # raises
     elsewhere = _parse_params(pairs, [name for name, _, _ in found])
     if any("preset" in params for params in elsewhere.values()):
         raise ParameterError("the preset is no --param: give --preset, or ko2012[preset=paper]")
@@ -187,13 +176,13 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]
 
         return {name: PAPER_MS[name] for name in trackers if name in PAPER_MS}
     found: dict[str, float | None] = {}
-    for pair in (one for one in re.split(_COMMA_OUTSIDE_BRACKETS, text) if one.strip()):
+    for pair in parse_names(text):
         name, _, number = pair.rpartition("=")
         try:
             found[name.strip()] = None if number.strip() == "measured" else float(number)
         except ValueError:
             raise ParameterError(
-                f"--latency takes TRACKER=MILLISECONDS (or measured) between commas, or paper; got {pair.strip()!r}"
+                f"--latency takes TRACKER=MILLISECONDS (or measured) between commas, or paper; got {pair!r}"
             ) from None
     return found
 

@@ -43,6 +43,15 @@ SHAPES = (
 )
 """Dashes and markers, by the names of plotly."""
 
+_PATTERNS: dict[str, tuple[int, ...]] = {
+    "solid": (),
+    "dash": (8, 4),
+    "dot": (2, 3),
+    "dashdot": (8, 3, 2, 3),
+    "longdash": (14, 5),
+    "longdashdot": (14, 4, 2, 4),
+}
+
 
 class Style(NamedTuple):
     """A colour, and what tells apart without it."""
@@ -55,6 +64,11 @@ class Style(NamedTuple):
     def hexadecimal(self) -> str:
         """The colour as CSS and matplotlib read it."""
         return "#{:02x}{:02x}{:02x}".format(*self.colour)
+
+    @property
+    def pattern(self) -> tuple[int, ...]:
+        """What is drawn and left out of a line, in turn [px]; empty for a solid one."""
+        return _PATTERNS[self.dash]
 
 
 STAY = Style(GREY, "dash", "square")

@@ -312,7 +312,7 @@ def _entry(seed: int, rate_hz: float, frames: TrackerFrames) -> dict[str, Any]:
     }
 
 
-def _matrix(results: Sequence[Result], trackers: Sequence[str]) -> dict[str, Any]:
+def _matrix(results: Sequence[Result], trackers: Sequence[str]) -> list[dict[str, Any]]:
     """Wins and differences in mean overlap of each pair of trackers, paired by seed."""
     found = {
         name: by_seed((one.seed, one.number("mean_overlap")) for one in results if one.label == name)
@@ -323,21 +323,19 @@ def _matrix(results: Sequence[Result], trackers: Sequence[str]) -> dict[str, Any
     return _pairs(score.compare(scores, (0.0, 1.0)), trackers)
 
 
-def _pairs(compared: Sequence[Comparison], trackers: Sequence[str]) -> dict[str, Any]:
-    """Wins and differences of pairs of trackers."""
-    return {
-        "wins": score.win_matrix(compared, trackers).tolist(),
-        "pairs": [
-            {
-                "one": trackers.index(one.first),
-                "other": trackers.index(one.second),
-                "difference": _json(one.difference.mean),
-                "p": _json(one.difference.p),
-                "seeds": one.difference.seeds,
-            }
-            for one in compared
-        ],
-    }
+def _pairs(compared: Sequence[Comparison], trackers: Sequence[str]) -> list[dict[str, Any]]:
+    """Differences of pairs of trackers, and whether they are shown."""
+    return [
+        {
+            "one": trackers.index(one.first),
+            "other": trackers.index(one.second),
+            "difference": _json(one.difference.mean),
+            "p": _json(one.difference.p),
+            "shown": one.difference.verdict in ("above", "below"),
+            "seeds": one.difference.seeds,
+        }
+        for one in compared
+    ]
 
 
 def scored_contents(found: Scored) -> dict[str, Any]:

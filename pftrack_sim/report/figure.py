@@ -24,14 +24,6 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import by_episode, read_frames
 from pftrack_sim.report.tables import number_text, over_seeds
 
-_DASHES = {
-    "solid": "-",
-    "dash": "--",
-    "dot": ":",
-    "dashdot": "-.",
-    "longdash": (0, (9.0, 3.0)),
-    "longdashdot": (0, (9.0, 3.0, 1.0, 3.0)),
-}
 _MARKERS = {"circle": "o", "square": "s", "triangle-up": "^", "diamond": "D", "x": "X", "star": "*"}
 
 WIDTHS_INCH = {1: 3.5, 2: 7.16}
@@ -128,7 +120,7 @@ def _style(store: RunStore, label: str) -> dict[str, Any]:
     style = styles_of((*store.plan.labels, STAY))[label]
     return {
         "color": style.hexadecimal,
-        "linestyle": _DASHES[style.dash],
+        "linestyle": (0.0, [0.5 * length for length in style.pattern]) if style.pattern else "-",
         "marker": _MARKERS[style.marker],
         "ms": 3,
         "lw": 1.2,
@@ -177,7 +169,7 @@ def _degradation(store: RunStore, figure: Any) -> None:
     pair = (found.maps[0].first.axis, found.maps[0].second.axis)
     maps = [one for one in found.maps if (one.first.axis, one.second.axis) == pair]
     trackers = list(dict.fromkeys(one.tracker for one in maps))
-    columns = 3 if _is_wide(figure) else 2
+    columns = min(3 if _is_wide(figure) else 2, len(trackers))
     rows = -(-len(trackers) // columns)
     figure.set_figheight(0.8 * _HIGH_INCH * rows + _HIGH_INCH)
     upper, lower = figure.subfigures(2, 1, height_ratios=[0.8 * rows, 1.0])
@@ -193,7 +185,7 @@ def _degradation(store: RunStore, figure: Any) -> None:
     for place, label in enumerate(labels):
         axes = _plot(lower, 1, len(labels), place + 1)
         _curves(store, found.curves, label, axes)
-    _legend_below(lower, 2 * columns - 1)
+    _legend_below(lower, 5 if _is_wide(figure) else 2)
 
 
 def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None:
@@ -211,7 +203,8 @@ def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None
 
 
 def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: Any) -> None:
-    axes.set(xlabel=label, ylabel="mean overlap", ylim=(0, 1))
+    axes.set(ylabel="mean overlap", ylim=(0, 1))
+    axes.set_xlabel(label.replace(", ", ",\n"), fontsize=7)
     own = [one for one in curves if one.at.label == label]
     for tracker in dict.fromkeys(one.tracker for one in own):
         levels = sorted({one.at.x for one in own})

@@ -37,7 +37,6 @@ from pftrack_sim.score.statistics import (
     proportion_over_seeds,
     rank_agreement,
     student_quantile,
-    win_matrix,
 )
 
 __all__ = [
@@ -75,5 +74,4 @@ __all__ = [
     "student_quantile",
     "success_curve",
     "summarise",
-    "win_matrix",
 ]

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # it imports its packages at first use
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
@@ -227,20 +227,6 @@ def compare(scores: Mapping[str, ArrayLike], bounds: Bounds = UNBOUNDED) -> list
     pairs = list(itertools.combinations(scores, 2))
     differences = corrected([paired_difference(scores[first], scores[second], bounds) for first, second in pairs])
     return [Comparison(*pair, difference) for pair, difference in zip(pairs, differences, strict=True)]
-
-
-def win_matrix(comparisons: Sequence[Comparison], names: Sequence[str]) -> NDArray[np.int8]:
-    """`(T, T)` differences shown between trackers, in the order of `names`.
-
-    1 where the row's tracker is better than the column's, -1 where it is worse, 0 where neither is shown.
-    """
-    place = {name: index for index, name in enumerate(names)}
-    table = np.zeros((len(names), len(names)), dtype=np.int8)
-    for pair in comparisons:
-        sign = {"above": 1, "below": -1}.get(pair.difference.verdict, 0)
-        table[place[pair.first], place[pair.second]] = sign
-        table[place[pair.second], place[pair.first]] = -sign
-    return table
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,6 @@ _PICTURES_HZ, _SCENE_HZ, _STATE_HZ = 30.0, 12.0, 4.0
 _SPAN_S = 12.0
 _TRUTH = "truth"
 _HEIGHT_PX = 110
-_DASHES = {
-    "solid": (),
-    "dash": (8, 4),
-    "dot": (2, 3),
-    "dashdot": (8, 3, 2, 3),
-    "longdash": (14, 5),
-    "longdashdot": (14, 4, 2, 4),
-}  # Pixels drawn and left out
 _SHARE = {"range": (-0.05, 1.2)}
 """Limits of what lies in [0, 1], with room for a line at either end and for the label above."""
 
@@ -105,8 +97,8 @@ class _Curves:
 
 
 def _line(name: str, style: Style) -> dict[str, Any]:
-    dash = _DASHES[style.dash]
-    return {"label": name, "stroke": style.hexadecimal, "width": 2, "dash": dash, "points": {"show": False}}
+    look = {"stroke": style.hexadecimal, "dash": style.pattern, "width": 2, "points": {"show": False}}
+    return {"label": name, **look}
 
 
 class Page:

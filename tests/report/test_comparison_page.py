@@ -61,7 +61,7 @@ def test_videos_of_two_runs_have_the_look_of_their_curves_beside_them(lost: Path
     assert page.count('<figcaption><span class="swatch ') == 2
     for marker in ("circle", "square"):
         assert f'<span class="swatch {marker}" style="background: #888888">' in page
-    assert page.count("<polyline") == 2 * page.count("stroke-dasharray=")
+    assert page.count("<polyline") == 2 * page.count('stroke="#888888" stroke-dasharray="8 4"')
 
 
 def test_every_measure_that_runs_are_compared_by_is_defined(lost: Path, tmp_path: Path):

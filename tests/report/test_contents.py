@@ -60,10 +60,10 @@ def test_frames_of_a_lossy_stream_have_their_own_times(tmp_path: Path, finished:
 
 def test_the_matrix_is_paired_by_seed(finished: Path):
     matrix = contents(RunStore(finished))["matrix"]
-    (pair,) = matrix["pairs"]
+    (pair,) = matrix
     assert (pair["one"], pair["other"], pair["seeds"]) == (0, 1, 2)
     assert pair["difference"] > 0
-    assert matrix["wins"] == [[0, 0], [0, 0]]  # two seeds prove nothing
+    assert not any(pair["shown"] for pair in matrix), "two seeds prove nothing"
 
 
 def test_no_name_ends_the_script_or_becomes_markup(hostile: Path):

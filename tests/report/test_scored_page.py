@@ -51,7 +51,7 @@ def test_the_page_and_the_table_have_the_scores(scored: Scored, tmp_path: Path):
         assert (row["tracker"], row["sequence"]) == (one.tracker.label, one.sequence)
         assert float(row["auc"]) == one.summary.auc
     assert [one["occluded"] for one in data["episodes"]] == [[[5, 6]]] * 3
-    (pair,) = data["matrix"]["pairs"]
+    (pair,) = data["matrix"]
     assert (pair["seeds"], pair["difference"]) == (3, pytest.approx(scored.comparisons[0].difference.mean, abs=1e-6))
     for value in scored.benchmark["far"].values():
         assert f"<td>{score_text(value)}</td>" in page

@@ -38,8 +38,11 @@ LATENCY, BOX_NOISE, START = "latency", "box_noise", "start"
 RUN_AXES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         LATENCY: ("ms", "time charged to every tracker for each frame; closed loop only"),
-        BOX_NOISE: ("share of sides", "most by which centre and sides of the first box are off, by seed: OTB's SRE"),
-        START: ("share of episode", "where trackers start and scores begin: OTB's TRE; open loop only"),
+        BOX_NOISE: ("share", "share of its sides by which the first box is off at most, by seed (OTB's SRE)"),
+        START: (
+            "share",
+            "share of the episode after which trackers start and scores begin (OTB's TRE); open loop only",
+        ),
     }
 )
 """Axes of the run, not of scenarios: unit, and what a level is."""

@@ -281,7 +281,7 @@ function drawMatrix() {
   const table = byId("matrix"), count = DATA.trackers.length;
   table.closest("section").hidden = count < 2;
   const cells = Array.from({ length: count }, () => Array(count).fill(null));
-  for (const pair of DATA.matrix.pairs) {
+  for (const pair of DATA.matrix) {
     cells[pair.one][pair.other] = { ...pair, sign: 1 };
     cells[pair.other][pair.one] = { ...pair, sign: -1 };
   }
@@ -296,7 +296,7 @@ function drawMatrix() {
     DATA.trackers.forEach((_, other) => {
       const pair = cells[one][other];
       const cell = element("td", one === other || !pair || pair.difference === null ? "" : number(pair.sign * pair.difference));
-      if (pair && DATA.matrix.wins[one][other] !== 0) cell.style.fontWeight = "700";
+      if (pair && pair.shown) cell.style.fontWeight = "700";
       if (pair && pair.difference !== null) cell.title = `p = ${number(pair.p, 4)}, ${pair.seeds} ${DATA.unit}s`;
       line.append(cell);
     });
