@@ -15,8 +15,10 @@ from render_stage import HEIGHT, WIDTH, K, Stage
 
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Truth
+from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.gl.context import open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
+from pftrack_sim.render.segmentation import Segmenter, draw_triangles
 from pftrack_sim.scenario import ScenarioLike
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.observer import TruthObserver
@@ -39,6 +41,19 @@ def truths(name: ScenarioLike, overrides: Mapping[str, Any], seed: int, from_s: 
         for _ in range(round(from_s * rate_hz) - 1):
             simulation.world.advance()
         return observed + [simulation.advance().truth for _ in range(round((until_s - from_s) * rate_hz))]
+
+
+def finer_ids(segmenter: Segmenter, view: View, rect: PixelRect, geoms: np.ndarray, finer: int) -> np.ndarray:
+    """Geom at each pixel of a rectangle, -1 for none, of pixels that are so many times finer along an edge."""
+    drawn = segmenter.nothing(rect)
+    fx, fy, cx, cy = (finer * value for value in view.intrinsics)
+    window = fx, fy, cx - rect.left, cy - rect.top
+    poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")
+    for some, triangles in zip(
+        segmenter.by_distance(view, geoms), (segmenter.triangles, segmenter.coarse), strict=True
+    ):
+        draw_triangles(some, *triangles, *poses, window, segmenter.near_m, drawn.ids, drawn.inverse_depth)
+    return drawn.ids
 
 
 class _Borrowed:

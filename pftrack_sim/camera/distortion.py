@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
+from pftrack_sim.camera.projection import LensNumbers, project
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
@@ -50,21 +51,19 @@ class Lens:
         if self.coefficients.shape != (5,) or not np.isfinite(self.coefficients).all():
             raise ParameterError(f"distortion needs five finite numbers k1, k2, p1, p2, k3, got {list(coefficients)}")
         self.distorts = bool(self.coefficients.any())
-        self._valid_radius = self._checked_radius() if self.distorts else np.inf
+        self._valid_radius = np.inf
+        if self.distorts:
+            self._valid_radius = self._checked_radius()
 
     def to_pixels(self, normalized: ArrayLike) -> FloatArray:
         """`(..., 2)` pixels of `(..., 2)` normalized image coordinates."""
-        fx, fy, cx, cy = focal_and_centre(self.K)
         given = np.asarray(normalized, dtype=np.float64)
-        if not self.distorts:
-            return given * (fx, fy) + (cx, cy)
-        radius = np.sqrt(np.einsum("...i,...i->...", given, given))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            beyond = np.where(radius > self._valid_radius, radius / self._valid_radius, 1.0)[..., None]
-        inside = given / beyond
-        # Derivative along the ray, times its length.
-        slope = (self._distort(inside * (1.0 + _STEP)) - self._distort(inside * (1.0 - _STEP))) / (2.0 * _STEP)
-        return (self._distort(inside) + (beyond - 1.0) * slope) * (fx, fy) + (cx, cy)
+        return project(np.ascontiguousarray(given.reshape(-1, 2)), self.numbers).reshape(given.shape)
+
+    @property
+    def numbers(self) -> LensNumbers:
+        """All numbers of the lens, for kernels."""
+        return *focal_and_centre(self.K), *self.coefficients.tolist(), self._valid_radius
 
     def to_normalized(self, pixels: ArrayLike) -> FloatArray:
         """`(..., 2)` normalized image coordinates of `(..., 2)` pixels in the image or just beside it."""
@@ -75,20 +74,6 @@ class Lens:
         flat = np.ascontiguousarray(given.reshape(-1, 1, 2))
         undistorted = cv2.undistortPoints(flat, self.K, self.coefficients, criteria=_INVERSION_CRITERIA)
         return np.asarray(undistorted, dtype=np.float64).reshape(given.shape)
-
-    def _distort(self, normalized: FloatArray) -> FloatArray:
-        """Apply the polynomial to `(..., 2)` normalized coordinates."""
-        k1, k2, p1, p2, k3 = self.coefficients
-        x, y = normalized[..., 0], normalized[..., 1]
-        square = x * x + y * y
-        radial = 1.0 + square * (k1 + square * (k2 + square * k3))
-        return np.stack(
-            [
-                x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
-                y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
-            ],
-            axis=-1,
-        )
 
     def _checked_radius(self) -> float:
         """Radius up to which the polynomial is used; raises `ParameterError` where it is not invertible up to there."""
@@ -102,15 +87,14 @@ class Lens:
         normalized = self.to_normalized(pixels)
         if not np.isfinite(normalized).all():
             raise not_invertible
-        fx, fy, cx, cy = focal_and_centre(self.K)
-        round_trip = self._distort(normalized) * (fx, fy) + (cx, cy)
-        if not np.abs(round_trip - pixels).max() < _ROUND_TRIP_PX:
+        if not np.abs(self.to_pixels(normalized) - pixels).max() < _ROUND_TRIP_PX:
             raise not_invertible
         radius = _VALID_RADII * float(np.sqrt((normalized**2).sum(axis=-1)).max())
         # The Jacobian keeps its sign from the centre to the radius.
         angles, radii = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48), np.linspace(1e-3, radius, 64))
         disc = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1)
-        dx, dy = ((self._distort(disc + h) - self._distort(disc - h)) / (2.0 * _STEP) for h in _STEP * np.eye(2))
+        steps = 2.0 * _STEP * self.K[(0, 1), (0, 1)]
+        dx, dy = ((self.to_pixels(disc + h) - self.to_pixels(disc - h)) / steps for h in _STEP * np.eye(2))
         if not (dx[..., 0] * dy[..., 1] - dx[..., 1] * dy[..., 0]).min() > _LEAST_SCALE**2:
             raise not_invertible
         return radius

@@ -1,4 +1,4 @@
-"""Amodal boxes and outlines of bodies from the vertices of their parts, without rendering.
+"""Amodal boxes of bodies from the vertices of their parts, without rendering.
 
 Every part is the convex hull of its vertices, so its extent is that of the projected vertices. What lies nearer than
 the near plane is cut off, as in the rendered image.
@@ -7,7 +7,6 @@ the near plane is cut off, as in the rendered image.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,19 +14,11 @@ from numpy.typing import ArrayLike
 from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
 from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.core.types import FloatArray, IntArray
 
 CORNERS: FloatArray = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 """`(8, 3)` corners of the box with half sizes 1."""
 CORNERS.setflags(write=False)
-
-_CHORD = np.arange(3) / 3.0  # Positions of outline points along the chord from one farthest vertex to the next
-
-_ANGLES = 2.0 * np.pi * np.arange(24) / 24
-_DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
-"""`(2, 24)` directions in which the farthest vertices of an outline are found."""
-
-_STACK_STEP = 64  # Outlines of parts whose vertices fill equally many runs of this length are found together
 
 
 class Bodies:
@@ -82,46 +73,6 @@ class Bodies:
             self._joined, self._first, self._ends, places, turned, pose, focal_and_centre(K), float(near_m)
         )
         return found[:, :4], found[:, 4:6], found[:, 6]
-
-    @cached_property
-    def _stacks(self) -> list[tuple[IntArray, FloatArray]]:
-        """Indices and vertices of parts of similar size, with vertices repeated up to the largest number."""
-        groups: dict[int, list[int]] = {}
-        for part, points in enumerate(self.vertices):
-            groups.setdefault(-(-len(points) // _STACK_STEP), []).append(part)
-        stacks: list[tuple[IntArray, FloatArray]] = []
-        for parts in groups.values():
-            shapes = [self.vertices[part] for part in parts]
-            index = np.arange(max(map(len, shapes)))
-            stacks.append((np.array(parts, dtype=np.intp), np.stack([shape[index % len(shape)] for shape in shapes])))
-        return stacks
-
-    def outlines(
-        self, positions: FloatArray, rotations: FloatArray, T_world_camera: FloatArray, near_m: float, wanted: BoolArray
-    ) -> FloatArray:
-        """Outline points of parts, which a camera with lens distortion or rolling shutter projects one by one.
-
-        They are the farthest vertices in a ring of directions and points on the chords between these, as a long
-        straight edge may bulge between its ends. Arguments are those of `boxes` and `(S,)` which parts to find.
-
-        Returns:
-            `(N, 72, 3)` points [m] in the frames of the N wanted parts. Those of a part that the near plane cuts may
-            lie behind the plane.
-        """
-        R_world_camera, camera = T_world_camera[:3, :3], T_world_camera[:3, 3]
-        outlines = np.empty((len(wanted), len(_ANGLES) * len(_CHORD), 3))
-        for indices, stacked in self._stacks:
-            kept = wanted[indices]
-            parts, points = indices[kept], stacked[kept]
-            local = points @ (R_world_camera.T @ rotations[parts]).transpose(0, 2, 1)
-            local += ((positions[parts] - camera) @ R_world_camera)[:, None]
-            reach = (local[..., :2] / np.maximum(local[..., 2:], near_m)) @ _DIRECTIONS
-            farthest = points[np.arange(len(parts))[:, None], reach.argmax(axis=1)]
-            steps = np.roll(farthest, -1, axis=1) - farthest
-            chords = farthest[:, :, None] + _CHORD[:, None] * steps[:, :, None]
-            # Sizes are named, since a stack may have no wanted part.
-            outlines[parts] = chords.reshape(len(parts), outlines.shape[1], 3)
-        return outlines[wanted]
 
 
 @kernel

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -56,16 +54,6 @@ class CameraTrajectory:
         self.poses = np.asarray(poses, dtype=np.float64)
         self._reference = self.poses[len(self.times_s) // 2, :3, :3]
         self._rotation_vectors = log_so3(self._reference.T @ self.poses[:, :3, :3])
-
-    @property
-    def sample_times_s(self) -> FloatArray:
-        """Instants at which points in the image are followed: every second one."""
-        return self.times_s[::2]
-
-    def samples(self) -> Iterator[tuple[float, FloatArray]]:
-        """Yield `sample_times_s` with the `(4, 4)` camera poses."""
-        for index in range(0, len(self.times_s), 2):
-            yield float(self.times_s[index]), self.poses[index]
 
     def rotations(self, times_s: ArrayLike) -> FloatArray:
         """`(..., 3, 3)` camera rotations at `(...,)` instants."""

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
@@ -87,6 +88,10 @@ class Bounds:
         boxes = np.array(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
         self.middles, self.halves = boxes[:, 0], boxes[:, 1]
         self.radii_m = np.linalg.norm(np.abs(boxes[:, 0]) + boxes[:, 1], axis=1)
+        self.corners = (self.middles[:, None] + CORNERS * self.halves[:, None]).reshape(-1, 3)
+        """`(8 ngeom, 3)` corners of the boxes, in the frame of each geom [m]."""
+        self.corner_starts: IntArray = 8 * np.arange(len(boxes) + 1)
+        """`(ngeom + 1,)` first corner of each geom."""
         self.unbounded: BoolArray = ~np.isin(model.geom_type, _BOUNDED_TYPES)
         """`(ngeom,)` geoms without a box: nothing is ever ruled out for them."""
 

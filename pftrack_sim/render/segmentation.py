@@ -51,6 +51,7 @@ class Segmenter:
         far_m: Depth of the far plane.
         drawn: `(ngeom,)` geoms that are drawn at all.
         triangles: Their triangles.
+        coarse: Triangles of those that have coarse meshes for the distance.
     """
 
     def __init__(self, model: Any) -> None:
@@ -58,28 +59,34 @@ class Segmenter:
         self.drawn = geoms_drawn(model)
         self.triangles = model_triangles(model, self.drawn)
         self._detail = Detail(model)
-        self._coarse = model_triangles(model, self._detail.coarse != self._detail.meshes, self._detail.coarse)
+        self.coarse = model_triangles(model, self._detail.coarse != self._detail.meshes, self._detail.coarse)
 
-    def segment(self, view: View, rect: PixelRect, geoms: IntArray | None = None, finer: int = 1) -> Segmentation:
-        """Segment a rectangle of pixels, in which only the given geoms are drawn; None draws all.
-
-        Pixels may be `finer`: that many times as many in each row and column.
-        """
+    def nothing(self, rect: PixelRect) -> Segmentation:
+        """Segmentation of a rectangle of pixels in which nothing is drawn yet."""
         shape = rect.height, rect.width
         ids = np.full(shape, -1, dtype=np.int32)
-        found = Segmentation(rect, ids, np.full(shape, 1.0 / self.far_m, dtype=np.float32))
-        self.add(found, view, np.flatnonzero(self.drawn) if geoms is None else geoms, finer)
+        return Segmentation(rect, ids, np.full(shape, 1.0 / self.far_m, dtype=np.float32))
+
+    def segment(self, view: View, rect: PixelRect, geoms: IntArray | None = None) -> Segmentation:
+        """Segment a rectangle of pixels, in which only the given geoms are drawn; None draws all."""
+        found = self.nothing(rect)
+        self.add(found, view, np.flatnonzero(self.drawn) if geoms is None else geoms)
         return found
 
-    def add(self, found: Segmentation, view: View, geoms: IntArray, finer: int = 1) -> None:
+    def add(self, found: Segmentation, view: View, geoms: IntArray) -> None:
         """Draw more geoms into a segmentation of the same view."""
-        fx, fy, cx, cy = (finer * value for value in view.intrinsics)
+        fx, fy, cx, cy = view.intrinsics
         window = fx, fy, cx - found.rect.left, cy - found.rect.top
         # A copy: for a read-only pose, the kernel would be compiled once more.
         poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")
-        far = self._detail.far(view, geoms)
-        for some, triangles in ((geoms[~np.isin(geoms, far)], self.triangles), (far, self._coarse)):
+        near, far = self.by_distance(view, geoms)
+        for some, triangles in ((near, self.triangles), (far, self.coarse)):
             draw_triangles(some, *triangles, *poses, window, self.near_m, found.ids, found.inverse_depth)
+
+    def by_distance(self, view: View, geoms: IntArray) -> tuple[IntArray, IntArray]:
+        """Those of some geoms that are drawn by their `triangles` in a view, and those drawn by the `coarse` ones."""
+        far = self._detail.far(view, geoms)
+        return geoms[~np.isin(geoms, far)], far
 
 
 @kernel

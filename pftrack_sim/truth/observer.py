@@ -24,8 +24,8 @@ from pftrack_sim.render.renderer import checked_poses
 from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
 from pftrack_sim.truth.geometry import SceneGeometry
-from pftrack_sim.truth.projection import project_people
-from pftrack_sim.truth.silhouettes import PeopleInView, Silhouette, SilhouetteFinder, poses_of
+from pftrack_sim.truth.projection import CapturedScene
+from pftrack_sim.truth.silhouettes import InstantScene, PeopleInView, Scene, Silhouette, SilhouetteFinder, poses_of
 
 _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
@@ -35,9 +35,8 @@ class _Frame(NamedTuple):
     """What is known of everybody in one frame without silhouettes.
 
     Attributes:
-        amodal: Amodal box [px] of a person.
-        swept: `(P, 4)` swept boxes [px]; None where they are the amodal ones.
-        before: Amodal box of a person in the frame before; None for the first frame.
+        boxes: Amodal and swept box [px] of a person.
+        before: The same in the frame before; None for the first frame.
         pelvis_m: `(P, 3)` places of the pelvises.
         roots: `(P, 4, 4)` root poses.
         pose: `(4, 4)` T_world_camera, read-only.
@@ -45,9 +44,8 @@ class _Frame(NamedTuple):
         time_s: Time since the start of the episode.
     """
 
-    amodal: Callable[[int], FloatArray]
-    swept: FloatArray | None
-    before: Callable[[int], FloatArray] | None
+    boxes: Callable[[int], tuple[FloatArray, FloatArray]]
+    before: Callable[[int], tuple[FloatArray, FloatArray]] | None
     pelvis_m: FloatArray
     roots: FloatArray
     pose: FloatArray
@@ -97,8 +95,8 @@ class TruthObserver:
         boxed = np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))
         self._finder = SilhouetteFinder(model, self._segmenter, geoms, boxed)
         self._has_parts = bool(parts)
-        self._before: Callable[[int], FloatArray] | None = None
-        """Amodal box of a person in the last frame; None before the first."""
+        self._before: Callable[[int], tuple[FloatArray, FloatArray]] | None = None
+        """Boxes of a person in the last frame; None before the first."""
         self._silhouette: Callable[[int], Silhouette | None] = lambda _: None
         self._unread = weakref.WeakValueDictionary[float, DeferredPeople]()
 
@@ -139,16 +137,40 @@ class TruthObserver:
             ParameterError: Poses or an image of the wrong shape.
         """
         self._check(image, T_world_people)
-        pose = frozen_array(checked_poses(T_world_camera), (4, 4))
-        view = PeopleInView(self._finder, self._view(data, pose), self._size)
+        pose, roots = frozen_array(checked_poses(T_world_camera), (4, 4)), np.array(T_world_people, dtype=np.float64)
+        scene = InstantScene(self._segmenter, self._finder.bounds, self._view(data, pose))
+        return self._observe(scene, image, data.xpos[self._pelvis], roots, pose, _NO_DISTORTION, float(time_s))
 
-        def box(person: int) -> FloatArray:
-            return view.all.boxes[person] if person else view.first.boxes[1 if self._has_parts else 0]
+    def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> Sequence[Truth]:
+        """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
 
-        roots = np.array(T_world_people, dtype=np.float64)
-        known = box, None, self._before, data.xpos[self._pelvis], roots, pose, _NO_DISTORTION, float(time_s)
-        frame = _Frame(*known)
-        self._before, self._silhouette = box, view.silhouette
+        Image, time, result and errors are those of `observe`.
+        """
+        roots = np.asarray(captured.T_world_people, dtype=np.float64)
+        self._check(image, roots)
+        pose, distortion = frozen_array(captured.T_world_camera, (4, 4)), captured.capture.lens.coefficients
+        scene = CapturedScene(self._segmenter, self._finder.bounds, captured)
+        pelvis_m = captured.body_positions[self._pelvis]
+        return self._observe(scene, image, pelvis_m, roots, pose, distortion, float(time_s))
+
+    def _observe(
+        self,
+        scene: Scene,
+        image: Image | None,
+        pelvis_m: FloatArray,
+        roots: FloatArray,
+        pose: FloatArray,
+        distortion: FloatArray,
+        time_s: float,
+    ) -> Sequence[Truth]:
+        view = PeopleInView(self._finder, scene, self._size)
+
+        def boxes_of(person: int) -> tuple[FloatArray, FloatArray]:
+            known, row = (view.all, person) if person else (view.first, int(self._has_parts))
+            return known.boxes[row], known.swept[row]
+
+        frame = _Frame(boxes_of, self._before, pelvis_m, roots, pose, distortion, time_s)
+        self._before, self._silhouette = boxes_of, view.silhouette
 
         def others() -> tuple[Truth, ...]:
             found = (self._truth(frame, person, view.silhouette(person), image) for person in range(1, len(roots)))
@@ -157,32 +179,6 @@ class TruthObserver:
         target = cast("Truth", self._truth(frame, 0, view.silhouette(0), image))
         people = self._unread[frame.time_s] = DeferredPeople(target, others)
         return people
-
-    def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> Sequence[Truth]:
-        """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
-
-        Image, time, result and errors are those of `observe`.
-        """
-        roots = captured.T_world_people
-        self._check(image, roots)
-        projection = project_people(captured, self._finder)
-        pose, distortion = captured.T_world_camera, captured.capture.lens.coefficients
-        amodal, swept = self._of_people(projection.amodal_boxes), self._of_people(projection.swept_boxes)
-        frame = _Frame(
-            amodal.__getitem__,
-            swept,
-            self._before,
-            captured.body_positions[self._pelvis],
-            np.asarray(roots, dtype=np.float64),
-            frozen_array(pose, (4, 4)),
-            distortion,
-            float(time_s),
-        )
-        self._before = amodal.__getitem__
-        found = projection.silhouettes
-        self._silhouette = found.get
-        truths = (self._truth(frame, person, found.get(person), image) for person in range(len(self._people)))
-        return tuple(one for one in truths if one is not None)
 
     def extents_m(self, data: mujoco.MjData, T_world_people: ArrayLike) -> FloatArray:
         """`(P, 2, 3)` smallest and largest coordinates of each person's body in its own frame.
@@ -223,7 +219,7 @@ class TruthObserver:
 
     def _truth(self, frame: _Frame, person: int, silhouette: Silhouette | None, image: Image | None) -> Truth | None:
         """Truth of a person; None for others than the target without an amodal pixel in the image."""
-        box, truncation = _clipped(frame.amodal(person), *self._size)
+        box, truncation = _clipped(frame.boxes(person)[0], *self._size)
         inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
         if person and not inside:
             return None
@@ -252,14 +248,13 @@ class TruthObserver:
     def _known(self, frame: _Frame, person: int, box: FloatArray, truncation: float) -> dict[str, Any]:
         """Fields of a person's truth that do not depend on silhouettes."""
         box.setflags(write=False)
-        amodal = frame.amodal(person)
-        motion_px = 0.0 if frame.before is None else math.dist(_centre(amodal), _centre(frame.before(person)))
-        frozen = frozen_array(amodal)
+        amodal, swept = frame.boxes(person)
+        motion_px = 0.0 if frame.before is None else math.dist(_centre(amodal), _centre(frame.before(person)[0]))
         return {
             "name": self._people[person],
             "box": box,
-            "amodal_box": frozen,
-            "swept_box": frozen if frame.swept is None else frozen_array(frame.swept[person]),
+            "amodal_box": frozen_array(amodal),
+            "swept_box": frozen_array(swept),
             "truncation": truncation,
             "distance_m": math.dist(frame.pelvis_m[person].tolist(), frame.pose[:3, 3].tolist()),
             "T_world_camera": frame.pose,
@@ -269,11 +264,6 @@ class TruthObserver:
             "time_s": frame.time_s,
             "image_motion_px": motion_px,
         }
-
-    def _of_people(self, found: FloatArray) -> FloatArray:
-        """`(P, 4)` boxes of people; the target's is that of its parts, which comes next, where these are asked for."""
-        people = len(self._people)
-        return np.concatenate([found[people : people + 1], found[1:people]]) if self._has_parts else found[:people]
 
     def _occluders(self, silhouette: Silhouette) -> tuple[str, ...]:
         """Names of what occludes a person, by number of pixels, then by name."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.culling import Bounds, PixelRect, View
-from pftrack_sim.render.segmentation import Segmenter
+from pftrack_sim.render.segmentation import Segmentation, Segmenter
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +40,63 @@ class Silhouette:
 
 
 class Measured(NamedTuple):
-    """What is known of B bodies in a view without drawing them.
+    """What is known of B bodies in a frame without drawing them.
 
     Attributes:
         boxes: `(B, 4)` amodal boxes [px], NaN for those behind the camera.
+        swept: `(B, 4)` the same over the whole exposure.
         depths_m: `(B, 2)` smallest and largest depth.
         lowest_m: `(B,)` height of the lowest point.
     """
 
     boxes: FloatArray
+    swept: FloatArray
     depths_m: FloatArray
     lowest_m: FloatArray
+
+
+class Scene(Protocol):
+    """What a frame shows of the geoms of a model."""
+
+    def measure(self, bodies: Bodies, geoms: IntArray) -> Measured:
+        """Measure bodies, whose `(S,)` parts are geoms."""
+        ...
+
+    def segment(self, rect: PixelRect, geoms: IntArray) -> Segmentation:
+        """Segment a rectangle of pixels, in which only some geoms are drawn."""
+        ...
+
+    def add(self, found: Segmentation, geoms: IntArray) -> None:
+        """Draw more geoms into a segmentation."""
+        ...
+
+    def may_occlude(self, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float) -> BoolArray:
+        """`(N,)` which geoms may occlude a person, see `Bounds.may_occlude`."""
+        ...
+
+
+class InstantScene:
+    """A `Scene` at an instant through a pinhole."""
+
+    def __init__(self, segmenter: Segmenter, bounds: Bounds, view: View) -> None:
+        self._segmenter, self._bounds, self._view = segmenter, bounds, view
+
+    def measure(self, bodies: Bodies, geoms: IntArray) -> Measured:
+        """Measure bodies, whose `(S,)` parts are geoms."""
+        boxes, depths, lowest = bodies.boxes(*poses_of(self._view, geoms), *self._view[2:])
+        return Measured(boxes, boxes, depths, lowest)
+
+    def segment(self, rect: PixelRect, geoms: IntArray) -> Segmentation:
+        """Segment a rectangle of pixels, in which only some geoms are drawn."""
+        return self._segmenter.segment(self._view, rect, geoms)
+
+    def add(self, found: Segmentation, geoms: IntArray) -> None:
+        """Draw more geoms into a segmentation."""
+        self._segmenter.add(found, self._view, geoms)
+
+    def may_occlude(self, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float) -> BoolArray:
+        """`(N,)` which geoms may occlude a person."""
+        return self._bounds.may_occlude(self._view, rect, geoms, farthest_m, lowest_m)
 
 
 class SilhouetteFinder:
@@ -78,69 +124,60 @@ class SilhouetteFinder:
         self._masks = np.zeros((len(geoms), model.ngeom + 1), dtype=np.bool_)
         for mask, ids in zip(self._masks, geoms, strict=True):
             mask[ids] = True
-        self._bounds = Bounds(model)
+        self.bounds = Bounds(model)
 
-    def measure(self, view: View) -> Measured:
+    def measure(self, scene: Scene) -> Measured:
         """Measure all people, and the parts."""
-        return Measured(*self.bodies.boxes(*poses_of(view, self.geoms), *view[2:]))
+        return scene.measure(self.bodies, self.geoms)
 
-    def measure_first(self, view: View) -> Measured:
+    def measure_first(self, scene: Scene) -> Measured:
         """The same of the first person, and of the parts."""
-        return Measured(*self._first.boxes(*poses_of(view, self._first_geoms), *view[2:]))
+        return scene.measure(self._first, self._first_geoms)
 
     def find(
-        self,
-        view: View,
-        person: int,
-        box: FloatArray,
-        farthest_m: float,
-        lowest_m: float,
-        size: tuple[int, int],
-        finer: int = 1,
+        self, scene: Scene, person: int, box: FloatArray, farthest_m: float, lowest_m: float, size: tuple[int, int]
     ) -> Silhouette | None:
         """Find a person in an image of `size` width and height [px]; None for one without pixels in it.
 
-        Box, depth of the farthest and height of the lowest point are those of `Measured`. The silhouette's pixels may
-        be `finer` than the image's: that many times as many in each row and column.
+        Box, depth of the farthest and height of the lowest point are those of `Measured`.
         """
-        rect = pixels_around(box, size)
+        rect = _pixels_around(box, size)
         if rect is None:
             return None
-        drawn = PixelRect(*(finer * side for side in rect))
-        layer = self.segmenter.segment(view, drawn, self._geoms_of[person], finer)
+        layer = scene.segment(rect, self._geoms_of[person])
         amodal, own = layer.ids >= 0, self._masks[person]
         others = np.flatnonzero(self.segmenter.drawn & ~own[:-1])
-        occluders = others[self._bounds.may_occlude(view, rect, others, farthest_m, lowest_m)]
+        occluders = others[scene.may_occlude(rect, others, farthest_m, lowest_m)]
         if not occluders.size:
-            return Silhouette(drawn, amodal, amodal, layer.ids)
-        self.segmenter.add(layer, view, occluders, finer)
-        return Silhouette(drawn, amodal, amodal & own.take(layer.ids), layer.ids)
+            return Silhouette(rect, amodal, amodal, layer.ids)
+        scene.add(layer, occluders)
+        return Silhouette(rect, amodal, amodal & own.take(layer.ids), layer.ids)
 
 
 class PeopleInView:
-    """People in the image of one view, `size` wide and high [px], found when they are first asked for."""
+    """People in an image `size` wide and high [px], found when they are first asked for."""
 
-    def __init__(self, finder: SilhouetteFinder, view: View, size: tuple[int, int]) -> None:
-        self._finder, self._view, self._size = finder, view, size
-        self._found: dict[tuple[int, int], Silhouette | None] = {}
+    def __init__(self, finder: SilhouetteFinder, scene: Scene, size: tuple[int, int]) -> None:
+        self._finder, self._scene, self._size = finder, scene, size
+        self._found: dict[int, Silhouette | None] = {}
 
     @cached_property
     def first(self) -> Measured:
         """Measures of the first person, and of the parts."""
-        return self._finder.measure_first(self._view)
+        return self._finder.measure_first(self._scene)
 
     @cached_property
     def all(self) -> Measured:
         """Measures of all people, and of the parts."""
-        return self._finder.measure(self._view)
+        return self._finder.measure(self._scene)
 
-    def silhouette(self, person: int, finer: int = 1) -> Silhouette | None:
+    def silhouette(self, person: int) -> Silhouette | None:
         """Silhouette of a person, see `SilhouetteFinder.find`; None for one without pixels in the image."""
-        if (person, finer) not in self._found:
+        if person not in self._found:
             known = self.all if person else self.first
             measures = known.boxes[person], float(known.depths_m[person, 1]), float(known.lowest_m[person])
-            self._found[person, finer] = self._finder.find(self._view, person, *measures, self._size, finer)
-        return self._found[person, finer]
+            self._found[person] = self._finder.find(self._scene, person, *measures, self._size)
+        return self._found[person]
 
 
 def poses_of(scene: mujoco.MjData | View, geoms: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -148,14 +185,14 @@ def poses_of(scene: mujoco.MjData | View, geoms: IntArray) -> tuple[FloatArray, 
     return scene.geom_xpos[geoms], scene.geom_xmat[geoms].reshape(-1, 3, 3)
 
 
-def pixels_around(box: FloatArray, size: tuple[int, int], margin_px: int = 1) -> PixelRect | None:
+def _pixels_around(box: FloatArray, size: tuple[int, int]) -> PixelRect | None:
     """Rectangle of the pixels that a body with a `(4,)` amodal box [px] may touch; None if there are none in the image.
 
-    `size` is the image's width and height [px]; a margin of 1 px covers the rounding of triangles.
+    A margin of 1 px covers the rounding of triangles.
     """
     x, y, w, h = box.tolist()
     if not math.isfinite(x + y + w + h):
         return None
-    x0, y0 = max(math.floor(x) - margin_px, 0), max(math.floor(y) - margin_px, 0)
-    x1, y1 = min(math.ceil(x + w) + margin_px, size[0]), min(math.ceil(y + h) + margin_px, size[1])
+    x0, y0 = max(math.floor(x) - 1, 0), max(math.floor(y) - 1, 0)
+    x1, y1 = min(math.ceil(x + w) + 1, size[0]), min(math.ceil(y + h) + 1, size[1])
     return PixelRect(x0, y0, x1 - x0, y1 - y0) if x0 < x1 and y0 < y1 else None

@@ -150,14 +150,3 @@ def test_the_lowest_point_is_that_of_all_vertices():
     heights = [(part @ turn.T + at)[:, 2].min() for part, turn, at in zip(parts, turns, positions, strict=True)]
     expected = np.array(heights).reshape(3, 4).min(axis=1)
     assert np.allclose(Bodies(bodies).boxes(positions, turns, EYE, K, NEAR)[2], expected, atol=1e-12)
-
-
-def test_outlines_of_some_parts_are_those_of_all():
-    rng = np.random.default_rng(5)
-    parts = random_parts(rng)
-    bodies, turns = Bodies([parts]), np.array([rotation(rng) for _ in parts])
-    centres = rng.normal(size=(len(parts), 3)) * 0.4 + (0, 0, 3)
-    every = bodies.outlines(centres, turns, EYE, NEAR, np.ones(len(parts), dtype=bool))
-    for chosen in [[], [0], [2], [1, 3]]:
-        wanted = np.isin(np.arange(len(parts)), chosen)
-        assert np.array_equal(bodies.outlines(centres, turns, EYE, NEAR, wanted), every[wanted])

@@ -192,6 +192,16 @@ def test_a_pole_slants_by_speed_times_readout_when_driving_past(studio, height_m
     assert abs(slant - K[0, 0] * speed * readout_s / 3.95) < 1.0
 
 
+def test_a_tall_thing_that_moves_slants_by_speed_times_readout(studio):
+    readout_s, speed = 0.03, 2.0
+    scene = studio("pole", readout_s=readout_s)
+    for index in (-1, 0):
+        scene.model.body("pole").pos[1] = -speed * FRAME_S * index
+        image = scene.shoot((-9.0, 0.0, 0.0), facing()).image
+    before = readout_s * (1.0 - (np.arange(HEIGHT) + 0.5) / HEIGHT)
+    assert np.abs(middles(image) - (K[0, 2] - K[0, 0] * speed * before / 3.95)).max() < 1.0
+
+
 @pytest.mark.parametrize("lens", [NO_LENS, DISTORTED])
 @pytest.mark.parametrize("way", ["person", "pan", "drive"])
 def test_boxes_are_those_at_each_rows_mid_exposure(studio, lens, way: str):

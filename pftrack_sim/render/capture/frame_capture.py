@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,17 +21,19 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.camera.distortion import Lens
-from pftrack_sim.camera.pinhole import focal_and_centre, normalized_coordinates
+from pftrack_sim.camera.pinhole import focal_and_centre
+from pftrack_sim.camera.projection import Readout, place_vertices
 from pftrack_sim.camera.remap import PixelMap, RadianceAccumulator, RayGrid, inverse_ground_range, resample
 from pftrack_sim.camera.shake import CameraShake
-from pftrack_sim.camera.shutter import Shutter, solve_row_times
+from pftrack_sim.camera.shutter import Shutter
 from pftrack_sim.camera.trajectory import CameraTrajectory
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.capture.pass_planner import NEAREST_M, PassPlan, PassPlanner
+from pftrack_sim.render.capture.pass_planner import PassPlan, PassPlanner
 from pftrack_sim.render.capture.pose_history import PoseHistory
-from pftrack_sim.render.renderer import Renderer
+from pftrack_sim.render.culling import Bounds
+from pftrack_sim.render.renderer import Renderer, clip_depths_m
 from pftrack_sim.scenario import ResolvedScenario
 
 _SHAKE_MARGIN_PX = 6
@@ -72,20 +74,22 @@ class CapturedFrame:
         image: `(H, W, 3)` light on the sensor; None where no colours were asked for.
         capture: The `FrameCapture`.
         trajectory: Camera poses during the frame.
-        T_world_camera: `(4, 4)` camera pose at mid-exposure of the middle row.
-        T_world_people: `(P, 4, 4)` root poses at that instant.
+        readout: How the rows see the geoms.
+        T_world_people: `(P, 4, 4)` root poses at mid-exposure of the middle row.
         body_positions: `(nbody, 3)` positions of all bodies at that instant [m].
-        mid_exposure_passes: Computes one render pass for each run of row bands, at the mid-exposure of each row. Must
-            be called before the next frame is recorded.
     """
 
     image: Image | None
     capture: FrameCapture
     trajectory: CameraTrajectory
-    T_world_camera: FloatArray
+    readout: Readout
     T_world_people: FloatArray
     body_positions: FloatArray
-    mid_exposure_passes: Callable[[], list[RenderPass]]
+
+    @property
+    def T_world_camera(self) -> FloatArray:
+        """`(4, 4)` camera pose at mid-exposure of the middle row."""
+        return self.trajectory.at(self.capture.shutter.middle_s)
 
 
 class FrameCapture:
@@ -97,6 +101,7 @@ class FrameCapture:
         self._shake = shake
         self._planner = PassPlanner(model, lens, shutter, self.rays.bands)
         self._scratch = mujoco.MjData(model)
+        self._bounds, self._near_m = Bounds(model), clip_depths_m(model)[0]
         self._history = PoseHistory(shutter.window_s)
         self._instant_pass: RenderPass | None = None
 
@@ -127,11 +132,12 @@ class FrameCapture:
         Without a renderer, the frame serves the truth alone.
         """
         shutter, middle = self.shutter, self.shutter.middle_s
-        instants = np.linspace(-shutter.window_s, 0.0, _POSES_PER_FRAME) if shutter.window_s else np.zeros(1)
+        instants = self._history.instants(shutter.window_s, _POSES_PER_FRAME)
         times = self._time_s + instants
         poses = [self._shake.displace(pose, t) for pose, t in zip(self._history.cameras(instants), times, strict=True)]
         self._trajectory = CameraTrajectory(instants, np.stack(poses))
-        self._row_times = self._solve_row_times()
+        readout = self._readout()
+        self._row_times = self._find_row_times(readout)
         if shutter.instant:
             plan = PassPlan([0, self.rays.bands], 1, 1)
         else:
@@ -140,7 +146,6 @@ class FrameCapture:
         count = plan.samples * plan.rotations
         accumulator = RadianceAccumulator(count, (self.lens.size[1], self.lens.size[0], 3))
         offsets = shutter.exposure_s * ((np.arange(count) + 0.5) / count - 0.5)
-        passes: list[RenderPass] = []
         if renderer is not None:
             for sample_offsets in offsets.reshape(plan.samples, plan.rotations):
                 for bands in itertools.pairwise(plan.edges):
@@ -150,25 +155,17 @@ class FrameCapture:
                     radiance = accumulator.decode(image)
                     for pixel_map in render_pass.pixel_maps:
                         accumulator.add(self.rays.rows(*bands), resample(radiance, pixel_map))
-                    passes.append(render_pass)
-
-        def mid_exposure_passes() -> list[RenderPass]:
-            if passes and count == 1:
-                return passes
-            return [self._render_pass(bands, np.zeros(1), size) for bands in itertools.pairwise(plan.edges)]
-
         return CapturedFrame(
             accumulator.mean() if renderer is not None else None,
             self,
             self._trajectory,
-            self._trajectory.at(middle),
+            readout,
             self._history.people(middle),
             self._history.bodies(middle),
-            mid_exposure_passes,
         )
 
     def scene_of(self, render_pass: RenderPass) -> mujoco.MjData:
-        """Scene of a render pass: every moving geom where it is when its row is exposed.
+        """Scene of a render pass: every moving geom where it is when the middle of its rows in the pass is exposed.
 
         As the camera travels during the pass, moving geoms are displaced with it horizontally, so that feet stay on the
         ground.
@@ -177,7 +174,7 @@ class FrameCapture:
         if moving.size == 0 or self.shutter.instant:
             return self.scene_at(0.0)
         first, last = self.shutter.row_s(self.rays.cell_px * np.array(render_pass.bands, dtype=np.float64))
-        when = np.clip(self._row_times, first, last) + render_pass.offset_s
+        when = np.clip(self._row_times, first, last).mean(axis=0) + render_pass.offset_s
         self._history.write(self._scratch, when)
         cameras = self._trajectory.positions(when)
         # Points on the ground are displaced by the ray grid's map already.
@@ -191,17 +188,33 @@ class FrameCapture:
         self._history.write(self._scratch, when_s)
         return self._scratch
 
-    def _solve_row_times(self) -> FloatArray:
-        """`(moving,)` mid-exposure of the row on which the centre of each moving geom lies."""
-        trajectory, moving = self._trajectory, self._history.moving
+    @cached_property
+    def pixel_rays(self) -> FloatArray:
+        """`(H, W, 2)` normalized coordinates of the centres of the pixels of the camera image."""
+        bands, lens = self.rays.bands, self.lens
+        pixels = self.rays.pixel_map(0, bands, self.rays.reproject(0, bands, np.eye(4), np.eye(4)), lens.K)
+        return (pixels + (0.5 - lens.K[:2, 2])) / lens.K[(0, 1), (0, 1)]
+
+    def _readout(self) -> Readout:
+        """How the rows see the geoms in the frame recorded last."""
+        trajectory, shutter = self._trajectory, self.shutter
+        poses = self._history.poses(trajectory.times_s)
+        poses[..., 3] -= trajectory.poses[:, :3, 3, None]
+        axes = trajectory.poses[:, :3, :3].transpose(0, 2, 1)
+        local = (axes @ poses.reshape(len(poses), 3, -1)).reshape(poses.shape)
+        timing = shutter.exposure_s, shutter.readout_s
+        return Readout(trajectory.times_s, local, *timing, self.lens.size, self.lens.numbers, self._near_m)
+
+    def _find_row_times(self, readout: Readout) -> FloatArray:
+        """`(2, moving)` mid-exposure of the first and of the last row of each moving geom."""
+        moving = self._history.moving
         if moving.size == 0 or self.shutter.readout_s == 0.0:
-            return np.full(moving.size, self.shutter.middle_s)
-        pixels = [
-            self.lens.to_pixels(normalized_coordinates(self._history.geoms(when)[0], pose, NEAREST_M))
-            for when, pose in trajectory.samples()
-        ]
-        times = solve_row_times(self.shutter, trajectory.sample_times_s, np.stack(pixels))
-        return np.where(np.isfinite(times), times, self.shutter.middle_s)
+            return np.full((2, moving.size), self.shutter.middle_s)
+        corners = self._bounds.corners
+        places = np.empty((len(corners), 4))
+        place_vertices(moving, corners, self._bounds.corner_starts, readout, places)
+        times = places[:, 3].reshape(-1, 8)[moving]
+        return np.stack([times.min(axis=1), times.max(axis=1)])
 
     def _render_pass(self, bands: tuple[int, int], offsets_s: FloatArray, size: tuple[int, int]) -> RenderPass:
         """Render pass for the light of some bands of rows at offsets from the mid-exposure of each row."""

@@ -13,7 +13,8 @@ from pftrack_sim.camera.shutter import Shutter
 from pftrack_sim.camera.trajectory import CameraTrajectory, log_so3
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.capture.pose_history import PoseHistory
-from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
+from pftrack_sim.render.renderer import geoms_drawn
+from pftrack_sim.scene.layout import SCENERY_GROUP
 
 _BAND_SHIFT_PX, _MOST_BANDS = 1.5, 6
 """Shift of scenery during readout that needs another band of rows; the error is at most half of it."""
@@ -50,7 +51,7 @@ class PassPlanner:
     def __init__(self, model: mujoco.MjModel, lens: Lens, shutter: Shutter, bands: int) -> None:
         self._model, self._lens, self._shutter, self._bands = model, lens, shutter, bands
         groups = np.asarray(model.geom_group)
-        self._is_person = groups == PEOPLE_GROUP
+        self._drawn = geoms_drawn(model)
         bounded = np.asarray(model.geom_type) != int(mujoco.mjtGeom.mjGEOM_PLANE)
         self._scenery = np.flatnonzero((groups == SCENERY_GROUP) & bounded)
 
@@ -62,13 +63,14 @@ class PassPlanner:
         runs = samples = rotations = 1
         if shutter.readout_s:
             start, end = shutter.middle_s - 0.5 * shutter.readout_s, shutter.middle_s + 0.5 * shutter.readout_s
-            people, row_shares = self._people_shifts(trajectory, history, start, end)
-            shift = max(self._scenery_shift(trajectory, points, start, end), (people * row_shares).max(initial=0.0))
+            shifts, row_shares = self._shifts(trajectory, history, start, end)
+            tall = shifts[shifts * row_shares > _BAND_SHIFT_PX]
+            shift = max(self._scenery_shift(trajectory, points, start, end), tall.max(initial=0.0))
             runs = int(np.clip(np.ceil(shift / _BAND_SHIFT_PX), 1, min(_MOST_BANDS, self._bands)))
         if shutter.exposure_s:
             start, end = shutter.middle_s - 0.5 * shutter.exposure_s, shutter.middle_s + 0.5 * shutter.exposure_s
-            people, _ = self._people_shifts(trajectory, history, start, end)
-            shift = max(self._scenery_shift(trajectory, points, start, end), people.max(initial=0.0))
+            shifts, _ = self._shifts(trajectory, history, start, end)
+            shift = max(self._scenery_shift(trajectory, points, start, end), shifts.max(initial=0.0))
             samples = int(np.clip(np.ceil(shift / _SAMPLE_SHIFT_PX), 1, _MOST_SAMPLES))
             rotation = log_so3(trajectory.rotations(start).T @ trajectory.rotations(end))
             focal = float(self._lens.K[1, 1])
@@ -79,22 +81,22 @@ class PassPlanner:
         edges = [int(edge) for edge in np.linspace(0, self._bands, runs + 1).round()]
         return PassPlan(edges, samples, rotations)
 
-    def _people_shifts(
+    def _shifts(
         self, trajectory: CameraTrajectory, history: PoseHistory, start_s: float, end_s: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Shifts of moving body parts in view [px], without camera rotation, and the share of image rows of each."""
-        people = np.flatnonzero(self._is_person[history.moving])
+        """Shifts of moving geoms in view [px], without camera rotation, and the share of image rows of each."""
+        moving = np.flatnonzero(self._drawn[history.moving])
         pixels: list[FloatArray] = []
-        depth = np.zeros(people.size)
+        depth = np.zeros(moving.size)
         R_world_camera = trajectory.rotations(self._shutter.middle_s)
         for when in (start_s, end_s):
-            local = (history.geoms(when)[0][people] - trajectory.positions(when)) @ R_world_camera
+            local = (history.geoms(when)[0][moving] - trajectory.positions(when)) @ R_world_camera
             depth = local[:, 2]
             pixels.append(self._lens.K[0, 0] * local[:, :2] / np.maximum(depth, NEAREST_M)[:, None])
         size = np.array(self._lens.size)
         in_view = (depth > NEAREST_M) & (np.abs(pixels[1]) < 0.75 * size).all(axis=1)
         shifts = np.linalg.norm(pixels[1] - pixels[0], axis=1)[in_view]
-        radii = self._model.geom_rbound[history.moving[people]][in_view]
+        radii = self._model.geom_rbound[history.moving[moving]][in_view]
         heights = 2.0 * radii * self._lens.K[1, 1] / depth[in_view]
         return shifts, np.minimum(heights / size[1], 1.0)
 

@@ -61,7 +61,11 @@ class PoseHistory:
         """Ids of the geoms that moved."""
         self._positions, self._rotations = all_positions[:, self.moving], all_rotations[:, self.moving]
         self._steps = _rotation_steps(self._rotations)
-        self._cache: dict[float, tuple[FloatArray, FloatArray]] = {}
+
+    def instants(self, span_s: float, count: int) -> FloatArray:
+        """Instants in the last `span_s`, between which everything moves evenly: `count` of them, and the frames."""
+        within = self._times[self._times > -span_s]
+        return np.union1d(np.linspace(-span_s, 0.0, count), within) if span_s else np.zeros(1)
 
     def write(self, data: mujoco.MjData, when_s: ArrayLike) -> None:
         """Set `geom_xpos` and `geom_xmat` of all geoms at one instant, or at `(moving,)` instants of moving ones."""
@@ -73,15 +77,30 @@ class PoseHistory:
             data.geom_xmat[self.moving] = rotations.reshape(-1, 9)
 
     def geoms(self, when_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """`(moving, 3)` positions [m] and `(moving, 3, 3)` rotations of the moving geoms; `when_s` as in `write`."""
+        """`(..., moving, 3)` positions [m] and `(..., moving, 3, 3)` rotations of the moving geoms.
+
+        Instants are one, `(moving,)`, or of a shape that ends on moving or 1.
+        """
+        when = np.asarray(when_s, dtype=np.float64)
+        shape = np.broadcast_shapes(when.shape, self.moving.shape)
         if len(self._times) == 1:
-            return self._positions[0], self._rotations[0]
-        if not isinstance(when_s, float):
-            return self._interpolate_geoms(when_s)
-        # The same few instants are needed repeatedly.
-        if when_s not in self._cache:
-            self._cache[when_s] = self._interpolate_geoms(when_s)
-        return self._cache[when_s]
+            still = self._positions[0], self._rotations[0]
+            return np.broadcast_to(still[0], (*shape, 3)), np.broadcast_to(still[1], (*shape, 3, 3))
+        index, share = self._locate(np.broadcast_to(when, shape))
+        geoms = np.arange(len(self.moving))
+        before, after = self._positions[index, geoms], self._positions[index + 1, geoms]
+        step = exp_so3(share[..., None] * self._steps[index, geoms])
+        return before + share[..., None] * (after - before), self._rotations[index, geoms] @ step
+
+    def poses(self, when_s: FloatArray) -> FloatArray:
+        """`(N, 3, ngeom, 4)` rotations and positions [m] of all geoms at `(N,)` instants."""
+        latest = self._snapshots[-1]
+        still = np.concatenate([latest.rotations, latest.positions[:, :, None]], axis=2).transpose(1, 0, 2)
+        poses = np.repeat(still[None], len(when_s), axis=0)
+        positions, rotations = self.geoms(when_s[:, None])
+        poses[:, :, self.moving, :3] = rotations.transpose(0, 2, 1, 3)
+        poses[:, :, self.moving, 3] = positions.transpose(0, 2, 1)
+        return poses
 
     def cameras(self, when_s: FloatArray) -> FloatArray:
         """`(N, 4, 4)` camera poses without camera shake at `(N,)` instants."""
@@ -99,13 +118,6 @@ class PoseHistory:
             return positions[0]
         index, share = self._locate(np.array(when_s))
         return np.asarray(positions[index] + share * (positions[index + 1] - positions[index]))
-
-    def _interpolate_geoms(self, when_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        index, share = self._locate(np.broadcast_to(np.asarray(when_s, dtype=np.float64), self.moving.shape))
-        geoms = np.arange(len(self.moving))
-        before, after = self._positions[index, geoms], self._positions[index + 1, geoms]
-        step = exp_so3(share[:, None] * self._steps[index, geoms])
-        return before + share[:, None] * (after - before), self._rotations[index, geoms] @ step
 
     def _interpolate_poses(self, poses: FloatArray, when_s: FloatArray) -> FloatArray:
         """`(N, 4, 4)` poses at `(N,)` instants, from `(T, 4, 4)` poses at the frames."""

@@ -1,0 +1,248 @@
+"""Where points of moving geoms fall in a frame: through the lens, at the instant at which their row is exposed.
+
+The poses of geoms in the camera's axes are known at some instants of a frame and interpolated linearly in between. A
+point is seen at mid-exposure of the row on which it lies then: the instant is the root of one equation, which the
+secant method solves between the first row and the last.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.core.compiled import kernel, part_of_kernel
+from pftrack_sim.core.types import FloatArray, IntArray
+
+LensNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float]
+"""fx, fy, cx, cy [px], k1, k2, p1, p2, k3, and the radius up to which the polynomial is used."""
+
+_STEP = 1e-6  # Relative step of the derivative along a ray
+_ROW_TOLERANCE_PX, _MOST_STEPS = 1e-3, 32
+_SWEEP_INSTANTS = 5  # Instants of each point's exposure whose extent is the swept one
+_SMALL_PX, _SMALL_BEND_PX = 8.0, 0.1  # How far, at most, the sides of triangles up to that size bend
+
+
+class Readout(NamedTuple):
+    """How the rows of one frame see the geoms of a model.
+
+    Attributes:
+        times_s: `(K,)` instants relative to the frame's time stamp, ascending.
+        poses: `(K, 3, G, 4)` rotation and position [m] of each geom in the camera's axes at these.
+        exposure_s: Exposure of each row.
+        readout_s: Delay between the top and the bottom of the image.
+        size: Width and height of the image [px].
+        lens: See `LensNumbers`.
+        near_m: Depth of the near plane.
+    """
+
+    times_s: FloatArray
+    poses: FloatArray
+    exposure_s: float
+    readout_s: float
+    size: tuple[int, int]
+    lens: LensNumbers
+    near_m: float
+
+
+@kernel
+def project(normalized: FloatArray, lens: LensNumbers) -> FloatArray:
+    """`(N, 2)` pixels of `(N, 2)` normalized image coordinates."""
+    pixels = np.empty(normalized.shape)
+    for index in range(len(normalized)):
+        pixels[index, 0], pixels[index, 1] = _project(normalized[index, 0], normalized[index, 1], lens)
+    return pixels
+
+
+@kernel
+def place_vertices(
+    geoms: IntArray, vertices: FloatArray, vertex_starts: IntArray, readout: Readout, places: FloatArray
+) -> FloatArray:
+    """Place the vertices of some geoms in a frame.
+
+    Args:
+        geoms: `(N,)` which.
+        vertices: `(V, 3)` of all geoms, in the frame of each [m].
+        vertex_starts: `(G + 1,)` each geom's first vertex.
+        readout: The frame.
+        places: `(V, 4)` x, y [px], depth [m] and instant [s] of each vertex, filled for these geoms.
+
+    Returns:
+        `(N, 10)` left, top, right, bottom of each geom [px], the same over the exposure of all its points, and smallest
+        and largest depth [m]. Points before the near plane are left out of the extents, which are infinite without any.
+    """
+    extents = np.empty((len(geoms), 10))
+    for index in range(len(geoms)):
+        geom = geoms[index]
+        for first in (0, 4, 8):
+            extents[index, first], extents[index, first + 1] = np.inf, np.inf if first < 8 else -np.inf
+        for first in (2, 6):
+            extents[index, first], extents[index, first + 1] = -np.inf, -np.inf
+        for vertex in range(vertex_starts[geom], vertex_starts[geom + 1]):
+            x, y, z = vertices[vertex, 0], vertices[vertex, 1], vertices[vertex, 2]
+            across, down, depth, when_s = _place(x, y, z, geom, readout)
+            places[vertex, 0], places[vertex, 1], places[vertex, 2], places[vertex, 3] = across, down, depth, when_s
+            extents[index, 8], extents[index, 9] = min(extents[index, 8], depth), max(extents[index, 9], depth)
+            if depth >= readout.near_m:
+                _enclose(extents, index, 0, across, down)
+                _enclose(extents, index, 4, across, down)
+            if readout.exposure_s > 0.0:
+                for instant in range(_SWEEP_INSTANTS):
+                    offset_s = (instant / (_SWEEP_INSTANTS - 1) - 0.5) * readout.exposure_s
+                    across, down, depth = _see(x, y, z, geom, when_s + offset_s, readout)
+                    if depth >= readout.near_m:
+                        _enclose(extents, index, 4, across, down)
+    return extents
+
+
+@kernel
+def bound_triangles(
+    geoms: IntArray,
+    vertices: FloatArray,
+    faces: NDArray[np.int32],
+    vertex_starts: IntArray,
+    face_starts: IntArray,
+    readout: Readout,
+    places: FloatArray,
+    bounds: NDArray[np.int32],
+) -> None:
+    """Find the pixels of a frame in which the triangles of some geoms may be seen.
+
+    Args:
+        geoms: `(N,)` which, placed by `place_vertices`.
+        vertices: As there.
+        faces: `(F, 3)` vertices of the triangles, counted from the geom's first.
+        vertex_starts: As there.
+        face_starts: `(G + 1,)` each geom's first triangle.
+        readout: The frame.
+        places: As there.
+        bounds: `(F, 4)` first column and row, and one past the last column and row, in the image, filled for the geoms.
+    """
+    width, height = readout.size
+    for geom in geoms:
+        first = vertex_starts[geom]
+        for face in range(face_starts[geom], face_starts[geom + 1]):
+            left, top, right, bottom, ahead = np.inf, np.inf, -np.inf, -np.inf, 0
+            for corner in range(3):
+                vertex = first + faces[face, corner]
+                if places[vertex, 2] >= readout.near_m:
+                    ahead += 1
+                    left, right = min(left, places[vertex, 0]), max(right, places[vertex, 0])
+                    top, bottom = min(top, places[vertex, 1]), max(bottom, places[vertex, 1])
+            bend = _SMALL_BEND_PX
+            if 0 < ahead < 3:
+                bend = np.inf
+            elif max(right - left, bottom - top) > _SMALL_PX:
+                for corner in range(3):
+                    one, two = first + faces[face, corner], first + faces[face, (corner + 1) % 3]
+                    x = 0.5 * (vertices[one, 0] + vertices[two, 0])
+                    y = 0.5 * (vertices[one, 1] + vertices[two, 1])
+                    z = 0.5 * (vertices[one, 2] + vertices[two, 2])
+                    across, down, _, _ = _place(x, y, z, geom, readout)
+                    # Twice, since a side need not bend most in its middle.
+                    bend = max(bend, abs(2.0 * across - places[one, 0] - places[two, 0]))
+                    bend = max(bend, abs(2.0 * down - places[one, 1] - places[two, 1]))
+            bounds[face, 0], bounds[face, 1] = _pixel(left - bend, width), _pixel(top - bend, height)
+            bounds[face, 2], bounds[face, 3] = _pixel(right + bend, width), _pixel(bottom + bend, height)
+
+
+@part_of_kernel
+def _pixel(coordinate: float, most: int) -> int:
+    """The first pixel of an image whose centre is at a coordinate or after it."""
+    return math.ceil(min(max(coordinate - 0.5, 0.0), float(most)))
+
+
+@part_of_kernel
+def _enclose(extents: FloatArray, index: int, first: int, across: float, down: float) -> None:
+    """Let four of the columns of a row enclose a point."""
+    extents[index, first] = min(extents[index, first], across)
+    extents[index, first + 1] = min(extents[index, first + 1], down)
+    extents[index, first + 2] = max(extents[index, first + 2], across)
+    extents[index, first + 3] = max(extents[index, first + 3], down)
+
+
+@part_of_kernel
+def _place(x: float, y: float, z: float, geom: int, readout: Readout) -> tuple[float, float, float, float]:
+    """Pixel, depth and instant at which a point of a geom is seen at mid-exposure of its row.
+
+    A point above the image or below it belongs to the first row or the last.
+    """
+    first_s = -0.5 * readout.exposure_s - readout.readout_s
+    height = float(readout.size[1])
+    row_s = readout.readout_s / height
+    before_s, after_s = first_s, first_s + readout.readout_s
+    when_s = before_s + 0.5 * readout.readout_s
+    across, down, depth = _see(x, y, z, geom, when_s, readout)
+    tried_s, missed_s = 0.0, 0.0
+    for step in range(_MOST_STEPS):
+        due_s = first_s + row_s * min(max(down, 0.0), height)
+        late_s = due_s - when_s
+        if abs(late_s) <= _ROW_TOLERANCE_PX * row_s:
+            break
+        if late_s > 0.0:
+            before_s = when_s
+        else:
+            after_s = when_s
+        following_s = due_s
+        if step and late_s != missed_s:
+            following_s = when_s - late_s * (when_s - tried_s) / (late_s - missed_s)
+        if not before_s <= following_s <= after_s:
+            following_s = 0.5 * (before_s + after_s)
+        tried_s, missed_s, when_s = when_s, late_s, following_s
+        across, down, depth = _see(x, y, z, geom, when_s, readout)
+    return across, down, depth, when_s
+
+
+@part_of_kernel
+def _see(x: float, y: float, z: float, geom: int, when_s: float, readout: Readout) -> tuple[float, float, float]:
+    """Pixel and depth of a point of a geom at an instant; a point before the near plane is projected as if on it."""
+    times_s, poses = readout.times_s, readout.poses
+    last = len(times_s) - 1
+    index, share = 0, 0.0
+    if last:
+        while index < last - 1 and times_s[index + 1] <= when_s:
+            index += 1
+        share = (when_s - times_s[index]) / (times_s[index + 1] - times_s[index])
+        share = min(max(share, 0.0), 1.0)
+    after = min(index + 1, last)
+    right = (1.0 - share) * _along(poses, index, 0, geom, x, y, z) + share * _along(poses, after, 0, geom, x, y, z)
+    below = (1.0 - share) * _along(poses, index, 1, geom, x, y, z) + share * _along(poses, after, 1, geom, x, y, z)
+    depth = (1.0 - share) * _along(poses, index, 2, geom, x, y, z) + share * _along(poses, after, 2, geom, x, y, z)
+    inverse = 1.0 / max(depth, readout.near_m)
+    across, down = _project(right * inverse, below * inverse, readout.lens)
+    return across, down, depth
+
+
+@part_of_kernel
+def _along(poses: FloatArray, index: int, axis: int, geom: int, x: float, y: float, z: float) -> float:
+    """Coordinate of a point along an axis of the camera [m]."""
+    turned = poses[index, axis, geom, 0] * x + poses[index, axis, geom, 1] * y + poses[index, axis, geom, 2] * z
+    return turned + poses[index, axis, geom, 3]
+
+
+@part_of_kernel
+def _project(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
+    """Pixel of a ray; beyond the radius of the lens it moves on along its tangent."""
+    fx, fy, cx, cy = lens[:4]
+    radius = lens[9]
+    beyond = max(1.0, math.sqrt(x * x + y * y) / radius)
+    inside_x, inside_y = x / beyond, y / beyond
+    across, down = _distort(inside_x, inside_y, lens)
+    if beyond > 1.0:
+        more_x, more_y = _distort(inside_x * (1.0 + _STEP), inside_y * (1.0 + _STEP), lens)
+        less_x, less_y = _distort(inside_x * (1.0 - _STEP), inside_y * (1.0 - _STEP), lens)
+        across += (beyond - 1.0) * (more_x - less_x) / (2.0 * _STEP)
+        down += (beyond - 1.0) * (more_y - less_y) / (2.0 * _STEP)
+    return across * fx + cx, down * fy + cy
+
+
+@part_of_kernel
+def _distort(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
+    """Brown and Conrady's polynomial of normalized coordinates."""
+    k1, k2, p1, p2, k3 = lens[4:9]
+    square = x * x + y * y
+    radial = 1.0 + square * (k1 + square * (k2 + square * k3))
+    across = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x)
+    return across, y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y

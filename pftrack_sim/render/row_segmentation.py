@@ -1,0 +1,239 @@
+"""Which geom each pixel of a captured frame shows: along its own ray through the lens, when its own row is exposed.
+
+As `render.segmentation`, but every row sees the geoms where they are, from where the camera is, at its mid-exposure.
+Nothing is resampled: a pixel shows a triangle if its ray passes inside the planes through the camera and the three
+sides (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", Graphics Hardware 1997), which
+needs neither straight rows nor clipping.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.camera.projection import Readout, bound_triangles, place_vertices
+from pftrack_sim.core.compiled import kernel, part_of_kernel
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.render.culling import GROUND_CONTACT_M, Bounds, PixelRect, View
+from pftrack_sim.render.segmentation import Segmentation, Segmenter
+from pftrack_sim.render.triangles import Triangles
+
+_DEPTH_MARGIN_M = 0.1  # A geom that is farther than a person by less may be nearer when another row is exposed
+_SHORT_PX = 4  # Columns up to which all are tried
+_BEND, _MARGIN_PX = 0.5, 2.0  # How far the image of a box may reach beyond its corners, as a share of its size
+
+
+class RowSegmenter:
+    """Segments one captured frame.
+
+    Args:
+        segmenter: Segmenter of the model.
+        bounds: Bounding boxes of its geoms.
+        readout: How the rows of the frame see them.
+        rays: `(H, W, 2)` normalized coordinates of the pixels' centres.
+        view: Scene and camera at mid-exposure of the middle row; what is far there is drawn by coarse meshes.
+    """
+
+    def __init__(self, segmenter: Segmenter, bounds: Bounds, readout: Readout, rays: FloatArray, view: View) -> None:
+        self._segmenter, self._bounds, self._readout, self._rays = segmenter, bounds, readout, rays
+        self.view = view
+        self._near, self._far = _Placed(segmenter.triangles, readout), _Placed(segmenter.coarse, readout)
+
+    def extents(self, geoms: IntArray) -> FloatArray:
+        """`(N, 10)` extents of geoms, see `place_vertices`."""
+        return self._near.extents(geoms)
+
+    def segment(self, rect: PixelRect, geoms: IntArray) -> Segmentation:
+        """Segment a rectangle of pixels, in which only the given geoms are drawn."""
+        found = self._segmenter.nothing(rect)
+        self.add(found, geoms)
+        return found
+
+    def add(self, found: Segmentation, geoms: IntArray) -> None:
+        """Draw more geoms into a segmentation."""
+        left, top, *_ = found.rect
+        near, far = self._segmenter.by_distance(self.view, geoms)
+        for some, placed in ((near, self._near), (far, self._far)):
+            bounds = placed.bounds(some)
+            layers = found.ids, found.inverse_depth
+            draw_rows(some, *placed.triangles, bounds, self._readout, self._rays, left, top, *layers)
+
+    def may_occlude(self, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float) -> BoolArray:
+        """`(N,)` which geoms may occlude a person; see `Bounds.may_occlude`."""
+        left, top, right, bottom, *_, nearest, farthest = self._box_extents[geoms].T
+        margin = _BEND * np.maximum(right - left, bottom - top) + _MARGIN_PX
+        near_m = self._readout.near_m
+        beside = (left - margin > rect.left + rect.width) | (right + margin < rect.left)
+        beside |= (top - margin > rect.top + rect.height) | (bottom + margin < rect.top)
+        found = (farthest >= near_m) & (nearest <= farthest_m + _DEPTH_MARGIN_M) & ((nearest < near_m) | ~beside)
+        # From above, a geom below a person's soles occludes nothing of the person.
+        if self.view.T_world_camera[2, 3] > lowest_m:
+            found &= self._tops_m[geoms] > lowest_m + GROUND_CONTACT_M
+        return self._bounds.unbounded[geoms] | found
+
+    @cached_property
+    def _box_extents(self) -> FloatArray:
+        """`(ngeom, 10)` extents of the bounding boxes of all geoms."""
+        geoms = np.arange(len(self._bounds.unbounded))
+        places = np.empty((len(self._bounds.corners), 4))
+        return place_vertices(geoms, self._bounds.corners, 8 * np.arange(len(geoms) + 1), self._readout, places)
+
+    @cached_property
+    def _tops_m(self) -> FloatArray:
+        """`(ngeom,)` height of the highest point of all bounding boxes."""
+        up = self.view.geom_xmat.reshape(-1, 3, 3)[:, 2]
+        reach = np.einsum("ni,ni->n", up, self._bounds.middles) + np.einsum("ni,ni->n", np.abs(up), self._bounds.halves)
+        return self.view.geom_xpos[:, 2] + reach
+
+
+class _Placed:
+    """Vertices and triangles of geoms in one frame, placed when they are first asked for."""
+
+    def __init__(self, triangles: Triangles, readout: Readout) -> None:
+        self.triangles, self._readout = triangles, readout
+        geoms = len(triangles.vertex_starts) - 1
+        self._extents = np.empty((geoms, 10))
+        self._places = np.empty((len(triangles.vertices), 4))
+        self._bounds = np.empty((len(triangles.faces), 4), dtype=np.int32)
+        self._is_placed, self._is_bound = np.zeros(geoms, dtype=np.bool_), np.zeros(geoms, dtype=np.bool_)
+
+    def extents(self, geoms: IntArray) -> FloatArray:
+        """`(N, 10)` extents of geoms."""
+        new = geoms[~self._is_placed[geoms]]
+        self._extents[new] = place_vertices(
+            new, self.triangles.vertices, self.triangles.vertex_starts, self._readout, self._places
+        )
+        self._is_placed[new] = True
+        return self._extents[geoms]
+
+    def bounds(self, geoms: IntArray) -> NDArray[np.int32]:
+        """`(F, 4)` bounds of all triangles, filled for some geoms."""
+        self.extents(geoms)
+        new = geoms[~self._is_bound[geoms]]
+        bound_triangles(new, *self.triangles, self._readout, self._places, self._bounds)
+        self._is_bound[new] = True
+        return self._bounds
+
+
+@kernel
+def draw_rows(
+    geoms: IntArray,
+    vertices: FloatArray,
+    faces: NDArray[np.int32],
+    vertex_starts: IntArray,
+    face_starts: IntArray,
+    bounds: NDArray[np.int32],
+    readout: Readout,
+    rays: FloatArray,
+    left: int,
+    top: int,
+    ids: NDArray[np.int32],
+    inverse_depth: NDArray[np.float32],
+) -> None:
+    """Draw geoms into `(h, w)` ids and inverse depths; a triangle that faces away has no pixels.
+
+    Args:
+        geoms: `(N,)` which to draw.
+        vertices: See `Triangles`, as the next three.
+        faces: The same.
+        vertex_starts: The same.
+        face_starts: The same.
+        bounds: `(F, 4)` of the triangles, see `bound_triangles`.
+        readout: The frame.
+        rays: `(H, W, 2)` normalized coordinates of the pixels' centres.
+        left: First column of the arrays in the image.
+        top: First row.
+        ids: `(h, w)` geom along each ray.
+        inverse_depth: `(h, w)` 1 / depth there [1/m].
+    """
+    height, width = ids.shape
+    poses, known = np.empty((height, 3, 4)), np.empty(height, dtype=np.bool_)
+    corners, sides = np.empty((3, 3)), np.empty((3, 3))
+    for geom in geoms:
+        known[:] = False
+        for face in range(face_starts[geom], face_starts[geom + 1]):
+            low, high = max(bounds[face, 0] - left, 0), min(bounds[face, 2] - left, width)
+            if low >= high:
+                continue
+            for row in range(max(bounds[face, 1] - top, 0), min(bounds[face, 3] - top, height)):
+                if not known[row]:
+                    known[row] = True
+                    _pose(geom, top + row, readout, poses, row)
+                for corner in range(3):
+                    vertex = vertex_starts[geom] + faces[face, corner]
+                    x, y, z = vertices[vertex, 0], vertices[vertex, 1], vertices[vertex, 2]
+                    for axis in range(3):
+                        turned = poses[row, axis, 0] * x + poses[row, axis, 1] * y + poses[row, axis, 2] * z
+                        corners[corner, axis] = turned + poses[row, axis, 3]
+                # Normals of the planes through the camera and each side, inwards if the triangle faces the camera.
+                for side in range(3):
+                    one, two = (side + 2) % 3, (side + 1) % 3
+                    for axis in range(3):
+                        here, after = (axis + 1) % 3, (axis + 2) % 3
+                        sides[side, axis] = (
+                            corners[one, here] * corners[two, after] - corners[one, after] * corners[two, here]
+                        )
+                volume = corners[0, 0] * sides[0, 0] + corners[0, 1] * sides[0, 1] + corners[0, 2] * sides[0, 2]
+                if not volume > 0.0:
+                    continue
+                here, after = _span(sides, rays, top + row, left + low, left + high)
+                for column in range(here - left, after - left):
+                    x, y = rays[top + row, left + column, 0], rays[top + row, left + column, 1]
+                    a = sides[0, 0] * x + sides[0, 1] * y + sides[0, 2]
+                    b = sides[1, 0] * x + sides[1, 1] * y + sides[1, 2]
+                    c = sides[2, 0] * x + sides[2, 1] * y + sides[2, 2]
+                    if a < 0.0 or b < 0.0 or c < 0.0:
+                        continue
+                    inverse = (a + b + c) / volume
+                    single, present = np.float32(inverse), inverse_depth[row, column]
+                    in_front = single > present or (single == present and geom > ids[row, column])
+                    if in_front and inverse * readout.near_m <= 1.0:
+                        inverse_depth[row, column] = single
+                        ids[row, column] = geom
+
+
+@part_of_kernel
+def _span(sides: FloatArray, rays: FloatArray, row: int, low: int, high: int) -> tuple[int, int]:
+    """First and one past the last of the columns of a row that may lie inside three planes.
+
+    Along a row, the rays bend by about twice as much, at most, as in the middle.
+    """
+    last, middle = high - 1, (low + high - 1) // 2
+    if last - low < _SHORT_PX:
+        return low, high
+    share = (middle - low) / (last - low)
+    bend_x = abs(rays[row, middle, 0] - (1.0 - share) * rays[row, low, 0] - share * rays[row, last, 0])
+    bend_y = abs(rays[row, middle, 1] - (1.0 - share) * rays[row, low, 1] - share * rays[row, last, 1])
+    first, end = low, high
+    for side in range(3):
+        across, down, ahead = sides[side, 0], sides[side, 1], sides[side, 2]
+        slack = 2.0 * (abs(across) * bend_x + abs(down) * bend_y)
+        before = across * rays[row, low, 0] + down * rays[row, low, 1] + ahead + slack
+        behind = across * rays[row, last, 0] + down * rays[row, last, 1] + ahead + slack
+        if before < 0.0 and behind < 0.0:
+            return low, low
+        if before < 0.0:
+            first = max(first, low + int((last - low) * before / (before - behind)))
+        elif behind < 0.0:
+            end = min(end, low + int((last - low) * before / (before - behind)) + 2)
+    return first, end
+
+
+@part_of_kernel
+def _pose(geom: int, image_row: int, readout: Readout, poses: FloatArray, row: int) -> None:
+    """Fill a `(3, 4)` pose of a geom in the camera's axes at mid-exposure of a row of the image."""
+    last = len(readout.times_s) - 1
+    index, share = 0, 0.0
+    if last:
+        first_s = -0.5 * readout.exposure_s - readout.readout_s
+        when_s = first_s + readout.readout_s * (image_row + 0.5) / readout.size[1]
+        while index < last - 1 and readout.times_s[index + 1] <= when_s:
+            index += 1
+        share = (when_s - readout.times_s[index]) / (readout.times_s[index + 1] - readout.times_s[index])
+    after = min(index + 1, last)
+    for axis in range(3):
+        for column in range(4):
+            one, two = readout.poses[index, axis, geom, column], readout.poses[after, axis, geom, column]
+            poses[row, axis, column] = (1.0 - share) * one + share * two
