@@ -22,10 +22,7 @@ class RobotParameters:
         image_size: Width, height [px].
         fovy_rad: Vertical field of view.
         rate_hz: Frames per second.
-        max_speed_m_s: Forward speed of a command of 1.
-        max_turn_rad_s: Turn rate of a command of 1.
-        max_pan_rad_s: Pan rate of a command of 1.
-        max_tilt_rad_s: Tilt rate of a command of 1.
+        max_speed_m_s: Forward speed of a command of 1; the others are rates of turn, pan and tilt of a command of 1.
         distance_m: Desired distance to the target.
         camera_height_m: Height of the optical centre above the ground.
 

@@ -15,10 +15,6 @@ from pftrack_sim.core.records import Image
 class Window:
     """Shows pictures at a frame rate; it opens with the first one.
 
-    Args:
-        title: Title of the window.
-        rate_hz: Pictures per second at most.
-
     Raises:
         ParameterError: pygame or a display is missing.
     """

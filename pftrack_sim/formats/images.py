@@ -71,8 +71,6 @@ class ImageStream(Images):
     """Images that are read one after the other; going back begins anew.
 
     Args:
-        path: The file.
-        count: Number of images.
         begin: Gives the images from an index on.
     """
 

@@ -63,10 +63,7 @@ class ResultFile:
     """One file of results.
 
     Attributes:
-        path: The file.
-        form: How it is written.
         tracker: Name of the tracker; with the experiment where VOT's is not `unsupervised`.
-        sequence: Name of the sequence.
         repetition: Number of the run of this tracker on this sequence, from 1.
     """
 

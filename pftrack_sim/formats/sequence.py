@@ -115,14 +115,11 @@ class Annotations:
     """What is known of a sequence besides its images.
 
     Attributes:
-        name: Name of the sequence.
-        rate_hz: Frames per second.
         image_size_px: Width and height.
         boxes: `(N, 4)` boxes of the target, clipped to the image; NaN rows where it cannot be seen.
         visible_fraction: `(N,)` visible share of its pixels inside the image.
         truncation: `(N,)` share of its whole box that lies outside the image.
         out_of_view: `(N,)` whether it is outside the image altogether.
-        people: For each frame everybody in view.
         number: Place of the sequence in its data set, from 0.
         focal_and_centre_px: fx, fy, cx, cy of the camera.
         tags: `(N,)` for each attribute whether a frame has it: `"motion_change"`.

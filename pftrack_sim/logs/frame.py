@@ -22,8 +22,6 @@ class LogInfo:
 
     Attributes:
         name: For people: `"plaza-walk seed 3"`.
-        rate_hz: Frames per second.
-        trackers: Labels of the trackers.
         speed_limits: `(4,)` what a command of 1 means: forward speed [m/s], turn, pan and tilt rate [rad/s].
     """
 

@@ -184,13 +184,9 @@ class Episode:
 
     Attributes:
         spec: Scenario with the overrides of the plan.
-        condition: Axis levels.
-        seed: Root seed.
         trackers: Trackers that share its frames; in closed loop the only one.
         environment: Code and versions, see `keys.environment`.
-        number: Its place in the plan.
         is_first_seed: Whether it has the first seed of its scenario and condition.
-        truth: True box that estimates are compared with.
     """
 
     spec: ScenarioSpec
@@ -293,10 +289,8 @@ class Plan(Section):
     """Everything that a run does.
 
     Attributes:
-        sweeps: The episodes.
         trackers: The trackers, in the order of the tables.
         suites: The suites it was made from, with their tables and claims.
-        truth: True box that estimates are compared with.
         environment: Code and versions that it is run with.
     """
 

@@ -47,9 +47,7 @@ class RunFolder:
     """A run folder to read; `begin` opens one to write.
 
     Attributes:
-        path: The folder.
         record: What is asked for, and its sessions.
-        checksums: Of its files.
 
     Raises:
         RunError: It is no run folder, one of another format, or its record was edited.

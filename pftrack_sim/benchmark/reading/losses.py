@@ -64,11 +64,9 @@ LOSS = (
 
 @dataclass(frozen=True)
 class LossShares:
-    """How often a tracker lost the target, and what happened then.
+    """How often a tracker lost the target in some episodes, and what happened then.
 
     Attributes:
-        losses: Number of losses.
-        episodes: Number of episodes.
         lost: Number of those with a loss.
         untracked: Number of those in which the tracker, once started, never tracked the target.
         errors: Number of those in which it ended with an error.
