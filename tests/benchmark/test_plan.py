@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
 from pftrack_sim.benchmark.asked.from_names import code_of
 from pftrack_sim.benchmark.keys import slug
-from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, ScenarioError
 
 
 def test_every_combination_once():
@@ -80,13 +80,8 @@ def test_the_code_of_controllers_and_the_files_of_models_are_part_of_a_plan(
     assert [name for name in before if after[name] != before[name]] == ["driver_of_mine:make", str(model)]
 
 
-def test_wrong_names_and_levels():
-    with pytest.raises(UnknownNameError, match="did you mean 'plaza-walk'"):
-        make_plan(["plaza-wlk"], ["stay"], [0])
-    with pytest.raises(UnknownNameError, match="unknown axis 'jiter'; did you mean 'jitter'"):
-        make_plan(["plaza-walk"], ["stay"], [0], axes={"jiter": [1]})
-    with pytest.raises(UnknownNameError, match="unknown parameter of the axis jitter 'bandhz'"):
-        make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter.bandhz": [1]})
+def test_wrong_levels_and_repetitions():
+    """Wrong names are tested on the command line."""
     with pytest.raises(ScenarioError, match="severity"):
         make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter": [-1]})
     with pytest.raises(ScenarioError, match=r"corridor occlusion=1.*\n.*its first event ends at 7 s"):

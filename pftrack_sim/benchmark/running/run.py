@@ -124,9 +124,8 @@ def run(
             lacking.setdefault(one.episode.number, []).append(one.tracker)
         for episode in plan.episodes(part=part, shuffle=shuffle):
             specs = tuple(lacking.get(episode.number, ()))
-            whole = (
-                specs == episode.trackers
-            )  # those that are added to an episode are filmed with the others, afterwards
+            # Trackers that are added to an episode are filmed with the others, afterwards.
+            whole = specs == episode.trackers
             if specs:
                 yield EpisodeJob(
                     replace(episode, trackers=specs),
