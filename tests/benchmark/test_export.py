@@ -1,9 +1,7 @@
 """Data sets written from episodes: the same frames and truth as the simulation's, in every layout."""
 
 import dataclasses
-import errno
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -181,25 +179,6 @@ def test_workers_write_the_same_bytes(tmp_path: Path):
     alone = export(plan([0, 1, 2]), tmp_path / "alone", "mot")
     together = export(plan([0, 1, 2]), tmp_path / "together", "mot", workers=2)
     assert files(alone) == files(together)
-
-
-@pytest.mark.parametrize("layout", ["otb", pytest.param("webdataset", marks=pytest.mark.slow)])
-def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str):
-    written: list[object] = []
-
-    def put(*given: object) -> None:
-        written.append(given)
-        if len(written) == 3:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    for name in ("_put_file", "_put_member"):
-        monkeypatch.setattr(f"pftrack_sim.benchmark.datasets.sequence_writer.{name}", put)
-    with pytest.raises(RunError, match=r"cannot write .*: No space left on device"):
-        export(plan([0]), tmp_path / "out", layout)
-    assert set(files(tmp_path / "out")) == {"dataset.json"}
-    monkeypatch.undo()
-    export(plan([0]), tmp_path / "out", layout)
-    assert "easy-plaza-walk-0000/truth.parquet" in files(tmp_path / "out")
 
 
 def test_attributes_of_vot_say_what_changes(episode: list[Frame]):

@@ -143,15 +143,17 @@ def test_results_for_which_there_is_no_space_are_one_error_and_no_half_file(litt
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("image", ["png", "mp4"])
-def test_a_sequence_for_which_there_is_no_space_is_not_there(little_disk: Path, tmp_path: Path, image: str):
+@pytest.mark.parametrize(("layout", "image"), [("mot", "png"), ("mot", "mp4"), ("webdataset", "png")])
+def test_a_sequence_for_which_there_is_no_space_is_not_there(
+    little_disk: Path, tmp_path: Path, layout: str, image: str
+):
     size = {"camera.width_px": 320, "camera.height_px": 240, "duration_s": 1.0}
-    plan = small_plan(range(2), ["stay"], **size)
+    plan, out = small_plan(range(2), ["stay"], **size), little_disk / "out"
     with pytest.raises(RunError, match=r"cannot write .*: No space left on device"):
-        export(plan, little_disk / "out", "mot", image=image, quality=0 if image == "mp4" else None)
+        export(plan, out, layout, image=image, quality=0 if image == "mp4" else None)
     assert [path.name for path in little_disk.rglob("*") if path.is_file()] == ["dataset.json"]
     subprocess.run(["mount", "-o", "remount,size=64m", str(little_disk)], check=True)
-    export(plan, little_disk / "out", "mot", image=image, quality=0 if image == "mp4" else None)
+    export(plan, out, layout, image=image, quality=0 if image == "mp4" else None)
     assert len(list(little_disk.rglob("truth.parquet"))) == 2
 
 
