@@ -20,7 +20,8 @@ _RINGS = 32  # Steps of the vignette from the middle of the image to its corners
 _CELLS = 60  # Height of the image that bloom is computed on
 _BLOOM = (5, 5)  # Width and height of the box that light is spread over twice [cells]
 _HIGHLIGHT = 190.0  # Level above which light blooms
-_EDGE = 1e-6  # Black and white, which have no odds
+_CODES = np.linspace(1e-6, 1.0 - 1e-6, 256)  # Black and white themselves have no odds
+_ODDS_OF_DARK = (1.0 - _CODES) / _CODES
 _DRIFT_HZ = np.array([0.05, 0.11, 0.23])  # Rates at which the white balance drifts
 
 
@@ -29,7 +30,8 @@ class Tone:
 
     def __init__(self, settings: model.Sensor, rng: np.random.Generator) -> None:
         self._settings = settings
-        self._phases = rng.uniform(0.0, 2.0 * np.pi, (2, len(_DRIFT_HZ)))
+        self._phases = rng.uniform(0.0, 2.0 * np.pi, (2, len(_DRIFT_HZ)))  # Of red and blue
+        self._falloff = 255.0 * (1.0 - settings.vignette * np.linspace(0.0, 1.0, _RINGS))
         self._ev: float | None = None
         self._rings = np.zeros((0, 0), dtype=np.uint8)
         self._bloom = np.rint(settings.bloom * np.maximum(np.arange(256) - _HIGHLIGHT, 0.0)).astype(np.uint8)
@@ -47,7 +49,8 @@ class Tone:
         low, high = 0.0, settings.exposure_limit_ev
         for _ in range(20):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if 255.0 * (shares @ _curve(middle)) < settings.level else (low, middle)
+            level = 255.0 * (shares @ _curves(np.array([middle]))[0])
+            low, high = (middle, high) if level < settings.level else (low, middle)
         self._ev = low
         y, x = (np.linspace(-1.0, 1.0, side) ** 2 for side in image.shape[:2])
         width, height = image.shape[1] ** 2, image.shape[0] ** 2
@@ -60,17 +63,16 @@ class Tone:
         The white balance is that of a time since the first frame.
         """
         assert self._ev is not None
-        falloff = 255.0 * (1.0 - self._settings.vignette * np.linspace(0.0, 1.0, _RINGS))
-        levels = np.stack([_curve(self._ev + drift) for drift in self._drift(time_s)])
-        curves = (falloff[:, None] * levels[:, None] + 0.5).astype(np.uint8)
+        levels = _curves(self._ev + self._drift(time_s))
+        curves = (self._falloff[:, None] * levels[:, None] + 0.5).astype(np.uint8)
         toned = _toned(np.ascontiguousarray(image), self._rings, curves)
         return self._bloomed(toned) if self._settings.bloom > 0.0 else toned
 
-    def _drift(self, time_s: float) -> list[float]:
-        """Stops by which red, green and blue are brighter than in the first frame: sums of sines."""
+    def _drift(self, time_s: float) -> FloatArray:
+        """`(3,)` stops by which red, green and blue are brighter than in the first frame: sums of sines."""
         turns = np.sin(2.0 * np.pi * _DRIFT_HZ * time_s + self._phases) - np.sin(self._phases)
         stops = self._settings.white_balance_ev * np.sqrt(2.0 / len(_DRIFT_HZ)) * turns.sum(axis=1)
-        return [float(stops[0]), 0.0, float(stops[1])]
+        return np.array([stops[0], 0.0, stops[1]])
 
     def _bloomed(self, image: Image) -> Image:
         """Scatter the light of what is bright around it."""
@@ -85,10 +87,9 @@ class Tone:
         return np.asarray(cv2.add(image, scattered, dst=image), dtype=np.uint8)
 
 
-def _curve(ev: float) -> FloatArray:
-    """`(256,)` what the codes become, in [0, 1], where dark ones are brightened by some stops."""
-    x = np.linspace(_EDGE, 1.0 - _EDGE, 256)
-    return 1.0 / (1.0 + (1.0 - x) / x / gain(ev))
+def _curves(evs: FloatArray) -> FloatArray:
+    """`(N, 256)` what the codes become, in [0, 1], where dark ones are brightened by `(N,)` stops."""
+    return 1.0 / (1.0 + _ODDS_OF_DARK / np.array([gain(ev) for ev in evs.tolist()])[:, None])
 
 
 @kernel

@@ -86,7 +86,7 @@ class Segmenter:
     def by_distance(self, view: View, geoms: IntArray) -> tuple[IntArray, IntArray]:
         """Those of some geoms that are drawn by their `triangles` in a view, and those drawn by the `coarse` ones."""
         far = self._detail.far(view, geoms)
-        return geoms[~np.isin(geoms, far)], far
+        return geoms[~far], geoms[far]
 
 
 @kernel

@@ -58,11 +58,10 @@ class Detail:
         self.coarse = self.meshes - self._has_coarse
         self._radii_m = np.array(model.geom_rbound)
 
-    def far(self, view: View, geoms: IntArray) -> IntArray:
-        """Those of some geoms of which the coarse mesh is drawn: its outline differs by some tenths of a pixel."""
-        ids = geoms[self._has_coarse[geoms]]
-        depths_m = (view.geom_xpos[ids] - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2]
-        return ids[self._radii_m[ids] * view.intrinsics[1] < _COARSE_PX * depths_m]
+    def far(self, view: View, geoms: IntArray) -> BoolArray:
+        """`(N,)` of which geoms the coarse mesh is drawn: its outline differs by some tenths of a pixel."""
+        depths_m = (view.geom_xpos[geoms] - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2]
+        return self._has_coarse[geoms] & (self._radii_m[geoms] * view.intrinsics[1] < _COARSE_PX * depths_m)
 
 
 def model_triangles(model: Any, drawn: BoolArray, geom_meshes: IntArray | None = None) -> Triangles:

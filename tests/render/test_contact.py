@@ -23,7 +23,7 @@ def test_the_ground_is_darker_under_feet_and_nowhere_else(monkeypatch: pytest.Mo
         view = world.data, truth.T_world_camera, truth.K
         with Rasteriser(world.model, 320, 240) as renderer:
             dark = renderer.color(*view).astype(int)
-            monkeypatch.setattr(contact.ContactShadows, "add", lambda *_: None)
+            monkeypatch.setattr(contact.ContactShadows, "place", lambda *_: 0)
             plain = renderer.color(*view).astype(int)
     change = (dark - plain).sum(axis=2)
     assert change.max() == 0
@@ -47,6 +47,7 @@ def test_the_ground_is_darker_around_things_which_no_geom_shows(place: str, monk
         with Rasteriser(world.model, 320, 240) as renderer:
             dark = renderer.color(*view).astype(int)
             monkeypatch.setattr(contact, "_OPACITY_OF_THINGS", 0.0)
+            renderer.rebind(world.model)
             plain = renderer.color(*view).astype(int)
         assert world.model.mesh(CONTACT_OF_THINGS).id not in world.model.geom_dataid
     change = (dark - plain).sum(axis=2)

@@ -33,7 +33,7 @@ def pair(request: pytest.FixtureRequest):
     from pftrack_sim.render.warp.raycaster import Raycaster
 
     with pytest.MonkeyPatch.context() as patch, Simulation(load(request.param, SIZE), backend="gl") as simulation:
-        patch.setattr(ContactShadows, "add", lambda *_: None)
+        patch.setattr(ContactShadows, "place", lambda *_: 0)
         simulation.reset(11)
         world = simulation.world
         with Raycaster(world.model, 160, 120) as caster:

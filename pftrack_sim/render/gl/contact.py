@@ -5,11 +5,12 @@ It is drawn, and no geom: nothing collides with it, and the truth does not know 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.culling import View
 from pftrack_sim.scene.layout import CONTACT, CONTACT_HEIGHT_M, CONTACT_OF_THINGS, PEOPLE_GROUP
 
@@ -20,48 +21,54 @@ _LENGTH_M = 0.6
 
 
 class ContactShadows:
-    """Those of one model, whose scene has a material and a mesh for them."""
+    """Those of one model, in a scene that has a material and a mesh for them.
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._material = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, CONTACT))
-        self._mesh = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, CONTACT))
-        people: list[int] = np.flatnonzero(np.asarray(model.geom_group) == PEOPLE_GROUP).tolist()
-        feet = [geom for geom in people if self._mesh >= 0 and model.geom(geom).name.endswith("foot")]
-        self.feet = np.array(feet, dtype=np.intp)
+    Args:
+        model: The model.
+        geoms: Those of the scene that may become contact shadows, from the first; at least one more than `feet`.
+    """
+
+    def __init__(self, model: mujoco.MjModel, geoms: Sequence[mujoco.MjvGeom]) -> None:
+        material = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, CONTACT))
+        mesh, things = (
+            int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, name)) for name in (CONTACT, CONTACT_OF_THINGS)
+        )
+        self.feet = feet_of(model) if mesh >= 0 else np.empty(0, dtype=np.intp)
         """Geoms that darken the ground."""
-        # The axes of meshes and of their geoms are those of their inertia.
-        self._things = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, CONTACT_OF_THINGS))
-        self._things_place, self._things_axes = np.zeros(3), np.eye(3)
-        if self._things >= 0:
-            self._things_place = np.array(model.mesh_pos[self._things])
-            self._things_axes = _axes(model.mesh_quat[self._things])
-        self._mesh_axes = _axes(model.mesh_quat[self._mesh]) if self._mesh >= 0 else np.eye(3)
-        self._forward = np.array([_axes(model.geom_quat[geom])[0] for geom in feet]).reshape(-1, 3)
-
-    def add(self, view: View, scene: mujoco.MjvScene, shown: BoolArray) -> None:
-        """Add those of things, and of the `(F,)` feet that are shown, to a scene."""
-        if self._things >= 0:
+        self._first = int(things >= 0)
+        for geom, kind in zip(geoms, [things] * self._first + [mesh] * len(self.feet), strict=False):
+            # The axes of meshes and of their geoms are those of their inertia.
+            place, axes = model.mesh_pos[kind], _axes(model.mesh_quat[kind])
             colour = np.array([0.0, 0.0, 0.0, _OPACITY_OF_THINGS], dtype=np.float32)
-            self._draw(scene, self._things, self._things_place, self._things_axes, colour)
-        places = view.geom_xpos[self.feet]
-        depths = np.maximum((places - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2], view.near_m)
-        opacity = np.clip((_GONE_M - places[:, 2]) / (_GONE_M - _RESTING_M), 0.0, 1.0)
-        opacity *= np.clip((_LENGTH_M * view.K[0, 0] / depths - _SEEN_PX) / (_PLAIN_PX - _SEEN_PX), 0.0, 1.0)
-        for foot in np.flatnonzero(shown & (opacity > 0.0)):
-            x, y, _ = view.geom_xmat[self.feet[foot]].reshape(3, 3) @ self._forward[foot]
-            length = max(float(np.hypot(x, y)), 1e-9)
-            turn = np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, length]]) / length @ self._mesh_axes
-            place = np.array([*places[foot, :2], CONTACT_HEIGHT_M])
-            colour = np.array([0.0, 0.0, 0.0, _OPACITY * opacity[foot]], dtype=np.float32)
-            self._draw(scene, self._mesh, place, turn, colour)
+            mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_MESH, np.zeros(3), place, axes.reshape(-1), colour)
+            geom.dataid, geom.matid, geom.texcoord, geom.castshadow = 2 * kind, material, 1, 0
+        # Views of the scene's memory: to look them up takes longer than to write them.
+        self._places = [(geom.pos, geom.mat, geom.rgba) for geom in geoms[self._first : self._first + len(self.feet)]]
+        self._mesh_axes = _axes(model.mesh_quat[mesh]) if mesh >= 0 else np.eye(3)
+        self._forward = np.array([_axes(model.geom_quat[geom])[0] for geom in self.feet]).reshape(-1, 3, 1)
 
-    def _draw(
-        self, scene: mujoco.MjvScene, mesh: int, place: FloatArray, turn: FloatArray, colour: NDArray[np.float32]
-    ) -> None:
-        geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_MESH, np.zeros(3), place, turn.reshape(-1), colour)
-        geom.dataid, geom.matid, geom.texcoord, geom.castshadow = 2 * mesh, self._material, 1, 0
-        scene.ngeom += 1
+    def place(self, view: View, shown: BoolArray) -> int:
+        """Place the geoms of things and of the `(F,)` feet that are shown, and return how many there are."""
+        xpos = view.geom_xpos[self.feet]
+        depths = np.maximum((xpos - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2], view.near_m)
+        opacity = np.clip((_GONE_M - xpos[:, 2]) / (_GONE_M - _RESTING_M), 0.0, 1.0)
+        opacity *= np.clip((_LENGTH_M * view.K[0, 0] / depths - _SEEN_PX) / (_PLAIN_PX - _SEEN_PX), 0.0, 1.0)
+        seen = np.flatnonzero(shown & (opacity > 0.0))
+        forward = (view.geom_xmat[self.feet[seen]].reshape(-1, 3, 3) @ self._forward[seen])[:, :2, 0]
+        forward /= np.maximum(np.hypot(forward[:, 0], forward[:, 1]), 1e-9)[:, None]
+        turn = np.zeros((len(seen), 3, 3))
+        turn[:, :2, 0], turn[:, 0, 1], turn[:, 1, 1], turn[:, 2, 2] = forward, -forward[:, 1], forward[:, 0], 1.0
+        axes = turn @ self._mesh_axes
+        for foot, matrix, (pos, mat, rgba) in zip(seen.tolist(), axes, self._places, strict=False):
+            pos[:2], pos[2] = xpos[foot, :2], CONTACT_HEIGHT_M
+            mat[:], rgba[3] = matrix, _OPACITY * opacity[foot]
+        return self._first + len(seen)
+
+
+def feet_of(model: mujoco.MjModel) -> IntArray:
+    """Geoms of people's feet."""
+    people: list[int] = np.flatnonzero(np.asarray(model.geom_group) == PEOPLE_GROUP).tolist()
+    return np.array([geom for geom in people if model.geom(geom).name.endswith("foot")], dtype=np.intp)
 
 
 def _axes(quaternion: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ leaves out what is not in view, and keeps its textures and meshes when the model
 
 from __future__ import annotations
 
+import math
 import weakref
 
 import cv2
@@ -18,7 +19,7 @@ from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.culling import Bounds, PixelRect, ShadowMap, View
-from pftrack_sim.render.gl.contact import ContactShadows
+from pftrack_sim.render.gl.contact import ContactShadows, feet_of
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.resources import Resources
 from pftrack_sim.render.renderer import (
@@ -85,7 +86,7 @@ class Rasteriser(Renderer):
                 if self._resources:
                     self._resources.pop().free()
                 self._resources.append(Resources(model, (self.width_px, self.height_px)))
-        self._scene = _Scene(model)
+        self._scene = _Scene(model, self._resources[0])
 
     def unbind(self) -> None:
         """See `Renderer.unbind`. Textures and meshes stay in OpenGL's memory until the next `rebind`."""
@@ -106,7 +107,7 @@ class Rasteriser(Renderer):
         scene = self._scene.composed(data, checked_poses(T_world_camera), matrix, (self.width_px, height))
         with self._context.current():
             resources = self._resources[0]
-            self._scene.update_sky(resources)
+            self._scene.update_sky()
             # Another renderer's may be bound in the context.
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources.context)
             mujoco.mjr_render(area, scene, resources.context)
@@ -130,16 +131,16 @@ def _free(context: GLContext, resources: list[Resources]) -> None:
 class _Scene:
     """MuJoCo's scene of one model: geoms in view, camera, lights, and the brightness of the sky."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._model = model
+    def __init__(self, model: mujoco.MjModel, resources: Resources) -> None:
+        self._model, self._resources = model, resources
         self._geoms = np.flatnonzero(geoms_drawn(model))
         self._groups = model.geom_group.copy()
         self._clip_m = clip_depths_m(model)
         self._bounds, self._detail = Bounds(model), Detail(model)
         self._options = _geoms_only()
-        self._contact = ContactShadows(model)
-        self._scene = mujoco.MjvScene(model, model.ngeom + len(self._contact.feet) + _SPARE_GEOMS)
+        self._scene = mujoco.MjvScene(model, model.ngeom + len(feet_of(model)) + _SPARE_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = False
+        self._contact = ContactShadows(model, self._scene.geoms)
         self._eyes = tuple(self._scene.camera)  # MuJoCo draws the average of two eyes: both get the same camera
         self._sky_material = sky_material(model)
         skies = np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
@@ -160,16 +161,17 @@ class _Scene:
         maps = {int(light): shadow_map(model, data.light_xdir[light], T_world_camera)
                 for light in lights if model.light_type[light] == _DIRECTIONAL}  # fmt: skip
         hidden = self._hidden(view, PixelRect(0, 0, *size), lights, maps)
+        shown = np.ones(model.ngeom, dtype=np.bool_)
+        shown[hidden] = False
         # `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the tiles of an
         # infinite plane) would come from the camera of the previous frame.
         self._place_camera(view, size)
-        scene.ngeom = 0
+        scene.ngeom = self._contact.place(view, shown[self._contact.feet])
         model.geom_group[hidden] = _NEVER_DRAWN_GROUP
-        far = self._detail.far(view, self._geoms)
+        far = self._geoms[self._detail.far(view, self._geoms)]
         model.geom_dataid[far] = self._detail.coarse[far]
         mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
         model.geom_group[hidden], model.geom_dataid[far] = self._groups[hidden], self._detail.meshes[far]
-        self._contact.add(view, scene, ~np.isin(self._contact.feet, hidden))
         mujoco.mjv_makeLights(model, data, scene)
         for light in scene.lights[: scene.nlight]:
             if light.id in maps:
@@ -199,7 +201,7 @@ class _Scene:
             eye.frustum_near, eye.frustum_far = sides.near, sides.far
             eye.orthographic = 0
 
-    def update_sky(self, resources: Resources) -> None:
+    def update_sky(self) -> None:
         """Keep OpenGL's sky texture, which is drawn without lighting, as bright as the model's sky material.
 
         The OpenGL context must be current.
@@ -213,7 +215,7 @@ class _Scene:
         original = texels.copy()
         levels = np.clip(np.round(np.arange(256) * brightness), 0.0, 255.0).astype(np.uint8)
         texels[:] = cv2.LUT(original, levels).reshape(-1)
-        resources.upload_texture(model, texture)
+        self._resources.upload_texture(model, texture)
         texels[:] = original
         self._sky_brightness = brightness
 
@@ -227,12 +229,13 @@ def shadow_map(model: mujoco.MjModel, direction: FloatArray, T_world_camera: Flo
     """
     half_width_m = float(model.vis.map.shadowclip) * float(model.stat.extent)
     pixel_m = 2.0 * half_width_m / max(int(model.vis.quality.shadowsize), 1)
-    up = np.cross((1.0, 0.0, 0.0), direction)  # MuJoCo's axes of the map
-    up /= max(float(np.linalg.norm(up)), 1e-9)
-    right = np.cross(direction, up)
-    ahead = T_world_camera[:3, 2] * (1.0, 1.0, 0.0)
-    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
-    middle = T_world_camera[:3, 3] * (1.0, 1.0, 0.0) + _AHEAD * half_width_m * ahead
+    x, y, z = direction.tolist()
+    level = max(math.hypot(y, z), 1e-9)
+    # MuJoCo's axes of the map: up is across the world's x axis.
+    right, up = np.array([level * level, -x * y, -x * z]) / level, np.array([0.0, -z, y]) / level
+    ahead_x, ahead_y, _ = T_world_camera[:3, 2].tolist()
+    reach_m = _AHEAD * half_width_m / max(math.hypot(ahead_x, ahead_y), 1e-9)
+    middle = T_world_camera[:3, 3] * (1.0, 1.0, 0.0) + (reach_m * ahead_x, reach_m * ahead_y, 0.0)
     across, along = (pixel_m * round(float(middle @ axis) / pixel_m) for axis in (right, up))
     centre = across * right + along * up + float(middle @ direction) * direction
     return ShadowMap(direction, right, up, centre, half_width_m)
