@@ -59,6 +59,10 @@ class PartColours:
         self._means = first.copy()
         self._usual, self._count = FIRST_LIKENESS, 1
 
+    def describe(self, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> Histograms:
+        """See the function `describe`."""
+        return describe(pyramid, centre, size)
+
     def likeness(self, found: Histograms) -> float:
         """Likeness of `(3, BINS^3)` histograms with the target's, as a share of what is usual for the target."""
         return float(np.sqrt(self._means * found).sum(axis=1).mean()) / self._usual

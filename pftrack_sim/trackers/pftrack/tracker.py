@@ -19,7 +19,8 @@ from pftrack_sim.trackers.parameters import NotNegative, Parameters, Share
 from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter, vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
-from pftrack_sim.trackers.pftrack.parts import Histograms, PartColours, describe
+from pftrack_sim.trackers.pftrack.parts import PartColours, describe
+from pftrack_sim.trackers.pftrack.person import KnownPerson
 from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 
@@ -63,8 +64,8 @@ class PftrackParameters(Parameters):
         recentre: Distance of the target from the window's centre above which the window is put around it and evaluated
             once more, as a share of its side.
         momentum: Share of the target's own velocity by which the search starts ahead; 0: no such start.
-        unsure_likeness: Likeness of the parts' colours, as a share of the usual one, below which the target is occluded
-            and nothing is learnt ...
+        unsure_likeness: Likeness of the person or of the parts' colours, as a share of the usual one, below which the
+            target is occluded and nothing is learnt ...
         sure_likeness: ... and from which on everything is; between the two the rates grow linearly.
         occlusion_hold: An occluded target whose score is below this share of its running mean is not followed; above
             it the box moves.
@@ -72,6 +73,8 @@ class PftrackParameters(Parameters):
         found_likeness: A place found is taken from this likeness on ...
         found_peak: ... and from this share of the correlation response's running mean on ...
         found_gain: ... and, where the target is not occluded, if it is more alike by this.
+        person_gain: Share of a person's distance from the box, and of the difference in size, that is made good in a
+            frame; 0: people are known by their colours alone, as other targets are.
     """
 
     cells: Annotated[int, Field(ge=8, le=128, multiple_of=2)] = 32
@@ -101,6 +104,7 @@ class PftrackParameters(Parameters):
     found_likeness: Share = 0.92
     found_peak: Share = 0.5
     found_gain: Share = 0.04
+    person_gain: Share = 0.3
 
 
 class Match(NamedTuple):
@@ -113,15 +117,15 @@ class Match(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A match, and the colours of its parts with their likeness to the target's."""
+    """A match, and how it looks, with the likeness to the target: `PersonView` of a person, else `Histograms`."""
 
     match: Match
-    parts: Histograms
+    looks: Any
     likeness: float
 
 
 class Pftrack(BaseTracker):
-    """Correlation filter with colour, scale and camera motion that knows its target by the colours of its parts.
+    """Correlation filter with colour, scale and camera motion that knows people by a network, else parts by colour.
 
     It draws no random numbers.
     """
@@ -139,7 +143,7 @@ class Pftrack(BaseTracker):
         self._colour: ColourModel
         self._scales: ScaleFilter
         self._camera: CameraMotion
-        self._parts: PartColours
+        self._looks: KnownPerson | PartColours
         self._usual: FloatArray | None = None
 
     def _start(self, image: Image, box: Box) -> None:
@@ -158,7 +162,8 @@ class Pftrack(BaseTracker):
         self._usual = None
         self._unsure, self._sure_scale = 0, 1.0
         pyramid = ImagePyramid(image)
-        self._parts = PartColours(describe(pyramid, self._centre, self._size))
+        person = KnownPerson.found(pyramid, self._centre, self._size) if p.person_gain > 0.0 else None
+        self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
         self._camera_shift(image)
         self._learn(pyramid, 1.0)
 
@@ -182,17 +187,21 @@ class Pftrack(BaseTracker):
         peak = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
         if not hold and p.scale_count > 1 and self._frame % p.scale_interval == 0:
             self._rescale(pyramid, image, peak)
+        person = self._looks if isinstance(self._looks, KnownPerson) else None
+        if person is not None and not occluded:  # who is not alike may be another, in front
+            self._settle(person.correction(place.looks), image)
         if not occluded:
             trust = _ramp(place.likeness, p.unsure_likeness, p.sure_likeness)
             self._velocity = 0.5 * (self._velocity + found.centre - carried)
             self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
             if trust > 0.0:
                 self._learn(pyramid, peak * trust)
-                self._parts.learn(place.parts, place.likeness, trust)
+                self._looks.learn(place.looks, place.likeness, trust)
                 self._sure_scale = self._scale
         size = self._scale * self._size
         box = np.concatenate([self._centre - 0.5 * size, size])
-        return Estimate(box, _ramp(place.likeness, UNLIKE, 1.0), occluded)
+        hidden = occluded and (hold or person is None or person.is_covered(place.looks))
+        return Estimate(box, _ramp(place.likeness, UNLIKE, 1.0), hidden)
 
     def _camera_shift(self, image: Image) -> FloatArray:
         return self._camera.shift(image) if self.params.camera_motion else np.zeros(2)
@@ -233,20 +242,25 @@ class Pftrack(BaseTracker):
         return Match(float(scores[row, column]), float(peaks[row, column]), at, scale)
 
     def _place(self, pyramid: ImagePyramid, match: Match) -> Place:
-        parts = describe(pyramid, match.centre, match.scale * self._size)
-        return Place(match, parts, self._parts.likeness(parts))
+        looks, likeness = self._look(pyramid, match.centre, match.scale)
+        return Place(match, looks, likeness)
+
+    def _look(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> tuple[Any, float]:
+        """How the target's box at a centre looks, and its likeness to the target."""
+        known: Any = self._looks  # Each describes what it compares.
+        looks = known.describe(pyramid, centre, scale * self._size)
+        return looks, known.likeness(looks)
 
     def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, likeness: float) -> Place | None:
         """The best place in the whole image where the target may be; None where no other is as sure as asked for.
 
-        Places are proposed by colour at several sizes, ordered by their parts, and compared by the filter.
+        Places are proposed by colour at several sizes, ordered by their looks, and compared by the filter.
         """
         p = self.params
         proposed: list[tuple[float, float, FloatArray]] = []
         for scale in (share * self._sure_scale for share in SEARCH_SCALES):
             for centre in self._colour_peaks(image, scale * self._size):
-                parts = describe(pyramid, centre, scale * self._size)
-                proposed.append((self._parts.likeness(parts), scale, centre))
+                proposed.append((self._look(pyramid, centre, scale)[1], scale, centre))
         proposed.sort(key=lambda one: -one[0])
         least = max(p.found_likeness, 0.0 if likeness < p.unsure_likeness else likeness + p.found_gain)
         best: Place | None = None
@@ -277,7 +291,16 @@ class Pftrack(BaseTracker):
         share = _ramp(peak, p.scale_unsure, p.scale_sure)
         if share == 0.0:
             return
-        scale = self._scale * self._scales.factor(pyramid, self._centre, self._scale) ** share
+        self._set_scale(self._scale * self._scales.factor(pyramid, self._centre, self._scale) ** share, image)
+
+    def _settle(self, correction: tuple[FloatArray, float] | None, image: Image) -> None:
+        """Move the box towards the person in it, and to the person's size."""
+        if correction is not None:
+            gain, (shift, growth) = self.params.person_gain, correction
+            self._centre = _inside(self._centre + gain * self._scale * float(self._size[1]) * shift, image)
+            self._set_scale(self._scale * math.exp(gain * growth), image)
+
+    def _set_scale(self, scale: float, image: Image) -> None:
         least = min(MIN_SIZE_PX / float(self._size.min()), 1.0)
         most = max(2.0 * min(image.shape[1] / float(self._size[0]), image.shape[0] / float(self._size[1])), 1.0)
         self._scale = min(max(scale, least), most)

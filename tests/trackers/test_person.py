@@ -1,0 +1,86 @@
+"""What the network of `pftrack` says of people that the simulator draws, and of what is no person."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from pftrack_sim.core import boxes
+from pftrack_sim.core.records import Frame
+from pftrack_sim.scenario import load
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.trackers.pftrack.person import KnownPerson, look
+from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
+
+SEED = 3  # The network was trained on 200 to 207
+
+
+@pytest.fixture(scope="module")
+def frames() -> Iterator[list[Frame]]:
+    size = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 2}
+    simulation = Simulation(load("follow/plaza", size))
+    yield [simulation.reset(SEED), *(simulation.advance() for _ in range(24))]
+    simulation.close()
+
+
+def in_full_view(frames: list[Frame]) -> list[Frame]:
+    return [one for one in frames if one.truth.visible_fraction > 0.9 and one.truth.truncation == 0.0]
+
+
+@pytest.mark.parametrize(
+    ("right", "down", "growth"), [(0.0, 0.0, 0.0), (0.12, 0.0, 0.0), (0.0, -0.2, 0.0), (0.0, 0.0, 0.35), (0, 0, -0.3)]
+)
+def test_a_person_is_found_beside_the_box(frames: list[Frame], right: float, down: float, growth: float):
+    errors: list[list[float]] = []
+    for frame in in_full_view(frames):
+        box = frame.truth.amodal_box
+        height = float(box[3])
+        view = look(
+            ImagePyramid(frame.image),
+            boxes.centre(box) - height * np.array([right, down]),
+            box[2:] * np.exp(-growth),
+        )
+        in_box = np.exp(growth)
+        errors.append([*(view.shift - np.array([right, down]) * in_box), view.growth - growth])
+    assert np.abs(np.median(errors, axis=0)).max() < 0.1
+
+
+def test_views_of_a_person_are_more_alike_than_those_of_another(frames: list[Frame]):
+    seen = in_full_view(frames)
+    first = seen[0]
+    known = KnownPerson.found(
+        ImagePyramid(first.image), boxes.centre(first.truth.amodal_box), first.truth.amodal_box[2:]
+    )
+    assert known is not None
+    likeness: dict[bool, list[float]] = {True: [], False: []}
+    for frame in seen[1:]:
+        for person in frame.people:
+            box = person.amodal_box
+            if person.visible_fraction > 0.9 and person.truncation == 0.0 and box[3] > 30:
+                view = known.describe(ImagePyramid(frame.image), boxes.centre(box), box[2:])
+                likeness[person is frame.truth].append(known.likeness(view))
+    assert min(len(one) for one in likeness.values()) >= 5
+    assert np.median(likeness[True]) > np.quantile(likeness[False], 0.9)
+
+
+def test_noise_and_walls_are_no_person(frames: list[Frame]):
+    noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3), dtype=np.uint8)
+    for image in (noise, np.full((240, 320, 3), 120, np.uint8), frames[0].image[:60]):
+        assert KnownPerson.found(ImagePyramid(image), np.array([60.0, 30.0]), np.array([18.0, 54.0])) is None
+
+
+def test_a_box_is_corrected_beyond_what_views_vary_by(frames: list[Frame]):
+    """Towards the person's own place and size; a box that fits stays."""
+    first = in_full_view(frames)[0]
+    pyramid, box = ImagePyramid(first.image), first.truth.amodal_box
+    known = KnownPerson.found(pyramid, boxes.centre(box), box[2:])
+    assert known is not None
+    fits = known.correction(known.describe(pyramid, boxes.centre(box), box[2:]))
+    assert fits is not None
+    assert not fits[0].any()
+    assert fits[1] == 0.0
+    aside = boxes.centre(box) - np.array([0.15, 0.0]) * box[3]
+    moved = known.correction(known.describe(pyramid, aside, 1.4 * box[2:]))
+    assert moved is not None
+    assert moved[0][0] > 0.03
+    assert moved[1] < -0.1
