@@ -1,6 +1,7 @@
 """The tutorial about a tracker of one's own ends as it says: a measured difference between two versions."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,9 @@ def test_code_and_commands_run_in_order(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_the_document_is_code_and_commands():
     found = blocks(DOCUMENT)
-    assert [language for language, _, _ in found] == ["python", "sh", "sh", "python", "sh", "sh"]
+    assert [language for language, _, _ in found] == ["python", "sh", "sh", "python", "sh", "sh", "toml"]
     for language, _, block in found:
         if language == "python":
             compile(block, str(DOCUMENT), "exec")
+        elif language == "toml":
+            assert "pftrack_sim.trackers" in tomllib.loads(block)["project"]["entry-points"]
