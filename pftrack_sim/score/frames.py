@@ -138,10 +138,11 @@ def misread_boxes(estimates: ArrayLike, truth: ArrayLike, size: tuple[float, flo
     if not first.size:
         return None
     own = float(boxes.pairwise_iou(said[first], true[first]).mean())
-    others = {
-        name: float(boxes.pairwise_iou(read(said[first], np.array(size)), true[first]).mean())
-        for name, read in _READINGS.items()
-    }
+    with np.errstate(over="ignore", invalid="ignore"):  # 1e308 is finite and a difference of two such is not
+        others = {
+            name: float(boxes.pairwise_iou(read(said[first], np.array(size)), true[first]).mean())
+            for name, read in _READINGS.items()
+        }
     best = max(others, key=others.__getitem__)
     if others[best] < SUCCESS_OVERLAP or others[best] < 2.0 * own:
         return None

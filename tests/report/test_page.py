@@ -62,7 +62,7 @@ def test_plots_of_several_axes_stand_beside_each_other(opened: Any):
 def test_one_tracker_has_no_table_of_pairs(opened: Any):
     pairs = opened.locator("section:has(#matrix)")
     assert pairs.is_visible()
-    opened.evaluate("() => { DATA.trackers.splice(1); DATA.matrix.pairs = []; drawMatrix(); }")
+    opened.evaluate("() => { DATA.trackers.splice(1); DATA.matrix = []; drawMatrix(); }")
     assert not pairs.is_visible()
 
 

@@ -86,3 +86,4 @@ def test_boxes_in_another_convention_are_told_from_wrong_ones(name: str):
     assert said is None if name == "x, y, w, h" else f"if they are {name}," in str(said)
     assert misread_boxes(truth + 200.0, truth, (320, 240)) is None, "wrong in every convention"
     assert misread_boxes(np.full((3, 4), np.nan), truth[:3], (320, 240)) is None
+    assert misread_boxes(np.tile([-1e308, -1e308, 1e308, 1e308], (3, 1)), truth[:3], (320, 240)) is None
