@@ -52,7 +52,7 @@ def finer_ids(segmenter: Segmenter, view: View, rect: PixelRect, geoms: np.ndarr
     for some, triangles in zip(
         segmenter.by_distance(view, geoms), (segmenter.triangles, segmenter.coarse), strict=True
     ):
-        draw_triangles(some, *triangles, *poses, window, segmenter.near_m, drawn.ids, drawn.inverse_depth)
+        draw_triangles(some, triangles, *poses, window, segmenter.near_m, drawn.ids, drawn.inverse_depth)
     return drawn.ids
 
 

@@ -86,11 +86,3 @@ def frustum(intrinsics: Intrinsics, width_px: int, height_px: int, near_m: float
         near=near_m,
         far=far_m,
     )
-
-
-def normalized_coordinates(points: FloatArray, T_world_camera: FloatArray, near_m: float) -> FloatArray:
-    """`(..., 2)` normalized image coordinates of `(..., 3)` world points [m]; NaN where the depth is below `near_m`."""
-    local = (points - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
-    depth = local[..., 2:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(depth >= near_m, local[..., :2] / depth, np.nan)

@@ -25,6 +25,22 @@ _SWEEP_INSTANTS = 5  # Instants of each point's exposure whose extent is the swe
 _SMALL_PX, _SMALL_BEND_PX = 8.0, 0.1  # How far, at most, the sides of triangles up to that size bend
 
 
+class Triangles(NamedTuple):
+    """Triangles of geoms; those of geom g are `faces[face_starts[g]:face_starts[g + 1]]`.
+
+    Attributes:
+        vertices: `(V, 3)` in the frame of their geom [m].
+        faces: `(F, 3)` vertices of each triangle, counted from the geom's first, counter-clockwise from outside.
+        vertex_starts: `(ngeom + 1,)` first vertex of each geom.
+        face_starts: `(ngeom + 1,)` first triangle of each geom.
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int32]
+    vertex_starts: IntArray
+    face_starts: IntArray
+
+
 class Readout(NamedTuple):
     """How the rows of one frame see the geoms of a model.
 
@@ -99,28 +115,19 @@ def place_vertices(
 
 @kernel
 def bound_triangles(
-    geoms: IntArray,
-    vertices: FloatArray,
-    faces: NDArray[np.int32],
-    vertex_starts: IntArray,
-    face_starts: IntArray,
-    readout: Readout,
-    places: FloatArray,
-    bounds: NDArray[np.int32],
+    geoms: IntArray, triangles: Triangles, readout: Readout, places: FloatArray, bounds: NDArray[np.int32]
 ) -> None:
     """Find the pixels of a frame in which the triangles of some geoms may be seen.
 
     Args:
         geoms: `(N,)` which, placed by `place_vertices`.
-        vertices: As there.
-        faces: `(F, 3)` vertices of the triangles, counted from the geom's first.
-        vertex_starts: As there.
-        face_starts: `(G + 1,)` each geom's first triangle.
+        triangles: Their triangles and those of others.
         readout: The frame.
         places: As there.
         bounds: `(F, 4)` first column and row, and one past the last column and row, in the image, filled for the geoms.
     """
     width, height = readout.size
+    vertices, faces, vertex_starts, face_starts = triangles
     for geom in geoms:
         first = vertex_starts[geom]
         for face in range(face_starts[geom], face_starts[geom + 1]):

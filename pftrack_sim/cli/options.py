@@ -192,11 +192,13 @@ class RunOptions:
     def axes(self) -> dict[str, list[float]]:
         """Levels of all axes, those of `--box-noise` and `--starts` among them."""
         axes = parse_axes(self.axis or [])
-        given = {"box_noise": [self.box_noise] * (self.box_noise != 0.0), "start": starts(self.starts)}
-        for name, levels in given.items():
-            if levels not in ([], [0.0]):
+        for name, option, levels in (
+            ("box_noise", "--box-noise", [self.box_noise]),
+            ("start", "--starts", starts(self.starts)),
+        ):
+            if levels != [0.0]:
                 if name in axes:
-                    raise ParameterError(f"--axis {name} and --{name.replace('_', '-')} are one and the same: give one")
+                    raise ParameterError(f"--axis {name} and {option} are one and the same: give one")
                 axes[name] = levels
         return axes
 

@@ -13,12 +13,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.camera.projection import Readout, bound_triangles, place_vertices
+from pftrack_sim.camera.projection import Readout, Triangles, bound_triangles, place_vertices
 from pftrack_sim.core.compiled import kernel, part_of_kernel
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.culling import GROUND_CONTACT_M, Bounds, PixelRect, View
 from pftrack_sim.render.segmentation import Segmentation, Segmenter
-from pftrack_sim.render.triangles import Triangles
 
 _DEPTH_MARGIN_M = 0.1  # A geom that is farther than a person by less may be nearer when another row is exposed
 _SHORT_PX = 4  # Columns up to which all are tried
@@ -58,7 +57,7 @@ class RowSegmenter:
         for some, placed in ((near, self._near), (far, self._far)):
             bounds = placed.bounds(some)
             layers = found.ids, found.inverse_depth
-            draw_rows(some, *placed.triangles, bounds, self._readout, self._rays, left, top, *layers)
+            draw_rows(some, placed.triangles, bounds, self._readout, self._rays, left, top, *layers)
 
     def may_occlude(self, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float) -> BoolArray:
         """`(N,)` which geoms may occlude a person; see `Bounds.may_occlude`."""
@@ -77,8 +76,8 @@ class RowSegmenter:
     def _box_extents(self) -> FloatArray:
         """`(ngeom, 10)` extents of the bounding boxes of all geoms."""
         geoms = np.arange(len(self._bounds.unbounded))
-        places = np.empty((len(self._bounds.corners), 4))
-        return place_vertices(geoms, self._bounds.corners, 8 * np.arange(len(geoms) + 1), self._readout, places)
+        corners, starts = self._bounds.corners, self._bounds.corner_starts
+        return place_vertices(geoms, corners, starts, self._readout, np.empty((len(corners), 4)))
 
     @cached_property
     def _tops_m(self) -> FloatArray:
@@ -112,7 +111,7 @@ class _Placed:
         """`(F, 4)` bounds of all triangles, filled for some geoms."""
         self.extents(geoms)
         new = geoms[~self._is_bound[geoms]]
-        bound_triangles(new, *self.triangles, self._readout, self._places, self._bounds)
+        bound_triangles(new, self.triangles, self._readout, self._places, self._bounds)
         self._is_bound[new] = True
         return self._bounds
 
@@ -120,10 +119,7 @@ class _Placed:
 @kernel
 def draw_rows(
     geoms: IntArray,
-    vertices: FloatArray,
-    faces: NDArray[np.int32],
-    vertex_starts: IntArray,
-    face_starts: IntArray,
+    triangles: Triangles,
     bounds: NDArray[np.int32],
     readout: Readout,
     rays: FloatArray,
@@ -136,10 +132,7 @@ def draw_rows(
 
     Args:
         geoms: `(N,)` which to draw.
-        vertices: See `Triangles`, as the next three.
-        faces: The same.
-        vertex_starts: The same.
-        face_starts: The same.
+        triangles: Their triangles and those of others.
         bounds: `(F, 4)` of the triangles, see `bound_triangles`.
         readout: The frame.
         rays: `(H, W, 2)` normalized coordinates of the pixels' centres.
@@ -149,6 +142,7 @@ def draw_rows(
         inverse_depth: `(h, w)` 1 / depth there [1/m].
     """
     height, width = ids.shape
+    vertices, faces, vertex_starts, face_starts = triangles
     poses, known = np.empty((height, 3, 4)), np.empty(height, dtype=np.bool_)
     corners, sides = np.empty((3, 3)), np.empty((3, 3))
     for geom in geoms:

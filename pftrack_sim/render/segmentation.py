@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.camera.pinhole import Intrinsics
+from pftrack_sim.camera.projection import Triangles
 from pftrack_sim.core.compiled import kernel, part_of_kernel
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.culling import PixelRect, View
@@ -81,7 +82,7 @@ class Segmenter:
         poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")
         near, far = self.by_distance(view, geoms)
         for some, triangles in ((near, self.triangles), (far, self.coarse)):
-            draw_triangles(some, *triangles, *poses, window, self.near_m, found.ids, found.inverse_depth)
+            draw_triangles(some, triangles, *poses, window, self.near_m, found.ids, found.inverse_depth)
 
     def by_distance(self, view: View, geoms: IntArray) -> tuple[IntArray, IntArray]:
         """Those of some geoms that are drawn by their `triangles` in a view, and those drawn by the `coarse` ones."""
@@ -92,10 +93,7 @@ class Segmenter:
 @kernel
 def draw_triangles(
     geoms: IntArray,
-    vertices: FloatArray,
-    faces: NDArray[np.int32],
-    vertex_starts: IntArray,
-    face_starts: IntArray,
+    triangles: Triangles,
     positions: FloatArray,
     rotations: FloatArray,
     pose: FloatArray,
@@ -108,10 +106,7 @@ def draw_triangles(
 
     Args:
         geoms: `(N,)` which to draw.
-        vertices: See `Triangles`, as the next three.
-        faces: The same.
-        vertex_starts: The same.
-        face_starts: The same.
+        triangles: Their triangles and those of others.
         positions: `(ngeom, 3)` of the geoms [m].
         rotations: `(ngeom, 3, 3)` of the geoms.
         pose: `(4, 4)` T_world_camera.
@@ -121,6 +116,7 @@ def draw_triangles(
         inverse_depth: `(h, w)` 1 / depth there [1/m].
     """
     fx, fy, cx, cy = intrinsics
+    vertices, faces, vertex_starts, face_starts = triangles
     axes, corners = np.empty((3, 4)), np.empty((4, 3))
     most = 0
     for geom in geoms:

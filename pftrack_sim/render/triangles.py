@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.camera.extents import CORNERS
+from pftrack_sim.camera.projection import Triangles
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.culling import View
 
@@ -24,22 +25,6 @@ _BOX_FACES = np.array(
 
 _QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 _NOTHING = np.empty((0, 3)), np.empty((0, 3), dtype=np.intp)
-
-
-class Triangles(NamedTuple):
-    """Triangles of all drawn geoms; those of geom g are `faces[face_starts[g]:face_starts[g + 1]]`.
-
-    Attributes:
-        vertices: `(V, 3)` in the frame of their geom [m].
-        faces: `(F, 3)` vertices of each triangle, counted from the geom's first, counter-clockwise from outside.
-        vertex_starts: `(ngeom + 1,)` first vertex of each geom.
-        face_starts: `(ngeom + 1,)` first triangle of each geom.
-    """
-
-    vertices: FloatArray
-    faces: NDArray[np.int32]
-    vertex_starts: IntArray
-    face_starts: IntArray
 
 
 class Detail:

@@ -90,9 +90,9 @@ def bounds_of(measure: str) -> Bounds:
     """Bounds of a column of the summary: shares lie in [0, 1], `mota` and `skill` below 1, counts and sizes above 0."""
     if measure in _SHARES:
         return 0.0, 1.0
-    return (
-        (-math.inf, 1.0) if measure in ("mota", "skill") else UNBOUNDED if measure == "drift_per_s" else (0.0, math.inf)
-    )
+    if measure in ("mota", "skill"):
+        return -math.inf, 1.0
+    return UNBOUNDED if measure == "drift_per_s" else (0.0, math.inf)
 
 
 def mean_over_seeds(values: ArrayLike, bounds: Bounds = UNBOUNDED) -> SeedMean:

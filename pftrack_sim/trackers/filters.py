@@ -138,8 +138,11 @@ class ParticleFilter:
 
     def resample(self, *, multinomial: bool = False) -> None:
         """Systematic resampling, or independent draws by weight; all weights are equal afterwards."""
-        resampling = multinomial_resampling if multinomial else systematic_resampling
-        chosen = resampling(self.weights, self._rng)
+        weights = self.weights
+        if multinomial:
+            chosen = self._rng.choice(weights.size, weights.size, p=weights)
+        else:
+            chosen = systematic_resampling(weights, self._rng)
         self.states = self.states[chosen]
         self.log_weights = np.zeros(chosen.size)
 
@@ -165,14 +168,6 @@ def systematic_resampling(weights: FloatArray, rng: np.random.Generator, count: 
     total = float(edges[-1])
     points = (rng.random() + np.arange(draws)) * (total / draws)
     # Rounding may put the last point on the upper end, beyond the last particle.
-    return np.searchsorted(edges, np.minimum(points, np.nextafter(total, 0.0)), side="right")
-
-
-def multinomial_resampling(weights: FloatArray, rng: np.random.Generator) -> NDArray[np.intp]:
-    """`(N,)` independent indices, each drawn with the probabilities of the `(N,)` weights (Lee et al. 2012, sec. V)."""
-    edges = np.cumsum(weights)
-    total = float(edges[-1])
-    points = rng.random(weights.size) * total
     return np.searchsorted(edges, np.minimum(points, np.nextafter(total, 0.0)), side="right")
 
 

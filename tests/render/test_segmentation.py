@@ -8,7 +8,7 @@ import pytest
 from observing import mujocos_renderer
 from render_stage import FAR, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, random_view
 
-from pftrack_sim.camera.pinhole import intrinsics, normalized_coordinates
+from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.core import boxes
 from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.gl.rasteriser import Rasteriser
@@ -100,7 +100,8 @@ def test_geoms_are_drawn_where_the_camera_matrix_projects_them():
     pose, odd = looking((0, 0, 1.2), (5, 0, 1.0), roll=0.3), intrinsics(WIDTH, HEIGHT, 0.9)
     odd[0, 0], odd[0, 2], odd[1, 2] = 1.4 * odd[0, 0], 100.25, 140.5
     ids = Segmenter(model).segment(view_of(data, pose, odd), IMAGE).ids
-    pixels = normalized_coordinates(np.array(spots), pose, 0.0) * odd[(0, 1), (0, 1)] + odd[:2, 2]
+    local = (np.array(spots) - pose[:3, 3]) @ pose[:3, :3]
+    pixels = local[:, :2] / local[:, 2:] * odd[(0, 1), (0, 1)] + odd[:2, 2]
     found = 0
     for index, (x, y) in enumerate(pixels):
         rows, columns = np.nonzero(ids == index)
@@ -145,6 +146,6 @@ def test_people_at_a_distance_are_drawn_and_segmented_by_the_same_coarse_meshes(
             np.testing.assert_array_equal(model.geom_dataid, detail.meshes)
             whole = np.zeros((HEIGHT, WIDTH), dtype=np.int32) - 1, np.zeros((HEIGHT, WIDTH), dtype=np.float32)
             poses = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3), pose
-            draw_triangles(fine, *segmenter.triangles, *poses, view.intrinsics, NEAR, *whole)
+            draw_triangles(fine, segmenter.triangles, *poses, view.intrinsics, NEAR, *whole)
             assert np.abs(boxes.from_mask(whole[0] >= 0) - boxes.from_mask(ours)).max() <= 1.0
     assert counts[0] == 0 < counts[1] < counts[2] <= counts[3] == 13

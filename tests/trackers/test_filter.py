@@ -1,7 +1,5 @@
 """The particle filter against closed-form results."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +11,6 @@ from pftrack_sim.trackers.box_filter import clip_states
 from pftrack_sim.trackers.filters import (
     ParticleFilter,
     RandomWalk,
-    multinomial_resampling,
     systematic_resampling,
 )
 from pftrack_sim.trackers.relatives.yang2005 import SobolNormals
@@ -30,17 +27,26 @@ def test_systematic_resampling_is_unbiased():
     assert stats.chisquare(seen[some], WEIGHTS[some] * draws.size).pvalue > 0.001
 
 
-@pytest.mark.parametrize("resampling", [systematic_resampling, multinomial_resampling])
-def test_resampling_of_n_particles_is_unbiased(resampling: Callable[..., np.ndarray]):
+def redrawn(rng: np.random.Generator, *, multinomial: bool) -> np.ndarray:
+    """Which particles of a filter with `WEIGHTS` are drawn."""
+    particle_filter = ParticleFilter(np.arange(7.0)[:, None], rng)
+    with np.errstate(divide="ignore"):
+        particle_filter.weigh(np.log(WEIGHTS))
+    particle_filter.resample(multinomial=multinomial)
+    return particle_filter.states[:, 0].astype(int)
+
+
+@pytest.mark.parametrize("multinomial", [False, True])
+def test_resampling_of_n_particles_is_unbiased(multinomial: bool):
     rng = np.random.default_rng(1)
-    counts = np.array([np.bincount(resampling(WEIGHTS, rng), minlength=7) for _ in range(15_000)])
+    counts = np.array([np.bincount(redrawn(rng, multinomial=multinomial), minlength=7) for _ in range(15_000)])
     error = counts.mean(axis=0) - 7 * WEIGHTS
     assert (np.abs(error) <= 4 * counts.std(axis=0) / np.sqrt(len(counts)) + 1e-12).all()
 
 
 def test_multinomial_draws_are_independent():
     rng = np.random.default_rng(2)
-    pairs = np.array([multinomial_resampling(WEIGHTS, rng)[:2] for _ in range(20_000)])
+    pairs = np.array([redrawn(rng, multinomial=True)[:2] for _ in range(20_000)])
     together = np.histogram2d(*pairs.T, bins=np.arange(8))[0] / len(pairs)
     assert np.abs(together - np.outer(WEIGHTS, WEIGHTS)).max() < 0.01
 

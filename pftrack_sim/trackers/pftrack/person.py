@@ -1,7 +1,7 @@
 """What a small network says of a box: where in it a person is, how much of the person can be seen, and who it is.
 
 The network was trained on people that the simulator draws, whose boxes, identities and covers are known exactly
-(`examples/train_person.py`): 170,000 parameters, which OpenCV evaluates in 0.3 ms.
+(`examples/train_person.py`): 170,000 parameters, evaluated by OpenCV.
 """
 
 from __future__ import annotations
