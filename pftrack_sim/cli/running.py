@@ -34,12 +34,14 @@ from pftrack_sim.cli.options import starts as start_shares
 from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.reading import write_page
 from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse_search, parse_settings, parse_trackers
-from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError, RunError
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec
     from pftrack_sim.benchmark.running.frame_cache import FrameCache
     from pftrack_sim.studio.recording import Source
+
+_WORST = 5
 
 
 @with_run_options
@@ -216,9 +218,15 @@ def follow(
 
 def film(
     run: Annotated[Path, typer.Argument(help="Run folder.")],
-    worst: Annotated[int, typer.Option(metavar="N", help="How many episodes of each tracker, the worst first.")] = 5,
+    worst: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", help="How many episodes of each tracker, the worst first; default: 5, with --failed all."
+        ),
+    ] = None,
     tracker: Annotated[str | None, typer.Option(help="Only the worst of this tracker: its name or label.")] = None,
     loss: Annotated[bool, typer.Option("--loss", help="Only episodes that end with the target lost.")] = False,
+    failed: Annotated[bool, typer.Option("--failed", help="Only drives without success, with their causes.")] = False,
     backend: Backend = None,
 ) -> None:
     """Film the worst episodes of a run.
@@ -226,15 +234,33 @@ def film(
     The frames are drawn again; the boxes are the stored ones, and no tracker runs.
     """
     from pftrack_sim.benchmark import RunStore
+    from pftrack_sim.benchmark.reading.failures import failures
     from pftrack_sim.benchmark.running.filming import film as film_results
     from pftrack_sim.benchmark.running.filming import worst as worst_of
+    from pftrack_sim.report.tables import causes
 
-    chosen = worst_of(RunStore(run).results, worst, tracker=tracker, lost=loss)
-    with RunStore.begin(run, RunStore(run).plan) as store, progress_bar("filming", len(chosen)) as tick:
-        videos = film_results(store, chosen, backend=backend, on_episode=tick)
+    results, plan = RunStore(run).results, RunStore(run).plan
+    if failed and plan.kind != "follow":
+        raise RunError(f"--failed asks for drives, and {run} was run in open loop; --loss asks for lost targets")
+    found = failures(RunStore(run)) if failed else {}
+    if failed:
+        results = [one for one in results if one.key in found]
+    count = worst if worst is not None else max(len(results), 1) if failed else _WORST
+    chosen = worst_of(results, count, tracker=tracker, lost=loss) if results or not failed else []
+    with RunStore.begin(run, plan) as store, progress_bar("filming", len(chosen)) as tick:
+        film_results(store, chosen, backend=backend, on_episode=tick)
         store.write_summary()
-    tables.print_lines(f"{one.label} {one.number('mean_overlap'):.3f}: {store.video_of(one)}" for one in chosen)
-    tables.print_lines([] if videos else ["no episode to film: the target is not lost, or never visible"])
+        videos = {one.key: store.video_of(one) for one in chosen}
+    if not chosen:
+        none = "no drive failed" if failed else "no episode to film: the target is not lost, or never visible"
+        tables.print_lines([none])
+    elif failed:
+        for table in causes([found[one.key] for one in chosen]):
+            tables.print_table(table)
+        named = {key: f"{' '.join([key[3], key[0], f'seed {key[2]}'])}, {found[key].statement}" for key in videos}
+        tables.print_lines(f"{named[key]}: {video}" for key, video in videos.items())
+    else:
+        tables.print_lines(f"{one.label} {one.number('mean_overlap'):.3f}: {videos[one.key]}" for one in chosen)
 
 
 def evaluate(

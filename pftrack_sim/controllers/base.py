@@ -13,6 +13,9 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import FloatArray
 
+LEAST_CONFIDENCE = 0.2
+"""Confidence below which a tracker counts as unsure, unless a controller is told otherwise."""
+
 
 @dataclass(frozen=True)
 class RobotParameters:

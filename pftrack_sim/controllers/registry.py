@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import Controller, RobotParameters
+from pftrack_sim.controllers.base import LEAST_CONFIDENCE, Controller, RobotParameters
 from pftrack_sim.controllers.obstacle_avoidance import ObstacleAvoidance
 from pftrack_sim.controllers.target_search import TargetSearch
 from pftrack_sim.controllers.visual_servo import VisualServo
@@ -34,12 +34,14 @@ class Still:
         return np.zeros(4)
 
 
-def _servo(*, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2) -> TargetSearch:
+def _servo(
+    *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = LEAST_CONFIDENCE
+) -> TargetSearch:
     return TargetSearch(VisualServo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence))
 
 
 def _servo_avoid(
-    *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2
+    *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = LEAST_CONFIDENCE
 ) -> ObstacleAvoidance:
     servo = VisualServo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence)
     return ObstacleAvoidance(TargetSearch(servo, drives=True))

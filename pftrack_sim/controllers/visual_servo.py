@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import RobotParameters, is_lost, is_positive
+from pftrack_sim.controllers.base import LEAST_CONFIDENCE, RobotParameters, is_lost, is_positive
 from pftrack_sim.controllers.target_distance import EDGE_PX, TargetDistance, View
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES
@@ -66,7 +66,7 @@ class VisualServo:
     """
 
     def __init__(
-        self, *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = 0.2
+        self, *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = LEAST_CONFIDENCE
     ) -> None:
         for key, value in {"distance_m": distance_m, "person_m": person_m}.items():
             if not (is_positive(value) or (key == "distance_m" and value is None)):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.reading.failures import Failure, failures
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.score.following import losses
 
@@ -30,9 +31,11 @@ def following_episodes(store: RunStore, numbers: Mapping[tuple[str, str, int], i
     chosen = {id(result) for result in results}
     trackers = list(dict.fromkeys(result.label for result in store.results))
     fields_of_view: dict[tuple[str, int], float] = {}
+    failed = failures(store)
     return [
         {"episode": numbers[result.scenario, result.condition.name, result.seed]}
         | _episode(store, result, trackers, fields_of_view)
+        | {"ending": _ending(result, failed.get(result.key))}
         for result in store.results
         if id(result) in chosen
     ]
@@ -71,7 +74,6 @@ def _episode(
         "distance": curve("after_distance_m"),
         "bearing": curve("after_bearing_rad", 1, math.degrees(1.0)),
         "lost": _lost(table),
-        "ending": _ending(result),
     }
 
 
@@ -104,8 +106,8 @@ def _lost(table: dict[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
-def _ending(result: Result) -> str:
-    """The outcome in words."""
+def _ending(result: Result, failure: Failure | None) -> str:
+    """The outcome, and what made it fail, in words."""
     touched = result.values.get("collided_with")
     outcome = {
         "finished": "driven to the end",
@@ -114,4 +116,5 @@ def _ending(result: Result) -> str:
     }[str(result.values["outcome"])]
     error = f"; error: {result.error}" if result.error else ""
     tracked = f"{result.number('follow_tracking_rate'):.0%} tracked"
-    return f"{outcome}; success {result.number('follow_success'):.0f}, {tracked}{error}"
+    why = f"failed: {failure.statement}" if failure else "success"
+    return f"{outcome}; {why}; {tracked}{error}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -13,6 +14,7 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.datasets.results import Scored, score_text
+from pftrack_sim.benchmark.reading.failures import CAUSES, Failure
 from pftrack_sim.benchmark.reading.summary import by_seed
 from pftrack_sim.benchmark.said.claims import ClaimComparison, compare_with_paper
 from pftrack_sim.benchmark.said.degradation import TITLES, degradation, table_rows
@@ -155,6 +157,18 @@ def following(results: Sequence[Result], columns: Mapping[str, str] = FOLLOWING)
     if found:
         notes = score.FOLLOWING_DEFINITIONS
         yield Table("Following", ["", "tracker+controller"], ["seeds", *columns], found, notes, grouped=True)
+
+
+def causes(failed: Iterable[Failure]) -> Iterator[Table]:
+    """How many drives of each tracker failed of each cause; none without one."""
+    counts: dict[str, Counter[str]] = {}
+    for one in failed:
+        counts.setdefault(one.label, Counter())[one.cause] += 1
+    heads = [cause for cause in CAUSES if any(cause in own for own in counts.values())]
+    rows = [[label, str(own.total()), *(str(own[cause]) for cause in heads)] for label, own in counts.items()]
+    if rows:
+        notes = {cause: CAUSES[cause] for cause in heads}
+        yield Table("Drives that failed, by cause", ["tracker+controller"], ["failed", *heads], rows, notes)
 
 
 def people(results: Sequence[Result], heads: Sequence[str] = tuple(score.PEOPLE_DEFINITIONS)) -> Iterator[Table]:

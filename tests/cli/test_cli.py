@@ -17,6 +17,7 @@ from rich.console import Console
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark.reading.failures import CAUSES
 from pftrack_sim.cli import main, tables
 from pftrack_sim.report.tables import Table
 
@@ -96,10 +97,31 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
     assert ".mp4" in filmed.stdout
     assert pftrack_sim("check", str(out)).returncode == 0
     assert "did you mean 'stay'" in pftrack_sim("film", str(out), "--tracker", "sty").stderr
+    drives = pftrack_sim("film", str(out), "--failed")
+    assert drives.returncode == 2
+    assert f"--failed asks for drives, and {out} was run in open loop" in drives.stderr
     again = pftrack_sim(*bench, "oracle", "--set", "duration_s=1")
     assert again.returncode == 2
     assert "holds another plan" in again.stderr
     assert "scenarios.plaza-walk.duration_s: 0.5 there, 1.0 asked for" in again.stderr
+
+
+@pytest.mark.slow
+def test_failed_drives_are_filmed_and_have_causes(tmp_path: Path):
+    out, size = tmp_path / "run", ["--set", "camera.width_px=80", "--set", "camera.height_px=60"]
+    command = ["follow", "follow/corridor", "--trackers", "stay,oracle", "--seeds", "0", "--videos", "none", *HERE]
+    done = pftrack_sim(*command, *size, "--set", "duration_s=8", "--set", "camera.rate_hz=10", "--out", str(out))
+    assert done.returncode == 0, done.stderr
+    assert "Drives that failed, by cause" in done.stdout
+    filmed = pftrack_sim("film", str(out), "--failed")
+    assert filmed.returncode == 0, filmed.stderr
+    found = re.search(r"^stay\+servo-avoid follow/corridor seed 0, ([a-z -]+)[^:]*: (.*\.mp4)$", filmed.stdout, re.M)
+    assert found is not None, filmed.stdout
+    assert found[1].removesuffix(" at ") in CAUSES
+    assert Path(found[2]).is_file()
+    assert "oracle" not in filmed.stdout
+    asked = pftrack_sim("query", str(out), "SELECT label, cause FROM failures", "--format", "csv")
+    assert asked.stdout.splitlines()[1].startswith("stay+servo-avoid,")
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
 from pftrack_sim.benchmark.kept.record import now
 from pftrack_sim.benchmark.kept.tables import parquet
+from pftrack_sim.benchmark.reading.failures import FAILURES
 from pftrack_sim.benchmark.reading.losses import create_loss_views
 from pftrack_sim.benchmark.reading.summary import Result, load_summary, results_of, write_summary
 from pftrack_sim.core.errors import RunError
@@ -64,7 +65,8 @@ class RunStore(RunFolder):
 
         `frames` has a row per tracker and frame, `summary` per tracker and episode, `episodes` per episode, `losses`
         per loss of the target with what happened then, `moments` per tracker and frame with what happens there,
-        `people` per person in view and frame; in closed loop with `label`, since each tracker leads elsewhere.
+        `people` per person in view and frame; in closed loop with `label`, since each tracker leads elsewhere, and
+        `failures` has a row per drive without success with its cause.
 
         Raises:
             RunError: There is no finished episode, or a file cannot be read.
@@ -86,6 +88,8 @@ class RunStore(RunFolder):
             for view in (_FRAMES, _PEOPLE, _EPISODES):
                 database.execute(view.format(results=parquet(files), drawn=parquet(drawn)))
             create_loss_views(database)
+            if self.plan.kind == "follow":
+                database.execute(FAILURES)
         except duckdb.Error as error:
             database.close()
             raise RunError(f"{self.path} cannot be read: {one_line(str(error))}") from None

@@ -89,6 +89,11 @@ class Result:
         return float(value) if value is not None else float("nan")
 
     @property
+    def key(self) -> tuple[str, str, int, str]:
+        """Scenario, condition, seed and label."""
+        return self.scenario, self.condition.name, self.seed, self.label
+
+    @property
     def label(self) -> str:
         """The tracker as people read it."""
         return self.tracker.label
