@@ -21,6 +21,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "follow follow/plaza --trackers oracle,ko2012 --seeds 0:2 --out runs/driven",
         "follow corridor --trackers ncc --controllers servo --latency ncc=measured --seeds 0:2 --out runs/late",
     ),
+    "limit": (
+        "limit corridor --axis jitter --axis noise --trackers ncc,opencv-kcf --budget 24 --out runs/limit",
+        "limit follow/plaza --axis jitter=0.5:8 --follow --trackers ncc --budget 24 --no-videos --out runs/drive",
+    ),
     "film": ("film runs/first --worst 2 --tracker ko2012", "film runs/driven --worst 1"),
     "export": (
         "export corridor --format vot --seeds 0:4 --out dataset",

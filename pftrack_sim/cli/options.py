@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -237,13 +237,14 @@ def starts(count: int) -> list[float]:
     return [place / count for place in range(count)]
 
 
-def with_run_options(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose last parameter, `run`, is typed as the options of `RunOptions`."""
+def with_run_options(command: Callable[..., None], left_out: Sequence[str] = ()) -> Callable[..., None]:
+    """A command whose last parameter, `run`, is typed as the options of `RunOptions`, but for those left out."""
     own = [one for one in inspect.signature(command, eval_str=True).parameters.values() if one.name != "run"]
     hints = get_type_hints(RunOptions, include_extras=True)
     shared = [
         inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name])
         for one in fields(RunOptions)
+        if one.name not in left_out
     ]
 
     @functools.wraps(command)

@@ -187,6 +187,39 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]
     return found
 
 
+def parse_ranges(pairs: Sequence[str]) -> dict[str, tuple[float, float] | None]:
+    """`AXIS` and `AXIS=LOW:HIGH`, in the unit of the axis.
+
+    >>> parse_ranges(["jitter", "occlusion=0.2:3"])
+    {'jitter': None, 'occlusion': (0.2, 3.0)}
+    """
+    ranges: dict[str, tuple[float, float] | None] = {}
+    for pair in pairs:
+        name, equals, text = (part.strip() for part in pair.partition("="))
+        try:
+            low, high = (float(end) for end in text.split(":")) if equals else (0.0, 0.0)
+        except ValueError:
+            raise ParameterError(
+                f"--axis takes AXIS, or AXIS=LOW:HIGH in its unit, for example jitter=0.5:5; got {one_line(pair, 60)!r}"
+            ) from None
+        if name in ranges:
+            raise ParameterError(f"--axis {name} is given twice")
+        ranges[name] = (low, high) if equals else None
+    return ranges
+
+
+def parse_percent(text: str, option: str) -> float:
+    """A share, as `10%`.
+
+    >>> parse_percent("10%", "--width")
+    0.1
+    """
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", text)
+    if not match:
+        raise ParameterError(f"{option} takes a percentage, for example 10%; got {one_line(text, 60)!r}")
+    return float(match[1]) / 100.0
+
+
 def parse_axes(pairs: Sequence[str]) -> dict[str, list[float]]:
     """`AXIS=0,1,2` and `AXIS.PARAMETER=5,10` pairs.
 

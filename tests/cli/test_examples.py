@@ -15,7 +15,7 @@ from tests.cli.test_cli import pftrack_sim
 GROUP: Any = typer.main.get_command(app)
 SETTINGS = ("camera.width_px=96", "camera.height_px=72", "camera.rate_hz=10", "duration_s=1", "lights.shadows=false")
 SMALL = [word for one in SETTINGS for word in ("--set", one)]
-DRAWING = ("render", "profile", "bench", "follow", "export")
+DRAWING = ("render", "profile", "bench", "follow", "limit", "export")
 SERVING = ("studio", "trax")
 
 

@@ -23,7 +23,7 @@ SUMS = "SHA256SUMS"
 RECORD = "run.json"
 TABLES_OF_RESULTS = ("episodes/", "frames/")
 
-_DERIVED = (RECORD, "summary.parquet", "report.html", "tables/")
+_DERIVED = (RECORD, "summary.parquet", "report.html", "limits.json", "limits.html", "tables/")
 _FOLDERS = ("episodes", "frames", "tables", "videos", "logs", "errors")
 _MAX_SUMS_BYTES = 1 << 30
 _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)")

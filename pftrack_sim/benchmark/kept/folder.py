@@ -193,6 +193,12 @@ class RunFolder:
         for name in sorted(new, key=lambda name: name.startswith("episodes/")):
             write_bytes(self.path / name, new[name])
 
+    def ask(self, plan: Plan) -> None:
+        """Ask for all that a plan has, too; ParameterError where it cannot be."""
+        wanted = united(self.plan, plan, running=True)
+        if wanted is not self.plan:
+            self.note(finished=None, plan=wanted)
+
     def note(self, **changes: Any) -> None:
         """Change fields of the record."""
         self.record = self.record.model_copy(update=changes)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.asked.plan import Episode, Plan
 from pftrack_sim.benchmark.kept.tables import read_metadata
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.running.episode import EpisodeFiles
@@ -55,6 +55,10 @@ class ProgressCounter:
         present = {file: one for file, one in store.present.items() if one.episode.number in mine}
         for _, row in read_metadata(present):
             self._count(row)
+
+    def extend(self, plan: Plan, part: tuple[int, int]) -> None:
+        """Count towards a plan that asks for more."""
+        self.total = len(plan.episodes(part=part))
 
     def add(self, episode: Episode, files: EpisodeFiles) -> None:
         """Count a finished episode."""

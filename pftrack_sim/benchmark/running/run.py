@@ -17,7 +17,7 @@ from pftrack_sim.benchmark.kept.folder import SCRATCH
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.running.episode import WITHOUT_IMAGES, EpisodeJob
-from pftrack_sim.benchmark.running.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor
+from pftrack_sim.benchmark.running.executor import DaskExecutor, Executor, FinishedJob, LocalExecutor, SerialExecutor
 from pftrack_sim.benchmark.running.filming import film, worst
 from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.running.progress import ProgressCounter, RunProgress
@@ -60,6 +60,7 @@ def run(
     refresh: bool = False,
     stop_on_error: bool = False,
     cache: FrameCache | None = None,
+    more: Callable[[RunStore], Plan | None] = lambda _: None,
     on_progress: Callable[[RunProgress], None] = lambda _: None,
 ) -> RunStore:
     """Run a plan, or what is missing of it.
@@ -83,6 +84,7 @@ def run(
             versions of packages, or another scenario.
         stop_on_error: End the run, unfinished, after the first episode in which a tracker ends with an error.
         cache: Where rendered frames of open loops are kept and taken from; None: nowhere.
+        more: Called when all that is asked for is there: what to run besides, or None.
         on_progress: Called after every episode and a few times a second.
 
     Returns:
@@ -139,6 +141,15 @@ def run(
                     cache=cache,
                 )
 
+    def finished_jobs() -> Iterator[FinishedJob | None]:
+        nonlocal plan
+        yield from executor.run_all(jobs())
+        while not problems and (added := more(store)) is not None:
+            store.ask(added)
+            plan = store.plan
+            counter.extend(plan, part)
+            yield from executor.run_all(jobs())
+
     with (
         contextlib.closing(make_executor(plan, workers, scheduler, processes)) as executor,
         RunStore.begin(path, plan, refresh=refresh, running=True) as store,
@@ -150,7 +161,7 @@ def run(
         errors = 0
         try:
             with _deferred_interrupt(not isinstance(executor, SerialExecutor)) as interrupted:
-                for done in executor.run_all(jobs()):
+                for done in finished_jobs():
                     if done is not None and done.files is not None:
                         errors += sum(row["error"] is not None for row in done.files.rows)
                         shown = errors <= MAX_ERROR_FILES

@@ -1,0 +1,191 @@
+"""Breaking points as tables and as a page: success rates over the levels, and what breaks first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark.kept.checksums import Checksums
+from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.limits.found import Difference, Limit, Limits
+from pftrack_sim.benchmark.limits.scale import is_linear
+from pftrack_sim.benchmark.limits.search import examples
+from pftrack_sim.core.palette import styles_of
+from pftrack_sim.report.following import video_link
+from pftrack_sim.report.html import render
+from pftrack_sim.report.tables import Table
+
+_WIDTH, _HEIGHT, _LEFT = 600.0, 220.0, 30.0  # of a plot; the level 0 stands at its left edge
+_GROUPS = 14  # Points of a curve
+_TICKS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
+
+
+def limit_tables(found: Limits) -> list[Table]:
+    """The breaking points, and the differences between trackers where there are any."""
+    rows = [
+        [_axis_of(one), one.tracker, point_text(one), interval_text(one), str(one.episodes), one.stopped]
+        for one in found.limits
+    ]
+    title = f"Breaking points: {found.success}, in {100 * found.at:g} % of the episodes"
+    heads = ["breaking point", "95 % interval", "episodes", "stopped"]
+    tables = [Table(title, ["", "tracker"], heads, rows, grouped=True)]
+    pairs = [
+        [_axis_of(one), f"{one.first} - {one.second}", f"{one.difference:+.3g}", f"{one.low:+.3g} to {one.high:+.3g}"]
+        for one in found.differences
+    ]
+    if pairs:
+        tables.append(Table("Differences, paired by seed", ["", "trackers"], ["difference", "95 % interval"], pairs,
+                            grouped=True))  # fmt: skip
+    return tables
+
+
+def _axis_of(one: Limit | Difference) -> str:
+    return f"{one.scenario}, {one.axis} [{one.unit}]"
+
+
+def point_text(one: Limit) -> str:
+    """A breaking point, or why there is none."""
+    if one.verdict == "not monotone":
+        return f"not monotone (p = {one.monotone_p:.3f})"
+    if one.verdict != "breaks":
+        return one.verdict
+    return "-" if one.breaking_point is None else f"{one.breaking_point:.3g}"
+
+
+def interval_text(one: Limit) -> str:
+    """`1.2 to 1.5`, or `above 1.2` and `below 1.5` where an end is open."""
+    match one.low, one.high:
+        case None, None:
+            return "-"
+        case None, high:
+            return f"below {high:.3g}"
+        case low, None:
+            return f"above {low:.3g}"
+        case low, high:
+            return f"{low:.3g} to {high:.3g}"
+
+
+def write_limits_page(path: Path, found: Limits) -> Path:
+    """Write `limits.html` into a run folder; it needs nothing but itself and the videos beside it.
+
+    Raises:
+        RunError: No run folder, or one that cannot be written to.
+    """
+    store = RunStore(path)
+    videos = {
+        (one.scenario, one.condition.name, one.seed): link
+        for one in examples(store, found)
+        if (link := video_link(store, one)) is not None
+    }
+    styles = styles_of(dict.fromkeys(one.tracker for one in found.limits))
+    groups: dict[tuple[str, str], list[Limit]] = {}
+    for one in found.limits:
+        groups.setdefault((one.scenario, one.axis), []).append(one)
+    page = render(
+        "limits",
+        [],
+        title=path.resolve().name,
+        found=found,
+        tables=limit_tables(found),
+        styles=styles,
+        size=(_WIDTH, _HEIGHT),
+        plots=[_plot(group, videos) for group in groups.values()],
+        firsts=_firsts(found.limits),
+    )
+    target = path / "limits.html"
+    write_bytes(target, page.encode())
+    Checksums(path).update(target.name)
+    return target
+
+
+def _plot(limits: Sequence[Limit], videos: dict[tuple[str, str, int], str]) -> dict[str, Any]:
+    """One plot: curves, points and intervals of all trackers on an axis of a scenario, in its own units."""
+    first = limits[0]
+    low, high = first.range
+
+    def place(level: float) -> float:
+        if level < low:
+            return 0.5 * _LEFT
+        share = (level - low) / (high - low) if is_linear(first.axis) else math.log(level / low) / math.log(high / low)
+        return _LEFT + (_WIDTH - _LEFT - 8.0) * min(share, 1.0)
+
+    def drawn(one: Limit) -> dict[str, Any]:
+        groups: dict[int, list[tuple[float, int, int]]] = {}
+        for tried in one.tried:
+            at = place(tried.level)
+            groups.setdefault(int(_GROUPS * at / _WIDTH), []).append((at, tried.successes, tried.episodes))
+        points: list[tuple[float, float, float, int, float]] = []
+        for own in groups.values():
+            number = sum(episodes for _, _, episodes in own)
+            at = sum(x * episodes for x, _, episodes in own) / number
+            rate = sum(successes for _, successes, _ in own) / number
+            points.append((round(at, 1), round(_height(rate), 1), round(2.0 + math.sqrt(number), 1), number, rate))
+        curve = " ".join(f"{place(level):.1f},{_height(rate):.1f}" for level, rate in one.curve if level >= low)
+        known = one.low is not None or one.high is not None
+        ends = (place(one.low) if one.low else _LEFT, place(one.high) if one.high else _WIDTH - 8.0)
+        return {
+            "limit": one,
+            "point": point_text(one),
+            "interval": interval_text(one),
+            "curve": curve,
+            "points": points,
+            "ends": [round(end, 1) for end in ends] if known else None,
+            "mark": round(place(one.breaking_point), 1) if one.breaking_point is not None else None,
+            "videos": [
+                (words, f"{example.level:.3g} {one.unit}, seed {example.seed}", videos[key])
+                for words, example in (("held at", one.held), ("failed at", one.failed))
+                if example is not None and (key := (one.scenario, example.condition, example.seed)) in videos
+            ],
+        }
+
+    ticks = np.linspace(low, high, 6) if is_linear(first.axis) else [one for one in _TICKS if low <= one <= high]
+    return {
+        "scenario": first.scenario,
+        "axis": first.axis,
+        "unit": first.unit,
+        "ticks": [(round(place(float(one)), 1), f"{one:.3g}") for one in ticks],
+        "trackers": [drawn(one) for one in limits],
+    }
+
+
+def _height(rate: float) -> float:
+    return 8.0 + (_HEIGHT - 16.0) * (1.0 - rate)
+
+
+def _firsts(limits: Sequence[Limit]) -> list[dict[str, Any]]:
+    """For every scenario and tracker its axes, by what breaks it first in typical levels, as bars [percent]."""
+    groups: dict[tuple[str, str], list[Limit]] = {}
+    for one in limits:
+        if one.typical is not None:
+            groups.setdefault((one.scenario, one.tracker), []).append(one)
+    most = max((one.range[1] / one.typical for own in groups.values() for one in own if one.typical), default=1.0)
+
+    def share(level: float, typical: float) -> float:
+        """Bars are logarithmic, from a 16th of what is typical on."""
+        return round(100.0 * min(1.0, max(0.0, math.log(16.0 * level / typical) / math.log(16.0 * most))), 1)
+
+    def bar(one: Limit) -> dict[str, Any]:
+        assert one.typical is not None
+        reached = one.breaking_point
+        if reached is None:
+            reached = one.range[1] if one.verdict == "never breaks within the range" else one.low or 0.0
+        ends = (one.low or one.range[0], one.high or one.range[1])
+        return {
+            "axis": one.axis,
+            "text": f"{point_text(one)} {one.unit}" if one.breaking_point is not None else point_text(one),
+            "times": f"{reached / one.typical:.2g}" if reached else "0",
+            "bar": share(reached, one.typical) if reached else 0.0,
+            "ends": [share(end, one.typical) for end in ends] if one.verdict == "breaks" else None,
+            "sort": reached / one.typical,
+        }
+
+    return [
+        {"scenario": scenario, "tracker": tracker, "typical": share(1.0, 1.0),
+         "bars": sorted(map(bar, own), key=lambda one: one["sort"])}
+        for (scenario, tracker), own in groups.items()
+    ]  # fmt: skip

@@ -1,0 +1,182 @@
+"""Searches for breaking points: levels of axes, criteria of success, and runs that choose their own episodes."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small import SMALL, contents
+
+from pftrack_sim.benchmark import RunStore, make_plan, plan_all
+from pftrack_sim.benchmark.limits.found import Limits, read_limits
+from pftrack_sim.benchmark.limits.scale import make_scale
+from pftrack_sim.benchmark.limits.search import BATCH, Search, Wanted, find_limits, first_plan, make_searches
+from pftrack_sim.benchmark.limits.success import Outcomes, parse_success
+from pftrack_sim.benchmark.reading.check import check
+from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
+from pftrack_sim.core.random_streams import stream
+
+TRACKED = parse_success(None, "open")
+PLAN = make_plan(["corridor"], ["ncc", "stay"], range(400), overrides={**SMALL, "duration_s": 20})
+SPEC = PLAN.scenarios["corridor"]
+
+
+def searched(breaks_at: dict[str, float], *, slope: float = 8.0, **wanted: Any) -> tuple[Search, Outcomes]:
+    """A search and its outcomes, those of trackers with a known breaking point on the axis jitter [deg]."""
+    (search,) = make_searches(PLAN, Wanted({"jitter": None}, TRACKED, **wanted))
+    outcomes: dict[tuple[str, str, int, str], bool] = {}
+    while batch := search.next_batch(outcomes):
+        for level, seed in batch:
+            draw = stream(seed, "outcome").random()
+            for label, point in breaks_at.items():
+                stress = float(search.scale.levels[level])
+                rate = 1.0 / (1.0 + (stress / point) ** slope)
+                outcomes["corridor", search.scale.condition(level).name, seed, label] = bool(draw < rate)
+    return search, outcomes
+
+
+def test_levels_are_physical_and_0_is_the_scenario_itself():
+    scale = make_scale(SPEC, "jitter", None, 0)
+    assert scale.unit == "deg RMS"
+    assert scale.levels[0] == 0.0
+    assert scale.condition(0).levels == (("jitter", 0.0),)
+    assert abs(scale.levels[-1] - 8.0 * math.hypot(0.5, 1.5)) < 1e-2
+    for index in (1, 20, len(scale.levels) - 1):
+        assert abs(scale.level(scale.coordinates[index]) - scale.levels[index]) < 1e-9
+        (_, severity), *rest = scale.condition(index).levels
+        assert not rest
+        assert abs(severity * math.hypot(0.5, 1.5) - scale.levels[index]) < 1e-9
+
+
+def test_levels_end_where_the_scenario_does_not_take_more_and_people_are_whole():
+    assert abs(make_scale(SPEC, "occlusion", None, 0).levels[-1] - 7.0) < 0.6
+    assert make_scale(SPEC, "distractors", (1.0, 6.0), 0).levels.tolist() == [0, 1, 2, 3, 4, 5, 6]
+    light = make_scale(SPEC, "light", (0.5, 4.0), 0)
+    assert np.ptp(np.diff(light.coordinates[1:])) < 1e-2
+    noise = make_scale(SPEC, "box_noise", (0.01, 0.4), 0)
+    assert (noise.unit, noise.typical, noise.condition(len(noise.levels) - 1).of_run) == (
+        "share",
+        None,
+        {"box_noise": 0.4},
+    )
+
+
+@pytest.mark.parametrize(
+    ("axis", "span", "words"),
+    [
+        ("jiter", None, "did you mean 'jitter'"),
+        ("start", None, "no breaking point"),
+        ("jitter", (5.0, 1.0), "LOW:HIGH"),
+        ("jitter", (0.0, 1.0), "LOW:HIGH"),
+        ("occlusion", (0.2, 9.0), "at most 6"),
+    ],
+)
+def test_what_is_no_axis_or_range_is_an_error(axis, span, words):
+    with pytest.raises((ParameterError, UnknownNameError), match=words):
+        make_scale(SPEC, axis, span, 0)
+
+
+def test_an_axis_without_effect_in_the_scenario_is_an_error():
+    short = make_plan(["corridor"], ["stay"], [0], overrides=SMALL).scenarios["corridor"]
+    with pytest.raises(ScenarioError, match="has no effect"):
+        make_scale(short, "occlusion", None, 0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("overlapp >= 0.5 for 90 % of the episode", "did you mean 'overlap'"),
+        ("overlap <= 0.5 for 90 % of the episode", "good where it is >="),
+        ("overlap >= 0 for 90 % of the episode", "0 is always reached"),
+        ("overlap >= 0.5 for 101 % of the episode", "at most 100 %"),
+        ("overlap >= 0.5", "MEASURE >= X for Y % of the episode"),
+        ("followed to the end", "needs --follow"),
+    ],
+)
+def test_what_is_no_criterion_is_an_error(text, words):
+    with pytest.raises((ParameterError, UnknownNameError), match=words):
+        parse_success(text, "open")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [({"width": 0.0}, "width"), ({"budget": 8}, "24 episodes or more"), ({"at": 1.0}, "success rate")],
+)
+def test_what_cannot_be_reached_is_an_error(wanted, words):
+    with pytest.raises(ParameterError, match=words):
+        make_searches(PLAN, Wanted({"jitter": None}, TRACKED, **wanted))[0].next_batch({})
+
+
+def test_a_search_finds_known_breaking_points_and_stops_when_they_are_known():
+    search, outcomes = searched({"ncc": 1.5, "stay": 3.0}, width=0.4)
+    one, other = search.limits(outcomes)
+    for limit, true in ((one, 1.5), (other, 3.0)):
+        assert limit.verdict == "breaks"
+        assert limit.low < true < limit.high
+        assert limit.high - limit.low <= 0.4 * limit.breaking_point
+        assert limit.stopped.startswith("interval of")
+        assert limit.held.level <= limit.breaking_point <= limit.failed.level
+        assert sum(tried.episodes for tried in limit.tried) == limit.episodes == len(search.trials)
+    (difference,) = search.differences(outcomes)
+    assert difference.low < 1.5 - 3.0 < difference.high < 0.0
+    assert len({seed for _, seed in search.trials}) == len(search.trials)
+
+
+def test_a_search_says_what_lies_outside_its_range_and_does_not_extrapolate():
+    search, outcomes = searched({"ncc": 1e4, "stay": 1e-4}, budget=64)
+    never, below = search.limits(outcomes)
+    assert never.verdict == "never breaks within the range"
+    assert below.verdict == "breaks below the lowest level"
+    for limit in (never, below):
+        assert (limit.breaking_point, limit.low, limit.high, limit.held, limit.failed) == (None,) * 5
+        assert limit.stopped == "certain enough"
+    assert search.differences(outcomes) == []
+
+
+def test_a_search_stops_at_its_budget_and_at_its_seeds():
+    search, outcomes = searched({"ncc": 1.5, "stay": 1.5}, slope=1.5, budget=40)
+    assert {one.stopped for one in search.limits(outcomes)} == {"budget used up"}
+    assert len(search.trials) == 40
+    search.seeds = search.seeds[:40]
+    assert {one.stopped for one in search.limits(outcomes)} == {"seeds used up"}
+
+
+def small_search(path: Path, budget: int = 24, **options: Any) -> Limits:
+    plan = plan_all(["corridor"], trackers=["ncc", "stay"], seeds=range(40), overrides=SMALL)
+    searches = make_searches(plan, Wanted({"jitter": (0.5, 8.0)}, TRACKED, budget=budget))
+    return find_limits(first_plan(plan, searches), searches, path, **options)
+
+
+def test_the_same_search_gives_the_same_bits_and_can_be_resumed(tmp_path):
+    whole = small_search(tmp_path / "whole")
+    assert read_limits(tmp_path / "whole") == whole
+    assert check(tmp_path / "whole").good
+    assert [one.episodes for one in whole.limits] == [24, 24]
+
+    class Stopped(Exception):
+        pass
+
+    def stop(progress: Any) -> None:
+        if progress.done == BATCH + 3:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        small_search(tmp_path / "parts", on_progress=stop)
+    assert small_search(tmp_path / "parts") == whole
+    assert contents(tmp_path / "parts") == contents(tmp_path / "whole")
+    assert len(RunStore(tmp_path / "parts").plan.episodes()) == 24
+
+
+@pytest.mark.slow
+def test_the_number_of_workers_changes_nothing(tmp_path):
+    assert small_search(tmp_path / "two", workers=2) == small_search(tmp_path / "none")
+    assert contents(tmp_path / "two") == contents(tmp_path / "none")
+
+
+def test_a_folder_without_limits_is_an_error(tmp_path):
+    with pytest.raises(RunError, match=r"has no limits\.json"):
+        read_limits(tmp_path)
+    (tmp_path / "limits.json").write_text("{}")
+    with pytest.raises(RunError, match="cannot be read"):
+        read_limits(tmp_path)

@@ -1,0 +1,45 @@
+"""The command `limit`."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_cli import pftrack_sim
+from tests.cli.test_examples import SMALL
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("corridor", "for example --axis jitter"),
+        ("corridor --axis jiter", "did you mean 'jitter'"),
+        ("corridor --axis jitter=1", "jitter=0.5:5"),
+        ("corridor --axis jitter --axis jitter", "given twice"),
+        ("corridor --axis jitter --width 10", "--width takes a percentage"),
+        ("corridor --axis jitter --success always", "overlap >= 0.5 for 90 % of the episode"),
+        ("corridor --axis jitter --controllers servo", "--controllers needs --follow"),
+        ("ko2012 --axis jitter", "takes scenarios"),
+        ("corridor --axis latency --trackers ncc", "only where the tracker drives"),
+    ],
+)
+def test_a_wrong_input_is_one_line_and_exit_code_2(words: str, said: str, tmp_path: Path):
+    done = pftrack_sim("limit", *words.split(), cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_limits_are_printed_written_and_resumed(tmp_path: Path):
+    line = "limit corridor --axis jitter=0.5:8 --trackers ncc,stay --budget 24 --workers 1 --out run"
+    words = [*line.split(), *SMALL]
+    first, second = (pftrack_sim(*words, cwd=tmp_path) for _ in range(2))
+    assert first.returncode == second.returncode == 0, first.stderr
+    assert "Breaking points: overlap >= 0.5 for 90 % of the episode, in 50 % of the episodes" in first.stdout
+    assert first.stdout == second.stdout
+    found = json.loads((tmp_path / "run/limits.json").read_text())
+    assert [one["tracker"] for one in found["limits"]] == ["ncc", "stay"]
+    assert (tmp_path / "run/limits.html").is_file()
+    assert pftrack_sim("check", "run", cwd=tmp_path).returncode == 0

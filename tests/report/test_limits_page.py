@@ -1,0 +1,92 @@
+"""Breaking points as tables, and as a page."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pftrack_sim.benchmark import RunStore, plan_all
+from pftrack_sim.benchmark.limits.found import Difference, Limit, Limits, Tried
+from pftrack_sim.benchmark.limits.search import Wanted, examples, find_limits, first_plan, make_searches
+from pftrack_sim.benchmark.limits.success import parse_success
+from pftrack_sim.benchmark.running.filming import film
+from pftrack_sim.report.limits import interval_text, limit_tables, point_text, write_limits_page
+from tests.benchmark.small import SMALL
+
+FOUND = Limit(
+    scenario="corridor",
+    axis="jitter",
+    unit="deg RMS",
+    range=(0.1, 12.0),
+    typical=1.58,
+    tracker="ncc",
+    verdict="breaks",
+    breaking_point=1.234,
+    low=1.0,
+    high=1.5,
+    monotone_p=0.8,
+    episodes=40,
+    stopped="budget used up",
+    tried=(Tried(level=1.0, successes=3, episodes=4),),
+    curve=((0.0, 1.0), (12.0, 0.0)),
+    held=None,
+    failed=None,
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "point", "interval"),
+    [
+        ({}, "1.23", "1 to 1.5"),
+        ({"high": None}, "1.23", "above 1"),
+        ({"low": None, "breaking_point": None}, "-", "below 1.5"),
+        ({"verdict": "broken from the start", "low": None, "high": None}, "broken from the start", "-"),
+        ({"verdict": "not monotone", "monotone_p": 0.002, "low": None, "high": None}, "not monotone (p = 0.002)", "-"),
+    ],
+)
+def test_what_is_no_number_is_said_in_words(changes, point, interval):
+    one = FOUND.model_copy(update=changes)
+    assert (point_text(one), interval_text(one)) == (point, interval)
+
+
+def test_differences_have_a_table_of_their_own():
+    pair = Difference(
+        scenario="corridor",
+        axis="jitter",
+        unit="deg RMS",
+        first="ncc",
+        second="stay",
+        difference=0.5,
+        low=0.1,
+        high=0.9,
+        correlation=0.3,
+    )
+    found = Limits(success="overlap >= 0.5 for 90 % of the episode", at=0.5, limits=(FOUND,), differences=(pair,))
+    first, second = limit_tables(found)
+    assert first.rows == [["corridor, jitter [deg RMS]", "ncc", "1.23", "1 to 1.5", "40", "budget used up"]]
+    assert second.rows == [["corridor, jitter [deg RMS]", "ncc - stay", "+0.5", "+0.1 to +0.9"]]
+
+
+def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
+    plan = plan_all(["corridor"], trackers=["ncc", "stay"], seeds=range(40), overrides=SMALL)
+    wanted = Wanted(
+        {"jitter": (2.0, 10.0), "light": None},
+        parse_success("overlap >= 0.4 for 50 % of the episode", "open"),
+        budget=24,
+    )
+    searches = make_searches(plan, wanted)
+    found = find_limits(first_plan(plan, searches), searches, tmp_path / "run")
+    with RunStore.begin(tmp_path / "run", RunStore(tmp_path / "run").plan) as store:
+        shown = examples(store, found)
+        film(store, shown)
+        store.write_summary()
+    page = write_limits_page(tmp_path / "run", found)
+    text = page.read_text(encoding="utf-8")
+    assert text.count('<svg class="limit"') == 2
+    assert "What breaks first" in text
+    links = re.findall(r'<video src="([^"]+)"', text)
+    assert len(links) == len(shown)
+    assert all((page.parent / link).is_file() for link in links)
+    assert not re.search(r"(?:src|href)=\"(?:https?:)?//", text)
+    for limit in found.limits:
+        assert point_text(limit) in text
