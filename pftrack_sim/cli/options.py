@@ -111,6 +111,15 @@ BoxNoise = Annotated[
 Starts = Annotated[
     int, typer.Option(min=1, metavar="K", help="They start at K moments, a K-th of the episode apart (OTB's TRE).")
 ]
+Anchors = Annotated[
+    int | None,
+    typer.Option(
+        min=2,
+        metavar="K",
+        help="They start at K moments from the first to the last frame, and run forward from those of the first half "
+        "and backward from the others (VOT 2020's anchors, one each 50 frames): accuracy, robustness, EAO.",
+    ),
+]
 Search = Annotated[
     list[str] | None,
     typer.Option(
@@ -157,6 +166,7 @@ class RunOptions:
     axis: AxisLevels = None
     box_noise: BoxNoise = 0.0
     starts: Starts = 1
+    anchors: Anchors = None
     settings: Settings = None
     preset: BenchPreset = None
     truth: ScoredBox = "box"
@@ -190,15 +200,16 @@ class RunOptions:
 
     @property
     def axes(self) -> dict[str, list[float]]:
-        """Levels of all axes, those of `--box-noise` and `--starts` among them."""
+        """Levels of all axes, those of `--box-noise`, `--starts` and `--anchors` among them."""
         axes = parse_axes(self.axis or [])
         for name, option, levels in (
             ("box_noise", "--box-noise", [self.box_noise]),
             ("start", "--starts", starts(self.starts)),
+            ("start", "--anchors", anchors(self.anchors) if self.anchors else [0.0]),
         ):
             if levels != [0.0]:
                 if name in axes:
-                    raise ParameterError(f"--axis {name} and {option} are one and the same: give one")
+                    raise ParameterError(f"{option} and another option set the axis {name}: give one")
                 axes[name] = levels
         return axes
 
@@ -235,6 +246,12 @@ class RunOptions:
 def starts(count: int) -> list[float]:
     """Shares of an episode at which trackers start, so many, from 0 on."""
     return [place / count for place in range(count)]
+
+
+def anchors(count: int) -> list[float]:
+    """Levels of the axis `start` for so many anchors, below 0 for those from which trackers run backward."""
+    places = [place / (count - 1) for place in range(count)]
+    return [place if place <= 0.5 else -place for place in places]
 
 
 def with_run_options(command: Callable[..., None], left_out: Sequence[str] = ()) -> Callable[..., None]:

@@ -121,12 +121,13 @@ def print_run(plan: Plan, store: RunStore) -> None:
     from pftrack_sim.benchmark.reading.failures import failures
     from pftrack_sim.benchmark.said.claims import evaluate_claims
     from pftrack_sim.benchmark.said.readings import misread_trackers
-    from pftrack_sim.report.tables import axes, causes, claim_text, following, paper_tables
+    from pftrack_sim.report.tables import anchors, axes, causes, claim_text, following, paper_tables
 
     results = store.results
     print_warnings(misread_trackers(store))
     print_bench(results)
-    for table in (*axes(store), *following(results, _FOLLOWING), *causes(failures(store).values())):
+    said = (*axes(store), *anchors(store), *following(results, _FOLLOWING), *causes(failures(store).values()))
+    for table in said:
         print_table(table)
     for suite in plan.suites:
         for table in paper_tables(suite, results):

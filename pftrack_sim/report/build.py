@@ -23,7 +23,7 @@ from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.contents import contents, scored_contents
 from pftrack_sim.report.html import render
 from pftrack_sim.report.strips import strips
-from pftrack_sim.report.tables import benchmark_table, claim_text, paper_tables
+from pftrack_sim.report.tables import anchors, benchmark_table, claim_text, paper_tables
 
 _SESSION_KEYS = ("began", "command", "commit", "versions", "python", "platform")
 
@@ -57,6 +57,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         data,
         strips=strips(store),
         misread=misread_trackers(store),
+        benchmark=next(anchors(store), None),
         suites=[_suite(suite, store.results) for suite in store.plan.suites],
         how=_provenance(store),
         scenarios={name: scenario.digest for name, scenario in store.plan.scenarios.items()},

@@ -16,6 +16,7 @@ from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.profiles import changes_or_tiers
 from pftrack_sim.report.tables import (
     Table,
+    anchors,
     axes,
     claim_text,
     following,
@@ -121,7 +122,7 @@ def tables(store: RunStore) -> str:
     results, suites = store.results, store.plan.suites
     places = list(dict.fromkeys(place_of(result) for result in results))
     wide = len(places) > _MOST_COLUMNS or any(suite.tables for suite in suites)
-    found = [*axes(store), *following(results), *people(results)]
+    found = [*axes(store), *anchors(store), *following(results), *people(results)]
     parts = [_overlaps(results, [] if wide else places), *map(_markdown, found)]
     for suite in suites:
         parts += [_markdown(one) for one in paper_tables(suite, results)]

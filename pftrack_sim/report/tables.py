@@ -16,6 +16,7 @@ from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.datasets.results import Scored, score_text
 from pftrack_sim.benchmark.reading.failures import CAUSES, Failure
 from pftrack_sim.benchmark.reading.summary import by_seed
+from pftrack_sim.benchmark.said.anchors import anchor_scores
 from pftrack_sim.benchmark.said.claims import ClaimComparison, compare_with_paper
 from pftrack_sim.benchmark.said.degradation import TITLES, degradation, table_rows
 
@@ -221,6 +222,29 @@ def axes(store: RunStore) -> Iterator[Table]:
                 for row in rows
             ]
             yield Table(title, ["axis"], ["level", "in its unit", "seeds", *rows[0].means], cells, keys=2)
+
+
+def anchors(store: RunStore) -> Iterator[Table]:
+    """Scores of runs from anchors by condition and tracker; none for others."""
+    if (found := anchor_scores(store)) is None:
+        return
+    rows = [
+        [
+            *(condition, label, str(len(seeds))),
+            *(
+                range_text(score.mean_over_seeds([getattr(one, name) for one in seeds.values()], (0.0, 1.0)))
+                for name in ("accuracy", "robustness", "eao")
+            ),
+        ]
+        for (condition, label), seeds in found.scores.items()
+    ]
+    notes = {
+        "accuracy": "mean overlap from an anchor to the failure, ten frames in a row of 0.1 or less",
+        "robustness": "share of the frames before it",
+        "EAO": f"expected average overlap over runs of {found.lengths[0]} to {found.lengths[1] - 1} frames, the middle "
+        "half of the lengths of these runs: comparable within this run alone",
+    }
+    yield Table("From anchors, as in VOT 2020", ["", "tracker"], ["seeds", *notes], rows, notes, grouped=True)
 
 
 def benchmark_table(found: Scored) -> Table | None:

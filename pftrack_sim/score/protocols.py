@@ -10,12 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pftrack_sim.core.boxes import pairwise_iou
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.score import curves
 from pftrack_sim.score.frames import frame_scores
+
+_FAILED, _GRACE = 0.1, 10
+"""VOT's failure: so low an overlap in so many frames in a row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +118,65 @@ def vot(sequences: Sequence[TrackedSequence]) -> dict[str, float]:
     weights = [len(one.truth) for one in sequences]
     values = [float(np.average(accuracy, weights=weights)), float(np.mean(tracked)), float(np.mean(robust))]
     return _named(("accuracy", "tracked_accuracy", "robustness"), values)
+
+
+@dataclass(frozen=True)
+class Anchored:
+    """Scores of runs from anchors, see `from_anchors`.
+
+    Attributes:
+        accuracy: Mean overlap until the failure, if there is one.
+        robustness: Share of the frames until it.
+        eao: Expected average overlap.
+    """
+
+    accuracy: float
+    robustness: float
+    eao: float
+
+
+def from_anchors(sequences: Sequence[Sequence[FloatArray]], lengths: tuple[int, int]) -> Anchored:
+    """Accuracy, robustness and expected average overlap of runs from anchors (VOT 2020), as the VOT toolkit has them.
+
+    A run fails where the overlap is 0.1 or less in ten frames in a row. The expected average overlap at a length is the
+    mean over the runs that are longer or have failed, whose further overlaps are 0.
+
+    Args:
+        sequences: For each sequence the `(N,)` overlaps of each run; the first one, of the box given, counts as 0.
+        lengths: Least length [frames] over which expected average overlaps are averaged, and the first one beyond.
+    """
+    accuracy: list[tuple[float, int]] = []
+    robustness: list[tuple[float, int]] = []
+    curves: list[FloatArray] = []
+    for runs in sequences:
+        frames = [_until_failure(overlap) for overlap in runs]
+        hits = [np.where(np.arange(one.size) < end, one, 0.0)[1:] for one, end in zip(runs, frames, strict=True)]
+        tracked, shown = sum(frames), sum(one.size for one in runs)
+        accuracy.append((sum(float(one.sum()) for one in hits) / max(tracked, 1), tracked))
+        robustness.append((tracked / shown, max(one.size for one in runs)))
+        for one, end in zip(hits, frames, strict=True):
+            curve = np.full(max(lengths[1], one.size + 1), np.nan)
+            curve[1 : one.size + 1] = one.cumsum() / np.arange(1, one.size + 1)
+            if end <= one.size:  # the toolkit counts one frame less in the length of what it adds to failed runs
+                curve[one.size + 1 :] = one.sum() / np.arange(one.size, curve.size - 1)
+            curves.append(curve[slice(*lengths)])
+    known = np.isfinite(curves)
+    expected = np.where(known, curves, 0.0).sum(axis=0) / known.sum(axis=0).clip(min=1)
+    return Anchored(_weighted(accuracy), _weighted(robustness), float(expected.mean()))
+
+
+def _weighted(pairs: Sequence[tuple[float, int]]) -> float:
+    """Mean of values by their weights; 0 where all weights are."""
+    return sum(value * weight for value, weight in pairs) / max(sum(weight for _, weight in pairs), 1)
+
+
+def _until_failure(overlap: FloatArray) -> int:
+    """Number of frames before the first ten in a row with an overlap of 0.1 or less, or of all."""
+    low = np.concatenate([[True], overlap[1:] <= _FAILED])
+    if low.size < _GRACE:
+        return low.size
+    failed = sliding_window_view(low, _GRACE).all(axis=1)
+    return int(np.argmax(failed)) if failed.any() else low.size
 
 
 def raster_overlaps(first: FloatArray, second: FloatArray, image_size_px: tuple[int, int]) -> FloatArray:

@@ -122,7 +122,7 @@ def test_first_boxes_and_starts_are_axes_of_the_run_on_the_same_frames(tmp_path:
     ("axes", "words"),
     [
         ({"box_noise": [0.6]}, r"box noise must be a share of the sides in \[0, 0.5\], got 0.6"),
-        ({"start": [1.0]}, r"a start must be a share of the episode in \[0, 1\), got 1"),
+        ({"start": [1.0]}, r"a start must be a share of the episode in \[-1, 1\), got 1"),
         ({"latency": [5.0]}, "latency is charged only where the tracker drives"),
     ],
 )

@@ -23,6 +23,7 @@ from pftrack_sim.core.boxes import pairwise_iou
 from pftrack_sim.formats import LAYOUTS, Annotations, PersonBox
 from pftrack_sim.formats.results import ResultFormat, TrackerResult, result_files
 from pftrack_sim.score.multi_object import Tracks, multi_object
+from pftrack_sim.score.protocols import from_anchors
 from tests.benchmark.small import SMALL
 
 pytestmark = pytest.mark.slow
@@ -302,3 +303,19 @@ def test_the_vot_toolkit_computes_our_accuracy_and_robustness(folders: Path):
         for place, name in enumerate(report["trackers"])
     }
     assert_equal(ours(folders, "vot"), theirs)
+
+
+def test_expected_average_overlaps_are_those_of_the_vot_toolkit():
+    theirs = pytest.importorskip("vot.analysis.multistart")
+    rng = np.random.default_rng(0)
+    walks = [np.cumsum(rng.normal(-0.03, 0.1, size)) + 0.7 for size in rng.integers(12, 60, 40)]
+    runs = [np.clip(walk, 0.0, 1.0) for walk in walks]
+    cut, whole = [], []
+    for run_ in runs:
+        low = [True, *(run_[1:] <= 0.1)]
+        end = next((at for at in range(len(low) - 9) if all(low[at : at + 10])), len(low))
+        cut.append(np.concatenate([run_[:end], np.zeros(len(low) - end)]))
+        whole.append(end == len(low))
+    assert 5 < sum(whole) < 35
+    curve, _ = theirs.compute_eao_partial(cut, whole, 40)
+    assert from_anchors([runs], (5, 40)).eao == pytest.approx(np.mean(curve[5:40]), abs=1e-12)

@@ -171,8 +171,8 @@ def check_run_axis(axis: str, levels: Iterable[float]) -> None:
             raise ParameterError(f"a latency must be 0 ms or more, got {level!r}")
         if axis == BOX_NOISE and not 0.0 <= level <= MAX_BOX_NOISE:
             raise ParameterError(f"box noise must be a share of the sides in [0, {MAX_BOX_NOISE}], got {level:g}")
-        if axis == START and not 0.0 <= level < 1.0:
-            raise ParameterError(f"a start must be a share of the episode in [0, 1), got {level:g}")
+        if axis == START and not -1.0 <= level < 1.0:
+            raise ParameterError(f"a start must be a share of the episode in [-1, 1), got {level:g}")
 
 
 def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: ScoredBox = "box") -> Plan:

@@ -41,7 +41,8 @@ RUN_AXES: Mapping[str, tuple[str, str]] = MappingProxyType(
         BOX_NOISE: ("share", "share of its sides by which the first box is off at most, by seed (OTB's SRE)"),
         START: (
             "share",
-            "share of the episode after which trackers start and scores begin (OTB's TRE); open loop only",
+            "share of the episode after which trackers start and scores begin (OTB's TRE); below 0 they see the frames "
+            "before it, the last one first (VOT's anchors); open loop only",
         ),
     }
 )
@@ -219,9 +220,15 @@ class Episode:
         return self.condition.of_run.get(BOX_NOISE, 0.0)
 
     @property
+    def backward(self) -> bool:
+        """Whether its last frame is shown first."""
+        return self.condition.of_run.get(START, 0.0) < 0.0
+
+    @property
     def first_frame(self) -> int:
-        """Frame before which no tracker starts and nothing is scored."""
-        return round(self.condition.of_run.get(START, 0.0) * self.scenario.frame_count(self.seed))
+        """Frame, in the order in which they are shown, before which no tracker starts and nothing is scored."""
+        start = self.condition.of_run.get(START, 0.0)
+        return round((1.0 + start if start < 0.0 else start) * self.scenario.frame_count(self.seed))
 
     @cached_property
     def frames_key(self) -> str:

@@ -91,6 +91,8 @@ def evaluate(
     # Wrong names and presets are reported before anything is written.
     check_run_axis(BOX_NOISE, [box_noise])
     check_run_axis(START, starts)
+    if min(starts) < 0.0:
+        raise ParameterError("recorded sequences are shown forward only: starts must be 0 or more")
     limits = limits or Limits()
     specs = [one if isinstance(one, TrackerSpec) else TrackerSpec(name=one) for one in trackers]
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)

@@ -20,7 +20,7 @@ from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.keys import differences, environment
 from pftrack_sim.benchmark.running.frame_cache import DamagedEntry, EntryWriter, FrameCache
 from pftrack_sim.benchmark.running.results import write_results
-from pftrack_sim.benchmark.running.rollout import Driver, Sample, Sink, detected, drive, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Backwards, Driver, Sample, Sink, detected, drive, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import ErrorLog, FollowLog, TruthLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
@@ -135,7 +135,7 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
                 following = course.scores(settings, env.simulation.frame_count)
                 graphics = env.simulation.graphics
             else:
-                graphics = _show(job, runners, sinks, log)
+                graphics = _show(job, runners, sinks, log, folder)
         metadata = {
             **following,
             "frames_digest": log.frames_digest,
@@ -153,22 +153,33 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
         return EpisodeFiles(contents, len(log.truths), tuple(rows))
 
 
-def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log: TruthLog) -> str:
-    """Show the frames of an episode in open loop to trackers, drawn or from the cache; returns what drew them.
+def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log: TruthLog, folder: Path) -> str:
+    """Show the frames of an episode in open loop to trackers; returns what drew them."""
+
+    def shown(samples: Iterable[Sample]) -> Iterable[Sample]:
+        episode, wanted = job.episode, any(runner.needs_detections for runner in runners)
+        return detected(samples, episode.scenario.resolve(episode.seed), episode.seed) if wanted else samples
+
+    if not job.episode.backward:
+        return _draw(job, lambda samples, more: rollout(shown(samples), runners, [*sinks, *more]), log)
+    with Backwards(folder) as kept:
+        drawn = TruthLog()
+        graphics = _draw(job, lambda samples, more: rollout(samples, (), [drawn, kept, *more]), drawn)
+        rollout(shown(kept.samples()), runners, sinks)
+        return graphics
+
+
+def _draw(job: EpisodeJob, show: Callable[[Iterable[Sample], list[Sink]], None], log: TruthLog) -> str:
+    """Give `show` the frames of an episode, drawn or from the cache, and more sinks; returns what drew them.
 
     Raises:
         DamagedEntry: The frames came from the cache, and are not those that were drawn.
     """
     # Logs hold what the robot sensed, which is not in the cache.
     episode, frames = job.episode, job.cache if not job.logs else None
-
-    def with_detections(samples: Iterable[Sample]) -> Iterable[Sample]:
-        wanted = any(runner.needs_detections for runner in runners)
-        return detected(samples, episode.scenario.resolve(episode.seed), episode.seed) if wanted else samples
-
     entry = frames.entry(episode.drawn_key, job.backend) if frames is not None else None
     if frames is not None and entry is not None and (cached := frames.open(entry)) is not None:
-        rollout(with_detections(cached.samples()), runners, sinks)
+        show(cached.samples(), [])
         if log.frames_digest != cached.frames_digest:
             frames.remove(entry)
             raise DamagedEntry
@@ -179,8 +190,7 @@ def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log:
         if frames is not None and entry is not None:
             with contextlib.suppress(OSError):  # a cache that cannot be written costs time, not the run
                 writer = opened.enter_context(EntryWriter(frames, entry))
-        frames_drawn = simulated(simulation, episode.seed, sensors=bool(job.logs))
-        rollout(with_detections(frames_drawn), runners, [*sinks, *([writer] if writer else [])])
+        show(simulated(simulation, episode.seed, sensors=bool(job.logs)), [writer] if writer else [])
         if writer is not None:
             writer.finish(log, simulation.graphics)
         return simulation.graphics

@@ -19,7 +19,7 @@ from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, Step, drive, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Action, Backwards, Sample, Sink, Step, drive, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import ErrorLog, TruthLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
@@ -188,7 +188,9 @@ def _film(store: RunStore, episode: Episode, video: Path, backend: str | None) -
             drive(env, episode.seed, lambda sample: next(commands), sinks)
         else:
             simulation = opened.enter_context(Simulation(episode.scenario, backend=backend))
-            rollout(simulated(simulation, episode.seed), (), sinks)
+            kept = opened.enter_context(Backwards())
+            rollout(simulated(simulation, episode.seed), (), [kept] if episode.backward else sinks)
+            rollout(kept.samples() if episode.backward else (), (), sinks)
         if log.frames_digest != shown[0].values["frames_digest"]:
             raise _other_frames(episode)
 

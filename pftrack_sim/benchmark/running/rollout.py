@@ -7,9 +7,11 @@ progress) receive every step. All commands use these loops.
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +20,8 @@ from pftrack_sim import policies
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner, fault_of
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.boxes import Box
-from pftrack_sim.core.errors import SequenceError
-from pftrack_sim.core.records import Detections, Estimate, Frame, Image, TrackedBoxes
+from pftrack_sim.core.errors import RunError, SequenceError
+from pftrack_sim.core.records import Detections, Estimate, Frame, Image, TrackedBoxes, Truth
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.env.base import checked_command
 from pftrack_sim.formats import RecordedSequence
@@ -150,6 +152,46 @@ def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
             raise SequenceError(f"{sequence.where(index)}: images of one sequence need one size, got {sizes}")
         found = sequence.detections[index] if sequence.detections is not None else None
         yield Sample(index / rate_hz, image, box, float(np.isfinite(box[0])), caption=caption, detections=found)
+
+
+class Backwards:
+    """Sink that keeps the frames of a simulated episode in a temporary file in `folder`, to show the last one first."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._images = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed in __exit__
+        self._kept: list[tuple[Sample, tuple[Truth, ...]]] = []
+        self._shape: tuple[int, ...] = ()
+
+    def __call__(self, step: Step) -> None:
+        """Add a frame; raises RunError where the disk is full."""
+        frame, self._shape = step.sample.frame, step.sample.image.shape
+        assert frame is not None
+        try:
+            self._images.write(np.ascontiguousarray(frame.image).data)
+        except OSError as error:
+            raise RunError(f"frames that are shown backwards need space for all of them: {error.strerror}") from None
+        self._kept.append((replace(step.sample, image=np.empty((0, 0, 3), np.uint8), frame=None), tuple(frame.people)))
+
+    def samples(self) -> Iterator[Sample]:
+        """The frames from the last one on, with their times and everybody's motion since the one shown before."""
+        size, last_s = math.prod(self._shape), self._kept[-1][0].time_s
+        motion_px = {one.name: 0.0 for one in self._kept[-1][1]}
+        for index, (sample, seen) in enumerate(reversed(self._kept)):
+            self._images.seek((len(self._kept) - 1 - index) * size)
+            image = np.frombuffer(self._images.read(size), np.uint8).reshape(self._shape)
+            time_s = last_s - sample.time_s
+            people = tuple(
+                replace(one, time_s=time_s, image_motion_px=motion_px.get(one.name, math.nan)) for one in seen
+            )
+            motion_px = {one.name: one.image_motion_px for one in seen}
+            frame = Frame(index, time_s, image, people[0], people)
+            yield replace(sample, time_s=time_s, image=image, frame=frame)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._images.close()
 
 
 class Driver:

@@ -230,8 +230,8 @@ def _grids(episodes: Mapping[Condition, Episode]) -> list[_Grid]:
     Axes that were swept together are one grid of all their combinations.
     """
     found: dict[tuple[str, ...], _Grid] = {}
-    for condition in episodes:
-        if at := levels_of(condition):
+    for condition, episode in episodes.items():
+        if (at := levels_of(condition)) and not episode.backward:  # its frames have other numbers
             found.setdefault(tuple(one.axis for one in at), []).append((at, condition))
     bases = [one for one in episodes if not any(level or "." in axis for axis, level in one.levels)]
     for grid in found.values():
