@@ -20,6 +20,7 @@ import duckdb
 import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from pftrack_sim import score
 
@@ -70,6 +71,22 @@ def read(opened: Path, closed: Path, measure: str) -> Pairs:
     return Pairs(points, table[..., 0], table[..., 1])
 
 
+def correlation(pairs: Pairs) -> str:
+    """Spearman's of the means over episodes, from five on with its 95 % bootstrap interval over them."""
+
+    def rho(episodes: NDArray[np.int64]) -> float:
+        means = (np.nanmean(scores[:, episodes], axis=1) for scores in (pairs.overlap, pairs.following))
+        return float(stats.spearmanr(*means).statistic)
+
+    count = pairs.overlap.shape[1]
+    said = f"Spearman {rho(np.arange(count)):.3f}"
+    if count >= score.LEAST_FOR_INTERVAL:
+        drawn = [rho(chosen) for chosen in np.random.default_rng(0).integers(0, count, (2000, count))]
+        low, high = np.nanquantile(drawn, (0.025, 0.975))
+        said += f" ({low:.3f} to {high:.3f})"
+    return f"{said}: {len(pairs.points)} points, {count} episodes each"
+
+
 def interval(shares: NDArray[np.float64]) -> tuple[float, float]:
     """Of a mean over episodes, which may be won or lost."""
     won_or_lost = np.isin(shares, (0.0, 1.0)).all()
@@ -110,9 +127,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("scatter.png"))
     given = parser.parse_args()
     pairs = read(given.opened, given.closed, given.measure)
-    found = score.rank_agreement(pairs.overlap, pairs.following, np.random.default_rng(0))
-    interval = "" if np.isnan(found.low) else f" ({found.low:.3f} to {found.high:.3f})"
-    said = f"Spearman {found.rho:.3f}{interval}: {len(pairs.points)} points, {pairs.overlap.shape[1]} episodes each"
+    said = correlation(pairs)
     for (tracker, condition), overlap, following in zip(pairs.points, pairs.overlap, pairs.following, strict=True):
         print(f"{tracker:24} {condition:32} {np.nanmean(overlap):.3f}  {np.nanmean(following):.3f}")
     print(said)

@@ -185,6 +185,8 @@ class RunOptions:
     stop_on_error: StopOnError = False
     progress: ProgressMode = ""
     verbose: Verbose = False
+    search: Search = None
+    search_seeds: SearchSeeds = None
 
     @property
     def limits(self) -> Limits:

@@ -127,8 +127,8 @@ def report(
     figure: Annotated[
         Path | None,
         typer.Option(
-            help="Write one figure for a paper instead: success.pdf, precision.pdf, axis.pdf, or cost.pdf, the overlap "
-            "against the time per frame (.svg, .png)."
+            help="Write one figure for a paper instead: success.pdf, precision.pdf, axis.pdf, cost.pdf, the overlap "
+            "against the time per frame, or strips.pdf, frames of one episode for all trackers (.svg, .png)."
         ),
     ] = None,
     columns: Annotated[int, typer.Option(min=1, max=2, help="Width of --figure in columns of a paper.")] = 1,

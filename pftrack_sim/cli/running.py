@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,8 +21,6 @@ from pftrack_sim.cli.options import (
     Params,
     Preset,
     RunOptions,
-    Search,
-    SearchSeeds,
     Seeds,
     SequenceLayout,
     Settings,
@@ -37,7 +35,7 @@ from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse
 from pftrack_sim.core.errors import ParameterError, RunError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec
+    from pftrack_sim.benchmark import Plan, RunStore
     from pftrack_sim.benchmark.running.frame_cache import FrameCache
     from pftrack_sim.studio.recording import Source
 
@@ -50,8 +48,6 @@ def bench(
     cache: Cache = False,
     cache_folder: CacheFolder = None,
     cache_gb: CacheLimit = 20.0,
-    search: Search = None,
-    search_seeds: SearchSeeds = None,
     *,
     run: RunOptions,
 ) -> None:
@@ -60,30 +56,23 @@ def bench(
     Every frame is rendered once for all trackers. The same command with another --seeds, --trackers or --axis adds to
     a run folder; your own tracker is module:factory, for example my_tracker:make.
     """
-    from pftrack_sim.benchmark import new_run_path
     from pftrack_sim.benchmark.running.frame_cache import FrameCache
     from pftrack_sim.core.data_files import cache_dir
 
     kept = FrameCache(cache_folder or cache_dir() / "frames", round(cache_gb * 1e9)) if cache or cache_folder else None
-    plan = run.plan(scenarios)
-    if search or search_seeds:
-        run = replace(run, out=run.out or new_run_path(plan))
-        plan = run.plan(scenarios, _searched(plan, scenarios, search or [], search_seeds, run, kept))
-    _run(plan, run, kept)
+    _run(*_searched(scenarios, run, kept), kept)
 
 
 def _searched(
-    plan: Plan,
-    scenarios: list[str],
-    search: list[str],
-    seeds: str | None,
-    options: RunOptions,
-    cache: FrameCache | None,
-) -> list[TrackerSpec]:
-    """The trackers of a plan, each with the parameters that are best on other seeds than the plan's."""
-    from pftrack_sim.benchmark import parse_seeds
+    scenarios: list[str], options: RunOptions, cache: FrameCache | None = None, **more: Any
+) -> tuple[Plan, RunOptions]:
+    """The plan of these scenarios; where a search is asked for, with the parameters that are best on its seeds."""
+    from pftrack_sim.benchmark import new_run_path, parse_seeds
     from pftrack_sim.report.tables import over_seeds, range_text
 
+    plan, search, seeds = options.plan(scenarios, **more), options.search or [], options.search_seeds
+    if not search and seeds is None:
+        return plan, options
     specs = options.specs
     if not search or seeds is None or specs is None:
         raise ParameterError(
@@ -92,23 +81,29 @@ def _searched(
     if shared := sorted({one.seed for one in plan.episodes()} & set(parse_seeds(seeds))):
         raise ParameterError(f"--search-seeds must be none of the seeds of the report, got {shared[0]} in both")
     grids = parse_search(search, [one.name for one in specs])
+    options = replace(options, out=options.out or new_run_path(plan))
     assert options.out is not None
     path = options.out.with_name(f"{options.out.name}-search")
     tried = {
-        spec.label: [spec.model_copy(update={"params": {**spec.params, **more}}) for more in grids[spec.name]]
+        spec.base_label: [spec.model_copy(update={"params": {**spec.params, **more}}) for more in grids[spec.name]]
         for spec in specs
         if spec.name in grids
     }
-    searched = options.plan(scenarios, [one for own in tried.values() for one in own], seeds)
+    searched = options.plan(scenarios, [one for own in tried.values() for one in own], seeds, **more)
+    measure = "mean_overlap" if plan.kind == "open" else "follow_tracking_rate"
     found = _execute(searched, replace(options, videos="none", log=""), path, cache)
-    means = {one.label: over_seeds("mean_overlap", (by for by in found.results if by.label == one.label))
-             for one in searched.trackers}  # fmt: skip
-    best = {label: max(own, key=lambda one: means[one.label].mean) for label, own in tried.items()}
+    means = {
+        one.base_label: over_seeds(measure, (by for by in found.results if by.tracker.base_label == one.base_label))
+        for own in tried.values()
+        for one in own
+    }
+    best = {label: max(own, key=lambda one: means[one.base_label].mean) for label, own in tried.items()}
     tables.print_lines(
-        f"{one.label}: the best of {len(tried[label])} on seeds {seeds}, {range_text(means[one.label])}; all: {path}"
+        f"{one.base_label}: the best of {len(tried[label])} on seeds {seeds}, {measure} "
+        f"{range_text(means[one.base_label])}; all: {path}"
         for label, one in best.items()
     )
-    return [best.get(spec.label, spec) for spec in specs]
+    return options.plan(scenarios, [best.get(spec.base_label, spec) for spec in specs], **more), options
 
 
 def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> None:
@@ -205,15 +200,15 @@ def follow(
     from pftrack_sim.benchmark.running.tracker_runner import checked_isolation
 
     chosen = parse_names(controllers) if controllers is not None else None
-    plan = run.plan(scenarios, controllers=chosen, latency_ms={}, closed_loop=True)
+    charged: dict[str, float] = {}
     if latency:
+        plan = run.plan(scenarios, controllers=chosen, latency_ms={}, closed_loop=True)
         stage = plan.sweeps[0].scenarios[0]
         first = all_scenarios.Scenario(stage.name, stage.tree)
         given = parse_latency(latency, list(dict.fromkeys(one.name for one in plan.trackers)))
         isolation = checked_isolation(run.isolation)
         charged = resolve_latencies(given, plan.trackers, first, run.out, isolation=isolation, limits=run.limits)
-        plan = run.plan(scenarios, controllers=chosen, latency_ms=charged, closed_loop=True)
-    _run(plan, run)
+    _run(*_searched(scenarios, run, controllers=chosen, latency_ms=charged, closed_loop=True))
 
 
 def film(

@@ -55,6 +55,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
     return _render(
         store.path.resolve().name,
         data,
+        len({result.seed for result in store.results}) > 1,
         strips=strips(store),
         misread=misread_trackers(store),
         benchmark=next(anchors(store), None),
@@ -87,14 +88,15 @@ def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
     ]
     how = [*sources.items(), ("version", pftrack_sim.__version__)]
     contents, benchmark = scored_contents(found), benchmark_table(found)
-    page = _render(out.resolve().name, contents, benchmark=benchmark, how=how, misread=found.misread)
+    several = len(contents["scenarios"]) > 1
+    page = _render(out.resolve().name, contents, several, benchmark=benchmark, how=how, misread=found.misread)
     write_bytes(out / "report.html", page.encode())
     write_bytes(out / "results.csv", csv_text(list(rows[0]), [list(row.values()) for row in rows]).encode())
     return out / "report.html"
 
 
-def _render(title: str, data: Mapping[str, Any], **values: Any) -> str:
-    """The page of `data`, see `contents`; what is not in `values` is left out."""
+def _render(title: str, data: Mapping[str, Any], several: bool, **values: Any) -> str:
+    """The page of `data`, see `contents`; what is not in `values` is left out. Of several units there are intervals."""
     nothing: dict[str, Any] = {
         "misread": (),
         "strips": (),
@@ -110,7 +112,7 @@ def _render(title: str, data: Mapping[str, Any], **values: Any) -> str:
         has_drives=bool(data["drives"]),
         of_run=data["unit"] == "seed",
         unit=data["unit"],
-        intervals=score.INTERVALS,
+        brackets=f"; in brackets {score.INTERVALS}" if several else "",
         verdicts=score.VERDICTS,
         least_seeds=score.LEAST_FOR_INTERVAL,
         data=Markup(_script_json(data)),

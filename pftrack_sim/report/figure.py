@@ -22,6 +22,7 @@ from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import by_episode, read_frames
+from pftrack_sim.report.strips import draw_strips
 from pftrack_sim.report.tables import number_text, over_seeds
 
 _MARKERS = {"circle": "o", "square": "s", "triangle-up": "^", "diamond": "D", "x": "X", "star": "*"}
@@ -37,8 +38,8 @@ def write_figure(path: Path, target: Path, columns: int = 1) -> Path:
 
     Args:
         path: The run folder.
-        target: `success.pdf`, `precision.pdf`, `axis.pdf` or `cost.pdf`, in any folder; `.svg` and `.png` too. Fonts of
-            a PDF are embedded as Type 42.
+        target: `success.pdf`, `precision.pdf`, `axis.pdf`, `cost.pdf` or `strips.pdf`, in any folder;
+            `.svg` and `.png` too. Fonts of a PDF are embedded as Type 42.
         columns: Its width, 1 or 2 columns of a paper, see `WIDTHS_INCH`.
 
     Raises:
@@ -307,6 +308,6 @@ def _write_names(points: Mapping[str, tuple[float, float]], colours: Mapping[str
 
 
 FIGURES: Mapping[str, Callable[[RunStore, Any], None]] = MappingProxyType(
-    {"axis": _degradation, "cost": _cost, "precision": _precision, "success": _success}
+    {"axis": _degradation, "cost": _cost, "precision": _precision, "strips": draw_strips, "success": _success}
 )
 """What can be drawn, by the file's name."""

@@ -10,13 +10,18 @@ import cv2
 import numpy as np
 
 from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark.running.filming import draw_again
+from pftrack_sim.benchmark.running.rollout import Step
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.image_files import encode
+from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.records import Image
 from pftrack_sim.formats.images import video as read_video
 
 FRAMES = 5
 WIDTH_PX = 320
 _QUALITY = 82
+_NAME_INCH = 0.5
 
 
 def strips(store: RunStore) -> list[dict[str, Any]]:
@@ -28,6 +33,60 @@ def strips(store: RunStore) -> list[dict[str, Any]]:
     Raises:
         SequenceError: A video is broken.
     """
+    ranked = _ranked(store)
+    if not any(store.video_of(result) for result in ranked):
+        return []
+    places = {len(ranked) - 1: "best", len(ranked) // 2: "median", 0: "worst"}
+    return [_strip(title, ranked[place], store.video_of(ranked[place])) for place, title in places.items()]
+
+
+def draw_strips(store: RunStore, figure: Any) -> None:
+    """Draw the leader's median episode, a row of frames for each tracker with its box and, dashed, the true one.
+
+    The frames are drawn again.
+
+    Raises:
+        ParameterError: A run in closed loop, or one in which the target is never visible.
+    """
+    ranked = _ranked(store)
+    if store.plan.kind == "follow" or not ranked:
+        raise ParameterError("strips show one episode to all trackers: of a run of bench in which the target is seen")
+    episode = store.plan.episode(int(ranked[len(ranked) // 2].values["number"]))
+    own = [one for one in store.results if one.values["number"] == episode.number]
+    first = episode.first_frame
+    wanted = [first + index for index in _spread(int(own[0].values["episode_frames"]) - first)]
+    images: list[Image] = []
+
+    def keep(step: Step) -> None:
+        if step.sample.frame is not None and step.sample.frame.index in wanted:
+            images.append(step.sample.image)
+
+    draw_again(episode, [keep])
+    height, width = images[0].shape[:2]
+    figure.set_figheight((figure.get_figwidth() - _NAME_INCH) / FRAMES * height / width * len(own) + _NAME_INCH)
+    styles = styles_of(store.plan.labels)
+    plots = figure.subplots(len(own), FRAMES, squeeze=False)
+    for row, one in zip(plots, own, strict=True):
+        table = store.frame_columns(one, ("estimate", store.plan.truth))
+        known = {
+            name: [box if np.size(box) == 4 else [np.nan] * 4 for box in np.ma.filled(column)]  # a miss has none
+            for name, column in table.items()
+        }
+        drawn = ((known["estimate"], styles[one.label].hexadecimal, "-"), (known[store.plan.truth], "white", ":"))
+        for axes, index, image in zip(row, wanted, images, strict=True):
+            axes.imshow(image)
+            axes.set(xticks=(), yticks=(), xlim=(0, width), ylim=(height, 0))
+            for boxes, colour, line in drawn:
+                x, y, w, h = boxes[index]
+                axes.plot([x, x + w, x + w, x, x], [y, y, y + h, y + h, y], line, color=colour, lw=0.8)
+        row[0].set_ylabel(one.label.replace("[", "\n["), fontsize=5, parse_math=False)
+    for axes, index in zip(plots[0], wanted, strict=True):
+        axes.set_title(f"frame {index}", fontsize=6)
+    figure.suptitle(episode.name, fontsize=7)
+
+
+def _ranked(store: RunStore) -> list[Result]:
+    """Results of the tracker with the highest mean overlap, the worst first."""
     overlaps: dict[str, list[float]] = {}
     for result in store.results:
         # Episodes of those that have the truth show nothing about tracking.
@@ -35,11 +94,12 @@ def strips(store: RunStore) -> list[dict[str, Any]]:
             overlaps.setdefault(result.label, []).append(result.number("mean_overlap"))
     leader = max(overlaps, key=lambda label: np.mean(overlaps[label]), default=None)
     ranked = [one for one in store.results if one.label == leader and not one.never_seen]
-    ranked.sort(key=lambda one: one.number("mean_overlap"))
-    if not any(store.video_of(result) for result in ranked):
-        return []
-    places = {len(ranked) - 1: "best", len(ranked) // 2: "median", 0: "worst"}
-    return [_strip(title, ranked[place], store.video_of(ranked[place])) for place, title in places.items()]
+    return sorted(ranked, key=lambda one: one.number("mean_overlap"))
+
+
+def _spread(count: int) -> list[int]:
+    """Numbers of `FRAMES` of so many frames."""
+    return [int(index) for index in np.linspace(0, count - 1, FRAMES)] if count else []
 
 
 def _strip(title: str, result: Result, video: Path | None) -> dict[str, Any]:
@@ -53,8 +113,7 @@ def _strip(title: str, result: Result, video: Path | None) -> dict[str, Any]:
 
 def _pictures(video: Path) -> list[tuple[int, str]]:
     images, _ = read_video(video)
-    indices = [int(index) for index in np.linspace(0, len(images) - 1, FRAMES)] if len(images) else []
-    return [(index, _data_uri(images.read(index))) for index in indices]
+    return [(index, _data_uri(images.read(index))) for index in _spread(len(images))]
 
 
 def _data_uri(image: Image) -> str:

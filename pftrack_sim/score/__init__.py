@@ -3,7 +3,7 @@
 `frames`: overlap and errors of single frames, of a box that stays, and of several episodes on the same frames.
 `curves`: success and precision of OTB, TrackingNet and GOT-10k. `events`: failures, recoveries, drift over time.
 `episode`: all measures of an episode in one row. `following`: measures of a driven robot. `statistics`: intervals,
-paired comparisons, rank correlation. `profile`: how hard a video is.
+paired comparisons. `profile`: how hard a video is.
 """
 
 from pftrack_sim.score.curves import (
@@ -27,7 +27,6 @@ from pftrack_sim.score.statistics import (
     LEAST_FOR_INTERVAL,
     LEAST_FOR_VERDICT,
     LEVEL,
-    RankAgreement,
     SeedMean,
     bounds_of,
     compare,
@@ -35,7 +34,6 @@ from pftrack_sim.score.statistics import (
     mean_over_seeds,
     paired_difference,
     proportion_over_seeds,
-    rank_agreement,
     student_quantile,
 )
 
@@ -53,7 +51,6 @@ __all__ = [
     "VERDICTS",
     "Arm",
     "Measures",
-    "RankAgreement",
     "SeedMean",
     "Summary",
     "area_under_success",
@@ -69,7 +66,6 @@ __all__ = [
     "paired_difference",
     "precision_curve",
     "proportion_over_seeds",
-    "rank_agreement",
     "stay_overlaps",
     "student_quantile",
     "success_curve",

@@ -46,8 +46,6 @@ _SHARES = {
     *("follow_success", "follow_collision", "follow_tracking_rate", "follow_within"),
 }
 
-_RESAMPLES = 2000
-
 
 @dataclass(frozen=True)
 class SeedMean:
@@ -227,66 +225,3 @@ def compare(scores: Mapping[str, ArrayLike], bounds: Bounds = UNBOUNDED) -> list
     pairs = list(itertools.combinations(scores, 2))
     differences = corrected([paired_difference(scores[first], scores[second], bounds) for first, second in pairs])
     return [Comparison(*pair, difference) for pair, difference in zip(pairs, differences, strict=True)]
-
-
-@dataclass(frozen=True)
-class RankAgreement:
-    """Spearman's rank correlation, in [-1, 1], of two scores over methods, and the ends of its interval over seeds.
-
-    NaN where a score is constant.
-    """
-
-    rho: float
-    low: float
-    high: float
-
-
-def rank_agreement(first: ArrayLike, second: ArrayLike, rng: np.random.Generator) -> RankAgreement:
-    """Rank correlation of the means over seeds, with its 95 % percentile bootstrap interval over the seeds.
-
-    One resample of seeds serves all methods and both scores, since a seed is the same episode to all of them. The
-    interval covers other episodes for these methods, with few of them less often than it says; it does not cover other
-    methods. Below `LEAST_FOR_INTERVAL` seeds there is none.
-
-    Args:
-        first: `(N, S)` a score of N methods on S seeds; NaN is left out of a mean.
-        second: `(N, S)` another score of the same methods on the same seeds.
-        rng: Draws the resamples; those without a defined correlation are left out.
-
-    Raises:
-        ParameterError: The shapes differ, or a method has no score.
-    """
-    one, other = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
-    if one.ndim != 2 or one.shape != other.shape:
-        raise ParameterError(f"two scores must have the same shape (N, S), got {one.shape} and {other.shape}")
-    for scores in (one, other):
-        missing = np.isnan(scores).all(axis=1)
-        if missing.any():
-            raise ParameterError(f"method {int(np.argmax(missing))} has no score on any seed")
-    rho = _rank_correlation(np.nanmean(one, axis=1), np.nanmean(other, axis=1))
-    seeds = one.shape[1]
-    if seeds < LEAST_FOR_INTERVAL:
-        return RankAgreement(rho, math.nan, math.nan)
-    drawn: list[float] = []
-    for chosen in rng.integers(0, seeds, (_RESAMPLES, seeds)):
-        means = [_known_means(scores[:, chosen]) for scores in (one, other)]
-        drawn.append(_rank_correlation(*means))
-    known = [value for value in drawn if not math.isnan(value)]
-    if not known:
-        return RankAgreement(rho, math.nan, math.nan)
-    low, high = np.quantile(known, [0.5 * LEVEL, 1.0 - 0.5 * LEVEL])
-    return RankAgreement(rho, float(low), float(high))
-
-
-def _rank_correlation(first: FloatArray, second: FloatArray) -> float:
-    """Spearman's, ties sharing their mean rank; NaN where a score is constant or unknown, or for fewer than two."""
-    if first.size < 2 or not np.ptp(first) > 0.0 or not np.ptp(second) > 0.0:
-        return math.nan
-    return float(np.corrcoef(scipy.stats.rankdata(first), scipy.stats.rankdata(second))[0, 1])
-
-
-def _known_means(scores: FloatArray) -> FloatArray:
-    """Mean of every row without its NaN; NaN for a row of NaN (`np.nanmean` would warn)."""
-    known = ~np.isnan(scores)
-    count = known.sum(axis=1)
-    return np.where(known, scores, 0.0).sum(axis=1) / np.where(count > 0, count, math.nan)

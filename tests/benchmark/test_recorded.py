@@ -66,8 +66,9 @@ def test_trackers_start_at_shares_of_a_sequence_and_are_scored_from_there(tmp_pa
     assert (from_first.start, later.start) == (0.0, 0.5)
     assert later.summary.frames < from_first.summary.frames
     assert later.summary.mean_overlap == alone[0].summary.mean_overlap
-    with pytest.raises(ParameterError, match=r"\[0, 1\), got 1"):
-        evaluate([sequence], ["stay"], [0], starts=[1.0])
+    for start, words in ((1.0, r"\[-1, 1\), got 1"), (-0.5, "shown forward only")):
+        with pytest.raises(ParameterError, match=words):
+            evaluate([sequence], ["stay"], [0], starts=[start])
 
 
 def test_a_video_shows_every_frame_with_the_truth_and_the_boxes(tmp_path: Path):

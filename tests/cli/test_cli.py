@@ -245,6 +245,16 @@ def test_a_search_reports_the_best_on_other_seeds(tmp_path: Path):
     assert max(means, key=means.__getitem__) == found[1]
 
 
+def test_a_search_in_closed_loop_keeps_what_follows_for_longest(tmp_path: Path):
+    command = ["follow", "corridor", "--trackers", "ko2012[particle_count=10]", *SMALL, *HERE]
+    command += ["--search", "alpha=0.2,0.9", "--seeds", "0", "--search-seeds", "5", "--out", str(tmp_path / "a")]
+    done = pftrack_sim(*command)
+    assert done.returncode == 0, done.stderr
+    found = re.search(r"^(ko2012\[\S+\]): the best of 2 on seeds 5, follow_tracking_rate \d", done.stdout, re.MULTILINE)
+    assert found is not None
+    assert RunStore(tmp_path / "a").plan.labels == (f"{found[1]}+servo-avoid",)
+
+
 @pytest.mark.parametrize("width", [60, 80, 200])
 def test_tables_fit_into_the_terminal(width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     monkeypatch.setattr(tables, "console", Console(width=width, markup=False, highlight=False))

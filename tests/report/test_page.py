@@ -123,3 +123,9 @@ def test_nothing_is_fetched_from_elsewhere(browser: Any, finished: Path):
     page.wait_for_timeout(500)
     assert all(url.startswith(("file:", "data:", "blob:")) for url in asked)
     page.close()
+
+
+def test_brackets_are_explained_where_there_are_some(finished: Path, lost: Path):
+    words = "; in brackets its 95 % interval"
+    assert words in report.write_report(finished).read_text()
+    assert words not in report.write_report(lost).read_text(), "one seed has none"

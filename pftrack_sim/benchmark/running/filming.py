@@ -167,6 +167,13 @@ def film(
     return videos
 
 
+def draw_again(episode: Episode, sinks: Sequence[Sink], backend: str | None = None) -> None:
+    """Draw the frames of an open-loop episode again for sinks, in the order in which they were shown."""
+    with Simulation(episode.scenario, backend=backend) as simulation, Backwards() as kept:
+        rollout(simulated(simulation, episode.seed), (), [kept] if episode.backward else sinks)
+        rollout(kept.samples() if episode.backward else (), (), sinks)
+
+
 def _film(store: RunStore, episode: Episode, video: Path, backend: str | None) -> None:
     shown = [one for one in store.results if one.values["number"] == episode.number]
     tables = [store.frame_columns(one, (*_COLUMNS, *(_COMMAND if episode.kind == "follow" else ()))) for one in shown]
@@ -187,10 +194,7 @@ def _film(store: RunStore, episode: Episode, video: Path, backend: str | None) -
             commands = _commands(episode, tables[0])
             drive(env, episode.seed, lambda sample: next(commands), sinks)
         else:
-            simulation = opened.enter_context(Simulation(episode.scenario, backend=backend))
-            kept = opened.enter_context(Backwards())
-            rollout(simulated(simulation, episode.seed), (), [kept] if episode.backward else sinks)
-            rollout(kept.samples() if episode.backward else (), (), sinks)
+            draw_again(episode, sinks, backend)
         if log.frames_digest != shown[0].values["frames_digest"]:
             raise _other_frames(episode)
 
