@@ -15,7 +15,10 @@ from pftrack_sim.cli.values import parse_names, parse_percent, parse_ranges
 from pftrack_sim.core.errors import ParameterError
 
 _SEEDS = "0:1000"
-_WITHOUT = ("axis", "box_noise", "starts", "videos", "log", "part", "stop_on_error", "verbose")
+_WITHOUT = (
+    *("axis", "box_noise", "starts", "anchors", "search", "search_seeds"),
+    *("videos", "log", "part", "stop_on_error", "verbose"),
+)
 
 
 @partial(with_run_options, left_out=_WITHOUT)
