@@ -66,6 +66,15 @@ class CameraTrajectory:
         times = np.asarray(times_s, dtype=np.float64)
         return np.stack([np.interp(times, self.times_s, self.poses[:, axis, 3]) for axis in range(3)], axis=-1)
 
+    def times_between(self, most_turn: float) -> FloatArray:
+        """`times_s`, and instants in between, evenly, where the camera turns by more than `most_turn` [rad]."""
+        turns = np.linalg.norm(np.diff(self._rotation_vectors, axis=0), axis=1)
+        if not np.any(turns > most_turn):
+            return self.times_s
+        parts = int(np.ceil(turns.max() / most_turn))
+        places = np.arange(parts * len(turns) + 1) / parts
+        return np.interp(places, np.arange(len(self.times_s)), self.times_s)
+
     def at(self, times_s: ArrayLike) -> FloatArray:
         """`(..., 4, 4)` T_world_camera at `(...,)` instants."""
         times = np.asarray(times_s, dtype=np.float64)

@@ -174,6 +174,7 @@ HIDDEN_ROWS = [
     ("station", 1, 2.3, ROLLING),
     ("corridor", 5, 2.5, FAST),
     ("hall", 5, 2.3, FAST),
+    ("station", 5, 4.1, {**FAST, "stream": 1.0, "blur": 1.0}),
 ]
 
 
@@ -219,12 +220,12 @@ def test_pixels_of_a_partly_hidden_target_are_those_that_its_rays_meet_when_thei
 def pixels_by_rows(
     captured: CapturedFrame, segmenter: Segmenter, own: np.ndarray, around: PixelRect
 ) -> tuple[np.ndarray, ...]:
-    """`(H, W)` pixels of the target, each row of its own scene, drawn 27 times finer.
+    """`(H, W)` pixels of the target, each row of its own scene, drawn 81 times finer.
 
     Those at whose centre it is visible, within 0.13 px of whose centre it is, and where it is at each of five places
     there; and those at whose centre it would be if nothing occluded it.
     """
-    finer, reach, lens, shutter = 27, 3, captured.capture.lens, captured.capture.shutter
+    finer, reach, lens, shutter = 81, 9, captured.capture.lens, captured.capture.shutter
     masks = np.zeros((4, *lens.size[::-1]), dtype=bool)
     columns = np.arange(max(around.left - 5, 0), min(around.left + around.width + 5, lens.size[0]))
     for row in range(max(around.top - 5, 0), min(around.top + around.height + 5, lens.size[1])):

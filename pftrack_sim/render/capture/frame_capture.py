@@ -43,6 +43,7 @@ _LARGEST_RATIO = 1.6
 """Largest size of a rendered image relative to the camera image; larger ones are rendered at a smaller scale."""
 
 _POSES_PER_FRAME = 9  # Instants within a frame between which camera poses are interpolated
+_MOST_TURN = 0.02  # Rotation [rad] between the instants of a `Readout`: its straight lines are off by turn^2 / 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,12 +199,13 @@ class FrameCapture:
     def _readout(self) -> Readout:
         """How the rows see the geoms in the frame recorded last."""
         trajectory, shutter = self._trajectory, self.shutter
-        poses = self._history.poses(trajectory.times_s)
-        poses[..., 3] -= trajectory.poses[:, :3, 3, None]
-        axes = trajectory.poses[:, :3, :3].transpose(0, 2, 1)
+        times_s = trajectory.times_between(_MOST_TURN)
+        cameras, poses = trajectory.at(times_s), self._history.poses(times_s)
+        poses[..., 3] -= cameras[:, :3, 3, None]
+        axes = cameras[:, :3, :3].transpose(0, 2, 1)
         local = (axes @ poses.reshape(len(poses), 3, -1)).reshape(poses.shape)
         timing = shutter.exposure_s, shutter.readout_s
-        return Readout(trajectory.times_s, local, *timing, self.lens.size, self.lens.numbers, self._near_m)
+        return Readout(times_s, local, *timing, self.lens.size, self.lens.numbers, self._near_m)
 
     def _find_row_times(self, readout: Readout) -> FloatArray:
         """`(2, moving)` mid-exposure of the first and of the last row of each moving geom."""
