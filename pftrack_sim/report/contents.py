@@ -55,7 +55,6 @@ GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
         "losses and recovery": {
             "mean_overlap": "mean overlap",
-            "failures": "failures",
             "lost_for_good": "lost for good",
             "occlusions": "occlusions",
             "recovered_2s": "recovered within 2 s",

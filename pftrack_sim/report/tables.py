@@ -228,21 +228,22 @@ def anchors(store: RunStore) -> Iterator[Table]:
     """Scores of runs from anchors by condition and tracker; none for others."""
     if (found := anchor_scores(store)) is None:
         return
+    scores, (low, high) = found
     rows = [
         [
             *(condition, label, str(len(seeds))),
             *(
-                range_text(score.mean_over_seeds([getattr(one, name) for one in seeds.values()], (0.0, 1.0)))
+                range_text(score.mean_over_seeds([one[name] for one in seeds.values()], (0.0, 1.0)))
                 for name in ("accuracy", "robustness", "eao")
             ),
         ]
-        for (condition, label), seeds in found.scores.items()
+        for (condition, label), seeds in scores.items()
     ]
     notes = {
         "accuracy": "mean overlap from an anchor to the failure, ten frames in a row of 0.1 or less",
         "robustness": "share of the frames before it",
-        "EAO": f"expected average overlap over runs of {found.lengths[0]} to {found.lengths[1] - 1} frames, the middle "
-        "half of the lengths of these runs: comparable within this run alone",
+        "EAO": f"expected average overlap over runs of {low} to {high - 1} frames, the middle half "
+        "of the lengths of these runs: comparable within this run alone",
     }
     yield Table("From anchors, as in VOT 2020", ["", "tracker"], ["seeds", *notes], rows, notes, grouped=True)
 

@@ -1,7 +1,7 @@
 """Scores of trackers and robots, and statistics over seeds; what other rooms use is exported here.
 
 `frames`: overlap and errors of single frames, of a box that stays, and of several episodes on the same frames.
-`curves`: success and precision of OTB, TrackingNet and GOT-10k. `events`: failures, recoveries, drift over time.
+`curves`: success and precision of OTB, TrackingNet and GOT-10k. `events`: recoveries and drift over time.
 `episode`: all measures of an episode in one row. `following`: measures of a driven robot. `statistics`: intervals,
 paired comparisons. `profile`: how hard a video is.
 """

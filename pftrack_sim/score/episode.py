@@ -81,7 +81,6 @@ class Measures(Summary):
         sr_50: Share of frames with an overlap of more than 0.5 (GOT-10k).
         sr_75: Share of frames with an overlap of more than 0.75 (GOT-10k).
         normalised_precision: Mean of the normalised precision curve (Müller et al. 2018).
-        failures: Number of times the overlap falls to 0.
         occlusions: Number of occlusions that end within the episode.
         recovered: Share of these after which the target is tracked again before the next one or the end.
         recovered_2s: Share of the occlusions after which it is tracked again within 2 s; those followed by another one
@@ -96,7 +95,6 @@ class Measures(Summary):
     sr_50: float
     sr_75: float
     normalised_precision: float
-    failures: int
     occlusions: int
     recovered: float
     recovered_2s: float
@@ -187,7 +185,6 @@ def measure(
         sr_50=sr_50,
         sr_75=sr_75,
         normalised_precision=curves.normalised_precision(frames.normalised_error[counted]),
-        failures=events.failures(frames.overlap, counted),
         occlusions=len(recoveries),
         recovered=len(recovered_s) / len(recoveries) if recoveries else math.nan,
         recovered_2s=events.recovered_within(recoveries, RECOVERY_S),

@@ -1,4 +1,4 @@
-"""Events of an episode over time: failures, recovery after occlusions, drift, permanent loss.
+"""Events of an episode over time: recovery after occlusions, drift, permanent loss.
 
 A tracker is not reinitialised after a failure. Times are the frames' own: under frame loss they are irregular.
 Arguments are `(N,)`, one number per frame; functions raise `ParameterError` where the lengths differ. `scored` is true
@@ -37,18 +37,6 @@ class Recovery:
     last: int
     after_s: float
     observed_s: float
-
-
-def failures(overlap: ArrayLike, scored: ArrayLike) -> int:
-    """Number of times the overlap falls to 0 from above (Kristan et al. 2016).
-
-    VOT reinitialises a tracker after each; here it goes on, so a long absence counts once.
-
-    >>> failures([0.8, 0.0, 0.0, 0.4, 0.0], [True] * 5)
-    2
-    """
-    seen, _ = _scored(overlap, scored)
-    return int(np.count_nonzero((seen[1:] == 0.0) & (seen[:-1] > 0.0)))
 
 
 def occlusions(visible_fraction: ArrayLike) -> list[tuple[int, int]]:
@@ -96,7 +84,7 @@ def recovered_within(found: Sequence[Recovery], limit_s: float) -> float:
 def drift_per_second(normalised_error: ArrayLike, overlap: ArrayLike, scored: ArrayLike, time_s: ArrayLike) -> float:
     """Slope of the normalised centre error while the target is tracked [box sizes/s]; NaN for fewer than 3 frames.
 
-    Ordinary least squares over the frames before the first failure (overlap 0), where the target can be seen.
+    Ordinary least squares over the frames before the overlap first is 0, where the target can be seen.
 
     >>> round(drift_per_second([0.0, 0.1, 0.2, 9.0], [1.0, 0.9, 0.8, 0.0], [True] * 4, [0.0, 0.1, 0.2, 0.3]), 6)
     1.0

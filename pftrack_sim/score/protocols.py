@@ -120,22 +120,7 @@ def vot(sequences: Sequence[TrackedSequence]) -> dict[str, float]:
     return _named(("accuracy", "tracked_accuracy", "robustness"), values)
 
 
-@dataclass(frozen=True)
-class Anchored:
-    """Scores of runs from anchors, see `from_anchors`.
-
-    Attributes:
-        accuracy: Mean overlap until the failure, if there is one.
-        robustness: Share of the frames until it.
-        eao: Expected average overlap.
-    """
-
-    accuracy: float
-    robustness: float
-    eao: float
-
-
-def from_anchors(sequences: Sequence[Sequence[FloatArray]], lengths: tuple[int, int]) -> Anchored:
+def from_anchors(sequences: Sequence[Sequence[FloatArray]], lengths: tuple[int, int]) -> dict[str, float]:
     """Accuracy, robustness and expected average overlap of runs from anchors (VOT 2020), as the VOT toolkit has them.
 
     A run fails where the overlap is 0.1 or less in ten frames in a row. The expected average overlap at a length is the
@@ -144,6 +129,9 @@ def from_anchors(sequences: Sequence[Sequence[FloatArray]], lengths: tuple[int, 
     Args:
         sequences: For each sequence the `(N,)` overlaps of each run; the first one, of the box given, counts as 0.
         lengths: Least length [frames] over which expected average overlaps are averaged, and the first one beyond.
+
+    Returns:
+        `accuracy`: mean overlap until the failures; `robustness`: share of the frames until them; `eao`.
     """
     accuracy: list[tuple[float, int]] = []
     robustness: list[tuple[float, int]] = []
@@ -162,7 +150,7 @@ def from_anchors(sequences: Sequence[Sequence[FloatArray]], lengths: tuple[int, 
             curves.append(curve[slice(*lengths)])
     known = np.isfinite(curves)
     expected = np.where(known, curves, 0.0).sum(axis=0) / known.sum(axis=0).clip(min=1)
-    return Anchored(_weighted(accuracy), _weighted(robustness), float(expected.mean()))
+    return _named(("accuracy", "robustness", "eao"), [_weighted(accuracy), _weighted(robustness), expected.mean()])
 
 
 def _weighted(pairs: Sequence[tuple[float, int]]) -> float:

@@ -48,8 +48,8 @@ def test_a_run_backward_shows_the_same_frames_in_the_other_order(tmp_path: Path)
         assert film(opened, [one for one in opened.results if one.condition.name == "start=-1"][:1])[0].is_file()
     found = anchor_scores(store)
     assert found is not None
-    assert {key: list(own) for key, own in found.scores.items()} == {("base", one.label): [0, 1] for one in specs}
-    assert found.lengths == (10, 21)
+    assert {key: list(own) for key, own in found[0].items()} == {("base", one.label): [0, 1] for one in specs}
+    assert found[1] == (10, 21)
     (table,) = anchor_table(store)
     assert [row[1:3] for row in table.rows] == [[one.label, "2"] for one in specs]
 

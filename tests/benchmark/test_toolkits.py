@@ -318,4 +318,4 @@ def test_expected_average_overlaps_are_those_of_the_vot_toolkit():
         whole.append(end == len(low))
     assert 5 < sum(whole) < 35
     curve, _ = theirs.compute_eao_partial(cut, whole, 40)
-    assert from_anchors([runs], (5, 40)).eao == pytest.approx(np.mean(curve[5:40]), abs=1e-12)
+    assert from_anchors([runs], (5, 40))["eao"] == pytest.approx(np.mean(curve[5:40]), abs=1e-12)

@@ -11,13 +11,6 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.score import events
 
 
-def test_a_long_absence_is_one_failure_and_unseen_frames_are_none():
-    overlap = [0.9, 0.0, 0.0, 0.3, 0.0, 0.2]
-    assert events.failures(overlap, [True] * 6) == 2
-    assert events.failures(overlap, [True, False, False, True, True, True]) == 1
-    assert events.failures([0.0, 0.0], [True, True]) == 0
-
-
 def test_recovery_is_measured_from_the_end_of_each_occlusion():
     #            0    1    2    3    4    5    6    7    8    9
     visible = [1.0, 0.3, 0.0, 1.0, 1.0, 1.0, 0.1, 1.0, 1.0, 0.0]
@@ -56,9 +49,8 @@ def test_share_permanently_lost(overlap: list[float], share: float):
 
 
 def test_lengths_must_agree():
-    for call in (events.failures, events.share_permanently_lost):
-        with pytest.raises(ParameterError, match="per frame"):
-            call([0.1, 0.2], [True])
+    with pytest.raises(ParameterError, match="per frame"):
+        events.share_permanently_lost([0.1, 0.2], [True])
     with pytest.raises(ParameterError, match="per frame"):
         events.recoveries([0.1, 0.2], [1.0], [0.0, 0.1])
 

@@ -68,15 +68,15 @@ def test_vot_weights_accuracy_by_length_and_rewards_a_miss_of_an_absent_target()
 def test_runs_from_anchors_end_at_the_failure():
     whole, lost = np.full(31, 0.8), np.concatenate([np.full(11, 0.6), np.full(20, 0.1)])
     once = from_anchors([[whole]], (20, 31))
-    assert (once.accuracy, once.robustness, once.eao) == pytest.approx((0.8 * 30 / 31, 1.0, 0.8))
+    assert once == pytest.approx({"accuracy": 0.8 * 30 / 31, "robustness": 1.0, "eao": 0.8})
     found = from_anchors([[whole, lost]], (20, 21))
-    assert found.accuracy == pytest.approx((0.8 * 30 + 0.6 * 10) / 42)
-    assert found.robustness == pytest.approx(42 / 62)
-    assert found.eao == pytest.approx((0.8 + 0.6 * 10 / 20) / 2)
+    assert found["accuracy"] == pytest.approx((0.8 * 30 + 0.6 * 10) / 42)
+    assert found["robustness"] == pytest.approx(42 / 62)
+    assert found["eao"] == pytest.approx((0.8 + 0.6 * 10 / 20) / 2)
     assert from_anchors([[np.zeros(12)]], (1, 5)) == from_anchors([[np.full(12, 0.05)]], (1, 5))
     # Nine frames are no failure, and a short run says nothing of longer ones.
-    assert from_anchors([[np.zeros(9)]], (1, 9)).robustness == 1.0
-    assert from_anchors([[whole, np.full(9, 0.2)]], (20, 31)).eao == pytest.approx(0.8)
+    assert from_anchors([[np.zeros(9)]], (1, 9))["robustness"] == 1.0
+    assert from_anchors([[whole, np.full(9, 0.2)]], (20, 31))["eao"] == pytest.approx(0.8)
 
 
 @pytest.mark.parametrize("seed", range(5))

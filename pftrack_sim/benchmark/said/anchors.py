@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from pftrack_sim.benchmark.asked.plan import START
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.score.protocols import Anchored, from_anchors
+from pftrack_sim.score.protocols import from_anchors
+
+Scores: TypeAlias = Mapping[tuple[str, str], Mapping[int, Mapping[str, float]]]
+"""`score.protocols.from_anchors` for each seed over its scenarios, by condition apart from the start, and tracker."""
 
 
-@dataclass(frozen=True)
-class AnchorScores:
-    """Scores of each tracker and condition, for each seed over its scenarios.
-
-    Attributes:
-        scores: By condition apart from the start, tracker and seed.
-        lengths: Middle half of the lengths of all runs [frames], over which expected average overlaps are averaged.
-    """
-
-    scores: Mapping[tuple[str, str], Mapping[int, Anchored]]
-    lengths: tuple[int, int]
-
-
-def anchor_scores(store: RunStore) -> AnchorScores | None:
+def anchor_scores(store: RunStore) -> tuple[Scores, tuple[int, int]] | None:
     """Scores of a run from anchors, of frames in which the target can be seen; None for runs that go forward only.
+
+    Beside them the lengths of `from_anchors`: the middle half of those of all runs.
 
     Raises:
         RunError: A file cannot be read.
@@ -46,10 +38,8 @@ def anchor_scores(store: RunStore) -> AnchorScores | None:
     counts = [one.size for by in runs.values() for own in by.values() for some in own.values() for one in some]
     low, high = (round(float(one)) for one in np.quantile(counts, (0.25, 0.75)))
     lengths = max(low, 1), max(high, low, 1) + 1
-    return AnchorScores(
-        {
-            key: {seed: from_anchors(list(own.values()), lengths) for seed, own in sorted(by.items())}
-            for key, by in sorted(runs.items())
-        },
-        lengths,
-    )
+    scores = {
+        key: {seed: from_anchors(list(own.values()), lengths) for seed, own in sorted(by.items())}
+        for key, by in sorted(runs.items())
+    }
+    return scores, lengths
