@@ -29,7 +29,8 @@ _BEYOND = 0.25  # The grid of t reaches so far beyond both ends, as a share of t
 _FLOOR = 1e-4
 LEVEL = 0.95
 HIGHEST_AT = 0.9
-_GROUPS, _DRAWS = 8, 400
+_GROUPS, _DRAWS = 12, 400
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # Its multiples fill the range evenly
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,20 +144,25 @@ def _entropy(rate: FloatArray) -> FloatArray:
     return scipy.special.entr(rate) + scipy.special.entr(1.0 - rate)
 
 
-def next_levels(grid: Psychometric, counts: FloatArray, number: int) -> IntArray:
+def next_levels(grid: Psychometric, counts: FloatArray, number: int, batch: int) -> IntArray:
     """`(..., number)` indices of the levels of the next trials, which say most of the thresholds of K observers.
+
+    The first one goes through the range batch by batch, whatever is expected there: a rate that rises is seen.
 
     Args:
         grid: The grid.
         counts: `(..., K, L, 2)` successes and failures of the observers who still need trials; all see the next ones.
         number: How many trials to choose before the outcome of any is known; each is counted by its expected outcome.
+        batch: How often trials were chosen before.
     """
     weights, chosen = posterior(grid, counts), list[IntArray]()
     hit, miss = np.log(grid.rates), np.log1p(-grid.rates)
-    for _ in range(number):
+    through = int(len(grid.coordinates) * ((batch + 0.5) * _GOLDEN % 1.0))
+    for place in range(number):
         gain, rate = information(grid, weights)
         # Rounded, so that the order of sums does not choose between levels that say the same.
-        level = np.argmax(gain.sum(axis=-2).round(9), axis=-1)
+        best = np.argmax(gain.sum(axis=-2).round(9), axis=-1)
+        level = best if place else np.full_like(best, through)
         expected = np.take_along_axis(rate, level[..., None, None], axis=-1)[..., None]
         own = (one[level][..., None, :, :] for one in (hit, miss))
         weights = weights * np.exp(sum(share * log for share, log in zip((expected, 1.0 - expected), own, strict=True)))
@@ -189,15 +195,15 @@ def threshold(grid: Psychometric, counts: FloatArray) -> Threshold:
 def rise_p_value(counts: FloatArray, rng: np.random.Generator) -> float:
     """How likely a rate that never rises with the level departs from the best such rate as far as these counts do.
 
-    Neighbouring levels are joined to at most eight groups of about equal size. The statistic is the deviance of their
-    rates from the antitonic fit, its distribution that of binomial counts drawn from this fit.
+    Levels are joined to twelve groups of neighbours. The statistic is the deviance of their rates from the antitonic
+    fit, its distribution that of binomial counts drawn from this fit.
 
     Args:
         counts: `(L, 2)` successes and failures at each level.
         rng: Draws the counts.
     """
     trials = counts.sum(axis=1)
-    group: IntArray = (_GROUPS * (np.cumsum(trials) - trials) / max(trials.sum(), 1.0)).astype(np.intp)
+    group = np.arange(trials.size) * _GROUPS // trials.size
     columns = (np.bincount(group, column, _GROUPS) for column in (counts[:, 0], trials))
     hits, number = (column.astype(np.float64) for column in columns)
     hits, number = hits[number > 0.0], number[number > 0.0]

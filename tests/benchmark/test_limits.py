@@ -1,6 +1,7 @@
 """Searches for breaking points: levels of axes, criteria of success, and runs that choose their own episodes."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,13 @@ PLAN = make_plan(["corridor"], ["ncc", "stay"], range(400), overrides={**SMALL, 
 SPEC = PLAN.scenarios["corridor"]
 
 
-def searched(breaks_at: dict[str, float], *, slope: float = 8.0, **wanted: Any) -> tuple[Search, Outcomes]:
+def falling(stress: float, point: float) -> float:
+    return 1.0 / (1.0 + (stress / point) ** 8.0)
+
+
+def searched(
+    breaks_at: dict[str, float], rate: Callable[[float, float], float] = falling, **wanted: Any
+) -> tuple[Search, Outcomes]:
     """A search and its outcomes, those of trackers with a known breaking point on the axis jitter [deg]."""
     (search,) = make_searches(PLAN, Wanted({"jitter": None}, TRACKED, **wanted))
     outcomes: dict[tuple[str, str, int, str], bool] = {}
@@ -30,9 +37,8 @@ def searched(breaks_at: dict[str, float], *, slope: float = 8.0, **wanted: Any) 
         for level, seed in batch:
             draw = stream(seed, "outcome").random()
             for label, point in breaks_at.items():
-                stress = float(search.scale.levels[level])
-                rate = 1.0 / (1.0 + (stress / point) ** slope)
-                outcomes["corridor", search.scale.condition(level).name, seed, label] = bool(draw < rate)
+                held = bool(draw < rate(float(search.scale.levels[level]), point))
+                outcomes["corridor", search.scale.condition(level).name, seed, label] = held
     return search, outcomes
 
 
@@ -135,11 +141,29 @@ def test_a_search_says_what_lies_outside_its_range_and_does_not_extrapolate():
 
 
 def test_a_search_stops_at_its_budget_and_at_its_seeds():
-    search, outcomes = searched({"ncc": 1.5, "stay": 1.5}, slope=1.5, budget=40)
+    search, outcomes = searched(
+        {"ncc": 1.5, "stay": 1.5}, lambda stress, point: 0.9 * (stress < point) + 0.05, budget=40
+    )
     assert {one.stopped for one in search.limits(outcomes)} == {"budget used up"}
     assert len(search.trials) == 40
     search.seeds = search.seeds[:40]
     assert {one.stopped for one in search.limits(outcomes)} == {"seeds used up"}
+
+
+def test_a_success_rate_that_rises_again_has_no_breaking_point():
+    search, outcomes = searched(
+        {"ncc": 1.0, "stay": 1.5}, lambda stress, point: float(not point < stress < 4.0 * point)
+    )
+    for limit in search.limits(outcomes):
+        assert limit.verdict == "not monotone"
+        assert limit.monotone_p < 0.01
+        assert (limit.breaking_point, limit.low, limit.high) == (None, None, None)
+
+
+def test_episodes_in_which_the_target_is_never_seen_do_not_count():
+    search, outcomes = searched({"ncc": 1.5, "stay": 3.0}, budget=40)
+    seen = {key: held for key, held in outcomes.items() if key[2] % 2}
+    assert {sum(tried.episodes for tried in limit.tried) for limit in search.limits(seen)} == {20}
 
 
 def small_search(path: Path, budget: int = 24, **options: Any) -> Limits:
@@ -172,6 +196,15 @@ def test_the_same_search_gives_the_same_bits_and_can_be_resumed(tmp_path):
 def test_the_number_of_workers_changes_nothing(tmp_path):
     assert small_search(tmp_path / "two", workers=2) == small_search(tmp_path / "none")
     assert contents(tmp_path / "two") == contents(tmp_path / "none")
+
+
+@pytest.mark.slow
+def test_what_drives_the_robot_follows_to_the_end(tmp_path):
+    plan = plan_all(["follow/plaza"], trackers=["oracle"], seeds=range(40), overrides=SMALL, closed_loop=True)
+    searches = make_searches(plan, Wanted({"jitter": (0.5, 2.0)}, parse_success(None, "follow"), budget=24))
+    (limit,) = find_limits(first_plan(plan, searches), searches, tmp_path / "run").limits
+    assert sum(tried.successes for tried in limit.tried) == limit.episodes == 24
+    assert limit.verdict == "never breaks within the range"
 
 
 def test_a_folder_without_limits_is_an_error(tmp_path):

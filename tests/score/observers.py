@@ -34,7 +34,7 @@ def search(grid: Psychometric, rates: np.ndarray, budget: int, rng, width: float
     for first in range(0, len(rates), chunk):
         active = np.arange(first, min(first + chunk, len(rates)))
         for trials in range(BATCH, budget + 1, BATCH):
-            for level in next_levels(grid, counts[active][:, None], BATCH).T:
+            for level in next_levels(grid, counts[active][:, None], BATCH, trials // BATCH - 1).T:
                 hit = rng.random(active.size) < rates[active, level]
                 np.add.at(counts, (active, level, np.where(hit, 0, 1)), 1.0)
             if width and trials >= 3 * BATCH:

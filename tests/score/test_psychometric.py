@@ -80,11 +80,11 @@ def test_information_is_that_of_one_bit_at_most_and_none_where_the_outcome_is_ce
 
 def test_the_next_levels_lie_near_the_threshold_and_depend_on_no_order_of_observers():
     counts = np.stack([counted(success_rates(GRID, at, 0.04, 0.0), 6) for at in (0.3, 0.7)])
-    chosen = next_levels(GRID, counts, 8)
-    assert chosen.tolist() == next_levels(GRID, counts[::-1], 8).tolist()
-    places = np.interp(GRID.coordinates[chosen], GRID.ends, (0.0, 1.0))
+    chosen = next_levels(GRID, counts, 8, 0)
+    assert chosen.tolist() == next_levels(GRID, counts[::-1], 8, 0).tolist()
+    places = np.interp(GRID.coordinates[chosen[1:]], GRID.ends, (0.0, 1.0))
     assert {round(10 * one) for one in places} <= {2, 3, 4, 6, 7, 8}
-    alone = next_levels(GRID, counts[:1], 8)
+    alone = next_levels(GRID, counts[:1], 8, 0)[1:]
     assert np.abs(np.interp(GRID.coordinates[alone], GRID.ends, (0.0, 1.0)) - 0.3).max() < 0.2
 
 
@@ -95,6 +95,14 @@ def test_a_rate_that_rises_is_told_from_one_that_falls():
     rising = counted(np.where(np.abs(np.arange(LEVELS) - 12) < 5, 0.0, 1.0), 3)
     assert rise_p_value(rising, rng) < 0.01
     assert rise_p_value(np.zeros((LEVELS, 2)), rng) == 1.0
+
+
+def test_the_first_level_of_each_batch_goes_through_the_whole_range():
+    counts = counted(success_rates(GRID, 0.5, 0.04, 0.0), 6)[None]
+    levels = sorted(int(next_levels(GRID, counts, 1, batch)[0]) for batch in range(12))
+    assert levels[0] < 4
+    assert levels[-1] > LEVELS - 4
+    assert np.diff(levels).max() < 6
 
 
 def test_outcomes_that_agree_beyond_the_levels_are_correlated_and_narrow_the_difference():

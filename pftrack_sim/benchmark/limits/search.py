@@ -44,7 +44,7 @@ BATCH = 8
 """Episodes of a search that are chosen together, whatever the number of workers."""
 
 _LEAST_BATCHES = 3  # before a search may stop
-_RISES = 0.01  # p-value below which a success rate counts as rising somewhere
+_RISES = 0.05  # p-value below which a success rate counts as rising somewhere
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Search:
         if not open_ or left < 1:
             return []
         first = len(self.trials)
-        chosen = next_levels(self.grid, counts[open_], left).tolist()
+        chosen = next_levels(self.grid, counts[open_], left, first // BATCH).tolist()
         self.trials += zip(chosen, self.seeds[first : first + left], strict=True)
         return self.trials[first:]
 
