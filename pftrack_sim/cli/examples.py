@@ -22,7 +22,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "follow corridor --trackers ncc --controllers servo --latency ncc=measured --seeds 0:2 --out runs/late",
     ),
     "limit": (
-        "limit corridor --axis jitter --axis noise --trackers ncc,opencv-kcf --budget 24 --out runs/limit",
+        "limit corridor --axis jitter --axis noise --trackers ncc,deguchi2004 --budget 24 --out runs/limit",
         "limit follow/plaza --axis jitter=0.5:8 --follow --trackers ncc --budget 24 --no-videos --out runs/drive",
     ),
     "film": ("film runs/first --worst 2 --tracker ko2012", "film runs/driven --worst 1"),

@@ -203,7 +203,7 @@ def rise_p_value(counts: FloatArray, rng: np.random.Generator) -> float:
         rng: Draws the counts.
     """
     trials = counts.sum(axis=1)
-    group = np.arange(trials.size) * _GROUPS // trials.size
+    group: IntArray = np.arange(trials.size, dtype=np.intp) * _GROUPS // trials.size
     columns = (np.bincount(group, column, _GROUPS) for column in (counts[:, 0], trials))
     hits, number = (column.astype(np.float64) for column in columns)
     hits, number = hits[number > 0.0], number[number > 0.0]
