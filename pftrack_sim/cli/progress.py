@@ -65,7 +65,7 @@ def show_run(mode: str, path: Path, what: str) -> Generator[Callable[[RunProgres
         mode: `"bar"`; `"lines"`: a line every few seconds; `"json"`: a line of JSON per episode; `"quiet"`; or empty
             for a bar on a terminal and lines elsewhere.
         path: The run folder.
-        what: What is run, said before it begins.
+        what: What is run, said when it begins: after names and parameters were found right.
 
     Yields:
         A function to call with every status.
@@ -82,11 +82,14 @@ def show_run(mode: str, path: Path, what: str) -> Generator[Callable[[RunProgres
         if chosen in ("json", "quiet"):
             yield _show_json if chosen == "json" else lambda _: None
             return
-        _say(f"{what}: {path}")
-        say_first_video = _first_video(path / "videos")
+        say_first_video, begun = _first_video(path / "videos"), False
         with _bar() if chosen == "bar" else nullcontext(_lines()) as show:
 
             def show_all(status: RunProgress) -> None:
+                nonlocal begun
+                if not begun:
+                    _say(f"{what}: {path}")
+                begun = True
                 show(status)
                 say_first_video(status)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -15,7 +16,8 @@ ATTACKS: dict[str, Callable[..., Hostile]] = {}
 """A factory of every attack by its name."""
 
 BAD_FRAME = 2
-MARK = b"hostile"
+MARK = f"hostile{os.environ.get('PYTEST_XDIST_WORKER', '')}".encode()
+"""Name of its processes; another one in each worker of the tests, which all attack a run of their own."""
 FINE = Estimate([1, 2, 30, 40])
 
 

@@ -88,11 +88,11 @@ def test_what_an_attacker_is_told(attacked: RunStore, name: str):
 
 
 def test_nothing_that_they_started_is_left(attacked: RunStore):
-    assert not [pid for pid in Path("/proc").glob("[0-9]*") if MARK in _name(pid)]
+    assert not [pid for pid in Path("/proc").glob("[0-9]*") if _name(pid) == MARK]
 
 
 def _name(process: Path) -> bytes:
     try:
-        return (process / "comm").read_bytes()
+        return (process / "comm").read_bytes().strip()
     except OSError:
         return b""

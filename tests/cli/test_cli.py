@@ -376,6 +376,7 @@ def test_the_version_help_and_the_module_as_a_command():
 
 
 WRONG = [
+    (["bench", "corridor", "--trackers", "ko2012[particle_count=-5]", "--seeds", "0:5"], "particle_count: got -5"),
     (["bench", "plaza-wlk"], "did you mean 'plaza-walk'"),
     (["bench", "plaza-walk", "--trackers", "ko2021"], "did you mean 'ko2012'"),
     (["bench", "plaza-walk", "--trackers", "mytrk"], "package.module:factory"),
@@ -441,6 +442,7 @@ def test_wrong_input_gives_one_clear_message_and_exit_code_2(arguments: list[str
     assert done.returncode == 2, done.stdout + done.stderr
     assert words in done.stderr
     assert "Traceback" not in done.stderr
+    assert "tracker, " not in done.stderr, "said to have begun"
     assert not list(tmp_path.iterdir()), "something was left behind"
 
 
