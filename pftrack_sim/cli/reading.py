@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import sys
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -20,6 +22,9 @@ from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark.reading.store import QueryResult
+
+_QUERY_S, _PRINT_S, _QUERY_GB = 110.0, 10.0, 4.0
+"""Limits of a query: its time, that of its last value and of printing it, and its memory."""
 
 
 def merge(
@@ -49,7 +54,21 @@ def query(
     """Run SQL over a run's tables."""
     from pftrack_sim.benchmark import RunStore
 
-    _print_query(RunStore(folder).query(sql, limit_s=120.0, limit_gb=4.0), format_)
+    # DuckDB keeps its limits from row to row: making or printing one huge value may take longer.
+    ended = threading.Timer(_QUERY_S + _PRINT_S, _end_query)
+    ended.daemon = True
+    ended.start()
+    try:
+        _print_query(RunStore(folder).query(sql, limit_s=_QUERY_S, limit_gb=_QUERY_GB), format_)
+    finally:
+        ended.cancel()
+
+
+def _end_query() -> None:
+    """End this process, which writes nothing but its answer: DuckDB cannot be stopped within a value."""
+    line = f"pftrack-sim: the query failed: it and its answer took longer than {_QUERY_S + _PRINT_S:g} s"
+    print(line, file=sys.stderr, flush=True)  # noqa: T201 - this is the command line
+    os._exit(2)
 
 
 def _print_query(answer: QueryResult, layout: str) -> None:

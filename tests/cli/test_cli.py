@@ -446,6 +446,19 @@ def test_wrong_input_gives_one_clear_message_and_exit_code_2(arguments: list[str
     assert not list(tmp_path.iterdir()), "something was left behind"
 
 
+def test_a_query_ends_in_time_within_a_value_too(tmp_path: Path):
+    """DuckDB heeds an interrupt after a value only: this one takes it a quarter of a minute and gigabytes."""
+    from pftrack_sim.benchmark import run
+    from tests.benchmark.small import small_plan
+
+    run(small_plan(range(1), ["stay"]), tmp_path / "run", videos="none")
+    limits = "from pftrack_sim.cli import main, reading; reading._QUERY_S = reading._PRINT_S = 0.2; main()"
+    words = ["query", "run", "SELECT repeat('x', 3000000000)"]
+    done = subprocess.run([sys.executable, "-c", limits, *words], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "pftrack-sim: the query failed: it and its answer took longer than 0.4 s\n"
+
+
 def test_broken_sequences_give_one_clear_line(tmp_path: Path):
     empty = tmp_path / "empty"
     empty.mkdir()
