@@ -23,7 +23,6 @@ from pftrack_sim.render.gl.contact import ContactShadows, feet_of
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.resources import Resources
 from pftrack_sim.render.renderer import (
-    DRAWN_GROUPS,
     Renderer,
     checked_poses,
     clip_depths_m,
@@ -32,9 +31,10 @@ from pftrack_sim.render.renderer import (
 )
 from pftrack_sim.render.triangles import Detail
 
-_NEVER_DRAWN_GROUP = 5
+_FIRST, _LAST, _NEVER = 0, 1, 5  # Groups of geoms while they are drawn: one after the other, and not at all
 _STATIC_AND_DYNAMIC = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
 _SPARE_GEOMS = 64
+_BACKDROP_M = 8.0  # Radius from which a geom is drawn after the smaller ones, which are mostly before it
 _DIRECTIONAL = int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
 _LIGHT_M = 40.0  # Distance of a directional light from what it shines on: nothing that casts shadows is beyond it
 _AHEAD = 0.95  # Middle of a shadow map before the camera, as a share of half its width
@@ -137,7 +137,9 @@ class _Scene:
         self._groups = model.geom_group.copy()
         self._clip_m = clip_depths_m(model)
         self._bounds, self._detail = Bounds(model), Detail(model)
-        self._options = _geoms_only()
+        backdrop = (model.geom_rbound > _BACKDROP_M) | (model.geom_rbound == 0.0)  # A plane has no radius
+        self._turns = np.where(backdrop, _LAST, _FIRST)
+        self._options = _geoms_only(_FIRST), _geoms_only(_LAST)
         self._scene = mujoco.MjvScene(model, model.ngeom + len(feet_of(model)) + _SPARE_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = False
         self._contact = ContactShadows(model, self._scene.geoms)
@@ -152,37 +154,37 @@ class _Scene:
     ) -> mujoco.MjvScene:
         """What an image of `size` width and height [px] shows.
 
-        Geoms are hidden by their group in the model and simplified by their mesh, which are restored at once: MuJoCo
-        passes all others to OpenGL, and software OpenGL transforms every vertex of them.
+        Geoms are hidden and ordered by their group in the model and simplified by their mesh, which are restored at
+        once: MuJoCo passes all others to OpenGL, and software OpenGL transforms every vertex of them.
         """
         model, scene = self._model, self._scene
         view = View(data.geom_xpos, data.geom_xmat, T_world_camera, K, self._clip_m[0])
         lights = np.flatnonzero(model.light_active & model.light_castshadow)
         maps = {int(light): shadow_map(model, data.light_xdir[light], T_world_camera)
                 for light in lights if model.light_type[light] == _DIRECTIONAL}  # fmt: skip
-        hidden = self._hidden(view, PixelRect(0, 0, *size), lights, maps)
-        shown = np.ones(model.ngeom, dtype=np.bool_)
-        shown[hidden] = False
+        shown = self._shown(view, PixelRect(0, 0, *size), lights, maps)
+        turns = np.full(model.ngeom, _NEVER)
+        turns[shown] = self._turns[shown]
         # `mjv_updateScene` places the camera last, so that whatever depends on it (the headlight, the tiles of an
         # infinite plane) would come from the camera of the previous frame.
         self._place_camera(view, size)
-        scene.ngeom = self._contact.place(view, shown[self._contact.feet])
-        model.geom_group[hidden] = _NEVER_DRAWN_GROUP
-        far = self._geoms[self._detail.far(view, self._geoms)]
-        model.geom_dataid[far] = self._detail.coarse[far]
-        mujoco.mjv_addGeoms(model, data, self._options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
-        model.geom_group[hidden], model.geom_dataid[far] = self._groups[hidden], self._detail.meshes[far]
+        scene.ngeom = self._contact.place(view, turns[self._contact.feet] != _NEVER)
+        far = shown[self._detail.far(view, shown)]
+        model.geom_group[:], model.geom_dataid[far] = turns, self._detail.coarse[far]
+        for options in self._options:
+            mujoco.mjv_addGeoms(model, data, options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
+        model.geom_group[:], model.geom_dataid[far] = self._groups, self._detail.meshes[far]
         mujoco.mjv_makeLights(model, data, scene)
         for light in scene.lights[: scene.nlight]:
             if light.id in maps:
                 light.pos[:] = maps[light.id].centre - _LIGHT_M * maps[light.id].direction
         return scene
 
-    def _hidden(self, view: View, rect: PixelRect, lights: IntArray, maps: dict[int, ShadowMap]) -> IntArray:
-        """Drawn geoms that change no pixel, where some lights cast shadows: those of the lamps without a map in all."""
+    def _shown(self, view: View, rect: PixelRect, lights: IntArray, maps: dict[int, ShadowMap]) -> IntArray:
+        """Geoms that may change a pixel, where some lights cast shadows: all casters, where a lamp has no map."""
         model, geoms = self._model, self._geoms
         if (model.mat_reflectance > 0.0).any():
-            return geoms[:0]
+            return geoms
         shown = self._bounds.in_view(view, rect, geoms)
         if lights.size:
             casters = np.flatnonzero(~shown & model.geom_castshadow[geoms])
@@ -190,7 +192,7 @@ class _Scene:
                 reaching = [self._bounds.may_shade(view, rect, geoms[casters], one) for one in maps.values()]
                 casters = casters[np.logical_or.reduce(reaching)]
             shown[casters] = True
-        return geoms[~shown]
+        return geoms[shown]
 
     def _place_camera(self, view: View, size: tuple[int, int]) -> None:
         pose, sides = view.T_world_camera, frustum(view.intrinsics, *size, *self._clip_m)
@@ -241,10 +243,10 @@ def shadow_map(model: mujoco.MjModel, direction: FloatArray, T_world_camera: Flo
     return ShadowMap(direction, right, up, centre, half_width_m)
 
 
-def _geoms_only() -> mujoco.MjvOption:
-    """Options that draw geoms of the drawn groups, and no sites, joints or other decoration."""
+def _geoms_only(group: int) -> mujoco.MjvOption:
+    """Options that draw geoms of a group, and no sites, joints or other decoration."""
     options = mujoco.MjvOption()
     for kind in ("geom", "site", "joint", "tendon", "actuator", "flex", "skin"):
         getattr(options, f"{kind}group")[:] = 0
-    options.geomgroup[list(DRAWN_GROUPS)] = 1
+    options.geomgroup[group] = 1
     return options

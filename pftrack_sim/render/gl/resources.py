@@ -18,7 +18,14 @@ _SOFT_SHADOWS = {
     0x2801: 0x2601,  # GL_TEXTURE_MIN_FILTER: GL_LINEAR
     0x884B: 0x1909,  # GL_DEPTH_TEXTURE_MODE: GL_LUMINANCE, where MuJoCo has GL_INTENSITY, which is opacity, too
 }
+"""Blends the four nearest pixels of the shadow map, and lets a share of shadow take that share of the light.
+
+MuJoCo takes the nearest pixel, and draws nothing of the light where the shadow is more than 1 %.
+"""
+_NEAREST_LEVEL = {0x2801: 0x2701}
+"""GL_TEXTURE_MIN_FILTER: GL_LINEAR_MIPMAP_NEAREST. MuJoCo blends two levels: a quarter of the time of each pixel."""
 _PLANE, _SKYBOX = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+_IMAGE = int(mujoco.mjtTexture.mjTEXTURE_2D)
 _GRAPHICS = ("global_", "quality", "map", "rgba")
 """The parts of MuJoCo's `mjVisual` that resources are made by: all but the headlight and the sizes of decoration."""
 
@@ -45,7 +52,9 @@ class Resources:
         self.context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # the buffer's own values, not converted
         self.context.readPixelFormat = _GL_RGBA  # the buffer's own format: ten times quicker to read than RGB
         if self.context.shadowTex:
-            _soften_shadows(int(self.context.shadowTex))
+            _set_texture(int(self.context.shadowTex), _SOFT_SHADOWS)
+        for texture in np.flatnonzero(model.tex_type == _IMAGE).tolist():
+            _set_texture(int(self.context.texture[texture]), _NEAREST_LEVEL)
         self._settings = _settings(model)
         self._textures: list[object] = _texture_digests(model)
         self._meshes = _mesh_digests(model)
@@ -66,6 +75,8 @@ class Resources:
         for texture, digest in enumerate(_texture_digests(model)):
             if digest != self._textures[texture]:
                 mujoco.mjr_uploadTexture(model, context, texture)
+                if model.tex_type[texture] == _IMAGE:
+                    _set_texture(int(context.texture[texture]), _NEAREST_LEVEL)
                 self._textures[texture] = digest
         meshes = _mesh_digests(model)
         for mesh, digest in enumerate(meshes):
@@ -90,15 +101,12 @@ class Resources:
         self.context.free()
 
 
-def _soften_shadows(texture: int) -> None:
-    """Blend the four nearest pixels of the shadow map, and let a share of shadow take that share of the light.
-
-    MuJoCo takes the nearest pixel, and draws nothing of the light where the shadow is more than 1 %.
-    """
+def _set_texture(texture: int, parameters: dict[int, int]) -> None:
+    """Set parameters of a two-dimensional texture in OpenGL."""
     bind = gl_function("glBindTexture", None, ctypes.c_uint, ctypes.c_uint)
     set_parameter = gl_function("glTexParameteri", None, ctypes.c_uint, ctypes.c_uint, ctypes.c_int)
     bind(_GL_TEXTURE_2D, texture)
-    for name, value in _SOFT_SHADOWS.items():
+    for name, value in parameters.items():
         set_parameter(_GL_TEXTURE_2D, name, value)
     bind(_GL_TEXTURE_2D, 0)
 

@@ -69,7 +69,7 @@ def mip_level(
     face: int,
     mesh: int,
 ):
-    """Mip level for one pixel: log2 of the longer side of its footprint in texels (OpenGL 4.6, section 8.14.1)."""
+    """Mip level nearest to log2 of the longer side of a pixel's footprint in texels (OpenGL 4.6, section 8.14)."""
     eye = camera.eye
     _origin, right, _cosine = ray_of(camera, x + 1.0, y)
     _start, down, _slant = ray_of(camera, x, y + 1.0)
@@ -98,7 +98,7 @@ def mip_level(
         below = texture_coordinate(geom_type, local + along, local_normal, size, repeat, uniform) - here
     longest = wp.max(wp.length(wp.cw_mul(side, texels)), wp.length(wp.cw_mul(below, texels)))
     last = float(appearance.texture_levels[material] - 1)
-    return wp.clamp(wp.log2(wp.max(longest, 1.0e-6)), 0.0, last)
+    return int(wp.clamp(wp.log2(wp.max(longest, 1.0e-6)) + 0.5, 0.0, last))
 
 
 @wp.func
@@ -150,26 +150,15 @@ def color_at(
         texture = appearance.texture[material]
         if texture >= 0:
             level = mip_level(geoms, appearance, camera, x, y, geom, material, point, face_normal, face, mesh)
-            finer = int(level)
-            blend = level - float(finer)
-            blended = wp.vec3(0.0)
-            layers = wp.int32(1)
-            if blend > 0.0:
-                layers = 2
-            for layer in range(layers):
-                weight = 1.0 - blend
-                if layer == 1:
-                    weight = blend
-                # fmt: off
-                blended += weight * _sample_texture(
-                    geoms.geom_type, appearance.face_start, geom, geoms.size[0, geom],
-                    appearance.repeat[material], appearance.uniform[material] != 0, textures[texture + finer + layer],
-                    geoms.position[0, geom], rotation,
-                    appearance.face_texcoord, appearance.texcoord, appearance.texcoord_start,
-                    point, normal, u, v, face, mesh,
-                )
-                # fmt: on
-            texel = blended
+            # fmt: off
+            texel = _sample_texture(
+                geoms.geom_type, appearance.face_start, geom, geoms.size[0, geom],
+                appearance.repeat[material], appearance.uniform[material] != 0, textures[texture + level],
+                geoms.position[0, geom], rotation,
+                appearance.face_texcoord, appearance.texcoord, appearance.texcoord_start,
+                point, normal, u, v, face, mesh,
+            )
+            # fmt: on
     color = base * emission + wp.cw_mul(base, appearance.ambient)
     # As in MuJoCo, all lights without shadows are one render pass, and each light with shadows adds a pass. As in
     # OpenGL's fixed pipeline, each pass saturates before it is multiplied with the texture.
