@@ -49,10 +49,8 @@ def finer_ids(segmenter: Segmenter, view: View, rect: PixelRect, geoms: np.ndarr
     fx, fy, cx, cy = (finer * value for value in view.intrinsics)
     window = fx, fy, cx - rect.left, cy - rect.top
     poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")
-    for some, triangles in zip(
-        segmenter.by_distance(view, geoms), (segmenter.triangles, segmenter.coarse), strict=True
-    ):
-        draw_triangles(some, triangles, *poses, window, segmenter.near_m, drawn.ids, drawn.inverse_depth)
+    shapes = segmenter.detail.shapes(view, geoms)
+    draw_triangles(shapes, segmenter.triangles, *poses, window, segmenter.near_m, drawn.ids, drawn.inverse_depth)
     return drawn.ids
 
 

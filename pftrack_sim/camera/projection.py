@@ -26,13 +26,15 @@ _SMALL_PX, _SMALL_BEND_PX = 8.0, 0.1  # How far, at most, the sides of triangles
 
 
 class Triangles(NamedTuple):
-    """Triangles of geoms; those of geom g are `faces[face_starts[g]:face_starts[g + 1]]`.
+    """Triangles of shapes; those of shape s are `faces[face_starts[s]:face_starts[s + 1]]`.
+
+    Of G geoms, shape s belongs to geom s mod G: each has several, one for each level of detail.
 
     Attributes:
         vertices: `(V, 3)` in the frame of their geom [m].
-        faces: `(F, 3)` vertices of each triangle, counted from the geom's first, counter-clockwise from outside.
-        vertex_starts: `(ngeom + 1,)` first vertex of each geom.
-        face_starts: `(ngeom + 1,)` first triangle of each geom.
+        faces: `(F, 3)` vertices of each triangle, counted from the shape's first, counter-clockwise from outside.
+        vertex_starts: `(S + 1,)` first vertex of each shape.
+        face_starts: `(S + 1,)` first triangle of each shape.
     """
 
     vertices: FloatArray
@@ -74,29 +76,30 @@ def project(normalized: FloatArray, lens: LensNumbers) -> FloatArray:
 
 @kernel
 def place_vertices(
-    geoms: IntArray, vertices: FloatArray, vertex_starts: IntArray, readout: Readout, places: FloatArray
+    shapes: IntArray, vertices: FloatArray, vertex_starts: IntArray, readout: Readout, places: FloatArray
 ) -> FloatArray:
-    """Place the vertices of some geoms in a frame.
+    """Place the vertices of some shapes in a frame.
 
     Args:
-        geoms: `(N,)` which.
-        vertices: `(V, 3)` of all geoms, in the frame of each [m].
-        vertex_starts: `(G + 1,)` each geom's first vertex.
+        shapes: `(N,)` which.
+        vertices: `(V, 3)` of all shapes, in the frame of the geom of each [m].
+        vertex_starts: `(S + 1,)` each shape's first vertex.
         readout: The frame.
-        places: `(V, 4)` x, y [px], depth [m] and instant [s] of each vertex, filled for these geoms.
+        places: `(V, 4)` x, y [px], depth [m] and instant [s] of each vertex, filled for these shapes.
 
     Returns:
-        `(N, 10)` left, top, right, bottom of each geom [px], the same over the exposure of all its points, and smallest
-        and largest depth [m]. Points before the near plane are left out of the extents, which are infinite without any.
+        `(N, 10)` left, top, right, bottom of each shape [px], the same over the exposure of all its points, and
+        smallest and largest depth [m]. Points before the near plane are left out of the extents, which are infinite
+        without any.
     """
-    extents = np.empty((len(geoms), 10))
-    for index in range(len(geoms)):
-        geom = geoms[index]
+    extents = np.empty((len(shapes), 10))
+    for index in range(len(shapes)):
+        shape, geom = shapes[index], shapes[index] % readout.poses.shape[2]
         for first in (0, 4, 8):
             extents[index, first], extents[index, first + 1] = np.inf, np.inf if first < 8 else -np.inf
         for first in (2, 6):
             extents[index, first], extents[index, first + 1] = -np.inf, -np.inf
-        for vertex in range(vertex_starts[geom], vertex_starts[geom + 1]):
+        for vertex in range(vertex_starts[shape], vertex_starts[shape + 1]):
             x, y, z = vertices[vertex, 0], vertices[vertex, 1], vertices[vertex, 2]
             across, down, depth, when_s = _place(x, y, z, geom, readout)
             places[vertex, 0], places[vertex, 1], places[vertex, 2], places[vertex, 3] = across, down, depth, when_s
@@ -115,22 +118,22 @@ def place_vertices(
 
 @kernel
 def bound_triangles(
-    geoms: IntArray, triangles: Triangles, readout: Readout, places: FloatArray, bounds: NDArray[np.int32]
+    shapes: IntArray, triangles: Triangles, readout: Readout, places: FloatArray, bounds: NDArray[np.int32]
 ) -> None:
-    """Find the pixels of a frame in which the triangles of some geoms may be seen.
+    """Find the pixels of a frame in which the triangles of some shapes may be seen.
 
     Args:
-        geoms: `(N,)` which, placed by `place_vertices`.
+        shapes: `(N,)` which, placed by `place_vertices`.
         triangles: Their triangles and those of others.
         readout: The frame.
         places: As there.
-        bounds: `(F, 4)` first column and row, and one past the last column and row, in the image, filled for the geoms.
+        bounds: `(F, 4)` first column and row, and one past the last column and row, in the image, filled for these.
     """
     width, height = readout.size
     vertices, faces, vertex_starts, face_starts = triangles
-    for geom in geoms:
-        first = vertex_starts[geom]
-        for face in range(face_starts[geom], face_starts[geom + 1]):
+    for shape in shapes:
+        first, geom = vertex_starts[shape], shape % readout.poses.shape[2]
+        for face in range(face_starts[shape], face_starts[shape + 1]):
             left, top, right, bottom, ahead = np.inf, np.inf, -np.inf, -np.inf, 0
             for corner in range(3):
                 vertex = first + faces[face, corner]

@@ -32,17 +32,17 @@ class RowSegmenter:
         bounds: Bounding boxes of its geoms.
         readout: How the rows of the frame see them.
         rays: `(H, W, 2)` normalized coordinates of the pixels' centres.
-        view: Scene and camera at mid-exposure of the middle row; what is far there is drawn by coarse meshes.
+        view: Scene and camera at mid-exposure of the middle row; what is far there is drawn by coarser meshes.
     """
 
     def __init__(self, segmenter: Segmenter, bounds: Bounds, readout: Readout, rays: FloatArray, view: View) -> None:
         self._segmenter, self._bounds, self._readout, self._rays = segmenter, bounds, readout, rays
         self.view = view
-        self._near, self._far = _Placed(segmenter.triangles, readout), _Placed(segmenter.coarse, readout)
+        self._placed = _Placed(segmenter.triangles, readout)
 
     def extents(self, geoms: IntArray) -> FloatArray:
         """`(N, 10)` extents of geoms, see `place_vertices`."""
-        return self._near.extents(geoms)
+        return self._placed.extents(geoms)
 
     def segment(self, rect: PixelRect, geoms: IntArray) -> Segmentation:
         """Segment a rectangle of pixels, in which only the given geoms are drawn."""
@@ -53,11 +53,9 @@ class RowSegmenter:
     def add(self, found: Segmentation, geoms: IntArray) -> None:
         """Draw more geoms into a segmentation."""
         left, top, *_ = found.rect
-        near, far = self._segmenter.by_distance(self.view, geoms)
-        for some, placed in ((near, self._near), (far, self._far)):
-            bounds = placed.bounds(some)
-            layers = found.ids, found.inverse_depth
-            draw_rows(some, placed.triangles, bounds, self._readout, self._rays, left, top, *layers)
+        shapes, placed = self._segmenter.detail.shapes(self.view, geoms), self._placed
+        layers = found.ids, found.inverse_depth
+        draw_rows(shapes, placed.triangles, placed.bounds(shapes), self._readout, self._rays, left, top, *layers)
 
     def may_occlude(self, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float) -> BoolArray:
         """`(N,)` which geoms may occlude a person; see `Bounds.may_occlude`."""
@@ -88,29 +86,29 @@ class RowSegmenter:
 
 
 class _Placed:
-    """Vertices and triangles of geoms in one frame, placed when they are first asked for."""
+    """Vertices and triangles of shapes in one frame, placed when they are first asked for; see `Detail`."""
 
     def __init__(self, triangles: Triangles, readout: Readout) -> None:
         self.triangles, self._readout = triangles, readout
-        geoms = len(triangles.vertex_starts) - 1
-        self._extents = np.empty((geoms, 10))
+        shapes = len(triangles.vertex_starts) - 1
+        self._extents = np.empty((shapes, 10))
         self._places = np.empty((len(triangles.vertices), 4))
         self._bounds = np.empty((len(triangles.faces), 4), dtype=np.int32)
-        self._is_placed, self._is_bound = np.zeros(geoms, dtype=np.bool_), np.zeros(geoms, dtype=np.bool_)
+        self._is_placed, self._is_bound = np.zeros(shapes, dtype=np.bool_), np.zeros(shapes, dtype=np.bool_)
 
-    def extents(self, geoms: IntArray) -> FloatArray:
-        """`(N, 10)` extents of geoms."""
-        new = geoms[~self._is_placed[geoms]]
+    def extents(self, shapes: IntArray) -> FloatArray:
+        """`(N, 10)` extents of shapes."""
+        new = shapes[~self._is_placed[shapes]]
         self._extents[new] = place_vertices(
             new, self.triangles.vertices, self.triangles.vertex_starts, self._readout, self._places
         )
         self._is_placed[new] = True
-        return self._extents[geoms]
+        return self._extents[shapes]
 
-    def bounds(self, geoms: IntArray) -> NDArray[np.int32]:
-        """`(F, 4)` bounds of all triangles, filled for some geoms."""
-        self.extents(geoms)
-        new = geoms[~self._is_bound[geoms]]
+    def bounds(self, shapes: IntArray) -> NDArray[np.int32]:
+        """`(F, 4)` bounds of all triangles, filled for some shapes."""
+        self.extents(shapes)
+        new = shapes[~self._is_bound[shapes]]
         bound_triangles(new, self.triangles, self._readout, self._places, self._bounds)
         self._is_bound[new] = True
         return self._bounds
@@ -118,7 +116,7 @@ class _Placed:
 
 @kernel
 def draw_rows(
-    geoms: IntArray,
+    shapes: IntArray,
     triangles: Triangles,
     bounds: NDArray[np.int32],
     readout: Readout,
@@ -131,7 +129,7 @@ def draw_rows(
     """Draw geoms into `(h, w)` ids and inverse depths; a triangle that faces away has no pixels.
 
     Args:
-        geoms: `(N,)` which to draw.
+        shapes: `(N,)` which to draw, see `Detail`.
         triangles: Their triangles and those of others.
         bounds: `(F, 4)` of the triangles, see `bound_triangles`.
         readout: The frame.
@@ -145,9 +143,10 @@ def draw_rows(
     vertices, faces, vertex_starts, face_starts = triangles
     poses, known = np.empty((height, 3, 4)), np.empty(height, dtype=np.bool_)
     corners, sides = np.empty((3, 3)), np.empty((3, 3))
-    for geom in geoms:
+    for shape in shapes:
+        geom = shape % readout.poses.shape[2]
         known[:] = False
-        for face in range(face_starts[geom], face_starts[geom + 1]):
+        for face in range(face_starts[shape], face_starts[shape + 1]):
             low, high = max(bounds[face, 0] - left, 0), min(bounds[face, 2] - left, width)
             if low >= high:
                 continue
@@ -156,7 +155,7 @@ def draw_rows(
                     known[row] = True
                     _pose(geom, top + row, readout, poses, row)
                 for corner in range(3):
-                    vertex = vertex_starts[geom] + faces[face, corner]
+                    vertex = vertex_starts[shape] + faces[face, corner]
                     x, y, z = vertices[vertex, 0], vertices[vertex, 1], vertices[vertex, 2]
                     for axis in range(3):
                         turned = poses[row, axis, 0] * x + poses[row, axis, 1] * y + poses[row, axis, 2] * z

@@ -51,16 +51,14 @@ class Segmenter:
         near_m: Depth of the near plane.
         far_m: Depth of the far plane.
         drawn: `(ngeom,)` geoms that are drawn at all.
-        triangles: Their triangles.
-        coarse: Triangles of those that have coarse meshes for the distance.
+        triangles: Triangles of their shapes, see `Detail`.
     """
 
     def __init__(self, model: Any) -> None:
         self.near_m, self.far_m = clip_depths_m(model)
         self.drawn = geoms_drawn(model)
-        self.triangles = model_triangles(model, self.drawn)
-        self._detail = Detail(model)
-        self.coarse = model_triangles(model, self._detail.coarse != self._detail.meshes, self._detail.coarse)
+        self.detail = Detail(model)
+        self.triangles = model_triangles(model, self.drawn, self.detail.meshes)
 
     def nothing(self, rect: PixelRect) -> Segmentation:
         """Segmentation of a rectangle of pixels in which nothing is drawn yet."""
@@ -80,19 +78,13 @@ class Segmenter:
         window = fx, fy, cx - found.rect.left, cy - found.rect.top
         # A copy: for a read-only pose, the kernel would be compiled once more.
         poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")
-        near, far = self.by_distance(view, geoms)
-        for some, triangles in ((near, self.triangles), (far, self.coarse)):
-            draw_triangles(some, triangles, *poses, window, self.near_m, found.ids, found.inverse_depth)
-
-    def by_distance(self, view: View, geoms: IntArray) -> tuple[IntArray, IntArray]:
-        """Those of some geoms that are drawn by their `triangles` in a view, and those drawn by the `coarse` ones."""
-        far = self._detail.far(view, geoms)
-        return geoms[~far], geoms[far]
+        shapes = self.detail.shapes(view, geoms)
+        draw_triangles(shapes, self.triangles, *poses, window, self.near_m, found.ids, found.inverse_depth)
 
 
 @kernel
 def draw_triangles(
-    geoms: IntArray,
+    shapes: IntArray,
     triangles: Triangles,
     positions: FloatArray,
     rotations: FloatArray,
@@ -105,7 +97,7 @@ def draw_triangles(
     """Draw geoms into `(h, w)` ids and inverse depths; a triangle that faces away has no pixels.
 
     Args:
-        geoms: `(N,)` which to draw.
+        shapes: `(N,)` which to draw, see `Detail`.
         triangles: Their triangles and those of others.
         positions: `(ngeom, 3)` of the geoms [m].
         rotations: `(ngeom, 3, 3)` of the geoms.
@@ -119,10 +111,11 @@ def draw_triangles(
     vertices, faces, vertex_starts, face_starts = triangles
     axes, corners = np.empty((3, 4)), np.empty((4, 3))
     most = 0
-    for geom in geoms:
-        most = max(most, vertex_starts[geom + 1] - vertex_starts[geom])
+    for shape in shapes:
+        most = max(most, vertex_starts[shape + 1] - vertex_starts[shape])
     local, pixels = np.empty((most, 3)), np.empty((most, 3))
-    for geom in geoms:
+    for shape in shapes:
+        geom = shape % len(positions)
         for axis in range(3):
             axes[axis, 3] = 0.0
             for column in range(3):
@@ -130,8 +123,8 @@ def draw_triangles(
                 axes[axis, 3] += pose[column, axis] * (positions[geom, column] - pose[column, 3])
                 for along in range(3):
                     axes[axis, column] += pose[along, axis] * rotations[geom, along, column]
-        first = vertex_starts[geom]
-        for index in range(vertex_starts[geom + 1] - first):
+        first = vertex_starts[shape]
+        for index in range(vertex_starts[shape + 1] - first):
             x, y, z = vertices[first + index, 0], vertices[first + index, 1], vertices[first + index, 2]
             for axis in range(3):
                 local[index, axis] = axes[axis, 0] * x + axes[axis, 1] * y + axes[axis, 2] * z + axes[axis, 3]
@@ -139,7 +132,7 @@ def draw_triangles(
             pixels[index, 0] = fx * local[index, 0] * inverse + cx
             pixels[index, 1] = fy * local[index, 1] * inverse + cy
             pixels[index, 2] = inverse
-        for face in range(face_starts[geom], face_starts[geom + 1]):
+        for face in range(face_starts[shape], face_starts[shape + 1]):
             count = 0
             for side in range(3):
                 here, after = faces[face, side], faces[face, (side + 1) % 3]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import cache
 from typing import Any
 
@@ -13,9 +14,10 @@ from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.camera.projection import Triangles
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.culling import View
+from pftrack_sim.scene.scene_spec import geom_meshes
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-_COARSE_PX = 6.0  # Radius in the image below which the coarse mesh of a geom is drawn
+_COARSE_PX = np.array([[6.0], [2.0]])  # Radii in the image below which the next coarser mesh of a geom is drawn
 _UNBOUNDED_M = 1e3  # Half size of a plane without limits
 _BOX_FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
@@ -28,42 +30,49 @@ _NOTHING = np.empty((0, 3)), np.empty((0, 3), dtype=np.intp)
 
 
 class Detail:
-    """Which geoms of a model are so small in a view that a coarse mesh is drawn in place of theirs.
+    """Which geoms of a model are so small in a view that a coarser mesh is drawn in place of theirs.
+
+    A geom at a level of detail is a *shape*: its number is level times ngeom plus geom.
 
     Attributes:
-        meshes: `(ngeom,)` mesh of each geom; -1 for none.
-        coarse: `(ngeom,)` mesh of each for the distance; the same where there is no other.
+        meshes: `(L, ngeom)` mesh of each geom by level, the finest first; -1 for none.
     """
 
     def __init__(self, model: Any) -> None:
-        self.meshes = np.array(model.geom_dataid)
-        # A coarse mesh comes directly before the one whose points it shares.
-        shared = np.diff(model.mesh_vertadr, prepend=-1) == 0
-        self._has_coarse: BoolArray = np.append(shared, False)[self.meshes]
-        self.coarse = self.meshes - self._has_coarse
+        self.meshes = geom_meshes(model)
         self._radii_m = np.array(model.geom_rbound)
+        self._detailed: BoolArray = (self.meshes[1:] != self.meshes[0]).any(axis=0)
 
-    def far(self, view: View, geoms: IntArray) -> BoolArray:
-        """`(N,)` of which geoms the coarse mesh is drawn: its outline differs by some tenths of a pixel."""
+    def shapes(self, view: View, geoms: IntArray) -> IntArray:
+        """`(N,)` shapes of geoms in a view: their outlines differ from the finest by some tenths of a pixel."""
         depths_m = (view.geom_xpos[geoms] - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2]
-        return self._has_coarse[geoms] & (self._radii_m[geoms] * view.intrinsics[1] < _COARSE_PX * depths_m)
+        across = self._radii_m[geoms] * view.intrinsics[1]
+        levels = (across[None] < _COARSE_PX * depths_m).sum(axis=0) * self._detailed[geoms]
+        return levels * len(self._radii_m) + geoms
 
 
-def model_triangles(model: Any, drawn: BoolArray, geom_meshes: IntArray | None = None) -> Triangles:
-    """Triangles of the `(ngeom,)` drawn geoms of a model, of other meshes than theirs if given; others have none."""
+def model_triangles(model: Any, drawn: BoolArray, levels: IntArray) -> Triangles:
+    """Triangles of all shapes of the `(ngeom,)` drawn geoms of a model; other shapes have none.
+
+    `(L, ngeom)` levels are the meshes of the geoms. A shape with the mesh of a finer one has no triangles.
+    """
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, int(model.vis.quality.numstacks) + 1)
     arc = angles, np.cos(angles), np.sin(angles)
     slices, sizes = int(model.vis.quality.numslices), np.asarray(model.geom_size, dtype=np.float64)
     kinds, meshes, shown = model.geom_type.tolist(), _meshes(model), np.asarray(drawn).tolist()
-    data: list[int] = (model.geom_dataid if geom_meshes is None else geom_meshes).tolist()
     shapes = [
         _NOTHING
         if not shown[geom]
-        else meshes[data[geom]]
-        if kind == _MESH
-        else _shape(mujoco.mjtGeom(kind), sizes[geom], slices, *arc)
-        for geom, kind in enumerate(kinds)
+        else meshes[mesh]
+        if kinds[geom] == _MESH
+        else _shape(mujoco.mjtGeom(kinds[geom]), sizes[geom], slices, *arc)
+        for geom, mesh in enumerate(levels[0].tolist())
     ]
+    for finer, coarser in itertools.pairwise(levels.tolist()):
+        shapes += [
+            meshes[mesh] if shown[geom] and mesh != other else _NOTHING
+            for geom, (other, mesh) in enumerate(zip(finer, coarser, strict=True))
+        ]
     vertices = np.concatenate([vertices for vertices, _ in shapes]).astype(np.float64, copy=False)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)]).astype(np.intp)
     faces = np.concatenate([faces for _, faces in shapes]).astype(np.int32)

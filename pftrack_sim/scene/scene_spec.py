@@ -6,6 +6,7 @@ coordinates and 20 million texels: passed as blocks they take a third of the tim
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,13 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pftrack_sim.core.types import IntArray
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
 
 _TEXTURE_2D = mujoco.mjtTexture.mjTEXTURE_2D
 _LINEAR = mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR
+LEVELS = 3  # Of detail, where a mesh has several
+_SHARED = ("vertadr", "vertnum", "normaladr", "normalnum", "texcoordadr", "texcoordnum")
 BLANK = np.zeros((6, 1, 3), np.uint8)  # In place of every image where nothing is drawn in colour
 
 
@@ -35,20 +39,31 @@ class SceneSpec(mujoco.MjSpec):
         self.compiler.usethread = False
         self.draws = draws
         self._mesh_files: dict[str, bytes] = {}
-        self._coarse: list[str] = []
+        self._levels: dict[str, list[int]] = {}
         self._images: dict[str, NDArray[np.uint8]] = {}
 
-    def add_mesh_file(self, name: str, content: bytes, *, coarse: bytes | None = None) -> mujoco.MjsMesh:
-        """Add an open surface (it encloses no volume to compute an inertia from) with the content of `mesh_file`.
-
-        `coarse` has the same points, and fewer triangles for the distance.
-        """
-        if coarse is not None:
-            self.add_mesh_file(f"{name}/coarse", coarse)
-            self._coarse.append(name)
+    def add_mesh_file(self, name: str, content: bytes) -> mujoco.MjsMesh:
+        """Add an open surface (it encloses no volume to compute an inertia from) with the content of `mesh_file`."""
         file = f"{name}.msh"
         self._mesh_files[file] = content
         return self.add_mesh(name=name, file=file, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+
+    def add_detailed_mesh(
+        self,
+        name: str,
+        vertices: ArrayLike,
+        normals: ArrayLike,
+        coordinates: ArrayLike,
+        levels: Sequence[NDArray[np.int32]],
+    ) -> None:
+        """Add a mesh, whose points are those of `mesh_file`, with several sets of triangles, the finest first.
+
+        The coarser ones become meshes of their own, directly before it, the coarsest first: see `geom_meshes`.
+        """
+        for level in reversed(range(1, len(levels))):
+            self.add_mesh_file(f"{name}/coarse-{level}", _PLACEHOLDER)
+        self.add_mesh_file(name, mesh_file(vertices, normals, coordinates, np.concatenate(levels)))
+        self._levels[name] = [len(faces) for faces in levels]
 
     def add_image(
         self, name: str, image: NDArray[np.uint8], kind: mujoco.mjtTexture = _TEXTURE_2D, **properties: Any
@@ -78,12 +93,28 @@ class SceneSpec(mujoco.MjSpec):
         for name, image in self._images.items():
             start = int(model.texture(name).adr[0])
             model.tex_data[start : start + image.size] = image.reshape(-1)
-        for name in self._coarse:
-            # The compiler turns meshes into the axes of their own inertia: those of one geom share their points.
+        shared = [getattr(model, f"mesh_{what}") for what in _SHARED]
+        for name, counts in self._levels.items():
+            # One mesh to the compiler, which turns each into the axes of its own inertia.
             mesh = model.mesh(name).id
-            for points in (model.mesh_vertadr, model.mesh_normaladr, model.mesh_texcoordadr):
-                points[mesh - 1] = points[mesh]
+            first = int(model.mesh_faceadr[mesh])
+            for level, count in enumerate(counts):
+                for points in shared:
+                    points[mesh - level] = points[mesh]
+                model.mesh_faceadr[mesh - level], model.mesh_facenum[mesh - level] = first, count
+                first += count
         return model
+
+
+def geom_meshes(model: Any) -> IntArray:
+    """`(3, ngeom)` mesh of each geom by level of detail, the finest first; the same where there is no coarser one."""
+    meshes, points = np.array(model.geom_dataid), model.mesh_vertadr
+    levels = [meshes]
+    for level in range(1, LEVELS):
+        before = np.maximum(meshes - level, 0)
+        shares = (meshes >= level) & (points[before] == points[meshes]) if len(points) else np.zeros(len(meshes), bool)
+        levels.append(np.where(shares, before, levels[-1]))
+    return np.stack(levels)
 
 
 def add_box(
@@ -118,3 +149,6 @@ def mesh_file(vertices: ArrayLike, normals: ArrayLike, coordinates: ArrayLike, f
     triangles = np.asarray(faces, dtype=np.int32)
     counts = np.array([len(array) for array in (*numbers, triangles)], dtype=np.int32)
     return b"".join(array.tobytes() for array in (counts, *numbers, triangles))
+
+
+_PLACEHOLDER = mesh_file([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 0, 1]] * 4, [[0, 0]] * 4, [[0, 1, 2]])

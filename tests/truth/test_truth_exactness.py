@@ -148,9 +148,7 @@ def test_the_truth_of_a_partly_hidden_target_is_that_of_an_independent_segmentat
             for _ in range(6):
                 truth = simulation.advance().truth
                 view = View(world.data.geom_xpos, world.data.geom_xmat, truth.T_world_camera, truth.K, NEAR)
-                world.model.geom_dataid[:] = detail.meshes
-                far = detail.far(view, np.arange(world.model.ngeom))
-                world.model.geom_dataid[far] = detail.coarse[far]
+                world.model.geom_dataid[:] = detail.meshes.ravel()[detail.shapes(view, np.arange(world.model.ngeom))]
                 whole = renderer.ids(world.data, truth.T_world_camera, own) >= 0
                 visible = np.append(own, False)[renderer.ids(world.data, truth.T_world_camera)]
                 assert abs(truth.visible_fraction - visible.sum() / whole.sum()) < 0.01

@@ -169,11 +169,11 @@ class _Scene:
         # infinite plane) would come from the camera of the previous frame.
         self._place_camera(view, size)
         scene.ngeom = self._contact.place(view, turns[self._contact.feet] != _NEVER)
-        far = shown[self._detail.far(view, shown)]
-        model.geom_group[:], model.geom_dataid[far] = turns, self._detail.coarse[far]
+        model.geom_group[:] = turns
+        model.geom_dataid[shown] = self._detail.meshes.ravel()[self._detail.shapes(view, shown)]
         for options in self._options:
             mujoco.mjv_addGeoms(model, data, options, _NO_PERTURBATION, _STATIC_AND_DYNAMIC, scene)
-        model.geom_group[:], model.geom_dataid[far] = self._groups, self._detail.meshes[far]
+        model.geom_group[:], model.geom_dataid[:] = self._groups, self._detail.meshes[0]
         mujoco.mjv_makeLights(model, data, scene)
         for light in scene.lights[: scene.nlight]:
             if light.id in maps:

@@ -40,7 +40,7 @@ def head_mesh(anatomy: Anatomy) -> TriangleMesh:
 def _unscaled(style: HairStyle) -> TriangleMesh:
     """A head with this hair; read-only."""
     mesh = merged([_skull(), _ear(-1.0), _ear(1.0), *_hair(style)])
-    for array in (mesh.vertices, mesh.normals, mesh.pixels, mesh.faces, mesh.coarse):
+    for array in (mesh.vertices, mesh.normals, mesh.pixels, mesh.faces, *mesh.coarse):
         array.setflags(write=False)
     return mesh
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +26,14 @@ class TriangleMesh:
         normals: `(V, 3)` unit, outward.
         pixels: `(V, 2)` column and row in the texture.
         faces: `(F, 3)` vertex indices, counter-clockwise seen from outside.
-        coarse: `(C, 3)` the same of a mesh for the distance, of about every second ring and point.
+        coarse: `(C, 3)` the same of meshes for the distance, of about every second ring and point, and every fourth.
     """
 
     vertices: FloatArray
     normals: FloatArray
     pixels: FloatArray
     faces: NDArray[np.int32]
-    coarse: NDArray[np.int32]
+    coarse: tuple[NDArray[np.int32], ...]
 
 
 def load_profile(name: str) -> FloatArray:
@@ -102,7 +102,7 @@ def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
     diagonal = c - a
     quads, first = _cross(diagonal, d - b), _cross(b - a, diagonal)
     if np.vdot(a, quads) < 0.0:  # negative volume: the rings run clockwise
-        quads, first, faces, coarse = -quads, -first, faces[:, ::-1], coarse[:, ::-1]
+        quads, first, faces, coarse = -quads, -first, faces[:, ::-1], _turned(coarse)
     sums = np.zeros(grid.shape)
     sums[:, :-1, :-1] += quads
     sums[:, :-1, 1:] += first
@@ -130,17 +130,19 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _faces(count: int, is_pole: tuple[bool, ...]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _faces(count: int, is_pole: tuple[bool, ...]) -> tuple[NDArray[np.int32], tuple[NDArray[np.int32], ...]]:
     """`(F, 3)` vertices of the triangles between rings of `count + 1` points, but for those without area; read-only.
 
-    Then the same between half as many rings of half as many points.
+    Then the same between half as many rings of half as many points, and a quarter as many of a quarter.
     """
     rings = len(is_pole)
     grid = np.arange(rings * (count + 1), dtype=np.int32).reshape(rings, count + 1)
-    rows = np.linspace(0, rings - 1, rings // 2 + 1).round().astype(int)
-    columns = np.linspace(0, count, 2 * -(-count // 4) + 1).round().astype(int)
-    wide = ~np.array(is_pole)
-    return _triangles(grid, wide), _triangles(grid[np.ix_(rows, columns)], wide[rows])
+    wide, coarse = ~np.array(is_pole), []
+    for every in (2, 4):
+        rows = np.linspace(0, rings - 1, max(rings // every, 2) + 1).round().astype(int)
+        columns = np.linspace(0, count, max(2 * -(-count // (2 * every)), 4) + 1).round().astype(int)
+        coarse.append(_triangles(grid[np.ix_(rows, columns)], wide[rows]))
+    return _triangles(grid, wide), tuple(coarse)
 
 
 def _triangles(grid: NDArray[np.int32], wide: BoolArray) -> NDArray[np.int32]:
@@ -158,13 +160,23 @@ def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
         np.concatenate([mesh.vertices for mesh in meshes]),
         np.concatenate([mesh.normals for mesh in meshes]),
         np.concatenate([mesh.pixels for mesh in meshes]),
-        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]).astype(np.int32),
-        np.concatenate([mesh.coarse + start for mesh, start in zip(meshes, starts, strict=True)]).astype(np.int32),
+        _joined([mesh.faces for mesh in meshes], starts),
+        tuple(_joined(faces, starts) for faces in zip(*(mesh.coarse for mesh in meshes), strict=True)),
     )
+
+
+def _joined(faces: Sequence[NDArray[np.int32]], starts: IntArray) -> NDArray[np.int32]:
+    """Triangles of several meshes, whose vertices begin at `(N,)` places among all."""
+    return np.concatenate([one + start for one, start in zip(faces, starts, strict=True)]).astype(np.int32)
 
 
 def mirrored(mesh: TriangleMesh) -> TriangleMesh:
     """The mesh of the same part on the other side of the body (y negated)."""
     flip = np.array([1.0, -1.0, 1.0])
-    faces, coarse = mesh.faces[:, ::-1].copy(), mesh.coarse[:, ::-1].copy()
-    return TriangleMesh(mesh.vertices * flip, mesh.normals * flip, mesh.pixels, faces, coarse)
+    faces = mesh.faces[:, ::-1].copy()
+    return TriangleMesh(mesh.vertices * flip, mesh.normals * flip, mesh.pixels, faces, _turned(mesh.coarse))
+
+
+def _turned(coarse: Sequence[NDArray[np.int32]]) -> tuple[NDArray[np.int32], ...]:
+    """The triangles seen from their other side."""
+    return tuple(faces[:, ::-1].copy() for faces in coarse)

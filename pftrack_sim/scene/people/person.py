@@ -19,7 +19,7 @@ from pftrack_sim.scene.people.head_mesh import head_mesh
 from pftrack_sim.scene.people.mesh import TriangleMesh, mirrored
 from pftrack_sim.scene.people.outfit import Outfit, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
-from pftrack_sim.scene.scene_spec import BLANK, SceneSpec, mesh_file
+from pftrack_sim.scene.scene_spec import BLANK, SceneSpec
 
 _PAIRED_PARTS = {
     "upper-arm": body_meshes.upper_arm_mesh,
@@ -132,7 +132,7 @@ def add_person(spec: SceneSpec, person: Person) -> None:
         full_name = f"{name}/{part}"
         coordinates = triangles.pixels / ATLAS_SIZE
         points = triangles.vertices, triangles.normals, coordinates
-        spec.add_mesh_file(full_name, mesh_file(*points, triangles.faces), coarse=mesh_file(*points, triangles.coarse))
+        spec.add_detailed_mesh(full_name, *points, (triangles.faces, *triangles.coarse))
         body = spec.worldbody.add_body(name=full_name, mocap=True, pos=[0.0, 0.0, UNPOSED_Z_M])
         body.add_geom(
             name=full_name,
