@@ -31,6 +31,8 @@ class Tone:
     def __init__(self, settings: model.Sensor, rng: np.random.Generator) -> None:
         self._settings = settings
         self._phases = rng.uniform(0.0, 2.0 * np.pi, (2, len(_DRIFT_HZ)))  # Of red and blue
+        self._first = np.sin(self._phases)
+        self._drift_ev = settings.white_balance_ev * np.sqrt(2.0 / len(_DRIFT_HZ))
         self._falloff = 255.0 * (1.0 - settings.vignette * np.linspace(0.0, 1.0, _RINGS))
         self._ev: float | None = None
         self._rings = np.zeros((0, 0), dtype=np.uint8)
@@ -70,9 +72,9 @@ class Tone:
 
     def _drift(self, time_s: float) -> FloatArray:
         """`(3,)` stops by which red, green and blue are brighter than in the first frame: sums of sines."""
-        turns = np.sin(2.0 * np.pi * _DRIFT_HZ * time_s + self._phases) - np.sin(self._phases)
-        stops = self._settings.white_balance_ev * np.sqrt(2.0 / len(_DRIFT_HZ)) * turns.sum(axis=1)
-        return np.array([stops[0], 0.0, stops[1]])
+        turns = np.sin(2.0 * np.pi * _DRIFT_HZ * time_s + self._phases) - self._first
+        red, blue = (self._drift_ev * turns.sum(axis=1)).tolist()
+        return np.array([red, 0.0, blue])
 
     def _bloomed(self, image: Image) -> Image:
         """Scatter the light of what is bright around it."""
@@ -80,7 +82,7 @@ class Tone:
         cells = (max(1, round(_CELLS * width / height)), _CELLS)
         rows = image[:: max(1, height // (4 * _CELLS))]  # Four to a cell are enough
         small = cv2.resize(rows, cells, interpolation=cv2.INTER_AREA)
-        bright = self._bloom[np.asarray(small, dtype=np.uint8)]
+        bright = cv2.LUT(small, self._bloom)
         if not bright.any():
             return image
         scattered = cv2.resize(cv2.blur(cv2.blur(bright, _BLOOM), _BLOOM), (width, height))

@@ -49,19 +49,24 @@ class ContactShadows:
 
     def place(self, view: View, shown: BoolArray) -> int:
         """Place the geoms of things and of the `(F,)` feet that are shown, and return how many there are."""
-        xpos = view.geom_xpos[self.feet]
-        depths = np.maximum((xpos - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2], view.near_m)
-        opacity = np.clip((_GONE_M - xpos[:, 2]) / (_GONE_M - _RESTING_M), 0.0, 1.0)
-        opacity *= np.clip((_LENGTH_M * view.K[0, 0] / depths - _SEEN_PX) / (_PLAIN_PX - _SEEN_PX), 0.0, 1.0)
-        seen = np.flatnonzero(shown & (opacity > 0.0))
-        forward = (view.geom_xmat[self.feet[seen]].reshape(-1, 3, 3) @ self._forward[seen])[:, :2, 0]
+        kept = np.flatnonzero(shown)
+        xpos = view.geom_xpos[self.feet[kept]]
+        lengths_px = _LENGTH_M * view.K[0, 0]
+        lengths_px /= np.maximum((xpos - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2], view.near_m)
+        opacity = np.minimum((_GONE_M - xpos[:, 2]) / (_GONE_M - _RESTING_M), 1.0)
+        opacity *= np.minimum(np.maximum(lengths_px - _SEEN_PX, 0.0) / (_PLAIN_PX - _SEEN_PX), 1.0)
+        seen = np.flatnonzero(opacity > 0.0)
+        if not seen.size:
+            return self._first
+        feet = kept[seen]
+        forward = (view.geom_xmat[self.feet[feet]].reshape(-1, 3, 3) @ self._forward[feet])[:, :2, 0]
         forward /= np.maximum(np.hypot(forward[:, 0], forward[:, 1]), 1e-9)[:, None]
         turn = np.zeros((len(seen), 3, 3))
         turn[:, :2, 0], turn[:, 0, 1], turn[:, 1, 1], turn[:, 2, 2] = forward, -forward[:, 1], forward[:, 0], 1.0
-        axes = turn @ self._mesh_axes
-        for foot, matrix, (pos, mat, rgba) in zip(seen.tolist(), axes, self._places, strict=False):
-            pos[:2], pos[2] = xpos[foot, :2], CONTACT_HEIGHT_M
-            mat[:], rgba[3] = matrix, _OPACITY * opacity[foot]
+        xpos[:, 2] = CONTACT_HEIGHT_M
+        rows = zip(xpos[seen], turn @ self._mesh_axes, (_OPACITY * opacity[seen]).tolist(), self._places, strict=False)
+        for place, axes, dark, (pos, mat, rgba) in rows:
+            pos[:], mat[:], rgba[3] = place, axes, dark
         return self._first + len(seen)
 
 
