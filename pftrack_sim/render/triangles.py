@@ -17,7 +17,7 @@ from pftrack_sim.render.culling import View
 from pftrack_sim.scene.scene_spec import geom_meshes
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-_COARSE_PX = np.array([[6.0], [2.0]])  # Radii in the image below which the next coarser mesh of a geom is drawn
+_COARSE_PX, _COARSEST_PX = 6.0, 2.0  # Radii in the image below which the coarser meshes of a geom are drawn
 _UNBOUNDED_M = 1e3  # Half size of a plane without limits
 _BOX_FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
@@ -40,14 +40,14 @@ class Detail:
 
     def __init__(self, model: Any) -> None:
         self.meshes = geom_meshes(model)
-        self._radii_m = np.array(model.geom_rbound)
-        self._detailed: BoolArray = (self.meshes[1:] != self.meshes[0]).any(axis=0)
+        detailed = (self.meshes[1:] != self.meshes[0]).any(axis=0)
+        self._radii_m = np.where(detailed, model.geom_rbound, np.inf)
 
     def shapes(self, view: View, geoms: IntArray) -> IntArray:
         """`(N,)` shapes of geoms in a view: their outlines differ from the finest by some tenths of a pixel."""
         depths_m = (view.geom_xpos[geoms] - view.T_world_camera[:3, 3]) @ view.T_world_camera[:3, 2]
-        across = self._radii_m[geoms] * view.intrinsics[1]
-        levels = (across[None] < _COARSE_PX * depths_m).sum(axis=0) * self._detailed[geoms]
+        across = self._radii_m[geoms] * view.K[1, 1]
+        levels = (across < _COARSE_PX * depths_m).astype(np.intp) + (across < _COARSEST_PX * depths_m)
         return levels * len(self._radii_m) + geoms
 
 
