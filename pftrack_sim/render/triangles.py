@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from functools import cache
 from typing import Any
 
@@ -54,24 +53,25 @@ class Detail:
 def model_triangles(model: Any, drawn: BoolArray, levels: IntArray) -> Triangles:
     """Triangles of all shapes of the `(ngeom,)` drawn geoms of a model; other shapes have none.
 
-    `(L, ngeom)` levels are the meshes of the geoms. A shape with the mesh of a finer one has no triangles.
+    `(L, ngeom)` levels are the meshes of the geoms. Coarser shapes of those that have one mesh have no triangles.
     """
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, int(model.vis.quality.numstacks) + 1)
     arc = angles, np.cos(angles), np.sin(angles)
     slices, sizes = int(model.vis.quality.numslices), np.asarray(model.geom_size, dtype=np.float64)
-    kinds, meshes, shown = model.geom_type.tolist(), _meshes(model), np.asarray(drawn).tolist()
+    kinds: list[int] = model.geom_type.tolist()
+    meshes, shown = _meshes(model), np.asarray(drawn).tolist()
+    finest: list[int] = levels[0].tolist()
     shapes = [
         _NOTHING
         if not shown[geom]
         else meshes[mesh]
         if kinds[geom] == _MESH
         else _shape(mujoco.mjtGeom(kinds[geom]), sizes[geom], slices, *arc)
-        for geom, mesh in enumerate(levels[0].tolist())
+        for geom, mesh in enumerate(finest)
     ]
-    for finer, coarser in itertools.pairwise(levels.tolist()):
+    for coarser in levels[1:].tolist():
         shapes += [
-            meshes[mesh] if shown[geom] and mesh != other else _NOTHING
-            for geom, (other, mesh) in enumerate(zip(finer, coarser, strict=True))
+            meshes[mesh] if shown[geom] and mesh != finest[geom] else _NOTHING for geom, mesh in enumerate(coarser)
         ]
     vertices = np.concatenate([vertices for vertices, _ in shapes]).astype(np.float64, copy=False)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)]).astype(np.intp)

@@ -137,7 +137,7 @@ def _faces(count: int, is_pole: tuple[bool, ...]) -> tuple[NDArray[np.int32], tu
     """
     rings = len(is_pole)
     grid = np.arange(rings * (count + 1), dtype=np.int32).reshape(rings, count + 1)
-    wide, coarse = ~np.array(is_pole), []
+    wide, coarse = ~np.array(is_pole), list[NDArray[np.int32]]()
     for every in (2, 4):
         rows = np.linspace(0, rings - 1, max(rings // every, 2) + 1).round().astype(int)
         columns = np.linspace(0, count, max(2 * -(-count // (2 * every)), 4) + 1).round().astype(int)
