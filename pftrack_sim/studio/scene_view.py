@@ -18,6 +18,7 @@ from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.renderer import geoms_drawn
 from pftrack_sim.render.triangles import model_triangles
 from pftrack_sim.scene.layout import owner_name
+from pftrack_sim.scene.scene_spec import geom_meshes
 from pftrack_sim.studio.tracked import Moment
 
 TRACKED, OTHERS, MACHINES = (40, 190, 90), (120, 120, 120), (60, 90, 140)
@@ -253,7 +254,7 @@ def _frustum(half_m: FloatArray) -> Any:
 
 def _static_mesh(model: mujoco.MjModel, moment: Moment, shown: BoolArray) -> Any:
     """One mesh of the `(ngeom,)` geoms that are shown and do not move, with a colour for each face."""
-    found = model_triangles(model, shown)
+    found = model_triangles(model, shown, geom_meshes(model)[:1])
     corners: list[FloatArray] = []
     colours: list[Any] = []
     means: dict[int, Any] = {}
