@@ -26,7 +26,7 @@ from torch.nn import functional
 from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario import load, names
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.trackers.pftrack.person import COLUMNS, REACH, ROWS
+from pftrack_sim.trackers.recognition.person import COLUMNS, REACH, ROWS
 
 RATE_HZ, FRAMES = 2.0, 40  # Frames of an episode: few, so that a person is seen in many poses
 LEFT_OUT = ("lee2012", "kwon2005")  # Suites of papers, which are not trained on

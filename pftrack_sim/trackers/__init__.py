@@ -10,7 +10,8 @@ A multi-object tracker has `update(detections, image) -> TrackedBoxes`; `Followe
 filters; one module per paper combines them and holds its parameters.
 
 `Estimate.confidence` is the similarity between the estimated box and the tracker's model of the target, from 0 to 1
-(identical). Trackers that measure no similarity report 1, and 0 in frames where they report a loss.
+(identical). Trackers that measure no similarity report 1, and 0 in frames where they report a loss. With the parameter
+`recognition` it is that of a memory of how the target looked at first, on one scale for all.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,10 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes
 
+if TYPE_CHECKING:
+    from pftrack_sim.trackers.recognition.memory import TargetMemory
+
+Recognition: TypeAlias = Literal["none", "judge", "search"]
 PRESETS = ("default", "paper")  # `paper`: the printed values only; `default`: the best values found since
 
 
@@ -56,10 +60,16 @@ class BaseTracker(ABC):
 
     Subclasses implement `_start`, which must reset all state, and `_follow`. Both get a contiguous `(H, W, 3)` uint8
     image, which they must not modify.
+
+    Args:
+        recognition: What a memory of the target does, see `TargetMemory`: nothing; it judges the estimates, whose
+            confidence is then the memory's; or it also has the method start again where it finds a lost target.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, recognition: Recognition = "none") -> None:
         self._shape: tuple[int, ...] | None = None
+        self._recognition: Recognition = recognition
+        self._memory: TargetMemory | None = None
 
     def init(self, image: Image, box: ArrayLike) -> None:
         """Start on an image and reset all state. After an error the tracker is unchanged.
@@ -73,6 +83,11 @@ class BaseTracker(ABC):
         pixels = checked_image(image)
         start = _checked_first_box(box, pixels)
         self._start(pixels, start)
+        if self._recognition != "none":
+            # Imported where it is needed: it loads OpenCV.
+            from pftrack_sim.trackers.recognition.memory import TargetMemory
+
+            self._memory = TargetMemory(pixels, start, searches=self._recognition == "search")
         self._shape = pixels.shape
 
     def update(self, image: Image) -> Estimate:
@@ -88,13 +103,25 @@ class BaseTracker(ABC):
         if pixels.shape != self._shape:
             before, now = (f"{shape[1]}x{shape[0]}" for shape in (self._shape, pixels.shape))
             raise ImageError(f"the image changed its size within a sequence: from {before} to {now} (width x height)")
-        return self._follow(pixels)
+        estimate = self._follow(pixels)
+        if self._memory is None:
+            return estimate
+        judged = self._memory.judge(pixels, estimate.box)
+        if judged.elsewhere and judged.box is not None:
+            self._start(pixels, judged.box)
+            return Estimate(judged.box, judged.confidence, judged.occluded)
+        box = estimate.box if judged.box is None or not self._moves_to(judged.box) else judged.box
+        return Estimate(box, judged.confidence, estimate.occluded or judged.occluded, estimate.particles)
 
     @abstractmethod
     def _start(self, image: Image, box: Box) -> None: ...
 
     @abstractmethod
     def _follow(self, image: Image) -> Estimate: ...
+
+    def _moves_to(self, box: Box) -> bool:
+        """Move the state to a `(4,)` box near the estimate, and say whether that is done: not by every method."""
+        return False
 
 
 def checked_image(image: object) -> Image:

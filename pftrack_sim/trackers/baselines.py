@@ -15,13 +15,13 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.parameters import Parameters
+from pftrack_sim.trackers.parameters import Parameters, RecognitionParameters
 
 HUE_COUNT = 180  # OpenCV's 8-bit hue has steps of two degrees
 Byte: TypeAlias = Annotated[int, Field(ge=0, le=255)]
 
 
-class NccParameters(Parameters):
+class NccParameters(RecognitionParameters):
     """Parameters of `ncc`: search distance in each direction, as a multiple of the square root of the box's area."""
 
     search: Annotated[float, Field(ge=0.0, le=100.0)] = 0.5
@@ -36,7 +36,7 @@ class Ncc(BaseTracker):
     """
 
     def __init__(self, params: NccParameters) -> None:
-        super().__init__()
+        super().__init__(params.recognition)
         self.params = params
 
     def _start(self, image: Image, box: Box) -> None:

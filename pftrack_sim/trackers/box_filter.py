@@ -22,7 +22,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
-from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
+from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, RecognitionParameters, Share
 
 NoiseUnit: TypeAlias = Literal["px", "box"]  # Unit of the dynamics' noise: pixels, or a share of the estimated box
 MIN_SIZE_PX = 2.0
@@ -31,7 +31,7 @@ HELD_RATE = 0.003  # The same while the state is kept: what covers the target fo
 CARRIED_SHARE = 0.75  # Of the particles, by the camera's motion; the others find a target that the camera follows
 
 
-class WalkParameters(Parameters):
+class WalkParameters(RecognitionParameters):
     """Parameters of particles on a box that make a random walk.
 
     Attributes:
@@ -113,7 +113,7 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
     """The filter without its observation; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, params: ParametersT, seed: int) -> None:
-        super().__init__()
+        super().__init__(params.recognition)
         self.params = params
         self._seed = seed
 
@@ -156,6 +156,12 @@ class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
         else:
             self._learn(image, observation, box)
         return Estimate(box, similarity, held, particles if p.particles else None)
+
+    def _moves_to(self, box: Box) -> bool:
+        moved = state_of(box) - self._state
+        self._state = self._state + moved
+        self._filter.states[:, :4] += moved
+        return True
 
     def _carry(self, image: Image) -> None:
         """Move part of the particles as the camera's motion has moved the image's content since the last estimate.

@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from pftrack_sim.core.errors import ParameterError, did_you_mean
-from pftrack_sim.trackers.base import PRESETS
+from pftrack_sim.trackers.base import PRESETS, Recognition
 
 Count: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
 Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -58,3 +58,14 @@ class Parameters(BaseModel):
 
             lines = problems(error, values, cls.model_json_schema())
             raise ParameterError(f"{tracker}: {'; '.join(lines)}") from None
+
+
+class RecognitionParameters(Parameters):
+    """Parameters of a tracker that may have a memory of its target.
+
+    Attributes:
+        recognition: What a memory of the target does: `"none"`, `"judge"` or `"search"`, see `BaseTracker`. Not
+            printed; in closed loop `"search"`, unless preset `paper` is asked for.
+    """
+
+    recognition: Recognition = "none"

@@ -26,6 +26,7 @@ MOT = "mot:"
 GROUP = "pftrack_sim.trackers"
 ORACLES = ("oracle", "oracle-visible")
 _FOLLOW_DETECTIONS = frozenset({"bytetrack", "chau2011", "norfair", "ocsort"})
+_WITHOUT_RECOGNITION = frozenset({*_FOLLOW_DETECTIONS, *ORACLES, "pftrack", "stay"})
 _CONTRIB, _FILES = "needs opencv-contrib-python-headless", "needs model files"
 _MOT = "follows detections; needs the extra mot"
 _BUILTIN = {  # name: (module, description)
@@ -131,6 +132,11 @@ def code_digest(name: str) -> str:
 def is_builtin(name: str) -> bool:
     """Whether a tracker belongs to this package; others run in a process of their own by default."""
     return name in _BUILTIN
+
+
+def recognises(name: str) -> bool:
+    """Whether a tracker has the parameter `recognition`, see `BaseTracker`."""
+    return name in _BUILTIN and name not in _WITHOUT_RECOGNITION and not name.startswith("opencv-")
 
 
 def told(name: str) -> Literal["", "truth", "detections"]:

@@ -9,8 +9,8 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.trackers.pftrack.person import KnownPerson, look
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.person import KnownPerson, look
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 SEED = 3  # The network was trained on 200 to 207
 

@@ -12,12 +12,12 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
-from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
 from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, DIRECTIONS, hog_map
-from pftrack_sim.trackers.pftrack.parts import PartColours, describe
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
+from pftrack_sim.trackers.recognition.colour import ColourModel
+from pftrack_sim.trackers.recognition.parts import PartColours, describe
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 Scene = tuple[list[np.ndarray], np.ndarray]
 

@@ -25,7 +25,7 @@ from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario import load as load_scenario
 from pftrack_sim.scenario.section import NotNegative, Section
-from pftrack_sim.trackers.registry import ORACLES, told
+from pftrack_sim.trackers.registry import ORACLES, recognises, told
 
 MAX_EPISODES = 1_000_000
 
@@ -89,6 +89,12 @@ class TrackerSpec(Section):
     def told(self) -> Literal["", "truth", "detections"]:
         """What it is told of each frame besides its image."""
         return "truth" if self.allow_truth else told(self.name)
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Parameters that it is made with: in closed loop one that recognises its target also searches it."""
+        searches = self.controller is not None and self.preset == "default" and recognises(self.name)
+        return {**({"recognition": "search"} if searches else {}), **self.params}
 
     @property
     def digest(self) -> str:

@@ -252,7 +252,7 @@ def make_runners(
             code = _code_of(spec, isolation, limits or Limits())
             made = IsolatedTracker(code, seed=seed, processes=processes)
         else:
-            made = trackers.make(spec.name, seed=seed, preset=spec.preset, **spec.params)
+            made = trackers.make(spec.name, seed=seed, preset=spec.preset, **spec.arguments)
         runners.append(TrackerRunner(spec, made, seed=seed, box_noise=box_noise, first_frame=first_frame))
     return runners
 
@@ -283,7 +283,7 @@ def check_trackers(
 
 def _code_of(spec: TrackerSpec, isolation: Isolation, limits: Limits) -> TrackerCode:
     sandboxed = isolation == "container" and not trackers.is_builtin(spec.name)
-    return TrackerCode(spec.name, spec.preset, spec.params, limits, sandboxed=sandboxed)
+    return TrackerCode(spec.name, spec.preset, spec.arguments, limits, sandboxed=sandboxed)
 
 
 def checked_isolation(name: str) -> Isolation:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.parameters import Parameters
+from pftrack_sim.trackers.parameters import RecognitionParameters
 
 Normalisation: TypeAlias = Literal["sum", "length", "root"]
 """Of learnt vectors: to sum 1; to length 1; or the square root of the former, whose distances are Bhattacharyya's."""
@@ -85,7 +85,7 @@ def residuals(vectors: FloatArray, basis: FloatArray) -> FloatArray:
     return np.sqrt(np.einsum("ij,ij->i", rest, rest))
 
 
-class OnlineFeatureParameters(Parameters):
+class OnlineFeatureParameters(RecognitionParameters):
     """Parameters of learning; printed values have their equation.
 
     Attributes:

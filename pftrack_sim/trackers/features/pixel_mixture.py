@@ -12,13 +12,13 @@ from pydantic import Field
 from pftrack_sim.core.compiled import kernel, part_of_kernel
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.patches import Patches
-from pftrack_sim.trackers.parameters import Parameters, Positive
+from pftrack_sim.trackers.parameters import Positive, RecognitionParameters
 
 OutlierRule: TypeAlias = Literal["most", "stable", "all"]
 """Components that a pixel must be far from to be an outlier; see `PixelMixture.outlier_share`."""
 
 
-class MixtureParameters(Parameters):
+class MixtureParameters(RecognitionParameters):
     """Parameters of a mixture; standard deviations in units of a patch's. Kwon et al. print c only.
 
     Attributes:

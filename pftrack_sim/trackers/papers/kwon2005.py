@@ -173,6 +173,17 @@ class TemplateMotion:
             return np.array([centre_px, centre_px, scale, angle])
         return np.array([centre_px, centre_px, scale, angle, angle, scale])
 
+    def moved(self, state: FloatArray, box: Box) -> FloatArray:
+        """A `(D,)` state with the centre and height of a `(4,)` box."""
+        out = state.copy()
+        out[:2] = boxes.centre(box)
+        growth = float(box[3] / self.boxes(state[None])[0, 3])
+        if self.model == "similarity":
+            out[2] += math.log(growth)
+        else:
+            out[2:] *= growth
+        return out
+
     def clip(self, states: FloatArray, image: Image) -> FloatArray:
         """`(N, D)` states with centres in the image and sizes between `MIN_SIZE_PX` and twice the image."""
         height_px, width_px = image.shape[:2]
@@ -199,7 +210,7 @@ class Kwon2005(BaseTracker):
     """
 
     def __init__(self, params: Kwon2005Parameters, seed: int, *, detects_occlusions: bool) -> None:
-        super().__init__()
+        super().__init__(params.recognition)
         for names in (("noise_min", "noise", "noise_max"), ("particle_count", "particle_count_max")):
             values = [getattr(params, name) for name in names]
             if values != sorted(values):
@@ -252,6 +263,10 @@ class Kwon2005(BaseTracker):
             self._patch = patch
         particles = self._motion.boxes(particle_filter.states) if p.particles else None
         return Estimate(self._motion.boxes(self._state[None])[0], confidence, self._occluded, particles)
+
+    def _moves_to(self, box: Box) -> bool:
+        self._state = self._motion.moved(self._state, box)
+        return True
 
     def _carry(self, image: Image) -> None:
         """Move the state as the camera's motion moves the image's content."""

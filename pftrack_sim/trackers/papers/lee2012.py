@@ -138,7 +138,7 @@ class Lee2012(BaseTracker):
     """One of `METHODS`; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, method: Method, params: Lee2012Parameters, seed: int) -> None:
-        super().__init__()
+        super().__init__(params.recognition)
         self.params = params
         self._method = method
         self._seed = seed
@@ -184,6 +184,12 @@ class Lee2012(BaseTracker):
             for model, feature in zip(self._models, features, strict=True):
                 model.learn(feature[0])
         return Estimate(box[0], confidence, False, particles if self.params.particles else None)
+
+    def _moves_to(self, box: Box) -> bool:
+        moved = state_of(box) - self._state[:4]
+        self._state[:4] += moved
+        self._filter.states[:, :4] += moved
+        return True
 
     def _is_reliable(self, confidence: float) -> bool:
         """Whether to learn from an estimate, given the confidence of those learnt from before."""

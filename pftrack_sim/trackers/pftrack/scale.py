@@ -16,7 +16,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.camera_motion import hann
 from pftrack_sim.trackers.pftrack.correlation import vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX, CHANNELS, hog_map
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 FULL_ASPECT = 0.8
 """Ratio of the shorter to the longer side from which on a box is taken whole."""

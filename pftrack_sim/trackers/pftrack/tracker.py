@@ -16,24 +16,22 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.parameters import NotNegative, Parameters, Share
-from pftrack_sim.trackers.pftrack.colour import ColourModel
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter, vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
-from pftrack_sim.trackers.pftrack.parts import PartColours, describe
-from pftrack_sim.trackers.pftrack.person import KnownPerson
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
+from pftrack_sim.trackers.recognition.colour import ColourModel
+from pftrack_sim.trackers.recognition.parts import PartColours, describe
+from pftrack_sim.trackers.recognition.person import KnownPerson
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.search import Looks, likeness_at, search
 
 MIN_SIZE_PX = 4.0
 SLOW, FORGETTING = 0.05, 0.1
 """Weight of a new frame that is sure in the running means of the responses, and the share of it that others have."""
 UNLIKE = 0.7
 """Likeness at which the confidence is 0."""
-SEARCH_SCALES = (0.65, 0.8, 1.0, 1.25, 1.55)
-"""Sizes at which a lost target is searched, as shares of that at which it was last sure."""
 SEARCH_INTERVAL = 3  # Frames from one search to the next
-SEARCH_PX, SEARCHED, COMPARED = 10.0, 3, 3
-"""Width of the target in the image that is searched by colour, places taken at each size, and places compared."""
+COMPARED = 3  # Places of a search that the filter compares
 APART = 0.15
 """Starts of the search nearer to each other than this share of the square root of the target's area count as one."""
 
@@ -143,7 +141,7 @@ class Pftrack(BaseTracker):
         self._colour: ColourModel
         self._scales: ScaleFilter
         self._camera: CameraMotion
-        self._looks: KnownPerson | PartColours
+        self._looks: Looks
         self._usual: FloatArray | None = None
 
     def _start(self, image: Image, box: Box) -> None:
@@ -242,14 +240,8 @@ class Pftrack(BaseTracker):
         return Match(float(scores[row, column]), float(peaks[row, column]), at, scale)
 
     def _place(self, pyramid: ImagePyramid, match: Match) -> Place:
-        looks, likeness = self._look(pyramid, match.centre, match.scale)
+        looks, likeness = likeness_at(self._looks, pyramid, match.centre, match.scale * self._size)
         return Place(match, looks, likeness)
-
-    def _look(self, pyramid: ImagePyramid, centre: FloatArray, scale: float) -> tuple[Any, float]:
-        """How the target's box at a centre looks, and its likeness to the target."""
-        known: Any = self._looks  # Each describes what it compares.
-        looks = known.describe(pyramid, centre, scale * self._size)
-        return looks, known.likeness(looks)
 
     def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, likeness: float) -> Place | None:
         """The best place in the whole image where the target may be; None where no other is as sure as asked for.
@@ -257,34 +249,16 @@ class Pftrack(BaseTracker):
         Places are proposed by colour at several sizes, ordered by their looks, and compared by the filter.
         """
         p = self.params
-        proposed: list[tuple[float, float, FloatArray]] = []
-        for scale in (share * self._sure_scale for share in SEARCH_SCALES):
-            for centre in self._colour_peaks(image, scale * self._size):
-                proposed.append((self._look(pyramid, centre, scale)[1], scale, centre))
-        proposed.sort(key=lambda one: -one[0])
+        proposed = search(image, pyramid, self._looks, self._colour, self._sure_scale * self._size)
         least = max(p.found_likeness, 0.0 if likeness < p.unsure_likeness else likeness + p.found_gain)
         best: Place | None = None
-        for _, scale, centre in proposed[:COMPARED]:
-            place = self._place(pyramid, self._match(pyramid, image, centre, scale))
+        for one in proposed[:COMPARED]:
+            scale = float(one.size[1] / self._size[1])
+            place = self._place(pyramid, self._match(pyramid, image, one.centre, scale))
             sure = place.likeness >= least and place.match.peak >= p.found_peak * usual[1]
             if sure and (best is None or place.match.score > best.match.score):
                 best = place
         return best
-
-    def _colour_peaks(self, image: Image, size: FloatArray) -> list[FloatArray]:
-        """Centres [px] of boxes of `(2,)` size with the most of the target's colours that do not overlap by half."""
-        zoom = min(SEARCH_PX / float(size[0]), 1.0)
-        shape = [max(round(zoom * side), 8) for side in image.shape[1::-1]]
-        small = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        width, height = (float(side) * zoom for side in size)
-        response = self._colour.respond(small, width, height)
-        x_half, y_half = max(int(0.5 * width), 1), max(int(0.5 * height), 1)
-        peaks: list[FloatArray] = []
-        for _ in range(SEARCHED):
-            row, column = divmod(int(response.argmax()), response.shape[1])
-            peaks.append(np.array([column + 0.5, row + 0.5]) / zoom)
-            response[max(row - y_half, 0) : row + y_half + 1, max(column - x_half, 0) : column + x_half + 1] = -1.0
-        return peaks
 
     def _rescale(self, pyramid: ImagePyramid, image: Image, peak: float) -> None:
         p = self.params

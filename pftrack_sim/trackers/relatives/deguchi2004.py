@@ -70,7 +70,7 @@ class Deguchi2004(BaseTracker):
     """Mean shift with a particle filter beside it; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, params: Deguchi2004Parameters, seed: int) -> None:
-        super().__init__()
+        super().__init__(params.recognition)
         self.params = params
         self._seed = seed
 

@@ -94,7 +94,7 @@ class Khan2011(BaseTracker):
     """The tracker; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, params: Khan2011Parameters, seed: int) -> None:
-        super().__init__()
+        super().__init__(params.recognition)
         self.params = params
         self._seed = seed
         self._partition = Partition(params.rows, params.columns)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 PARTS = ((0.0, 0.17), (0.17, 0.5), (0.5, 0.92))
 """Spans of the height, without the feet: between steps the ground shows beside them."""

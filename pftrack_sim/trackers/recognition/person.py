@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.pftrack.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 NETWORK = "person.onnx"  # Among the assets
 ROWS, COLUMNS = 80, 40  # Of a patch

@@ -1,0 +1,156 @@
+"""Memory of a target for trackers of any kind: it judges their estimates, and says where to start again after a loss.
+
+A tracker, a test of what it follows that remembers the target for long, and a search after a loss make a long-term
+tracker (Kalal, Mikolajczyk and Matas 2012, "Tracking-learning-detection").
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pftrack_sim.core import boxes
+from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.recognition.colour import ColourModel
+from pftrack_sim.trackers.recognition.parts import PartColours, describe
+from pftrack_sim.trackers.recognition.person import KnownPerson, PersonView
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.search import Place, likeness_at, search
+
+UNSURE, SURE = 0.87, 0.95
+"""Likeness below which the box does not hold the target, and from which on it does; between the two it is learnt more
+slowly."""
+UNLIKE = 0.7
+"""Likeness at which the confidence is 0."""
+SEARCH_AFTER, SEARCH_INTERVAL = 6, 3
+"""Frames without the target until the whole image is searched, and from one search to the next."""
+FOUND, GAIN = 0.92, 0.04
+"""Least likeness of a place that is taken, and by how much it is more alike than the estimate."""
+COMPARED = 3  # Places that are looked at closely
+REACH, REACH_RATE = 1.5, 0.1
+"""How far a target is searched, in heights: at once, and for each frame since it was last sure."""
+SAME = 0.3  # Overlap from which a place is that of the estimate
+SETTLED = 0.3
+"""Share of a person's distance from the box, and of the difference in size, that is made good in a frame."""
+PATCH_PX, SURROUND = 128, 3.5
+"""Side of the patch whose colours are learnt, and the same as a multiple of the square root of the target's area."""
+COLOUR_RATE = 0.04  # Weight of a new frame in the colours
+MIN_SIZE_PX = 3.0
+
+
+class Judgement(NamedTuple):
+    """What the memory says of an estimate.
+
+    Attributes:
+        confidence: That the box holds the target, in [0, 1].
+        occluded: Whether the target is hidden, or not there at all.
+        box: `(4,)` where the target is instead [px]; None: in the estimate.
+        elsewhere: Whether that is another place, where the tracker should start again.
+    """
+
+    confidence: float
+    occluded: bool
+    box: Box | None = None
+    elsewhere: bool = False
+
+
+class TargetMemory:
+    """How a target looks: a person by a network, anything else by its colours.
+
+    Args:
+        image: `(H, W, 3)` the first image.
+        box: `(4,)` the target in it [px].
+        searches: Whether a lost target is searched in the whole image, and a box that no longer fits a person put
+            right.
+    """
+
+    def __init__(self, image: Image, box: Box, *, searches: bool) -> None:
+        self._searches = searches
+        pyramid = ImagePyramid(image)
+        self._centre, self._size = boxes.centre(box), box[2:].copy()
+        person = KnownPerson.found(pyramid, self._centre, self._size)
+        self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
+        self._colours = ColourModel()
+        self._learn_colours(pyramid, 1.0)
+        self._unsure = 0
+
+    def judge(self, image: Image, box: Box) -> Judgement:
+        """Judge the `(4,)` box [px] that a tracker estimates in the next image, and learn from it if it is sure."""
+        pyramid = ImagePyramid(image)
+        place = _place(box, image)
+        view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
+        self._unsure = 0 if likeness >= UNSURE else self._unsure + 1
+        found = settled = None
+        if self._searches and self._unsure >= SEARCH_AFTER and (self._unsure - SEARCH_AFTER) % SEARCH_INTERVAL == 0:
+            found = self._find(image, pyramid, likeness, box)
+        if found is not None:
+            place, self._unsure = found, 0
+            view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
+        elif self._searches and likeness >= UNSURE and (correction := self._correction(view)):
+            place = settled = _moved(place, correction, SETTLED)
+        trust = _ramp(likeness, UNSURE, SURE)
+        if trust > 0.0:
+            self._centre, self._size = place.centre, place.size
+            self._looks.learn(view, likeness, trust)
+            self._learn_colours(pyramid, COLOUR_RATE * trust)
+        hidden = not isinstance(self._looks, KnownPerson) or self._looks.is_covered(view)
+        now = found or settled
+        return Judgement(
+            _ramp(likeness, UNLIKE, 1.0),
+            likeness < UNSURE and hidden,
+            None if now is None else _box(now),
+            found is not None,
+        )
+
+    def _find(self, image: Image, pyramid: ImagePyramid, likeness: float, box: Box) -> Place | None:
+        """The place most like the target that it can have reached, if it is alike enough and not the estimate's."""
+        reach = (REACH + REACH_RATE * self._unsure) * float(self._size[1])
+        places = search(image, pyramid, self._looks, self._colours, self._size)
+        near = [one for one in places if math.dist(one.centre, self._centre) <= reach][:COMPARED]
+        best = max((self._settled(pyramid, one) for one in near), key=lambda one: one.likeness, default=None)
+        if best is None or best.likeness < max(FOUND, likeness + GAIN) or boxes.iou(_box(best), box) >= SAME:
+            return None
+        return best if boxes.area(boxes.clip(_box(best), *image.shape[1::-1])) > 0.0 else None
+
+    def _settled(self, pyramid: ImagePyramid, place: Place) -> Place:
+        """A place moved onto the person in it, if there is one and that is more like the target."""
+        view, _ = likeness_at(self._looks, pyramid, place.centre, place.size)
+        if (correction := self._correction(view)) is None:
+            return place
+        moved = _moved(place, correction, 1.0)
+        moved = moved._replace(likeness=likeness_at(self._looks, pyramid, moved.centre, moved.size)[1])
+        return moved if moved.likeness > place.likeness else place
+
+    def _correction(self, view: object) -> tuple[FloatArray, float] | None:
+        known = self._looks
+        return known.correction(view) if isinstance(known, KnownPerson) and isinstance(view, PersonView) else None
+
+    def _learn_colours(self, pyramid: ImagePyramid, rate: float) -> None:
+        side = max(SURROUND * math.sqrt(float(self._size.prod())), 1.3 * float(self._size.max()))
+        width, height = (float(one) * PATCH_PX / side for one in self._size)
+        self._colours.learn(pyramid.patch(self._centre, side, PATCH_PX), width, height, rate)
+
+
+def _place(box: Box, image: Image) -> Place:
+    """An estimate as a place that can be looked at; its likeness is not known yet."""
+    return Place(0.0, np.maximum(box[2:], MIN_SIZE_PX), np.clip(boxes.centre(box), 0.0, image.shape[1::-1]))
+
+
+def _moved(place: Place, correction: tuple[FloatArray, float], share: float) -> Place:
+    """A place moved by a share of a person's shift and growth, see `KnownPerson.correction`."""
+    shift, growth = correction
+    size = place.size * math.exp(share * growth)
+    return Place(place.likeness, size, place.centre + share * shift * place.size[1])
+
+
+def _box(place: Place) -> Box:
+    return np.concatenate([place.centre - 0.5 * place.size, place.size])
+
+
+def _ramp(value: float, low: float, high: float) -> float:
+    """0 up to `low`, 1 from `high` on, linear between the two."""
+    return min(max((value - low) / (high - low), 0.0), 1.0)

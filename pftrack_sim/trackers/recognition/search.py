@@ -1,0 +1,62 @@
+"""Search of the whole image for a target, by its colours and its looks."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.recognition.colour import ColourModel
+from pftrack_sim.trackers.recognition.parts import PartColours
+from pftrack_sim.trackers.recognition.person import KnownPerson
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
+
+Looks = KnownPerson | PartColours
+
+SCALES = (0.65, 0.8, 1.0, 1.25, 1.55)
+"""Sizes at which a lost target is searched, as shares of that at which it was last sure."""
+WIDTH_PX, SEARCHED = 10.0, 3
+"""Width of the target in the image that is searched by colour, and places taken at each size."""
+
+
+class Place(NamedTuple):
+    """A box of `(2,)` size [px] around a `(2,)` centre, and its likeness to the target."""
+
+    likeness: float
+    size: FloatArray
+    centre: FloatArray
+
+
+def likeness_at(looks: Looks, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> tuple[Any, float]:
+    """How a box looks, and its likeness to the target: `PersonView` of a person, else `Histograms`."""
+    known: Any = looks  # Each describes what it compares.
+    view = known.describe(pyramid, centre, size)
+    return view, known.likeness(view)
+
+
+def search(image: Image, pyramid: ImagePyramid, looks: Looks, colours: ColourModel, size: FloatArray) -> list[Place]:
+    """Places with the target's colours, at `SCALES` of its last `(2,)` size [px], the most alike first."""
+    found: list[Place] = []
+    for wanted in (scale * size for scale in SCALES):
+        for centre in _colour_peaks(image, colours, wanted):
+            found.append(Place(likeness_at(looks, pyramid, centre, wanted)[1], wanted, centre))
+    return sorted(found, key=lambda one: -one.likeness)
+
+
+def _colour_peaks(image: Image, colours: ColourModel, size: FloatArray) -> list[FloatArray]:
+    """Centres [px] of boxes of `(2,)` size with the most of the target's colours that do not overlap by half."""
+    zoom = min(WIDTH_PX / float(size[0]), 1.0)
+    shape = [max(round(zoom * side), 8) for side in image.shape[1::-1]]
+    small = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    width, height = (float(side) * zoom for side in size)
+    response = colours.respond(small, width, height)
+    x_half, y_half = max(int(0.5 * width), 1), max(int(0.5 * height), 1)
+    peaks: list[FloatArray] = []
+    for _ in range(SEARCHED):
+        row, column = divmod(int(response.argmax()), response.shape[1])
+        peaks.append(np.array([column + 0.5, row + 0.5]) / zoom)
+        response[max(row - y_half, 0) : row + y_half + 1, max(column - x_half, 0) : column + x_half + 1] = -1.0
+    return peaks

@@ -1,0 +1,85 @@
+"""A memory of the target judges estimates, and starts a tracker again where it finds a lost target."""
+
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim import trackers
+from pftrack_sim.benchmark import TrackerSpec
+from pftrack_sim.core.boxes import iou
+from pftrack_sim.core.errors import PftrackError
+from pftrack_sim.core.records import Estimate
+from pftrack_sim.trackers.registry import recognises
+
+SIZE = np.array([24.0, 60.0])
+
+
+def image(x: float | None, other: float | None = None) -> np.ndarray:
+    """A target of three colours with its left side at x, and another of other colours; the same ground always."""
+    rng = np.random.default_rng(0)
+    ground = cv2.resize(rng.integers(60, 120, (12, 16, 3), dtype=np.uint8), (320, 240), interpolation=cv2.INTER_CUBIC)
+    for left, colours in ((x, ((230, 180, 150), (200, 30, 40), (30, 40, 160))), (other, ((90, 60, 40),) * 3)):
+        for part, colour in enumerate(colours if left is not None else ()):
+            top = 80 + 20 * part
+            ground[top : top + 20, int(left or 0) : int(left or 0) + 24] = colour
+    return ground
+
+
+def box(x: float) -> np.ndarray:
+    return np.array([x, 80.0, *SIZE])
+
+
+def follow(name: str, recognition: str, frames: list[np.ndarray]) -> list[Estimate]:
+    tracker = trackers.make(name, recognition=recognition)
+    tracker.init(frames[0], box(100.0))
+    return [tracker.update(frame) for frame in frames[1:]]
+
+
+def test_a_judge_changes_confidence_alone():
+    frames = [image(100.0 + k) for k in range(12)] + [image(None)] * 6
+    found: dict[str, list[Estimate]] = {}
+    for use in ("none", "judge"):
+        found[use] = follow("ncc", use, frames)
+    for one, judged in zip(found["none"], found["judge"], strict=True):
+        assert np.array_equal(one.box, judged.box)
+    assert min(one.confidence for one in found["judge"][:11]) > 0.9
+    assert max(one.confidence for one in found["judge"][12:]) < 0.2
+    assert all(one.occluded for one in found["judge"][12:])
+
+
+@pytest.mark.parametrize(("name", "alone"), [("ncc", False), ("lee2012", False), ("ko2012", True), ("kwon2005", True)])
+def test_a_lost_target_is_found_where_it_comes_back(name: str, alone: bool):
+    """It is away for a second, and comes back beside another; particles that spread may find it alone."""
+    frames = [image(100.0)] * 8 + [image(None, 180.0)] * 15 + [image(230.0, 180.0)] * 12
+    overlaps: dict[str, float] = {}
+    for use in ("none", "search"):
+        overlaps[use] = iou(follow(name, use, frames)[-1].box, box(230.0))
+    assert (overlaps["none"] > 0.1) is alone
+    assert overlaps["search"] > 0.6
+
+
+def test_nothing_is_found_where_the_target_is_not():
+    estimates = follow("ncc", "search", [image(100.0)] + [image(None, 180.0)] * 30)
+    assert all(iou(one.box, box(180.0)) == 0.0 for one in estimates)
+    assert all(one.occluded for one in estimates)
+
+
+def test_trackers_search_in_closed_loop():
+    driven = TrackerSpec(name="ko2012", controller="servo-avoid")
+    assert driven.arguments == {"recognition": "search"}
+    assert driven.label == "ko2012+servo-avoid"
+    assert TrackerSpec(name="ko2012").arguments == {}
+    assert TrackerSpec(name="ko2012", preset="paper", controller="servo-avoid").arguments == {}
+    chosen = {"recognition": "none", "particle_count": 50}
+    assert TrackerSpec(name="ko2012", controller="servo-avoid", params=chosen).arguments == chosen
+    assert TrackerSpec(name="pftrack", controller="servo-avoid").arguments == {}
+
+
+@pytest.mark.parametrize("name", trackers.names())
+def test_those_that_recognise_have_the_parameter(name: str):
+    try:
+        trackers.make(name, recognition="judge")
+        known = True
+    except PftrackError:
+        known = False
+    assert recognises(name) == known
