@@ -86,7 +86,8 @@ def limit(
     tables.print_warnings(late_events(plan, run.changed))
     path = run.out if run.out is not None else new_run_path(plan)
     most = sum(min(budget, len(one.seeds)) for one in searches)
-    with show_run(run.progress, path, f"{len(searches)} searches, at most {most} episodes") as on_progress:
+    what = f"{len(searches)} search{'es' if searches[1:] else ''}, at most {most} episodes"
+    with show_run(run.progress, path, what) as on_progress:
         found = find_limits(
             plan,
             searches,

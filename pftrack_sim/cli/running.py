@@ -234,15 +234,14 @@ def film(
     from pftrack_sim.benchmark.running.filming import worst as worst_of
     from pftrack_sim.report.tables import causes
 
-    results, plan = RunStore(run).results, RunStore(run).plan
-    if failed and plan.kind != "follow":
+    kept = RunStore(run)
+    if failed and kept.plan.kind != "follow":
         raise RunError(f"--failed asks for drives, and {run} was run in open loop; --loss asks for lost targets")
-    found = failures(RunStore(run)) if failed else {}
-    if failed:
-        results = [one for one in results if one.key in found]
+    found = failures(kept) if failed else {}
+    results = [one for one in kept.results if not failed or one.key in found]
     count = worst if worst is not None else max(len(results), 1) if failed else _WORST
     chosen = worst_of(results, count, tracker=tracker, lost=loss) if results or not failed else []
-    with RunStore.begin(run, plan) as store, progress_bar("filming", len(chosen)) as tick:
+    with RunStore.begin(run, kept.plan) as store, progress_bar("filming", len(chosen)) as tick:
         film_results(store, chosen, backend=backend, on_episode=tick)
         store.write_summary()
         videos = {one.key: store.video_of(one) for one in chosen}
@@ -252,8 +251,9 @@ def film(
     elif failed:
         for table in causes([found[one.key] for one in chosen]):
             tables.print_table(table)
-        named = {key: f"{' '.join([key[3], key[0], f'seed {key[2]}'])}, {found[key].statement}" for key in videos}
-        tables.print_lines(f"{named[key]}: {video}" for key, video in videos.items())
+        tables.print_lines(
+            f"{one.label} {tables.where(one)}, {found[one.key].statement}: {videos[one.key]}" for one in chosen
+        )
     else:
         tables.print_lines(f"{one.label} {one.number('mean_overlap'):.3f}: {videos[one.key]}" for one in chosen)
 

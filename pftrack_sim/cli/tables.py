@@ -62,11 +62,11 @@ def print_bench(results: Sequence[Result]) -> None:
         groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one)
     named = {(place, row_name(label, own)): [one.measures for one in own] for (place, label), own in groups.items()}
     print_groups("frames in which the target is visible", named)
-    _print_slowest((one.label, _where(one), one.measures) for one in results)
+    _print_slowest((one.label, where(one), one.measures) for one in results)
     for table in people(results, ("HOTA", "IDF1", "MOTA", "switches")):
         print_table(table)
-    _print_errors((one.label, _where(one), one.error) for one in results if one.error)
-    unseen = dict.fromkeys(_where(one) for one in results if one.never_seen)
+    _print_errors((one.label, where(one), one.error) for one in results if one.error)
+    unseen = dict.fromkeys(where(one) for one in results if one.never_seen)
     print_lines(_first([f"the target is never visible, and nothing is scored, in {where}" for where in unseen]))
 
 
@@ -87,7 +87,8 @@ def _first(lines: Sequence[str]) -> list[str]:
     return [*lines[:_MOST_LINES], *more]
 
 
-def _where(one: Result) -> str:
+def where(one: Result) -> str:
+    """Scenario, condition and seed of a result."""
     return " ".join([one.scenario, *([one.condition.name] if one.condition.name != "base" else []), f"seed {one.seed}"])
 
 
@@ -310,7 +311,7 @@ def print_tracebacks(run: RunStore) -> None:
         picture = run.error_picture(one)
         if picture is not None:
             text = picture.with_suffix(".txt").read_text(encoding="utf-8")
-            print_lines(["", text, f"picture of this frame, on {_where(one)}: {picture}"])
+            print_lines(["", text, f"picture of this frame, on {where(one)}: {picture}"])
 
 
 def print_lines(lines: Iterable[str]) -> None:

@@ -13,7 +13,6 @@ import numpy as np
 
 from pftrack_sim.camera.extents import CORNERS
 from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
-from pftrack_sim.core.compiled import kernel
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 
 _BOUNDED_TYPES = [
@@ -87,7 +86,7 @@ class Bounds:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         boxes = np.array(model.geom_aabb, dtype=np.float64).reshape(-1, 2, 3)
-        self.middles, self.halves = np.ascontiguousarray(boxes[:, 0]), np.ascontiguousarray(boxes[:, 1])
+        self.middles, self.halves = boxes[:, 0], boxes[:, 1]
         self.radii_m = np.linalg.norm(np.abs(boxes[:, 0]) + boxes[:, 1], axis=1)
         self.corners = (self.middles[:, None] + CORNERS * self.halves[:, None]).reshape(-1, 3)
         """`(8 ngeom, 3)` corners of the boxes, in the frame of each geom [m]."""
@@ -130,54 +129,15 @@ class Bounds:
 
     def _inside(self, view: View, geoms: IntArray, normals: FloatArray, offsets: FloatArray) -> BoolArray:
         """`(N,)` whether the boxes of geoms reach to the inner side of each of some planes, or miss it by a margin."""
-        poses = view.geom_xpos, view.geom_xmat
-        return reach_inside(geoms, *poses, self.middles, self.halves, self.radii_m, normals, offsets)
-
-
-@kernel
-def reach_inside(
-    geoms: IntArray,
-    positions: FloatArray,
-    rotations: FloatArray,
-    middles: FloatArray,
-    halves: FloatArray,
-    radii_m: FloatArray,
-    normals: FloatArray,
-    offsets: FloatArray,
-) -> BoolArray:
-    """Which oriented boxes reach to the inner side of each of some planes, or miss it by a margin.
-
-    Args:
-        geoms: `(N,)` ids of the geoms whose boxes they are.
-        positions: `(ngeom, 3)` of the geoms [m].
-        rotations: `(ngeom, 9)` of the geoms.
-        middles: `(ngeom, 3)` of the boxes, in the frame of each geom [m].
-        halves: `(ngeom, 3)` half sizes of the boxes [m].
-        radii_m: `(ngeom,)` of spheres about the positions that hold the boxes.
-        normals: `(P, 3)` unit normals of the planes.
-        offsets: `(P,)` theirs: points x inside have n.x + offset > 0.
-    """
-    found = np.ones(len(geoms), dtype=np.bool_)
-    for index in range(len(geoms)):
-        geom = geoms[index]
-        for plane in range(len(offsets)):
-            distance = offsets[plane]
-            for axis in range(3):
-                distance += normals[plane, axis] * positions[geom, axis]
-            if distance > radii_m[geom]:
-                continue
-            outside = distance <= -radii_m[geom] - _MARGIN_M
-            if not outside:
-                for along in range(3):
-                    turned = 0.0
-                    for axis in range(3):
-                        turned += normals[plane, axis] * rotations[geom, 3 * axis + along]
-                    distance += turned * middles[geom, along] + abs(turned) * halves[geom, along]
-                outside = distance <= -_MARGIN_M
-            if outside:
-                found[index] = False
-                break
-    return found
+        distances = normals @ view.geom_xpos[geoms].T + offsets[:, None]
+        found = distances.min(axis=0) > -self.radii_m[geoms] - _MARGIN_M
+        left = np.flatnonzero(found)
+        if left.size:
+            ids = geoms[left]
+            turned = normals @ view.geom_xmat[ids].reshape(-1, 3, 3)
+            reach = turned @ self.middles[ids, :, None] + np.abs(turned) @ self.halves[ids, :, None]
+            found[left] = (distances.T[left] + reach[..., 0]).min(axis=1) > -_MARGIN_M
+        return found
 
 
 def _planes(
@@ -191,9 +151,11 @@ def _planes(
     left, top = cx - rect.left + _MARGIN_PX, cy - rect.top + _MARGIN_PX
     right, bottom = rect.width + 2.0 * _MARGIN_PX - left, rect.height + 2.0 * _MARGIN_PX - top
     sides = _unit(fx, left), _unit(-fx, right), _unit(fy, top), _unit(-fy, bottom)
-    inwards = [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
-    inwards += [(across, 0.0, ahead) for across, ahead in sides[:2]]
-    inwards += [(0.0, down, ahead) for down, ahead in sides[2:]]
+    inwards = np.array(
+        [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
+        + [(across, 0.0, ahead) for across, ahead in sides[:2]]
+        + [(0.0, down, ahead) for down, ahead in sides[2:]]
+    )
     normals = np.empty((7, 3))
     normals[:6] = inwards @ view.T_world_camera[:3, :3].T
     normals[6] = 0.0, 0.0, 1.0

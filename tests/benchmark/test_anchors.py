@@ -11,6 +11,7 @@ from pftrack_sim.benchmark.running.filming import film
 from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.said.anchors import anchor_scores
 from pftrack_sim.cli.options import anchors
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.report.tables import anchors as anchor_table
 from tests.benchmark.small import SMALL, TRACKERS, contents
 
@@ -60,5 +61,5 @@ def test_forward_starts_have_no_such_scores(tmp_path: Path):
 
 
 def test_a_start_after_the_last_frame_is_refused():
-    with pytest.raises(Exception, match=r"in \[-1, 1\), got -1.5"):
+    with pytest.raises(ParameterError, match=r"in \[-1, 1\), got -1.5"):
         make_plan(["corridor"], ["stay"], [0], axes={"start": [-1.5]}, overrides=SMALL)

@@ -52,9 +52,7 @@ def test_colours_are_close_to_opengl(pair):
     gl, K = simulation._renderer, simulation._K
     for data, pose in _views(simulation, 2):
         ours, theirs = (one.color(data, pose, K).astype(float) for one in (caster, gl))
-        # Where a texture changes to the next level, a pixel of one may show the finer and that of the other the next.
-        assert np.abs(ours - theirs).mean() < 2.6
-        assert np.percentile(np.abs(ours - theirs), 90) <= 5.0
+        assert np.abs(ours - theirs).mean() < 2.5
         assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 1.5
 
 

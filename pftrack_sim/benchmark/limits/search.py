@@ -19,15 +19,7 @@ import numpy as np
 
 from pftrack_sim.benchmark.asked.plan import Plan, ScenarioSpec, Sweep, make_checked_plan
 from pftrack_sim.benchmark.limits.found import Difference, Example, Limit, Limits, Tried, Verdict, write_limits
-from pftrack_sim.benchmark.limits.scale import Range, Scale, make_scale
-from pftrack_sim.benchmark.limits.success import Outcomes, Success
-from pftrack_sim.benchmark.reading.store import RunStore
-from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.benchmark.running.run import run
-from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.random_streams import stream
-from pftrack_sim.core.types import FloatArray
-from pftrack_sim.score.psychometric import (
+from pftrack_sim.benchmark.limits.psychometric import (
     LEVEL,
     Psychometric,
     Threshold,
@@ -39,6 +31,14 @@ from pftrack_sim.score.psychometric import (
     threshold,
     thresholds_drawn,
 )
+from pftrack_sim.benchmark.limits.scale import Range, Scale, make_scale
+from pftrack_sim.benchmark.limits.success import Outcomes, Success
+from pftrack_sim.benchmark.reading.store import RunStore
+from pftrack_sim.benchmark.reading.summary import Result
+from pftrack_sim.benchmark.running.run import run
+from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.random_streams import stream
+from pftrack_sim.core.types import FloatArray
 
 BATCH = 8
 """Episodes of a search that are chosen together, whatever the number of workers."""

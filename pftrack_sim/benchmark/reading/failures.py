@@ -27,17 +27,17 @@ CAUSES: Mapping[str, str] = MappingProxyType(
     {
         "error": "the tracker ended with an error",
         "collision": f"the robot hit something, or came too near, within {FOUND_S:g} s of having tracked the target",
-        "size": f"the estimate's height was wrong by a factor above {OFF_SIZE:g} at the end, and so was its distance",
-        "too slow": "the estimate was right, but the target left the picture, or was farther than allowed at the end",
+        "never tracked": "the target was never tracked",
         "look-alike": f"within {AFTER_S:g} s the estimate was on another person for {ON_ANOTHER_S:g} s",
+        "size": f"tracked to the end, but with a height wrong by a factor above {OFF_SIZE:g}, and so a wrong distance",
         "search": f"the target was covered, the tracker said so, and it was not in sight again for {FOUND_S:g} s",
         "hidden": "the target was covered, and the estimate stayed elsewhere, or did not find it when it was in sight",
+        "too slow": "the target left the picture of a right estimate, or was tracked to the end, too far away",
         "drift": "the estimate left the target while more than half of it was visible",
-        "never tracked": "the target was never tracked",
     }
 )
 """What can have made a drive fail, by the truth from the moment at which its target was last tracked: meanings; the
-first that is true counts. Tracked: an overlap of at least `TRACKED` in most frames of the second before."""
+first that is true counts. Tracked: an overlap of at least `TRACKED`, also in most frames of the second before."""
 
 FAILURES = f"""
 CREATE VIEW failures AS
@@ -72,7 +72,8 @@ WITH drives AS (
         any_value(occluders[1]) FILTER (near AND visible_fraction < 0.5) AS cover,
         max(truncation) FILTER (near) > 0.9 AS left_picture,
         median(ln(estimate[4] / amodal_box[4])) FILTER (time_s > end_s - 1) AS growth,
-        sum(lasts_s) FILTER (soon AND other IS NOT NULL) >= {ON_ANOTHER_S} AS on_another, mode(other) AS other,
+        sum(lasts_s) FILTER (soon AND other IS NOT NULL) >= {ON_ANOTHER_S} AS on_another,
+        mode(other) FILTER (soon) AS other,
         avg((estimate_occluded OR confidence < {LEAST_CONFIDENCE})::INTEGER) FILTER (soon) >= 0.5 AS said,
         coalesce(sum(lasts_s) FILTER (time_s > last_s AND state = 'visible' AND visible_fraction >= 0.5), 0)
             >= {FOUND_S} AS in_sight

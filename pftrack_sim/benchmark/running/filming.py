@@ -169,9 +169,14 @@ def film(
 
 def draw_again(episode: Episode, sinks: Sequence[Sink], backend: str | None = None) -> None:
     """Draw the frames of an open-loop episode again for sinks, in the order in which they were shown."""
-    with Simulation(episode.scenario, backend=backend) as simulation, Backwards() as kept:
-        rollout(simulated(simulation, episode.seed), (), [kept] if episode.backward else sinks)
-        rollout(kept.samples() if episode.backward else (), (), sinks)
+    with Simulation(episode.scenario, backend=backend) as simulation:
+        samples = simulated(simulation, episode.seed)
+        if not episode.backward:
+            rollout(samples, (), sinks)
+            return
+        with Backwards() as kept:
+            rollout(samples, (), [kept])
+            rollout(kept.samples(), (), sinks)
 
 
 def _film(store: RunStore, episode: Episode, video: Path, backend: str | None) -> None:

@@ -69,24 +69,30 @@ def mip_level(
     face: int,
     mesh: int,
 ):
-    """Mip level nearest to log2 of the longer side of a pixel's footprint in texels (OpenGL 4.6, section 8.14)."""
+    """Mip level nearest to log2 of the longer side of a pixel's footprint in texels (OpenGL 4.6, section 8.14).
+
+    OpenGL takes one footprint for two by two pixels: that of the lower left one.
+    """
     eye = camera.eye
-    _origin, right, _cosine = ray_of(camera, x + 1.0, y)
-    _start, down, _slant = ray_of(camera, x, y + 1.0)
-    across = offset_on_plane(eye, right, point, normal)
-    along = offset_on_plane(eye, down, point, normal)
+    left, row = 2.0 * wp.floor(0.5 * x) + 0.5, 2.0 * wp.floor(0.5 * y) + 1.5
+    _first, corner, _flat = ray_of(camera, left, row)
+    _origin, right, _cosine = ray_of(camera, left + 1.0, row)
+    _start, up, _slant = ray_of(camera, left, row - 1.0)
+    first = offset_on_plane(eye, corner, point, normal)
+    across = offset_on_plane(eye, right, point, normal) - first
+    along = offset_on_plane(eye, up, point, normal) - first
     texels = appearance.texture_size[material]
     inverse = wp.transpose(geoms.rotation[0, geom])
     across = inverse @ across
     along = inverse @ along
     repeat = appearance.repeat[material]
     side = wp.vec2(0.0)
-    below = wp.vec2(0.0)
+    above = wp.vec2(0.0)
     if mesh >= 0 and face >= 0 and appearance.texcoord_start[mesh] >= 0:
         along_u = appearance.face_along_u[appearance.face_start[mesh] + face]
         along_v = appearance.face_along_v[appearance.face_start[mesh] + face]
         side = wp.cw_mul(repeat, wp.vec2(wp.dot(along_u, across), wp.dot(along_v, across)))
-        below = wp.cw_mul(repeat, wp.vec2(wp.dot(along_u, along), wp.dot(along_v, along)))
+        above = wp.cw_mul(repeat, wp.vec2(wp.dot(along_u, along), wp.dot(along_v, along)))
     else:
         local = inverse @ (point - geoms.position[0, geom])
         local_normal = inverse @ normal
@@ -95,8 +101,8 @@ def mip_level(
         geom_type = geoms.geom_type[geom]
         here = texture_coordinate(geom_type, local, local_normal, size, repeat, uniform)
         side = texture_coordinate(geom_type, local + across, local_normal, size, repeat, uniform) - here
-        below = texture_coordinate(geom_type, local + along, local_normal, size, repeat, uniform) - here
-    longest = wp.max(wp.length(wp.cw_mul(side, texels)), wp.length(wp.cw_mul(below, texels)))
+        above = texture_coordinate(geom_type, local + along, local_normal, size, repeat, uniform) - here
+    longest = wp.max(wp.length(wp.cw_mul(side, texels)), wp.length(wp.cw_mul(above, texels)))
     last = float(appearance.texture_levels[material] - 1)
     return int(wp.clamp(wp.log2(wp.max(longest, 1.0e-6)) + 0.5, 0.0, last))
 

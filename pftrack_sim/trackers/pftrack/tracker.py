@@ -23,15 +23,25 @@ from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
 from pftrack_sim.trackers.recognition.person import KnownPerson
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
-from pftrack_sim.trackers.recognition.search import Looks, likeness_at, search
+from pftrack_sim.trackers.recognition.search import (
+    COMPARED,
+    FOUND,
+    GAIN,
+    SEARCH_AFTER,
+    SEARCH_INTERVAL,
+    SETTLED,
+    SURE,
+    UNLIKE,
+    UNSURE,
+    Looks,
+    likeness_at,
+    ramp,
+    search,
+)
 
 MIN_SIZE_PX = 4.0
 SLOW, FORGETTING = 0.05, 0.1
 """Weight of a new frame that is sure in the running means of the responses, and the share of it that others have."""
-UNLIKE = 0.7
-"""Likeness at which the confidence is 0."""
-SEARCH_INTERVAL = 3  # Frames from one search to the next
-COMPARED = 3  # Places of a search that the filter compares
 APART = 0.15
 """Starts of the search nearer to each other than this share of the square root of the target's area count as one."""
 
@@ -95,14 +105,14 @@ class PftrackParameters(Parameters):
     camera_certainty: Share = 0.3
     recentre: NotNegative = 0.1
     momentum: Share = 0.7
-    unsure_likeness: Share = 0.87
-    sure_likeness: Share = 0.95
+    unsure_likeness: Share = UNSURE
+    sure_likeness: Share = SURE
     occlusion_hold: Share = 0.35
-    search_after: Annotated[int, Field(ge=0, le=1000)] = 6
-    found_likeness: Share = 0.92
+    search_after: Annotated[int, Field(ge=0, le=1000)] = SEARCH_AFTER
+    found_likeness: Share = FOUND
     found_peak: Share = 0.5
-    found_gain: Share = 0.04
-    person_gain: Share = 0.3
+    found_gain: Share = GAIN
+    person_gain: Share = SETTLED
 
 
 class Match(NamedTuple):
@@ -189,7 +199,7 @@ class Pftrack(BaseTracker):
         if person is not None and not occluded:  # who is not alike may be another, in front
             self._settle(person.correction(place.looks), image)
         if not occluded:
-            trust = _ramp(place.likeness, p.unsure_likeness, p.sure_likeness)
+            trust = ramp(place.likeness, p.unsure_likeness, p.sure_likeness)
             self._velocity = 0.5 * (self._velocity + found.centre - carried)
             self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
             if trust > 0.0:
@@ -199,7 +209,7 @@ class Pftrack(BaseTracker):
         size = self._scale * self._size
         box = np.concatenate([self._centre - 0.5 * size, size])
         hidden = occluded and (hold or person is None or person.is_covered(place.looks))
-        return Estimate(box, _ramp(place.likeness, UNLIKE, 1.0), hidden)
+        return Estimate(box, ramp(place.likeness, UNLIKE, 1.0), hidden)
 
     def _camera_shift(self, image: Image) -> FloatArray:
         return self._camera.shift(image) if self.params.camera_motion else np.zeros(2)
@@ -262,7 +272,7 @@ class Pftrack(BaseTracker):
 
     def _rescale(self, pyramid: ImagePyramid, image: Image, peak: float) -> None:
         p = self.params
-        share = _ramp(peak, p.scale_unsure, p.scale_sure)
+        share = ramp(peak, p.scale_unsure, p.scale_sure)
         if share == 0.0:
             return
         self._set_scale(self._scale * self._scales.factor(pyramid, self._centre, self._scale) ** share, image)
@@ -295,11 +305,6 @@ class Pftrack(BaseTracker):
         """Width and height of the target in a patch [px of the patch]."""
         width, height = self._size * (CELL_PX * self.params.cells / self._side)
         return float(width), float(height)
-
-
-def _ramp(value: float, low: float, high: float) -> float:
-    """0 up to `low`, 1 from `high` on, linear between the two."""
-    return min(max((value - low) / max(high - low, 1e-6), 0.0), 1.0)
 
 
 def _inside(point: FloatArray, image: Image) -> FloatArray:

@@ -19,23 +19,25 @@ from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
 from pftrack_sim.trackers.recognition.person import KnownPerson, PersonView
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
-from pftrack_sim.trackers.recognition.search import Place, likeness_at, search
+from pftrack_sim.trackers.recognition.search import (
+    COMPARED,
+    FOUND,
+    GAIN,
+    SEARCH_AFTER,
+    SEARCH_INTERVAL,
+    SETTLED,
+    SURE,
+    UNLIKE,
+    UNSURE,
+    Place,
+    likeness_at,
+    ramp,
+    search,
+)
 
-UNSURE, SURE = 0.87, 0.95
-"""Likeness below which the box does not hold the target, and from which on it does; between the two it is learnt more
-slowly."""
-UNLIKE = 0.7
-"""Likeness at which the confidence is 0."""
-SEARCH_AFTER, SEARCH_INTERVAL = 6, 3
-"""Frames without the target until the whole image is searched, and from one search to the next."""
-FOUND, GAIN = 0.92, 0.04
-"""Least likeness of a place that is taken, and by how much it is more alike than the estimate."""
-COMPARED = 3  # Places that are looked at closely
 REACH, REACH_RATE = 1.5, 0.1
 """How far a target is searched, in heights: at once, and for each frame since it was last sure."""
 SAME = 0.3  # Overlap from which a place is that of the estimate
-SETTLED = 0.3
-"""Share of a person's distance from the box, and of the difference in size, that is made good in a frame."""
 PATCH_PX, SURROUND = 128, 3.5
 """Side of the patch whose colours are learnt, and the same as a multiple of the square root of the target's area."""
 COLOUR_RATE = 0.04  # Weight of a new frame in the colours
@@ -92,7 +94,7 @@ class TargetMemory:
             view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
         elif self._searches and likeness >= UNSURE and (correction := self._correction(view)):
             place = settled = _moved(place, correction, SETTLED)
-        trust = _ramp(likeness, UNSURE, SURE)
+        trust = ramp(likeness, UNSURE, SURE)
         if trust > 0.0:
             self._centre, self._size = place.centre, place.size
             self._looks.learn(view, likeness, trust)
@@ -100,7 +102,7 @@ class TargetMemory:
         hidden = not isinstance(self._looks, KnownPerson) or self._looks.is_covered(view)
         now = found or settled
         return Judgement(
-            _ramp(likeness, UNLIKE, 1.0),
+            ramp(likeness, UNLIKE, 1.0),
             likeness < UNSURE and hidden,
             None if now is None else _box(now),
             found is not None,
@@ -109,9 +111,9 @@ class TargetMemory:
     def _find(self, image: Image, pyramid: ImagePyramid, likeness: float, box: Box) -> Place | None:
         """The place most like the target that it can have reached, if it is alike enough and not the estimate's."""
         reach = (REACH + REACH_RATE * self._unsure) * float(self._size[1])
-        places = search(image, pyramid, self._looks, self._colours, self._size)
-        near = [one for one in places if math.dist(one.centre, self._centre) <= reach][:COMPARED]
-        best = max((self._settled(pyramid, one) for one in near), key=lambda one: one.likeness, default=None)
+        places = search(image, pyramid, self._looks, self._colours, self._size, within=(self._centre, reach))
+        closer = (self._settled(pyramid, one) for one in places[:COMPARED])
+        best = max(closer, key=lambda one: one.likeness, default=None)
         if best is None or best.likeness < max(FOUND, likeness + GAIN) or boxes.iou(_box(best), box) >= SAME:
             return None
         return best if boxes.area(boxes.clip(_box(best), *image.shape[1::-1])) > 0.0 else None
@@ -149,8 +151,3 @@ def _moved(place: Place, correction: tuple[FloatArray, float], share: float) -> 
 
 def _box(place: Place) -> Box:
     return np.concatenate([place.centre - 0.5 * place.size, place.size])
-
-
-def _ramp(value: float, low: float, high: float) -> float:
-    """0 up to `low`, 1 from `high` on, linear between the two."""
-    return min(max((value - low) / (high - low), 0.0), 1.0)

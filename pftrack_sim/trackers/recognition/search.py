@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import cv2
@@ -15,6 +16,19 @@ from pftrack_sim.trackers.recognition.person import KnownPerson
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 Looks = KnownPerson | PartColours
+
+UNSURE, SURE = 0.87, 0.95
+"""Likeness below which a box does not hold the target, and from which on it does; between the two the target is learnt
+more slowly."""
+UNLIKE = 0.7
+"""Likeness at which the confidence is 0."""
+SEARCH_AFTER, SEARCH_INTERVAL = 6, 3
+"""Frames without the target until the whole image is searched, and from one search to the next."""
+FOUND, GAIN = 0.92, 0.04
+"""Least likeness of a place that is taken, and by how much it is more alike than the estimate."""
+COMPARED = 3  # Places of a search that are looked at closely
+SETTLED = 0.3
+"""Share of a person's distance from the box, and of the difference in size, that is made good in a frame."""
 
 SCALES = (0.65, 0.8, 1.0, 1.25, 1.55)
 """Sizes at which a lost target is searched, as shares of that at which it was last sure."""
@@ -37,13 +51,29 @@ def likeness_at(looks: Looks, pyramid: ImagePyramid, centre: FloatArray, size: F
     return view, known.likeness(view)
 
 
-def search(image: Image, pyramid: ImagePyramid, looks: Looks, colours: ColourModel, size: FloatArray) -> list[Place]:
-    """Places with the target's colours, at `SCALES` of its last `(2,)` size [px], the most alike first."""
+def search(
+    image: Image,
+    pyramid: ImagePyramid,
+    looks: Looks,
+    colours: ColourModel,
+    size: FloatArray,
+    within: tuple[FloatArray, float] | None = None,
+) -> list[Place]:
+    """Places with the target's colours, at `SCALES` of its last `(2,)` size [px], the most alike first.
+
+    Their centres are no farther from a point than a distance [px], if `within` names both.
+    """
     found: list[Place] = []
     for wanted in (scale * size for scale in SCALES):
         for centre in _colour_peaks(image, colours, wanted):
-            found.append(Place(likeness_at(looks, pyramid, centre, wanted)[1], wanted, centre))
+            if within is None or math.dist(centre, within[0]) <= within[1]:
+                found.append(Place(likeness_at(looks, pyramid, centre, wanted)[1], wanted, centre))
     return sorted(found, key=lambda one: -one.likeness)
+
+
+def ramp(value: float, low: float, high: float) -> float:
+    """0 up to `low`, 1 from `high` on, linear between the two."""
+    return min(max((value - low) / max(high - low, 1e-6), 0.0), 1.0)
 
 
 def _colour_peaks(image: Image, colours: ColourModel, size: FloatArray) -> list[FloatArray]:

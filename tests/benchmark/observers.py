@@ -1,11 +1,15 @@
-"""Simulated observers, whose breaking point is known, in an adaptive search."""
+"""Simulated observers, whose breaking point is known, in an adaptive search.
 
+`python tests/benchmark/observers.py` prints how often the interval holds the breaking point, as on the page of limits.
+"""
+
+import itertools
 import math
 
 import numpy as np
 import scipy
 
-from pftrack_sim.score.psychometric import Psychometric, next_levels, threshold
+from pftrack_sim.benchmark.limits.psychometric import Psychometric, next_levels, psychometric, threshold
 
 BATCH = 8
 
@@ -57,3 +61,28 @@ def covered(grid: Psychometric, counts: np.ndarray, at: float) -> np.ndarray:
     ends = [threshold(grid, one) for one in counts]
     true = low + at * (high - low)
     return np.array([one.low <= true <= one.high for one in ends])
+
+
+def main(observers: int = 600) -> None:
+    """Print a row for each kind of observer and each way to stop: shares of intervals that hold the breaking point."""
+    places = (0.05, 0.35, 0.65, 0.95)
+    kinds = itertools.product(("logistic", "normal"), (0.045, 0.12), (0.0, 0.04))
+    print("| curve | spread | lapse | rate | stop |", *(f"{one} |" for one in places), "episodes |")  # noqa: T201
+    print("| --- " * (6 + len(places)) + "|")  # noqa: T201
+    stops = [(0.5, 64, 0.0), (0.5, 200, 0.3), (0.75, 64, 0.0)]
+    for (shape, spread, lapse), (wanted, budget, width) in itertools.product(kinds, stops):
+        grid = psychometric(coordinates(), wanted)
+        held: list[float] = []
+        episodes: list[float] = []
+        for place in places:
+            rates = np.tile(success_rates(grid, place, spread, lapse, shape), (observers, 1))
+            counts = search(grid, rates, budget, np.random.default_rng([round(100 * place), budget]), width)
+            held.append(float(covered(grid, counts, place).mean()))
+            episodes.append(float(np.median(counts.sum(axis=(1, 2)))))
+        stop = f"{width:.0%} or {budget}" if width else f"{budget}"
+        cells = [shape, f"{spread:g}", f"{lapse:g}", f"{wanted:g}", stop, *(f"{one:.3f}" for one in held)]
+        print(f"| {' | '.join(cells)} | {np.median(episodes):.0f} |", flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from observers import coordinates, covered, search, success_rates
 
-from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.score.psychometric import (
+from pftrack_sim.benchmark.limits.psychometric import (
     information,
     next_levels,
     outcome_correlation,
@@ -17,6 +16,7 @@ from pftrack_sim.score.psychometric import (
     threshold,
     thresholds_drawn,
 )
+from pftrack_sim.core.errors import ParameterError
 
 GRID = psychometric(coordinates())
 LEVELS = len(GRID.coordinates)
